@@ -1,0 +1,57 @@
+// Analytic antialiasing: coverage by distance at the pixel centre (docs/mathematics.md, eq. 7). Included by kernel.cpp only.
+#pragma once
+#include "shade.h"
+
+namespace stroke {
+namespace {
+template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
+  const Place p = place_of(J, tile);
+  if (J.tile_first[tile] == J.tile_first[tile + 1]) {
+    if (J.save) J.tiles[tile].layers = J.tiles[tile].fragments = 0;
+    return write_empty(J, p);
+  }
+  Work &k = work(S);
+  const uint32_t n = collect<GRID, WORLD>(J, tile, p, k);
+  sort_fragments(k);
+  transmit(k, n);
+  composite(J, k);
+  write_tile(J, p, k);
+  if (J.save) save_tile(J.tiles[tile], k, n, A);
+}
+
+template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int tile, Scratch &S) {
+  const Tile &t = J.tiles[tile];
+  clear_slots(J, tile);
+  if (t.fragments == 0 && !J.g_background) return;
+  prefetch_tile(J, tile + 1, J.tiles[tile + 1]);
+  const Place p = place_of(J, tile);
+  const Filter<real> filter = J.filter;
+  Work &k = work(S);
+  reserve(k, 0, t.fragments);
+  const v4 plain = load_upstream(J, p, k, 1);
+  const real *tau = (const real *)t.tau, *T = (const real *)t.T, *a = (const real *)t.a;
+  for (uint32_t l = 0; DEPTH && l < t.layers; l++) {
+    const Piece<real> c = J.pieces[t.piece[l]];
+    for (uint32_t f = t.first[l]; f < t.first[l + 1]; f += VL) store(k.z + f, depth_at(c, load(tau + f), cubic(c.z, load(tau + f))));
+  }
+  value_fragments(J, t, k, plain);
+  differentiate_alpha(t, k);
+  if (J.g_background) background_gradient(J, p, t, k, false);
+  for (uint32_t l = 0; l < t.layers; l++) {
+    const Piece<real> c = J.pieces[t.piece[l]];
+    Moments<vf> m = {};
+    for (uint32_t f = t.first[l]; f < t.first[l + 1]; f += VL) {
+      const vi px = widen(t.pixel + f), in = iota() < splat_int(integer(t.first[l + 1] - f));
+      vf qx, qy, gz = {};
+      points_of<GRID>(k, p, c, px, qx, qy);
+      if (DEPTH) {
+        for (int i = 0; i < VL; i++) gz[i] = k.pix[px[i]][3];
+        gz = select(in, gz * load(T + f) * load(a + f), vf{});
+      }
+      fragment_adjoint<WORLD, DEPTH>(c, filter, select(in, load(tau + f), vf{}), qx, qy, select(in, load(k.g + f), vf{}), gz, m);
+    }
+    add_to_slot(J, t.slot[l], m, color_gradient(t, k, l));
+  }
+}
+}  // namespace
+}  // namespace stroke

@@ -1,0 +1,61 @@
+// One call of the renderer on the CPU: strokes to images, and gradients back.
+#pragma once
+#include "outline.h"
+#include "threads.h"
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace stroke {
+
+// A stroke that cannot be drawn; the caller knows how to say what is wrong with it.
+struct InvalidStroke : std::invalid_argument { using std::invalid_argument::invalid_argument; };
+
+template <class S> struct Input {
+  int views, strokes, height, width;
+  const double *cubics;        // (views, strokes, 4, 4)
+  const S *half_width;         // (views or 1, strokes)
+  bool half_width_per_view;
+  const S *color, *opacity;    // (strokes, 3), (strokes)
+  const S *background;         // strides in elements, innermost 1
+  ptrdiff_t background_view, background_row, background_pixel;
+  bool world;
+  double near, blur;
+  int strata;                  // 0: analytic
+  uint64_t seed;
+};
+
+template <class S> struct Images { Buffer<S> color, alpha, depth; };
+
+template <class S> struct Upstream { const S *color, *alpha, *depth; };  // null: no gradient
+template <class S> struct Gradients {
+  Buffer<double> cubics;       // (views, strokes, 4, 4)
+  Buffer<S> half_width, color, opacity, background;
+};
+
+// What the forward leaves for the backward.
+template <class S> struct State {
+  Input<S> input;
+  Job<S> job{};
+  Flat<S> flat;
+  struct Touch { uint32_t tile, stroke, first, last, piece, pieces, entry; bool smooth; };
+  Buffer<S> reach;
+  Buffer<double> scale;        // of each stroke's cubic
+  List<Touch> touches;         // in the order of strokes
+  Buffer<uint32_t> touch_first, piece_first, piece_stroke, tile_first;
+  Buffer<Entry> entries;
+  Buffer<Tile> tiles;
+  std::vector<Arena> arenas;
+  size_t fragments() const;
+};
+
+void set_threads(int n);
+std::vector<std::string> instruction_sets();           // that this machine runs, best last
+void set_instruction_set(const std::string &name);     // float32; double precision is compiled for the baseline only
+std::string instruction_set();
+
+template <class S> Images<S> forward(State<S> &state, bool save);
+template <class S> Gradients<S> backward(const State<S> &state, const Upstream<S> &up, const S *alpha, const S *depth, bool background);
+}  // namespace stroke

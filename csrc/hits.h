@@ -1,0 +1,242 @@
+// From the strokes of a tile to its fragments: for every point the nearest point of each stroke within reach. Included by kernel.cpp only.
+#pragma once
+#include "tile.h"
+
+namespace stroke {
+namespace {
+struct Rows { int lo, hi; };                       // rows of points that may be reached
+SIMD Rows join(Rows a, Rows b) { return {a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi}; }
+
+// Visits the vectors of points that chord c may reach: f(first point, dx, dy), both relative to the chord's start.
+template <int POINTS, class Visit> SIMD Rows visit_chord(const Place &p, const Work &k, const Chord<real> &c, real R, Visit f) {
+  const real ox = p.x + real(.5) - c.ax, oy = p.y + real(.5) - c.ay, reach = POINTS == GRID ? R : R + real(.5);
+  int y0 = 0, y1 = TILE - 1;
+  if constexpr (POINTS != ANYWHERE) {
+    y0 = int(clamp(lesser(real(0), c.ey) - reach - oy + 1, real(0), real(TILE)));
+    y1 = int(clamp(greater(real(0), c.ey) + reach - oy, real(-1), real(TILE - 1)));
+  }
+  const vf lane = to_real(iota());
+  for (int v = 0; v < VPR; v++) {
+    const real x = ox + v * VL;
+    if (VPR > 1 && POINTS != ANYWHERE && (x > greater(real(0), c.ex) + reach || x + (VL - 1) < lesser(real(0), c.ex) - reach)) continue;
+    for (int y = y0; y <= y1; y++) {
+      const int i = y * TILE + v * VL;
+      if constexpr (POINTS == GRID) f(i, lane + x, splat(oy + y));
+      else f(i, load(k.x + i) + (p.x - c.ax), load(k.y + i) + (p.y - c.ay));
+    }
+  }
+  return {y0, y1};
+}
+
+// Nearest of the chords first .. last per point: k.d2 (R2 where out of reach), k.tau. Returns the rows reached.
+template <int POINTS> PHASE Rows nearest_chord(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
+  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R));
+  Rows rows = {TILE, -1};
+  for (uint32_t s = first; s <= last; s++) {
+    const Chord<real> c = J.chords[s];
+    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf dx, vf dy) SIMD_LAMBDA {
+      vf u;
+      const vf d = chord_dist2(c, dx, dy, u), best = load(k.d2 + i);
+      store(k.tau + i, select(d < best, chord_tau(c, u), load(k.tau + i)));
+      store(k.d2 + i, lesser(d, best));
+    }));
+  }
+  return rows;
+}
+
+// The same, and the nearest chord that is no neighbour of it: k.second, k.second_tau. The curve may come near a point twice.
+template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
+  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R)), store(k.second + i, splat(R * R)), store(k.index + i, splat(-2));
+  Rows rows = {TILE, -1};
+  for (uint32_t s = first; s <= last; s++) {
+    const Chord<real> c = J.chords[s];
+    const vf index = splat(real(s - first));
+    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf dx, vf dy) SIMD_LAMBDA {
+      vf u;
+      const vf d = chord_dist2(c, dx, dy, u), tau = chord_tau(c, u), best = load(k.d2 + i), second = load(k.second + i);
+      const vi nearer = d < best, apart = index - load(k.index + i) > real(1.5);
+      // What comes second: this chord, or the one that it beats.
+      const vf rest = select(nearer, best, d), rest_tau = select(nearer, load(k.tau + i), tau);
+      const vi replaces = apart & (rest < second);
+      store(k.second + i, select(replaces, rest, second));
+      store(k.second_tau + i, select(replaces, rest_tau, load(k.second_tau + i)));
+      store(k.tau + i, select(nearer, tau, load(k.tau + i)));
+      store(k.index + i, select(nearer, index, load(k.index + i)));
+      store(k.d2 + i, lesser(d, best));
+    }));
+  }
+  return rows;
+}
+
+// Packs the points of these rows where in(i) holds behind fragment n: k.t from tau, k.px. Returns the new n.
+template <class In> SIMD uint32_t pack(Work &k, Rows rows, const real *tau, uint32_t n, In in) {
+  for (int i = rows.lo * TILE; i < (rows.hi + 1) * TILE; i += VL) {
+    const Mask m = bits(in(i));
+    compress_store(k.t + n, load(tau + i), m);
+    compress_store(k.px + n, iota() + integer(i), m);
+    n += count(m);
+  }
+  return n;
+}
+
+// Points of candidates, relative to the piece's origin.
+template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const Piece<real> &c, vi px, vf &qx, vf &qy) {
+  if constexpr (POINTS == GRID) {
+    qx = to_real(px & (TILE - 1)) + (p.x + real(.5) - c.ox), qy = to_real(px / TILE) + (p.y + real(.5) - c.oy);
+  } else {
+    for (int i = 0; i < VL; i++) qx[i] = k.x[px[i]], qy[i] = k.y[px[i]];
+    qx += p.x - c.ox, qy += p.y - c.oy;
+  }
+}
+
+// The nearest points of candidates [n0, n) of one piece; the best so far of each pixel is kept in k.best (squared distance), best_tau, best_piece.
+template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+  const Piece<real> c = J.pieces[piece];
+  for (uint32_t i = n0; i < n; i += VL) {
+    const vi px = load(k.px + i) & (PIX - 1);
+    vf qx, qy;
+    points_of<POINTS>(k, p, c, px, qx, qy);
+    const vf start = load(k.t + i);
+    const Approach<vf> first = newton_step(c, start, qx, qy), again = newton_step(c, first.tau, qx, qy);
+    const Point<vf> end = point_at(c, again.tau);
+    const vf dx = end.x - qx, dy = end.y - qy, end_d2 = dx * dx + dy * dy;
+    // In a bend tighter than the distance Newton may go astray: then the start is better.
+    const vf d2 = lesser(end_d2, first.start), tau = select(end_d2 <= first.start, end.tau, start);
+    const int lanes = int(n - i) < VL ? int(n - i) : VL;
+    for (int j = 0; j < lanes; j++) {
+      const int q = int(px[j]);
+      if (d2[j] < k.best[q]) k.best[q] = d2[j], k.best_tau[q] = tau[j], k.best_piece[q] = integer(piece);
+    }
+  }
+}
+
+// Closes the candidates [n0, n1) of a piece: a layer of their own, with the rest of the last vector marked empty. Returns where the next begin.
+SIMD uint32_t add_layer(Work &k, uint32_t piece, uint32_t slot, uint32_t n0, uint32_t n1) {
+  if (n0 == n1) return n0;
+  store(k.px + n1, splat_int(-1)), store(k.t + n1, vf{});
+  reserve_layers(k, k.layers + 1);
+  k.layer[k.layers] = {piece, slot, real(1e30), 0};
+  for (uint32_t v = n0 / VL; v * VL < n1; v++) k.owner[v] = k.layers;
+  k.layers++;
+  return (n1 + VL - 1) / VL * VL;
+}
+
+// Two lists of candidates of one piece: [n0, n1) from the nearest chords, [n1, n2) from second ones that may lead to the nearest point too.
+struct Candidates { uint32_t n1, n2; Rows rows; };
+template <int POINTS>
+SIMD Candidates two_lists(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, uint32_t n0, real R) {
+  Candidates c;
+  c.rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
+  c.n1 = pack(k, c.rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+  c.n2 = pack(k, c.rows, k.second_tau, c.n1, [&](int i) SIMD_LAMBDA {
+    const vf limit = root(load(k.d2 + i)) + J.chord_slack;
+    return (load(k.second + i) < limit * limit) & (load(k.second + i) < R * R);
+  });
+  return c;
+}
+
+// Candidates of a stroke with bends, cusps or several pieces over the tile: from the two nearest chords of every piece that are no neighbours.
+template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
+  for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
+  Rows rows = {TILE, -1};
+  for (uint32_t first = e.first, last; first <= e.last; first = last + 1) {
+    const uint32_t piece = J.chord_info[first].piece;
+    for (last = first; last < e.last && J.chord_info[last + 1].piece == piece;) last++;
+    const Candidates c = two_lists<POINTS>(J, first, last, p, k, n0, R);
+    if (e.pieces == 1 && c.n2 == c.n1) return add_layer(k, piece, e.slot, n0, c.n1);
+    improve<POINTS>(J, piece, p, k, n0, c.n2);
+    rows = join(rows, c.rows);
+  }
+  for (uint32_t piece = e.piece; piece < e.piece + e.pieces; piece++) {
+    reserve(k, n0, n0 + PIX);
+    const uint32_t n1 = pack(k, rows, k.best_tau, n0, [&](int i) SIMD_LAMBDA {
+      return (load(k.best + i) < real(1e30)) & (load(k.best_piece + i) == splat_int(integer(piece)));
+    });
+    n0 = add_layer(k, piece, e.slot + (piece - e.piece), n0, n1);
+  }
+  return n0;
+}
+
+// Newton steps after the second, where the parameter runs unevenly along a chord (rare).
+constexpr int MORE_STEPS = 6;
+
+// Coverage and depth at the nearest point of all candidates up to `end`; the covered ones stay as fragments. Loops over the vectors of all
+// layers, and two short ones instead of a long one: the processor then works on several vectors at a time. Returns the number of fragments.
+template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
+  const Filter<real> filter = J.filter;
+  for (uint32_t i = 0; i < end; i += VL) {
+    const Piece<real> &c = J.pieces[k.layer[k.owner[i / VL]].piece];
+    const vf start = load(k.t + i);
+    vf qx, qy;
+    points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
+    const Approach<vf> step = newton_step(c, start, qx, qy);
+    store((real *)k.key + i, start), store(k.t + i, step.tau), store(k.a + i, step.rate), store(k.z + i, step.start);
+    store(k.T + i, qx), store(k.g + i, qy);
+  }
+  uint32_t n = 0;
+  for (uint32_t i = 0; i < end; i += VL) {
+    const uint32_t l = k.owner[i / VL];
+    Layer &layer = k.layer[l];
+    const Piece<real> &c = J.pieces[layer.piece];
+    const vi px = load(k.px + i);
+    const vf qx = load(k.T + i), qy = load(k.g + i);
+    vf rate = load(k.a + i);
+    vi far;
+    Point<vf> point = second_step(c, load(k.t + i), rate, qx, qy, far);
+    for (int tries = 0; tries < MORE_STEPS && any(far & (px >= 0)); tries++) {
+      const Approach<vf> step = newton_step(c, point.tau, qx, qy);
+      rate = select(far, step.rate, rate);
+      point = second_step(c, select(far, step.tau, point.tau), rate, qx, qy, far);
+    }
+    // In a bend tighter than the distance Newton may go astray: then the start is better.
+    const vi astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > load(k.z + i) * real(1.0001);
+    if (any(astray)) {
+      const Point<vf> start = point_at(c, load((real *)k.key + i));
+      point.tau = select(astray, start.tau, point.tau), point.z = select(astray, start.z, point.z);
+      point.x = select(astray, start.x, point.x), point.y = select(astray, start.y, point.y);
+    }
+    const Fragment<vf> g = fragment<WORLD>(c, filter, point, qx, qy);
+    // Monte Carlo: a point is inside or not.
+    const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
+    const vi in = (a > real(0)) & (px >= 0);
+    const Mask m = bits(in);
+    layer.near = lesser(layer.near, least(select(in, g.depth, splat(real(1e30))))), layer.far = greater(layer.far, most(select(in, g.depth, vf{})));
+    compress_store(k.t + n, point.tau, m), compress_store(k.a + n, a * c.opacity, m);
+    compress_store(k.z + n, g.depth, m), compress_store(k.px + n, px, m);
+    k.first[l + 1] = n += count(m);
+  }
+  return n;
+}
+
+// Drops layers without fragments.
+SIMD void drop_empty_layers(Work &k) {
+  uint32_t kept = 0;
+  for (uint32_t l = 0; l < k.layers; l++)
+    if (k.first[l + 1] > k.first[kept]) k.layer[kept] = k.layer[l], k.first[++kept] = k.first[l + 1];
+  k.layers = kept;
+}
+
+// All fragments of the tile's strokes, in the order of strokes. Returns their number.
+template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int tile, const Place &p, Work &k) {
+  k.layers = 0;
+  reserve_layers(k, 1);
+  k.first[0] = 0;
+  uint32_t n = 0;
+  for (uint32_t e = J.tile_first[tile]; e < J.tile_first[tile + 1]; e++) {
+    const Entry &entry = J.entries[e], &next = J.entries[e + 1];
+    __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
+    const real R = J.reach[entry.stroke];
+    reserve(k, n, n + 2 * PIX);
+    if (!entry.smooth) {
+      n = bent_candidates<POINTS>(J, entry, p, k, n, R);
+      continue;
+    }
+    const Rows rows = nearest_chord<POINTS>(J, entry.first, entry.last, p, k, R);
+    n = add_layer(k, entry.piece, entry.slot, n, pack(k, rows, k.tau, n, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
+  }
+  n = resolve<POINTS, WORLD>(J, p, k, n);
+  drop_empty_layers(k);
+  return n;
+}
+}  // namespace
+}  // namespace stroke

@@ -1,0 +1,126 @@
+// Fragments of a tile sorted by depth and composited, and kept for the backward. Included by kernel.cpp only.
+#pragma once
+#include "hits.h"
+
+namespace stroke {
+namespace {
+// Heap sort for long lists; insertion sort is faster for short ones.
+constexpr uint32_t INSERT_MAX = 24;
+SIMD void sort_keys(Key *a, uint32_t n) {
+  if (n <= INSERT_MAX) {
+    for (uint32_t i = 1; i < n; i++) {
+      const Key x = a[i];
+      uint32_t j = i;
+      for (; j > 0 && a[j - 1] > x; j--) a[j] = a[j - 1];
+      a[j] = x;
+    }
+    return;
+  }
+  for (uint32_t start = n / 2, end = n;;) {
+    Key x;
+    if (start > 0) x = a[--start];
+    else {
+      if (--end == 0) return;
+      x = a[end], a[end] = a[0];
+      if (end == 1) { a[0] = x; return; }
+    }
+    uint32_t i = start;
+    for (uint32_t child; (child = 2 * i + 1) < end; i = child) {
+      if (child + 1 < end && a[child + 1] > a[child]) child++;
+      if (x >= a[child]) break;
+      a[i] = a[child];
+    }
+    a[i] = x;
+  }
+}
+
+// Whether the layers g0 .. g1 (in k.perm), one after the other, are near to far at every point.
+SIMD bool in_order(Work &k, uint32_t g0, uint32_t g1) {
+  for (int i = 0; i < PIX; i += VL) store(k.run + i, vf{});
+  bool good = true;
+  for (uint32_t g = g0; g < g1 && good; g++)
+    for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) {
+      real &last = k.run[k.px[f]];
+      good &= last < k.z[f];
+      last = k.z[f];
+    }
+  return good;
+}
+
+// k.order: fragments near to far per point. Layers are sorted by their nearest depth; runs of layers whose depths overlap are sorted per
+// point where they must be.
+PHASE void sort_fragments(Work &k) {
+  const uint32_t L = k.layers;
+  for (uint32_t l = 0; l < L; l++) k.layer_key[l] = make_key(k.layer[l].near, l);
+  sort_keys(k.layer_key, L);
+  for (uint32_t l = 0; l < L; l++) k.perm[l] = uint32_t(k.layer_key[l]);
+  uint32_t *out = k.order;
+  for (uint32_t g0 = 0, g1; g0 < L; g0 = g1) {
+    real far = k.layer[k.perm[g0]].far;
+    for (g1 = g0 + 1; g1 < L && k.layer[k.perm[g1]].near <= far; g1++) far = greater(far, k.layer[k.perm[g1]].far);
+    if (g1 == g0 + 1 || in_order(k, g0, g1)) {
+      for (uint32_t g = g0; g < g1; g++)
+        for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) *out++ = f;
+      continue;
+    }
+    uint32_t start[PIX + 1] = {}, fill[PIX];
+    for (uint32_t g = g0; g < g1; g++)
+      for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) start[k.px[f] + 1]++;
+    for (int i = 0; i < PIX; i++) fill[i] = start[i], start[i + 1] += start[i];
+    const bool few = g1 - g0 <= INSERT_MAX;  // and so at any point
+    for (uint32_t g = g0; g < g1; g++)
+      for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) {
+        const Key key = make_key(k.z[f], f);
+        uint32_t j = fill[k.px[f]]++;
+        if (few) for (const uint32_t s = start[k.px[f]]; j > s && k.key[j - 1] > key; j--) k.key[j] = k.key[j - 1];
+        k.key[j] = key;
+      }
+    for (int i = 0; i < PIX && !few; i++) sort_keys(k.key + start[i], start[i + 1] - start[i]);
+    for (uint32_t i = 0; i < start[PIX]; i++) *out++ = uint32_t(k.key[i]);
+  }
+}
+
+// k.T: the transmittance in front of each fragment; k.run: behind everything.
+PHASE void transmit(Work &k, uint32_t n) {
+  for (int i = 0; i < PIX; i += VL) store(k.run + i, splat(1));
+  for (uint32_t i = 0; i < n; i++) {
+    const uint32_t f = k.order[i];
+    real &T = k.run[k.px[f]];
+    k.T[f] = T;
+    T -= T * k.a[f];
+  }
+}
+
+// k.pix = sum T a (r, g, b, depth) and k.ink = sum T a. (1 - k.run would be k.ink too, but for faint ink with few digits.)
+PHASE void composite(const Job<real> &J, Work &k) {
+  for (int i = 0; i < PIX; i++) k.pix[i] = v4{};
+  for (int i = 0; i < PIX; i += VL) store(k.ink + i, vf{});
+  for (uint32_t l = 0; l < k.layers; l++) {
+    const Piece<real> &c = J.pieces[k.layer[l].piece];
+    v4 color = {c.color[0], c.color[1], c.color[2], 0};
+    for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
+      color[3] = k.z[f];
+      const real share = k.T[f] * k.a[f];
+      k.pix[k.px[f]] += share * color, k.ink[k.px[f]] += share;
+    }
+  }
+}
+
+// Leaves the tile's fragments for the backward, in one run of memory.
+SIMD void save_tile(Tile &t, const Work &k, uint32_t n, Arena &A) {
+  const uint32_t L = k.layers;
+  auto bytes = [](size_t count, size_t size) { return (count * size + 127) / 64 * 64; };  // and room for a vector behind the end
+  char *p = (char *)arena_take(A, 3 * bytes(L + 1, 4) + bytes(n, 4) + 3 * bytes(n, sizeof(real)) + bytes(n, 1));
+  auto take = [&](auto *&array, size_t count) { array = (std::remove_reference_t<decltype(array)>)p, p += bytes(count, sizeof(*array)); };
+  real *tau, *a, *T;
+  t.layers = L, t.fragments = n;
+  take(t.piece, L + 1), take(t.slot, L + 1), take(t.first, L + 1);
+  take(t.pixel, n), take(t.order, n), take(a, n), take(T, n), take(tau, n);
+  for (uint32_t l = 0; l < L; l++) t.piece[l] = k.layer[l].piece, t.slot[l] = k.layer[l].slot;
+  std::memcpy(t.first, k.first, (L + 1) * sizeof(uint32_t)), std::memcpy(t.order, k.order, n * sizeof(uint32_t));
+  std::memcpy(a, k.a, n * sizeof(real)), std::memcpy(T, k.T, n * sizeof(real)), std::memcpy(tau, k.t, n * sizeof(real));
+  for (uint32_t f = 0; f < n; f++) t.pixel[f] = uint8_t(k.px[f]);
+  t.tau = tau, t.a = a, t.T = T, t.end = p;
+}
+}  // namespace
+}  // namespace stroke

@@ -1,0 +1,139 @@
+// The Python module diff3ds._kernels.
+#include "driver.h"
+#include "project.h"
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace stroke {
+namespace {
+template <class S> using In = nb::ndarray<const S, nb::c_contig, nb::device::cpu>;
+template <class S> using Strided = nb::ndarray<const S, nb::ndim<4>, nb::device::cpu>;
+template <class S> using Out = nb::ndarray<nb::numpy, S>;
+
+template <class S> Out<S> array(Buffer<S> &&b, std::initializer_list<size_t> shape) {
+  S *p = b.release();
+  return Out<S>(p, shape, nb::capsule(p, [](void *q) noexcept { pool().give(q); }));
+}
+template <class T> bool has_shape(const T &a, std::initializer_list<size_t> shape) {
+  if (a.ndim() != shape.size()) return false;
+  size_t k = 0;
+  for (size_t n : shape) if (a.shape(k++) != n) return false;
+  return true;
+}
+void require(bool good, const char *what) { if (!good) throw std::invalid_argument(what); }
+
+// A state with the arrays that it points into.
+template <class S> struct Owner {
+  State<S> state;
+  In<double> cubics;
+  In<S> half_width, color, opacity;
+  Strided<S> background;
+};
+
+template <class S>
+nb::tuple py_forward(In<double> cubics, In<S> half_width, In<S> color, In<S> opacity, Strided<S> background, bool world, double near,
+                     double blur, int strata, uint64_t seed, bool save) {
+  require(cubics.ndim() == 4 && cubics.shape(2) == 4 && cubics.shape(3) == 4, "cubics must have shape (V, N, 4, 4)");
+  const size_t V = cubics.shape(0), N = cubics.shape(1), H = background.shape(1), W = background.shape(2);
+  require(has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}), "half_width must have shape (1 or V, N)");
+  require(has_shape(color, {N, 3}) && has_shape(opacity, {N}), "color and opacity must have shapes (N, 3) and (N,)");
+  require(background.shape(0) == V && background.shape(3) == 3 && background.stride(3) == 1, "background must have shape (V, H, W, 3)");
+  require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31), "too many views, strokes or pixels");
+  require(blur >= 0 && near > 0 && strata >= 0 && strata <= 64, "blur, near or strata out of range");
+  auto owner = std::make_unique<Owner<S>>();
+  owner->cubics = cubics, owner->half_width = half_width, owner->color = color, owner->opacity = opacity, owner->background = background;
+  Input<S> &in = owner->state.input;
+  in = {int(V), int(N), int(H), int(W), cubics.data(), half_width.data(), half_width.shape(0) == V && V > 1, color.data(), opacity.data(),
+        background.data(), background.stride(0), background.stride(1), background.stride(2), world, near, blur, strata, seed};
+  Images<S> images;
+  {
+    nb::gil_scoped_release nogil;
+    images = forward(owner->state, save);
+  }
+  nb::object kept = save ? nb::cast(std::move(owner)) : nb::none();
+  return nb::make_tuple(array(std::move(images.color), {V, H, W, 3}), array(std::move(images.alpha), {V, H, W}),
+                        array(std::move(images.depth), {V, H, W}), kept);
+}
+
+template <class S>
+nb::tuple py_backward(const Owner<S> &owner, std::optional<In<S>> g_color, std::optional<In<S>> g_alpha, std::optional<In<S>> g_depth,
+                      std::optional<In<S>> alpha, std::optional<In<S>> depth, bool background) {
+  const Input<S> &in = owner.state.input;
+  const size_t V = in.views, N = in.strokes, H = in.height, W = in.width;
+  require(!g_color || has_shape(*g_color, {V, H, W, 3}), "the gradient of color must have shape (V, H, W, 3)");
+  for (auto *a : {&g_alpha, &g_depth, &alpha, &depth}) require(!*a || has_shape(**a, {V, H, W}), "planes must have shape (V, H, W)");
+  require(!g_depth || (alpha && depth), "the gradient of depth needs alpha and depth");
+  auto data = [](const std::optional<In<S>> &a) { return a ? a->data() : nullptr; };
+  Gradients<S> g;
+  {
+    nb::gil_scoped_release nogil;
+    g = backward<S>(owner.state, {data(g_color), data(g_alpha), data(g_depth)}, data(alpha), data(depth), background);
+  }
+  const size_t rows = in.half_width_per_view ? V : 1;
+  nb::object g_background = background ? nb::cast(array(std::move(g.background), {V, H, W, 3})) : nb::none();
+  return nb::make_tuple(array(std::move(g.cubics), {V, N, 4, 4}), array(std::move(g.half_width), {rows, N}),
+                        array(std::move(g.color), {N, 3}), array(std::move(g.opacity), {N}), g_background);
+}
+
+template <class S> Scene<S> scene(const In<S> &points, const In<S> &weights, const In<double> &matrices) {
+  require(points.ndim() == 3 && points.shape(2) == 3 && points.shape(1) >= 2 && points.shape(1) <= 4, "points must have shape (N, 2 to 4, 3)");
+  require(has_shape(weights, {points.shape(0), points.shape(1)}), "weights must have shape (N, K)");
+  require(matrices.ndim() == 3 && matrices.shape(1) == 4 && matrices.shape(2) == 4, "matrices must have shape (V, 4, 4)");
+  require(matrices.shape(0) * points.shape(0) < (size_t(1) << 31), "too many views or strokes");
+  return {int(matrices.shape(0)), int(points.shape(0)), int(points.shape(1)), points.data(), weights.data(), matrices.data()};
+}
+template <class S> Out<double> py_project(In<S> points, In<S> weights, In<double> matrices) {
+  const Scene<S> s = scene(points, weights, matrices);
+  Buffer<double> cubics(size_t(s.views) * s.strokes * 16);
+  {
+    nb::gil_scoped_release nogil;
+    std::lock_guard guard(threads().busy());
+    project(s, cubics.get());
+  }
+  return array(std::move(cubics), {size_t(s.views), size_t(s.strokes), 4, 4});
+}
+template <class S> nb::tuple py_project_backward(In<S> points, In<S> weights, In<double> matrices, In<double> g_cubics, bool want_matrices) {
+  const Scene<S> s = scene(points, weights, matrices);
+  const size_t N = s.strokes, K = s.controls, V = s.views;
+  require(has_shape(g_cubics, {V, N, 4, 4}), "the gradient of cubics must have shape (V, N, 4, 4)");
+  Buffer<S> g_points(N * K * 3), g_weights(N * K);
+  Buffer<double> g_matrices(V * 16);
+  {
+    nb::gil_scoped_release nogil;
+    std::lock_guard guard(threads().busy());
+    project_backward(s, g_cubics.data(), g_points.get(), g_weights.get(), want_matrices ? g_matrices.get() : nullptr);
+  }
+  nb::object third = want_matrices ? nb::cast(array(std::move(g_matrices), {V, 4, 4})) : nb::none();
+  return nb::make_tuple(array(std::move(g_points), {N, K, 3}), array(std::move(g_weights), {N, K}), third);
+}
+
+template <class S> void bind(nb::module_ &m, const char *state) {
+  nb::class_<Owner<S>>(m, state).def_prop_ro("fragments", [](const Owner<S> &o) { return o.state.fragments(); });
+  m.def("forward", &py_forward<S>, "cubics"_a, "half_width"_a, "color"_a, "opacity"_a, "background"_a, "world"_a, "near"_a, "blur"_a,
+        "strata"_a, "seed"_a, "save"_a);
+  m.def("project", &py_project<S>, "points"_a, "weights"_a, "matrices"_a);
+  m.def("project_backward", &py_project_backward<S>, "points"_a, "weights"_a, "matrices"_a, "g_cubics"_a, "want_matrices"_a);
+  m.def("backward", &py_backward<S>, "state"_a, "g_color"_a.none(), "g_alpha"_a.none(), "g_depth"_a.none(), "alpha"_a.none(),
+        "depth"_a.none(), "background"_a);
+}
+}  // namespace
+}  // namespace stroke
+
+NB_MODULE(_kernels, m) {
+  using namespace stroke;
+  nb::set_leak_warnings(false);
+  nb::exception<InvalidStroke>(m, "InvalidStroke", PyExc_ValueError);
+  bind<float>(m, "State32");
+  bind<double>(m, "State64");
+  m.def("set_threads", &set_threads, nb::call_guard<nb::gil_scoped_release>());
+  m.def("trim", [] { pool().trim(); });
+  m.def("instruction_sets", &instruction_sets);
+  m.def("instruction_set", &instruction_set);
+  m.def("set_instruction_set", &set_instruction_set);
+}

@@ -1,0 +1,114 @@
+// Points on the outlines of strokes, spent in proportion to their length (Monte Carlo; docs/mathematics.md, eq. 11).
+#pragma once
+#include "flatten.h"
+
+namespace stroke {
+
+// The outline of a piece: both sides of every chord, a half circle at each visible end of the stroke, and a circle at every cusp, where the
+// normal jumps. Points on it that lie inside the stroke are sorted out later.
+template <class S> class OutlineSampler {
+  static constexpr double PI = 3.14159265358979323846;
+  static constexpr float CUSP_TURN = .6f;  // of a chord, or between two: above, the sides leave a gap that a circle closes
+  const Flat<S> &flat_;
+  bool world_;
+  int density_;                            // points per px of outline
+  uint64_t seed_;
+
+  double half_width(const Piece<S> &c, double tau) const {
+    return world_ ? double(c.half_width) / depth_at(c, S(tau), cubic(c.z, S(tau))) : double(c.half_width);
+  }
+  float random(uint32_t piece, uint32_t arc, uint32_t i) const {
+    const PieceInfo &info = flat_.piece_info[piece];
+    const uint32_t place = mix(info.stroke ^ mix(uint32_t(info.start * 4294967295.0) ^ mix(arc)));
+    return unit(mix(uint32_t(seed_) ^ mix(uint32_t(seed_ >> 32) ^ mix(place ^ mix(i)))));
+  }
+  static uint32_t count(double length, int density) { return length > 0 ? uint32_t(std::ceil(std::min(length, 1e7) * density)) : 0; }
+  bool cusp(uint32_t chord, uint32_t first) const {
+    const ChordInfo &c = flat_.chord_info[chord];
+    if (c.turn > CUSP_TURN) return true;
+    if (chord == first) return false;
+    const float joint = c.bend_before - flat_.chord_info[chord - 1].bend_after;
+    return joint > CUSP_TURN && joint < SHARP / 2;
+  }
+  double measure(const Piece<S> &c, uint32_t chord) const {
+    const Chord<S> &k = flat_.chords[chord];
+    const ChordInfo &info = flat_.chord_info[chord];
+    const double r = std::max(half_width(c, k.tau0), half_width(c, double(k.tau0) + k.dtau));
+    return info.length + (info.turn > CUSP_TURN ? 0 : info.turn * r);
+  }
+
+  // Points of a circle around the piece at tau, from `angle` on.
+  template <class Put> void circle(uint32_t piece, double tau, double angle, double extent, uint32_t arc, Put put) const {
+    const Piece<S> &c = flat_.pieces[piece];
+    const double r = half_width(c, tau);
+    const uint32_t n = std::max(4u, count(r * extent, density_));
+    const Jet<S> j = jet(c, S(tau));
+    for (uint32_t i = 0; i < n && r > 0; i++) {
+      const double a = angle + extent * (i + double(random(piece, arc, i))) / n, ux = std::cos(a), uy = std::sin(a);
+      put(OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(1), S(0), S(r * extent / n), piece});
+    }
+  }
+  void direction(const Piece<S> &c, uint32_t chord, double tau, double &dx, double &dy) const {
+    const Jet<S> j = jet(c, S(tau));
+    const Chord<S> &k = flat_.chords[chord];
+    dx = j.vx, dy = j.vy;
+    if (dx * dx + dy * dy < 1e-12) dx = k.ex, dy = k.ey;  // coincident control points at the end
+  }
+
+  template <class Put> void side(uint32_t piece, double sign, uint32_t arc, double total, Put put) const {
+    const Piece<S> &c = flat_.pieces[piece];
+    const PieceInfo &info = flat_.piece_info[piece];
+    const uint32_t n = count(total, density_);
+    uint32_t chord = info.first_chord;
+    double before = 0, here = measure(c, chord);
+    for (uint32_t i = 0; i < n; i++) {
+      const double at = (i + double(random(piece, arc, i))) / n * total;
+      while (at >= before + here && chord + 1 < info.end_chord) before += here, here = measure(c, ++chord);
+      const Chord<S> &k = flat_.chords[chord];
+      const double tau = k.tau0 + std::clamp((at - before) / here, 0., 1.) * k.dtau;
+      const Jet<S> j = jet(c, S(tau));
+      const double speed = std::sqrt(double(j.vx) * j.vx + double(j.vy) * j.vy);
+      if (!(speed > 0)) continue;
+      const double ux = -sign * j.vy / speed, uy = sign * j.vx / speed, r = half_width(c, tau);
+      // |q'| = |v| (1 - r (u . a) / |v|^2), negative on the inside of bends tighter than r, which is no outline.
+      const double along = speed - 2 * r * (ux * j.ax + uy * j.ay) / speed;  // j.ax: half the second derivative
+      if (!(along > 0) || !(r > 0)) continue;
+      S slope = 0;
+      if (world_) {
+        S w1;
+        const S w = cubic(c.w, S(tau), w1), depth = j.z / w;
+        slope = S(-r * (j.z1 - depth * w1) / (w * depth));
+      }
+      put(OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(along), slope,
+                          S(k.dtau / here * total / n), piece});
+    }
+  }
+
+public:
+  OutlineSampler(const Flat<S> &flat, bool world, int density, uint64_t seed) : flat_(flat), world_(world), density_(density), seed_(seed) {}
+
+  // put(OutlinePoint) for every point of a piece, always in the same order.
+  template <class Put> void piece(uint32_t piece, Put put) const {
+    const Piece<S> &c = flat_.pieces[piece];
+    const PieceInfo &info = flat_.piece_info[piece];
+    double total = 0, length = 0;
+    for (uint32_t s = info.first_chord; s < info.end_chord; s++) total += measure(c, s), length += flat_.chord_info[s].length;
+    if (length < 1e-6 && info.cap_start && info.cap_stop) return circle(piece, -.5, 0, 2 * PI, 0, put);  // a dot
+    if (total > 0) side(piece, 1, 0, total, put), side(piece, -1, 1, total, put);
+    double dx, dy;
+    if (info.cap_start) {
+      direction(c, info.first_chord, -.5, dx, dy);
+      circle(piece, -.5, std::atan2(dy, dx) + PI / 2, PI, 2, put);
+    }
+    if (info.cap_stop) {
+      direction(c, info.end_chord - 1, .5, dx, dy);
+      circle(piece, .5, std::atan2(dy, dx) - PI / 2, PI, 3, put);
+    }
+    for (uint32_t s = info.first_chord; s < info.end_chord; s++)
+      if (cusp(s, info.first_chord)) {
+        const Chord<S> &k = flat_.chords[s];
+        circle(piece, k.tau0 + (flat_.chord_info[s].turn > CUSP_TURN ? .5 * k.dtau : 0), 0, 2 * PI, 4 + s, put);
+      }
+  }
+};
+}  // namespace stroke

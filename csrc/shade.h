@@ -1,0 +1,164 @@
+// Pixels of a tile from its fragments and back: what the analytic and the Monte Carlo kernels share. Included by kernel.cpp only.
+#pragma once
+#include "layers.h"
+
+namespace stroke {
+namespace {
+SIMD bool plain_background(const Job<real> &J) { return J.background_row == 0 && J.background_pixel == 0; }
+
+// Numbers of a tile's row, past the caches where lines are whole: the next to read them is another program part, if any.
+template <int N> SIMD void write_row(real *out, const real *row, int n, size_t at) {
+  if (n < N) return (void)std::memcpy(out, row, n * sizeof(real));
+  const bool aligned = at % VL == 0;  // the images themselves are
+  for (int x = 0; x < N; x += VL) stream(out + x, load(row + x), aligned);
+}
+
+// A row of the background.
+SIMD void background_row(const Job<real> &J, const Place &p, int y, real *row) {
+  const real *bg = background_at(J, p, y);
+  for (int x = 0; x < p.w; x++, bg += J.background_pixel) row[3 * x] = bg[0], row[3 * x + 1] = bg[1], row[3 * x + 2] = bg[2];
+}
+
+PHASE void write_empty(const Job<real> &J, const Place &p) {
+  alignas(64) real row[3 * TILE], nothing[TILE] = {};
+  for (int y = 0; y < p.h; y++) {
+    const size_t at = pixel_index(J, p, y);
+    if (y == 0 || !plain_background(J)) background_row(J, p, y, row);
+    write_row<3 * TILE>(J.color + 3 * at, row, 3 * p.w, at);
+    write_row<TILE>(J.alpha + at, nothing, p.w, at), write_row<TILE>(J.depth + at, nothing, p.w, at);
+  }
+}
+
+// Colour over the background, alpha and mean depth from k.pix = sum T a (r, g, b, depth), k.ink = sum T a and k.run = what shows of the background.
+PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
+  for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
+  for (int i = 0; i < PIX; i += VL) {
+    const vf ink = load(k.ink + i);
+    store(k.best + i, select(ink > real(MIN_ALPHA), load(k.best + i) / ink, vf{}));
+  }
+  const real *corner = background_at(J, p, 0);
+  const vf plain = tile4(v4{corner[0], corner[1], corner[2], 0});
+  alignas(64) real row[3 * TILE + VL];
+  constexpr int STEP = VL < 4 ? 1 : VL / 4;
+  for (int y = 0; y < p.h; y++) {
+    const size_t at = pixel_index(J, p, y);
+    const v4 *pix = k.pix + y * TILE;
+    const real *run = k.run + y * TILE;
+    if (VL >= 4 && plain_background(J)) {
+      for (int x = 0; x < TILE; x += STEP) store_triples(row + 3 * x, load((const real *)(pix + x)) + repeat4(run + x) * plain);
+    } else {
+      const real *bg = background_at(J, p, y);
+      for (int x = 0; x < p.w; x++, bg += J.background_pixel)
+        for (int c = 0; c < 3; c++) row[3 * x + c] = pix[x][c] + run[x] * bg[c];
+    }
+    write_row<3 * TILE>(J.color + 3 * at, row, 3 * p.w, at);
+    write_row<TILE>(J.alpha + at, k.ink + y * TILE, p.w, at), write_row<TILE>(J.depth + at, k.best + y * TILE, p.w, at);
+  }
+}
+
+// Asks for what the backward of a tile reads while another tile is worked on.
+SIMD void prefetch_tile(const Job<real> &J, int tile, const Tile &t) {
+  if (tile >= J.views * J.tiles_x * J.tiles_y || t.fragments == 0) return;
+  for (const char *q = (const char *)t.piece; q < t.end; q += 64) __builtin_prefetch(q);
+  if (!J.g_color) return;
+  const Place p = place_of(J, tile);
+  for (int y = 0; y < p.h; y++)
+    for (size_t i = 0; i < 3 * TILE * sizeof(real); i += 64) __builtin_prefetch((const char *)(J.g_color + 3 * pixel_index(J, p, y)) + i);
+}
+
+// What the loss says of a tile. A fragment adds T a (pix . (color - plain, depth - tau) + best) to it, the background T run; all times `scale`.
+// Depth is sum(T a z) / sum(T a), here k.tau: its gradient goes to both sums. Returns `plain`: a background of one colour, whose share all
+// fragments then carry (sum T a + T = 1, and run = 0); else zero.
+PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) {
+  if (p.w < TILE || p.h < TILE || !J.g_color) for (int i = 0; i < PIX; i++) k.pix[i] = v4{};
+  for (int i = 0; i < PIX; i += VL) store(k.best + i, vf{}), store(k.run + i, vf{}), store(k.tau + i, vf{});
+  const v4 only_color = {scale, scale, scale, 0};
+  for (int y = 0; y < p.h; y++) {
+    const size_t at = pixel_index(J, p, y);
+    v4 *pix = k.pix + y * TILE;
+    if (J.g_color) {
+      const real *g = J.g_color + 3 * at;
+      for (int x = 0; x < p.w - 1; x++) {  // the fourth number is the next pixel's
+        v4 v;
+        std::memcpy(&v, g + 3 * x, sizeof v);
+        pix[x] = v * only_color;
+      }
+      pix[p.w - 1] = v4{g[3 * p.w - 3], g[3 * p.w - 2], g[3 * p.w - 1], 0} * only_color;
+      if (!plain_background(J)) {
+        const real *bg = background_at(J, p, y);
+        for (int x = 0; x < p.w; x++, bg += J.background_pixel) k.run[y * TILE + x] = pix[x][0] * bg[0] + pix[x][1] * bg[1] + pix[x][2] * bg[2];
+      }
+    }
+    if (J.g_alpha) for (int x = 0; x < p.w; x++) k.best[y * TILE + x] = scale * J.g_alpha[at + x];
+    if (J.g_depth)
+      for (int x = 0; x < p.w; x++) {
+        const real alpha = J.alpha[at + x];
+        if (alpha > real(MIN_ALPHA)) pix[x][3] = scale * J.g_depth[at + x] / alpha, k.tau[y * TILE + x] = J.depth[at + x];
+      }
+  }
+  if (!plain_background(J)) return v4{};
+  const real *bg = background_at(J, p, 0);
+  return v4{bg[0], bg[1], bg[2], 0};
+}
+SIMD v4 color_of(const Piece<real> &c) { return v4{c.color[0], c.color[1], c.color[2], 0}; }
+
+// k.z = value of each fragment to the loss; where depth matters, k.z holds it before.
+PHASE void value_fragments(const Job<real> &J, const Tile &t, Work &k, v4 plain) {
+  for (uint32_t l = 0; l < t.layers; l++) {
+    v4 color = color_of(J.pieces[t.piece[l]]) - plain;
+    for (uint32_t f = t.first[l]; f < t.first[l + 1]; f++) {
+      if (J.g_depth) color[3] = k.z[f] - k.tau[t.pixel[f]];
+      const v4 q = k.pix[t.pixel[f]] * color;
+      k.z[f] = (q[0] + q[1]) + (q[2] + q[3]) + k.best[t.pixel[f]];
+    }
+  }
+}
+
+// Far to near: k.run = value of what is behind, k.g = dL/d(alpha) = T (value - behind).
+PHASE void differentiate_alpha(const Tile &t, Work &k) {
+  const real *T = (const real *)t.T, *a = (const real *)t.a;
+  for (uint32_t i = t.fragments; i-- > 0;) {
+    const uint32_t f = t.order[i];
+    real &behind = k.run[t.pixel[f]];
+    const real excess = k.z[f] - behind;
+    k.g[f] = T[f] * excess;
+    behind += a[f] * excess;
+  }
+}
+
+// Adds what shows of the background, times the gradient of the colour.
+PHASE void background_gradient(const Job<real> &J, const Place &p, const Tile &t, Work &k, bool add) {
+  const real *a = (const real *)t.a;
+  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(1));
+  for (uint32_t f = 0; f < t.fragments; f++) k.d2[t.pixel[f]] *= 1 - a[f];
+  for (int y = 0; y < p.h; y++) {
+    real *out = J.g_background + 3 * pixel_index(J, p, y);
+    for (int x = 0; x < p.w; x++)
+      for (int c = 0; c < 3; c++) out[3 * x + c] = (add ? out[3 * x + c] : 0) + k.d2[y * TILE + x] * k.pix[y * TILE + x][c];
+  }
+}
+
+// Colour gradient of one layer: sum of T a dL/dI. Two sums, to halve the chain of dependent additions.
+PHASE v4 color_gradient(const Tile &t, const Work &k, uint32_t l) {
+  const real *T = (const real *)t.T, *a = (const real *)t.a;
+  v4 even = {}, odd = {};
+  uint32_t f = t.first[l];
+  for (; f + 1 < t.first[l + 1]; f += 2)
+    even += (T[f] * a[f]) * k.pix[t.pixel[f]], odd += (T[f + 1] * a[f + 1]) * k.pix[t.pixel[f + 1]];
+  if (f < t.first[l + 1]) even += (T[f] * a[f]) * k.pix[t.pixel[f]];
+  return even + odd;
+}
+
+SIMD void clear_slots(const Job<real> &J, int tile) {
+  const size_t first = J.entries[J.tile_first[tile]].slot, last = J.entries[J.tile_first[tile + 1]].slot;
+  std::memset(J.g_slot + first * NGRAD, 0, (last - first) * NGRAD * sizeof(real));
+}
+// Adds the sums of one layer to its slot, in the order of Moments.
+SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v4 color) {
+  real *g = J.g_slot + size_t(slot) * NGRAD;
+  for (int i = 0; i < 4; i++) g[i] += sum(m.x[i]), g[4 + i] += sum(m.y[i]), g[8 + i] += sum(m.z[i]), g[12 + i] += sum(m.w[i]);
+  g[16] += sum(m.half_width), g[17] += sum(m.opacity);
+  for (int i = 0; i < 3; i++) g[18 + i] += color[i];
+}
+}  // namespace
+}  // namespace stroke

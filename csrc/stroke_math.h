@@ -1,0 +1,264 @@
+// Maths of the stroke renderer, shared by every driver (CPU SIMD, CUDA). Equation numbers: docs/mathematics.md.
+//
+// Functions are templated on two types: S, the scalar in which strokes are stored, and F, the type in which pixels are processed. The
+// CPU driver passes a SIMD vector for F, CUDA a scalar. Branches are written select(mask, a, b), overloaded for both.
+#pragma once
+#ifdef __CUDACC__  // nvcc and NVRTC
+#define HD __host__ __device__ __forceinline__
+#else
+#define HD inline __attribute__((always_inline))
+#endif
+
+namespace stroke {
+
+constexpr int TILE = 16;              // tiles are TILE x TILE pixels
+constexpr double CHORD_TOL = .15;     // px between chord and curve; Newton makes up for it (empirical: faster than .05 and .5)
+constexpr double TIGHT_CHORD_TOL = .05;  // the same in bends as tight as the stroke is wide
+constexpr double BLUR_REACH = 3.5;    // the normal distribution is cut here ...
+constexpr double BLUR_TAIL = 2.3262907903552504e-4;  // ... where it still has this much, given back by scaling
+constexpr double MIN_ALPHA = 1e-6;    // pixels with less ink than this have no depth
+
+HD float select(bool m, float a, float b) { return m ? a : b; }
+HD double select(bool m, double a, double b) { return m ? a : b; }
+HD float clamp(float x, float lo, float hi) { return x < lo ? lo : x > hi ? hi : x; }
+HD double clamp(double x, double lo, double hi) { return x < lo ? lo : x > hi ? hi : x; }
+#ifdef __CUDACC__
+HD float root(float x) { return sqrtf(x); }
+HD double root(double x) { return sqrt(x); }
+#else
+HD float root(float x) { return __builtin_sqrtf(x); }
+HD double root(double x) { return __builtin_sqrt(x); }
+HD float exponential(float x) { return __builtin_expf(x); }
+HD double exponential(double x) { return __builtin_exp(x); }
+#endif
+HD float lesser(float a, float b) { return a < b ? a : b; }
+HD double lesser(double a, double b) { return a < b ? a : b; }
+HD float greater(float a, float b) { return a > b ? a : b; }
+HD double greater(double a, double b) { return a > b ? a : b; }
+
+// A tame part of a stroke: four cubics in tau = t - 1/2 (small powers: little cancellation in float32). On screen it is
+// o + (x, y) / z, its depth z / w.
+template <class S> struct Piece {
+  S x[4], y[4], z[4], w[4];
+  S ox, oy;
+  S half_width;                       // px, or px times depth where widths are in world units
+  S color[3], opacity;
+  S flat_w;                           // 1 / w where w is constant, else 0
+};
+
+// A chord of a piece: from a along e; (ix, iy) = e / |e|^2. At its share s the curve's parameter is about tau0 + s (dtau + (1 - s) bow): exact
+// at the ends and in the middle.
+template <class S> struct Chord { S ax, ay, ex, ey, ix, iy, tau0, dtau, bow; };
+
+// Pixel filter (eq. 7): the box (inv_sigma = 0) or a normal distribution.
+template <class S> struct Filter { S inv_sigma, reach; };
+
+// B_i(t) = sum_k bern(i, k) tau^k.
+HD constexpr double bern(int i, int k) {
+  constexpr double B[4][4] = {{.125, -.75, 1.5, -1.}, {.375, -.75, -1.5, 3.}, {.375, .75, -1.5, -3.}, {.125, .75, 1.5, 1.}};
+  return B[i][k];
+}
+template <class F, class S> HD F cubic(const S *a, F t) { return ((a[3] * t + a[2]) * t + a[1]) * t + a[0]; }
+// With the derivative, and half the second one, by synthetic division.
+template <class F, class S> HD F cubic(const S *a, F t, F &slope) {
+  const F b = a[3] * t + a[2], c = b * t + a[1];
+  slope = (a[3] * t + b) * t + c;
+  return c * t + a[0];
+}
+template <class F, class S> HD F cubic(const S *a, F t, F &slope, F &half_bend) {
+  const F p = a[3] * t, b = p + a[2], c = b * t + a[1], d = p + b;
+  slope = d * t + c, half_bend = p + d;
+  return c * t + a[0];
+}
+
+// Squared distance from the point (dx, dy), relative to the chord's start; s = place along it, in [0, 1].
+template <class F, class S> HD F chord_dist2(const Chord<S> &c, F dx, F dy, F &s) {
+  s = clamp(dx * c.ix + dy * c.iy, S(0), S(1));
+  const F rx = dx - s * c.ex, ry = dy - s * c.ey;
+  return rx * rx + ry * ry;
+}
+
+template <class F, class S> HD F chord_tau(const Chord<S> &c, F s) { return c.tau0 + s * ((c.dtau + c.bow) - s * c.bow); }
+
+// Position relative to o, its first derivative and half the second, and z with the first.
+template <class F> struct Jet { F px, py, vx, vy, ax, ay, z, z1; };
+template <class F, class S> HD Jet<F> jet(const Piece<S> &c, F tau) {
+  Jet<F> j;
+  F x1, x2, y1, y2, z2;
+  j.z = cubic(c.z, tau, j.z1, z2);
+  const F iz = S(1) / j.z;
+  j.px = cubic(c.x, tau, x1, x2) * iz, j.py = cubic(c.y, tau, y1, y2) * iz;
+  j.vx = (x1 - j.px * j.z1) * iz, j.vy = (y1 - j.py * j.z1) * iz;
+  j.ax = (x2 - j.vx * j.z1 - j.px * z2) * iz, j.ay = (y2 - j.vy * j.z1 - j.py * z2) * iz;
+  return j;
+}
+
+// The point of a piece at tau, relative to o.
+template <class F> struct Point { F tau, x, y, z; };
+template <class F, class S> HD Point<F> point_at(const Piece<S> &c, F tau) {
+  const F z = cubic(c.z, tau), iz = S(1) / z;
+  return {tau, cubic(c.x, tau) * iz, cubic(c.y, tau) * iz, z};
+}
+
+// Towards the point of the piece nearest to (qx, qy), from tau on a chord within CHORD_TOL (eq. 4): a Newton step on half the squared distance.
+// rate: the inverse of its slope there; start: the squared distance before.
+template <class F> struct Approach { F tau, rate, start; };
+template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F tau, F qx, F qy) {
+  const Jet<F> j = jet(c, tau);
+  const F rx = j.px - qx, ry = j.py - qy;
+  const F vv = j.vx * j.vx + j.vy * j.vy + S(1e-30), f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
+  // Gauss-Newton where the curvature term would turn the step uphill.
+  const F rate = S(1) / select(f2 > S(.1) * vv, f2, vv);
+  return {clamp(tau - (rx * j.vx + ry * j.vy) * rate, S(-.5), S(.5)), rate, rx * rx + ry * ry};
+}
+// A second step with the slope of the first, along the tangent. Where that is too long for the tangent to stand for the curve, it is not taken, and
+// `far` is set.
+constexpr double MAX_SECOND_STEP = .03;  // px
+template <class F, class S, class M> HD Point<F> second_step(const Piece<S> &c, F tau, F rate, F qx, F qy, M &far) {
+  F x1, y1, z1;
+  const F z = cubic(c.z, tau, z1), iz = S(1) / z, px = cubic(c.x, tau, x1) * iz, py = cubic(c.y, tau, y1) * iz;
+  const F vx = (x1 - px * z1) * iz, vy = (y1 - py * z1) * iz;
+  const F next = clamp(tau - ((px - qx) * vx + (py - qy) * vy) * rate, S(-.5), S(.5)), wish = next - tau;
+  far = wish * wish * (vx * vx + vy * vy) > S(MAX_SECOND_STEP * MAX_SECOND_STEP);
+  const F step = select(far, wish * S(0), wish);
+  return {tau + step, px + step * vx, py + step * vy, z + step * z1};
+}
+
+template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) {
+  return c.flat_w > S(0) ? z * c.flat_w : z / cubic(c.w, tau);
+}
+
+// The filter's integral F(x) and density F'(x), x in px.
+template <class F, class S> HD F cumulative(const Filter<S> &f, F x) {
+  if (f.inv_sigma == S(0)) return clamp(x + S(.5), S(0), S(1));
+  // Abramowitz and Stegun 26.2.17, absolute error 7.5e-8.
+  const F y = x * f.inv_sigma, m = greater(y, -y), k = S(1) / (S(1) + S(.2316419) * m);
+  const F density = exponential(clamp(S(-.5) * m * m, S(-70), S(0))) * S(.3989422804014327);
+  const F upper = density * k * (S(.319381530) + k * (S(-.356563782) + k * (S(1.781477937) + k * (S(-1.821255978) + k * S(1.330274429)))));
+  const F phi = select(y > S(0), S(1) - upper, upper);
+  return clamp((phi - S(BLUR_TAIL)) * S(1 / (1 - 2 * BLUR_TAIL)), S(0), S(1));
+}
+template <class F, class S> HD F density(const Filter<S> &f, F x) {
+  if (f.inv_sigma == S(0)) return select((x > S(-.5)) & (x < S(.5)), x * S(0) + S(1), x * S(0));
+  const F y = x * f.inv_sigma;
+  const F d = exponential(clamp(S(-.5) * y * y, S(-70), S(0))) * (S(.3989422804014327 / (1 - 2 * BLUR_TAIL)) * f.inv_sigma);
+  return select((y > S(-BLUR_REACH)) & (y < S(BLUR_REACH)), d, x * S(0));
+}
+
+// One fragment: a pixel at (qx, qy) relative to o, its closest point p. r = half width in px there.
+template <class F> struct Fragment { F depth, r, d, coverage; };
+template <bool WORLD, class F, class S> HD Fragment<F> fragment(const Piece<S> &c, const Filter<S> &f, const Point<F> &p, F qx, F qy) {
+  Fragment<F> g;
+  g.depth = depth_at(c, p.tau, p.z);
+  g.r = WORLD ? c.half_width / g.depth : c.half_width + p.tau * S(0);
+  g.d = root((qx - p.x) * (qx - p.x) + (qy - p.y) * (qy - p.y));
+  g.coverage = cumulative(f, g.r - g.d);
+  // Only a stroke thinner than the filter reaches leaves a pixel uncovered on its far side.
+  if (WORLD || c.half_width < f.reach) g.coverage = g.coverage - cumulative(f, -g.r - g.d);
+  return g;
+}
+
+// Sums over the fragments of one piece: the gradient with respect to the coefficients x, y, z, w, then to the half width, the opacity
+// and the colour.
+constexpr int NGRAD = 21;
+template <class F> struct Moments { F x[4], y[4], z[4], w[4], half_width, opacity, rgb[3]; };
+
+// Adds (hx, hy, hz, hw) tau^k to the coefficients.
+template <bool W, class F> HD void add_value(Moments<F> &m, F tau, F hx, F hy, F hz, F hw) {
+  for (int k = 0; k < 4; k++) {
+    m.x[k] += hx, m.y[k] += hy, m.z[k] += hz;
+    hx *= tau, hy *= tau, hz *= tau;
+    if (W) m.w[k] += hw, hw *= tau;
+  }
+}
+// Adds (hx, hy, hz) k tau^(k-1): the share of a derivative along the curve.
+template <class F, class S> HD void add_slope(Moments<F> &m, F tau, F hx, F hy, F hz, S) {
+  F power = tau * S(0) + S(1);
+  for (int k = 1; k < 4; k++) {
+    m.x[k] += S(k) * power * hx, m.y[k] += S(k) * power * hy, m.z[k] += S(k) * power * hz;
+    power *= tau;
+  }
+}
+
+// Gradient of the parameter of a closest point (eq. 6): g = dL/dtau; qx, qy relative to o. Free parameters only.
+template <class F, class S> HD void parameter_adjoint(const Jet<F> &j, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
+  const F sx = j.px - qx, sy = j.py - qy, iz = S(1) / j.z;
+  const F vv = j.vx * j.vx + j.vy * j.vy, f2 = vv + S(2) * (sx * j.ax + sy * j.ay);
+  const auto free = (f2 > S(1e-6) * vv) & (tau > S(-.5)) & (tau < S(.5));
+  const F e = select(free, -g * iz / (select(free, f2, f2 * S(0) + one)), g * S(0));
+  const F mx = j.vx - sx * j.z1 * iz, my = j.vy - sy * j.z1 * iz;
+  add_value<false>(m, tau, e * mx, e * my, -e * (mx * j.px + my * j.py), e);
+  add_slope(m, tau, e * sx, e * sy, -e * (sx * j.px + sy * j.py), one);
+}
+
+// Adds g = dL/d(depth) of a hit: depth = z / w at tau, and tau moves.
+template <class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
+  const Jet<F> j = jet(c, tau);
+  F w1;
+  const F iw = S(1) / cubic(c.w, tau, w1), depth = j.z * iw, zero = g * S(0);
+  add_value<true>(m, tau, zero, zero, g * iw, -g * depth * iw);
+  parameter_adjoint(j, tau, qx, qy, g * (j.z1 - depth * w1) * iw, m, one);
+}
+
+// Adds one fragment: ga = dL/d(alpha), gz = dL/d(depth of the hit) (DEPTH only). The distance needs no derivative of tau (eq. 5).
+template <bool WORLD, bool DEPTH, class F, class S>
+HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F qy, F ga, F gz, Moments<F> &m) {
+  const Point<F> p = point_at(c, tau);
+  const Fragment<F> g = fragment<WORLD>(c, f, p, qx, qy);
+  m.opacity += g.coverage * ga;
+  const F inner = density(f, g.r - g.d), gc = ga * c.opacity;
+  F gr = gc * inner, gd = gr;
+  if (WORLD || c.half_width < f.reach) {
+    const F outer = gc * density(f, -g.r - g.d);
+    gr += outer, gd = gd - outer;
+  }
+  const F k = gd / (greater(g.d, g.d * S(0) + S(1e-6)) * p.z);
+  const F hx = k * (qx - p.x), hy = k * (qy - p.y), hz = -(hx * p.x + hy * p.y);
+  add_value<false>(m, tau, hx, hy, hz, hz);
+  m.half_width += WORLD ? gr / g.depth : gr;
+  if (WORLD || DEPTH) depth_adjoint(c, tau, qx, qy, WORLD ? gz - gr * g.r / g.depth : gz, m, S(1));
+}
+
+// Adds g times the normal displacement of an outline point p + r u (eq. 12). along: length of outline per unit of tau (1 at caps), slope:
+// dr/dtau (0 at caps and for constant width), both at the point.
+template <bool WORLD, class S> HD void outline_adjoint(const Piece<S> &c, S tau, S ux, S uy, S along, S slope, S g, Moments<S> &m) {
+  const Jet<S> j = jet(c, tau);
+  const S iz = S(1) / j.z, speed = root(j.vx * j.vx + j.vy * j.vy);
+  const S tilt = speed > S(0) ? slope / speed : S(0);
+  S nx = along * ux - tilt * j.vx, ny = along * uy - tilt * j.vy;   // normal times length
+  if (WORLD) {
+    const S w = cubic(c.w, tau), depth = j.z / w, r = c.half_width / depth;
+    // The unit normal u turns with the tangent.
+    const S turn = r * tilt * iz * g;
+    add_slope(m, tau, turn * ux, turn * uy, -turn * (ux * j.px + uy * j.py), S(1));
+    nx -= r * tilt * j.z1 * iz * ux, ny -= r * tilt * j.z1 * iz * uy;
+    const S gd = -g * along * r / depth;
+    add_value<true>(m, tau, S(0), S(0), gd / w, -gd * depth / w);
+    m.half_width += g * along / depth;
+  } else {
+    m.half_width += g * along;
+  }
+  const S hx = g * nx * iz, hy = g * ny * iz;
+  add_value<false>(m, tau, hx, hy, -(hx * j.px + hy * j.py), S(0));
+}
+
+// A hash with good avalanche (the constants of Wellons' search "lowbias32"), and 24 of its bits as a number in [0, 1).
+HD unsigned mix(unsigned h) {
+  h ^= h >> 16, h *= 0x7feb352du;
+  h ^= h >> 15, h *= 0x846ca68bu;
+  return h ^ h >> 16;
+}
+HD float unit(unsigned h) { return float(h >> 8) * 5.9604644775390625e-8f; }
+
+// From the sums of one piece to the gradient of its homogeneous control points, 4 x (X, Y, Z, W). in: NGRAD numbers in struct order.
+template <class S> HD void control_gradient(const S *in, S ox, S oy, S *out) {
+  for (int i = 0; i < 4; i++) {
+    S g[4] = {0, 0, 0, 0};
+    for (int k = 0; k < 4; k++)
+      for (int j = 0; j < 4; j++) g[j] += S(bern(i, k)) * in[4 * j + k];
+    g[2] -= ox * g[0] + oy * g[1];
+    for (int j = 0; j < 4; j++) out[4 * i + j] = g[j];
+  }
+}
+
+}  // namespace stroke

@@ -1,0 +1,28 @@
+"""Differentiable rendering of 3D rational Bézier strokes, and what is built on it: 3D sketches from pictures."""
+
+from diff3ds import bezier
+from diff3ds.camera import Cameras, load_transforms, look_at, orbit, save_transforms
+from diff3ds.project import Strokes2D, project
+from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
+from diff3ds.sketch import Sketch
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Cameras",
+    "Rendering",
+    "Sketch",
+    "Strokes2D",
+    "__version__",
+    "available_backends",
+    "bezier",
+    "get_num_threads",
+    "load_transforms",
+    "look_at",
+    "orbit",
+    "project",
+    "rasterize",
+    "render",
+    "save_transforms",
+    "set_num_threads",
+]

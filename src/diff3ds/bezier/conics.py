@@ -1,0 +1,96 @@
+"""Circles, ellipses and parabolas as rational Bézier curves, exact to rounding."""
+
+import math
+from collections.abc import Sequence
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+
+Vector = Sequence[float] | Float[Tensor, " D"]
+
+# A rational quadratic can turn by less than 180 degrees; 90 keeps its weights mild (cos 45 degrees).
+MAX_ARC = 90.0
+
+
+def ellipse(
+    center: Vector,
+    u: Vector,
+    v: Vector,
+    start: float = 0.0,
+    stop: float = 360.0,
+    *,
+    dtype: torch.dtype = torch.float64,
+) -> tuple[Float[Tensor, "S 3 D"], Float[Tensor, "S 3"]]:
+    """The arc center + u cos(angle) + v sin(angle), angle from start to stop in degrees, as rational quadratics.
+
+    u and v are the half axes if they are orthogonal, else conjugate half diameters. Any number of dimensions.
+    Consecutive pieces of at most 90 degrees share their end points exactly.
+
+    Raises:
+        ValueError: start equals stop, a value is not finite, or center, u and v differ in length.
+    """
+    c, a, b = (torch.as_tensor(x, dtype=torch.float64) for x in (center, u, v))
+    if not (c.ndim == 1 and c.shape == a.shape == b.shape):
+        shapes = [tuple(x.shape) for x in (c, a, b)]
+        raise ValueError(f"center, u and v must be vectors of one length, got shapes {shapes}")
+    if start == stop or not all(x.isfinite().all() for x in (c, a, b, torch.tensor([start, stop]))):
+        raise ValueError(f"expected finite values and start != stop, got start {start}, stop {stop}")
+    pieces = math.ceil(abs(stop - start) / MAX_ARC)
+    angles = torch.deg2rad(torch.linspace(start, stop, pieces + 1, dtype=torch.float64))
+    half = (angles[1] - angles[0]) / 2
+    on = c + a * angles.cos()[:, None] + b * angles.sin()[:, None]
+    if (stop - start) % 360 == 0:
+        on[-1] = on[0]
+    # The tangents at the ends of a piece meet above its middle angle, 1 / cos(half) times as far out.
+    middle = (angles[:-1] + angles[1:])[:, None] / 2
+    corner = c + (a * middle.cos() + b * middle.sin()) / half.cos()
+    weights = torch.stack([torch.ones(()), half.cos(), torch.ones(())]).to(torch.float64)
+    points = torch.stack([on[:-1], corner, on[1:]], 1)
+    return points.to(dtype), weights.expand(pieces, 3).to(dtype).clone()
+
+
+def circle(
+    center: Vector,
+    radius: float,
+    normal: Vector = (0.0, 0.0, 1.0),
+    start: float = 0.0,
+    stop: float = 360.0,
+    *,
+    dtype: torch.dtype = torch.float64,
+) -> tuple[Float[Tensor, "S 3 3"], Float[Tensor, "S 3"]]:
+    """The arc of a circle in space, counter-clockwise seen from the tip of its normal, as rational quadratics.
+
+    Angle 0 is the direction of x projected into the circle's plane (of y if the normal is along x).
+
+    Raises:
+        ValueError: the radius is not positive or the normal has no length; and as `ellipse`.
+    """
+    n = torch.as_tensor(normal, dtype=torch.float64)
+    length = torch.linalg.vector_norm(n)
+    if not (radius > 0 and length > 0):
+        raise ValueError(f"expected a positive radius and a normal with a length, got {radius} and {normal}")
+    n = n / length
+    # Near the axis itself the projection of x is short and inaccurate.
+    axis = torch.tensor([1.0, 0.0, 0.0] if n[0].abs() < 0.999 else [0.0, 1.0, 0.0], dtype=torch.float64)
+    u = torch.nn.functional.normalize(axis - (axis @ n) * n, dim=0)
+    v = torch.linalg.cross(n, u)
+    return ellipse(center, radius * u, radius * v, start, stop, dtype=dtype)
+
+
+def parabola(
+    vertex: Vector, u: Vector, v: Vector, start: float, stop: float, *, dtype: torch.dtype = torch.float64
+) -> tuple[Float[Tensor, "1 3 D"], Float[Tensor, "1 3"]]:
+    """The arc vertex + s u + s² v, s from start to stop: one polynomial quadratic.
+
+    Raises:
+        ValueError: start equals stop, or vertex, u and v differ in length.
+    """
+    p, a, b = (torch.as_tensor(x, dtype=torch.float64) for x in (vertex, u, v))
+    if not (p.ndim == 1 and p.shape == a.shape == b.shape) or start == stop:
+        raise ValueError("vertex, u and v must be vectors of one length, and start must differ from stop")
+    on = [p + s * a + s * s * b for s in (start, stop)]
+    # The blossom of s -> p + s u + s² v at (start, stop).
+    corner = p + (start + stop) / 2 * a + start * stop * b
+    points = torch.stack([on[0], corner, on[1]])[None]
+    return points.to(dtype), torch.ones(1, 3, dtype=dtype)

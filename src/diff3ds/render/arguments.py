@@ -1,0 +1,115 @@
+"""Checks and conversions of what the renderer is given."""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import torch
+
+from diff3ds._shapes import Tensor
+from diff3ds.project import Strokes2D
+
+Antialiasing = Literal["analytic", "montecarlo"]
+Background = float | Sequence[float] | Tensor
+
+# Coordinates in pixels beyond this cannot come from a drawing; their squares would overflow.
+MAX_COORDINATE = 1e100
+MAX_SAMPLES = 4096
+
+
+class InvalidStroke(ValueError):
+    """A stroke with a value that cannot be drawn."""
+
+
+def check_strokes(strokes: Strokes2D) -> None:
+    """Raises TypeError or ValueError if types, shapes, dtypes or devices do not fit; no look at values."""
+    if not isinstance(strokes, Strokes2D):
+        raise TypeError(f"strokes must be Strokes2D, got {type(strokes).__name__}")
+    cubics, color = strokes.cubics, strokes.color
+    if cubics.ndim != 4 or cubics.shape[2:] != (4, 4) or cubics.dtype != torch.float64:
+        raise ValueError(f"cubics must be float64 of shape (V, N, 4, 4), got {cubics.dtype} of {tuple(cubics.shape)}")
+    views, count = cubics.shape[:2]
+    expected = {"half_width": [(1, count), (views, count)], "color": [(count, 3)], "opacity": [(count,)]}
+    for name, shapes in expected.items():
+        value = getattr(strokes, name)
+        if tuple(value.shape) not in shapes:
+            wanted = " or ".join(map(str, shapes))
+            raise ValueError(f"{name} must have shape {wanted} for {count} strokes, got {tuple(value.shape)}")
+        if value.dtype != color.dtype or not value.is_floating_point():
+            raise TypeError(f"{name} must have the floating point dtype of color, {color.dtype}, got {value.dtype}")
+        if value.device != cubics.device:
+            raise ValueError(f"{name} must be on the device of cubics, {cubics.device}, got {value.device}")
+    if strokes.width_space not in ("image", "world"):
+        raise ValueError(f'width_space must be "image" or "world", got {strokes.width_space!r}')
+    if not 0 < strokes.near < math.inf:
+        raise ValueError(f"near must be a positive number, got {strokes.near}")
+
+
+def check_stroke_values(strokes: Strokes2D) -> None:
+    """Raises InvalidStroke for the first value out of range; names the field, the view, the stroke and the value."""
+    cubics = strokes.cubics.detach()
+    rules = {
+        "cubics": (cubics, cubics.abs() < MAX_COORDINATE, f"finite, below {MAX_COORDINATE:g}"),
+        "cubics (the weights W)": (cubics[..., 3], cubics[..., 3] > 0, "positive"),
+    }
+    width, color, opacity = (getattr(strokes, name).detach() for name in ("half_width", "color", "opacity"))
+    rules["half_width"] = (width, (width >= 0) & (width < MAX_COORDINATE), "finite and not negative")
+    rules["color"] = (color[None], color[None].isfinite(), "finite")
+    rules["opacity"] = (opacity[None], (opacity[None] >= 0) & (opacity[None] <= 1), "in [0, 1]")
+    for name, (value, good, expected) in rules.items():
+        if not bool(good.all()):
+            view, stroke, *_ = (~good).nonzero()[0].tolist()
+            got = value[view, stroke].reshape(-1)[int(good[view, stroke].reshape(-1).int().argmin())].item()
+            raise InvalidStroke(f"{name} of stroke {stroke} (view {view}) must be {expected}, got {got}")
+
+
+def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int, int]) -> Tensor:
+    """The background as a tensor of four axes that expands to (V, H, W, 3).
+
+    Raises:
+        TypeError, ValueError: another dtype or device than the colours, or a shape that does not expand.
+    """
+    if isinstance(background, Tensor):
+        if background.dtype != like.dtype or background.device != like.device:
+            got = f"{background.dtype} on {background.device}"
+            raise TypeError(f"background must be {like.dtype} on {like.device} as the colours are, got {got}")
+        canvas = background
+    else:
+        try:
+            canvas = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+        except (TypeError, ValueError, RuntimeError) as error:
+            got = type(background).__name__
+            raise TypeError(f"background must be a number, three numbers or a tensor, got {got}") from error
+    if canvas.ndim == 0 or canvas.shape[-1] == 1:
+        canvas = canvas.reshape(*canvas.shape[:-1], 1).expand(*canvas.shape[:-1], 3)
+    canvas = canvas.reshape((1,) * (4 - canvas.ndim) + tuple(canvas.shape))
+    if len(canvas.shape) != 4 or any(n not in (1, m) for n, m in zip(canvas.shape, shape, strict=True)):
+        raise ValueError(f"background must broadcast to {shape}, got shape {tuple(canvas.shape)}")
+    return canvas
+
+
+def check_blur(blur: float, antialiasing: Antialiasing) -> None:
+    """Raises ValueError for an unknown antialiasing, or a blur that is not a size or not with "analytic"."""
+    if antialiasing not in get_args(Antialiasing):
+        raise ValueError(f'antialiasing must be "analytic" or "montecarlo", got {antialiasing!r}')
+    if not (isinstance(blur, int | float) and 0 <= blur < 1e6):
+        raise ValueError(f"blur must be a number of pixels from 0 to 1e6, got {blur}")
+    if blur and antialiasing == "montecarlo":
+        raise ValueError(f'blur is for antialiasing="analytic", got blur={blur} with "montecarlo"')
+
+
+def strata_from(samples: int) -> int:
+    """Samples per pixel and direction.
+
+    Raises:
+        ValueError: the number of samples is no square from 1 to 4096.
+    """
+    if isinstance(samples, int) and 1 <= samples <= MAX_SAMPLES and math.isqrt(samples) ** 2 == samples:
+        return math.isqrt(samples)
+    raise ValueError(f"samples must be a square number from 1 to {MAX_SAMPLES}, got {samples}")
+
+
+def seed_from(generator: torch.Generator | None) -> int:
+    """A seed of 63 bits from a generator, or from torch's default one."""
+    device = generator.device if generator is not None else "cpu"
+    return int(torch.randint(0, 2**63 - 1, (), generator=generator, device=device).item())

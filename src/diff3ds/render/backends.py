@@ -1,0 +1,91 @@
+"""Which implementation renders: the compiled kernels where they are, else the reference."""
+
+import functools
+import warnings
+from types import ModuleType
+from typing import Literal
+
+import torch
+
+Backend = Literal["reference", "cpu", "cuda"]
+
+_thread_count: int | None = None
+
+
+@functools.cache
+def kernels() -> ModuleType | None:
+    """The compiled CPU kernels, or None if the package was installed without a compiler."""
+    try:
+        from diff3ds import _kernels
+    except ModuleNotFoundError:
+        return None
+    return _kernels
+
+
+def set_num_threads(count: int | None) -> None:
+    """Threads of the CPU kernels; None (the default) follows `torch.get_num_threads()`.
+
+    Results do not depend on it, to the last bit.
+
+    Raises:
+        ValueError: not a positive number.
+    """
+    global _thread_count
+    if count is not None and count < 1:
+        raise ValueError(f"the number of threads must be positive, got {count}")
+    _thread_count = count
+
+
+def get_num_threads() -> int:
+    """Threads that the CPU kernels use."""
+    return _thread_count or torch.get_num_threads()
+
+
+def available_backends() -> list[Backend]:
+    """Backends that run on this machine, the reference first."""
+    return ["reference"] if kernels() is None else ["reference", "cpu"]
+
+
+def choose_backend(backend: Backend | None, device: torch.device, dtype: torch.dtype) -> Backend:
+    """The backend asked for, if it can draw on this device and dtype, or for None the best that can.
+
+    Raises:
+        ValueError: an unknown backend, or one that cannot.
+    """
+    if backend is None:
+        return _best_backend(device, dtype)
+    if backend not in ("reference", "cpu"):
+        raise ValueError(f'backend must be "reference", "cpu" or None, got {backend!r}')
+    if backend == "cpu":
+        if kernels() is None:
+            raise ValueError(f'backend "cpu" is not installed. {_HOW_TO_BUILD}')
+        if device.type != "cpu":
+            raise ValueError(f'backend "cpu" draws tensors on the CPU, got {device}: use .to("cpu") or backend=None')
+        if dtype not in (torch.float32, torch.float64):
+            raise ValueError(f'backend "cpu" draws float32 and float64, got {dtype}: use .to(torch.float32)')
+    return backend
+
+
+_HOW_TO_BUILD = (
+    "Install a C++20 compiler (g++ or clang++, for example `apt install g++` or `xcode-select --install`) and install "
+    "diff3ds again: `pip install --force-reinstall --no-deps diff3ds`, or for a checkout `pip install -e .`"
+)
+
+
+def _best_backend(device: torch.device, dtype: torch.dtype) -> Backend:
+    if device.type != "cpu" or dtype not in (torch.float32, torch.float64):
+        return "reference"
+    if kernels() is None:
+        _warn_about_missing_kernels()
+        return "reference"
+    return "cpu"
+
+
+@functools.cache
+def _warn_about_missing_kernels() -> None:
+    """Once a process."""
+    warnings.warn(
+        f"diff3ds was installed without its compiled kernels; the reference draws instead, some 100 times slower. {_HOW_TO_BUILD}.",
+        RuntimeWarning,
+        stacklevel=5,
+    )
