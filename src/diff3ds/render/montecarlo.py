@@ -1,0 +1,122 @@
+"""Monte Carlo antialiasing, the paper's estimator, in plain torch: the specification of the kernels' one.
+
+Samples are stratified and inside a stroke or not; they are composited in their own order of depth. Their gradient is the
+interior term (autograd, for colour, opacity and depth) and the Reynolds boundary term on outlines, added to the images
+as zeros with the right derivative (docs/mathematics.md, eq. 10 to 12).
+"""
+
+import torch
+
+from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.project import Strokes2D
+from diff3ds.render.hits import (
+    Hits,
+    Near,
+    closest_hits,
+    find_near,
+    half_width_at,
+    moving_parameter,
+    point_on_stroke,
+)
+from diff3ds.render.outline import Outline, sample_outline
+from diff3ds.render.reference import Images, composite_points, images_from
+
+# An outline point this much (px) inside its own stroke is hidden by it.
+OUTLINE_SLACK = 1e-6
+
+
+def rasterize(
+    strokes: Strokes2D, size: tuple[int, int], background: Float[Tensor, "V1 H1 W1 3"], strata: int, seed: int
+) -> Images:
+    """As `reference.rasterize` with strata x strata samples a pixel; the same seed gives the kernels' samples."""
+    near = find_near(strokes, size, 0.0)
+    count = len(strokes.cubics) * size[0] * size[1]
+    sums = torch.stack([_stratum(strokes, near, size, strata, s, seed) for s in range(strata**2)]).mean(0)
+    if torch.is_grad_enabled() and (strokes.cubics.requires_grad or strokes.half_width.requires_grad):
+        outline = sample_outline(strokes, near.spans, strata, seed).on_image(size)
+        jump = outline_jump(strokes, near, outline, size)
+        moved = ((outline.position - outline.position.detach()) * outline.normal).sum(-1)
+        sums = sums.index_add(0, outline.place(size), (jump * moved[:, None]).to(sums.dtype))
+    return images_from(sums.reshape(count, 6), size, background)
+
+
+def _stratum(
+    strokes: Strokes2D, near: Near, size: tuple[int, int], strata: int, stratum: int, seed: int
+) -> Float[Tensor, "M 6"]:
+    """Sums over the hits of one sample in every pixel."""
+    view = near.spans.view[near.span]
+    position = sample_positions(view, near.pixel, size[1], strata, stratum, seed)
+    rows = torch.arange(len(near.pixel), device=near.pixel.device)
+    hits = closest_hits(strokes, near, rows, view * (size[0] * size[1]) + near.pixel, position, 0.0)
+
+    def shade(hits: Hits) -> tuple[Tensor, Tensor]:
+        depth = point_on_stroke(strokes, hits, moving_parameter(strokes, hits))[1]
+        return torch.ones_like(depth), depth
+
+    return composite_points(strokes, hits, shade, len(strokes.cubics) * size[0] * size[1])
+
+
+def mix(h: Int[Tensor, " P"]) -> Int[Tensor, " P"]:
+    """A hash of 32 bits (stroke_math.h)."""
+    mask = 0xFFFFFFFF
+    h = ((h ^ (h >> 16)) * 0x7FEB352D) & mask
+    h = ((h ^ (h >> 15)) * 0x846CA68B) & mask
+    return h ^ (h >> 16)
+
+
+def _unit(h: Int[Tensor, " P"]) -> Float[Tensor, " P"]:
+    return (h >> 8).double() / 2**24
+
+
+def _seeded(word: Int[Tensor, " P"], seed: int) -> Int[Tensor, " P"]:
+    return mix((seed & 0xFFFFFFFF) ^ mix((seed >> 32) ^ mix(word)))
+
+
+def sample_positions(
+    view: Int[Tensor, " P"], pixel: Int[Tensor, " P"], width: int, strata: int, stratum: int, seed: int
+) -> Float[Tensor, "P 2"]:
+    """Where the sample of a stratum lies in pixels of views: the kernels' numbers."""
+    u = mix(_seeded(view * strata**2 + stratum, seed) ^ (pixel & 0xFFFFFFFF))
+    v = mix(u ^ 0x9E3779B9)
+    x = (stratum % strata + _unit(u)) / strata
+    y = (stratum // strata + _unit(v)) / strata
+    return torch.stack([pixel % width + x, pixel // width + y], -1)
+
+
+@torch.no_grad()
+def outline_jump(strokes: Strokes2D, near: Near, outline: Outline, size: tuple[int, int]) -> Float[Tensor, "P 6"]:
+    """What the sums of a sample gain where outline points move outwards: their value just inside less just outside.
+
+    Zero for points that lie inside another part of their own stroke.
+    """
+    rows, point = _pairs_at(near, outline.place(size), size)
+    position = outline.position.detach()
+    hits = closest_hits(strokes, near, rows, point, position[point], 0.0)
+    own = hits.stroke == outline.stroke[hits.point]
+    on_curve, depth = point_on_stroke(strokes, hits)
+    inside = half_width_at(strokes, hits.view, hits.stroke, depth) - torch.linalg.vector_norm(
+        hits.position - on_curve, dim=-1
+    )
+    hidden = torch.zeros(len(position), dtype=torch.bool, device=position.device)
+    hidden[hits.point[own & (inside > OUTLINE_SLACK)]] = True
+    others = hits.where(~own)
+    index = torch.arange(len(position), device=position.device)
+    itself = Hits(outline.view, outline.stroke, index, position, outline.t, torch.zeros_like(index, dtype=torch.bool))
+    both = Hits(*(torch.cat(pair) for pair in zip(others, itself, strict=True)))
+
+    def shade(hits: Hits) -> tuple[Tensor, Tensor]:
+        depth = point_on_stroke(strokes, hits)[1]
+        return torch.ones_like(depth), depth
+
+    with_, without = (composite_points(strokes, h, shade, len(position)) for h in (both, others))
+    return torch.where(hidden[:, None], 0.0, with_ - without)
+
+
+def _pairs_at(near: Near, place: Int[Tensor, " P"], size: tuple[int, int]) -> tuple[Tensor, Tensor]:
+    """Rows of `near` for the pixels that points lie in, and the index of the point for each row."""
+    key, order = (near.spans.view[near.span] * (size[0] * size[1]) + near.pixel).sort(stable=True)
+    start, stop = torch.searchsorted(key, place), torch.searchsorted(key, place, right=True)
+    counts = stop - start
+    point = torch.repeat_interleave(torch.arange(len(place), device=place.device), counts)
+    rank = torch.arange(len(point), device=place.device) - (counts.cumsum(0) - counts)[point]
+    return order[start[point] + rank], point

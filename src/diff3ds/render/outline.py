@@ -1,0 +1,151 @@
+"""Points on the outlines of strokes for the boundary term of Monte Carlo gradients (docs/mathematics.md, eq. 11, 12)."""
+
+import math
+from typing import NamedTuple
+
+import torch
+
+from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.bezier.curves import homogeneous_derivatives
+from diff3ds.bezier.measure import chord_intervals
+from diff3ds.project import Strokes2D
+from diff3ds.render.hits import half_width_at, span_controls
+from diff3ds.render.visible import Spans
+
+# px between chords and curve; the chords only decide where points are spent.
+CHORD_TOLERANCE = 0.02
+# Turning of the tangent (about radians), over a chord or between two, above which the sides leave a gap for a circle.
+CUSP_TURN = 0.6
+
+
+class Outline(NamedTuple):
+    """Points on outlines: view, stroke and parameter, position (it moves with the stroke), normal times length."""
+
+    view: Int[Tensor, " P"]
+    stroke: Int[Tensor, " P"]
+    t: Float[Tensor, " P"]
+    position: Float[Tensor, "P 2"]
+    normal: Float[Tensor, "P 2"]
+
+    def on_image(self, size: tuple[int, int]) -> "Outline":
+        """The points that lie on the image."""
+        x, y = self.position.detach().unbind(-1)
+        inside = (x >= 0) & (y >= 0) & (x < size[1]) & (y < size[0])
+        return Outline(*(column[inside] for column in self))
+
+    def place(self, size: tuple[int, int]) -> Int[Tensor, " P"]:
+        """Index of the pixel that each point lies in, among those of all views."""
+        x, y = self.position.detach().long().unbind(-1)
+        return (self.view * size[0] + y) * size[1] + x
+
+
+class _Strokes(NamedTuple):
+    """Strokes with their visible spans and the homogeneous control points of these."""
+
+    strokes: Strokes2D
+    spans: Spans
+    control: Float[Tensor, "S 4 4"]
+
+    def half_width(self, span: Tensor, value: Float[Tensor, "P 4"]) -> Float[Tensor, " P"]:
+        """At homogeneous points of spans."""
+        depth = value[:, 2] / value[:, 3]
+        return half_width_at(self.strokes, self.spans.view[span], self.spans.stroke[span], depth)
+
+    def outline(self, span: Tensor, u: Tensor, position: Tensor, normal: Tensor) -> Outline:
+        """Of points at parameters u of spans."""
+        start, stop = self.spans.start[span], self.spans.stop[span]
+        return Outline(self.spans.view[span], self.spans.stroke[span], start + u * (stop - start), position, normal)
+
+
+def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) -> Outline:
+    """`density` points a pixel of length on both sides of all strokes, around their ends and around cusps."""
+    s = _Strokes(strokes, spans, span_controls(strokes, spans))
+    generator = torch.Generator(device=s.control.device).manual_seed(seed)
+    with torch.no_grad():
+        chords = chord_intervals(s.control[..., :3], CHORD_TOLERANCE)
+        before, after, length = _tangents(chords.control(s.control[..., :3]))
+        turn = torch.linalg.vector_norm(before - after, dim=-1)
+        first = torch.ones_like(chords.curve, dtype=torch.bool)
+        first[1:] = chords.curve[1:] != chords.curve[:-1]
+        last = torch.cat([first[1:], first.new_ones(1)])[: len(first)]
+        joint = torch.where(first, 0.0, torch.linalg.vector_norm(before - after.roll(1, 0), dim=-1))
+        cusp = turn > CUSP_TURN
+        middle = torch.where(cusp, (chords.start + chords.stop) / 2, chords.start)
+        value, *_ = homogeneous_derivatives(s.control[chords.curve], middle[:, None])
+        # Around the outside of a bend the outline is longer than the chord.
+        measure = length + torch.where(cusp, 0.0, turn) * s.half_width(chords.curve, value[:, 0])
+        rows, share, part = _spread(measure, density, generator)
+        width = (chords.stop - chords.start)[rows]
+    sides = [_side(s, chords.curve[rows], chords.start[rows] + share * width, part * width, sign) for sign in (1, -1)]
+    circles = (
+        (first, chords.start, _angle(before) + math.pi / 2, math.pi),
+        (last, chords.stop, _angle(after) - math.pi / 2, math.pi),
+        (cusp | (joint > CUSP_TURN), middle, _angle(before), 2 * math.pi),
+    )
+    arcs = [_arc(s, chords.curve[k], u[k], angle[k], extent, density, generator) for k, u, angle, extent in circles]
+    return Outline(*(torch.cat(column) for column in zip(*sides, *arcs, strict=True)))
+
+
+def _tangents(control: Float[Tensor, "I 4 3"]) -> tuple[Tensor, Tensor, Tensor]:
+    """Unit tangents at both ends of short curves, and the length of their chords."""
+    points = control[..., :2] / control[..., 2:]
+    length = torch.linalg.vector_norm(points[:, 3] - points[:, 0], dim=-1)
+
+    def leaving(points: Tensor) -> Tensor:
+        # The first control point that differs: the curve leaves towards it.
+        steps = points[:, 1:] - points[:, :1]
+        lengths = torch.linalg.vector_norm(steps, dim=-1)
+        which = (lengths > 1e-9 * (1 + length)[:, None]).int().argmax(1)
+        step = steps[torch.arange(len(steps)), which]
+        return torch.nn.functional.normalize(step, dim=-1)
+
+    return leaving(points), -leaving(points.flip(1)), length
+
+
+def _angle(direction: Float[Tensor, "I 2"]) -> Float[Tensor, " I"]:
+    return torch.atan2(direction[:, 1], direction[:, 0])
+
+
+def _spread(length: Float[Tensor, " I"], density: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    """Stratified points on intervals of these lengths: interval, place in [0, 1), and the share each stands for."""
+    counts = (length * density).ceil().long()
+    rows = torch.repeat_interleave(torch.arange(len(counts), device=counts.device), counts)
+    rank = torch.arange(len(rows), device=rows.device) - (counts.cumsum(0) - counts)[rows]
+    jitter = torch.rand(len(rows), generator=generator, dtype=torch.float64, device=rows.device)
+    return rows, (rank + jitter) / counts[rows], 1 / counts[rows].double()
+
+
+def _side(s: _Strokes, span: Tensor, u: Tensor, du: Tensor, sign: int) -> Outline:
+    """Points p + r n at parameters u of spans, each standing for du of the parameter."""
+    value, first, second = (x[:, 0] for x in homogeneous_derivatives(s.control[span], u[:, None]))
+    z, dz = value[:, 2:3], first[:, 2:3]
+    p = value[:, :2] / z
+    velocity = (first[:, :2] - p * dz) / z
+    acceleration = (second[:, :2] - 2 * velocity * dz - p * second[:, 2:3]) / z
+    speed = torch.linalg.vector_norm(velocity, dim=-1, keepdim=True)
+    tangent = velocity / speed.clamp_min(1e-300)
+    normal = sign * torch.stack([-tangent[:, 1], tangent[:, 0]], -1)
+    r = s.half_width(span, value)[:, None]
+    with torch.no_grad():
+        # q' = along tangent + slope normal; across it, outwards, the outline's normal times its length (eq. 12).
+        along = speed - r * (normal * acceleration).sum(-1, keepdim=True) / speed.clamp_min(1e-300)
+        slope = torch.zeros_like(r)
+        if s.strokes.width_space == "world":
+            depth = z / value[:, 3:]
+            slope = -r * (dz - depth * first[:, 3:]) / (value[:, 3:] * depth)
+        # On the inside of bends tighter than r there is no outline.
+        outward = torch.where(along > 0, along * normal - slope * tangent, 0.0) * du[:, None]
+    return s.outline(span, u, p + r * normal, outward)
+
+
+def _arc(
+    s: _Strokes, span: Tensor, u: Tensor, start: Tensor, extent: float, density: int, generator: torch.Generator
+) -> Outline:
+    """Points of circles of radius r around points of spans, from the angles `start` on."""
+    value, *_ = homogeneous_derivatives(s.control[span], u[:, None])
+    r = s.half_width(span, value[:, 0])
+    rows, share, part = _spread(r.detach() * extent, density, generator)
+    angle = start[rows] + share * extent
+    outward = torch.stack([angle.cos(), angle.sin()], -1)
+    position = (value[:, 0, :2] / value[:, 0, 2:3])[rows] + r[rows, None] * outward
+    return s.outline(span[rows], u[rows], position, outward * (r.detach()[rows] * extent * part)[:, None])
