@@ -36,6 +36,7 @@ class Cameras:
         intrinsics: in pixels, bottom row (0, 0, 1).
         size: (height, width) of the images in pixels.
         near: depth in world units; what is closer, or behind, is not drawn.
+
     Raises:
         TypeError, ValueError: an attribute of the wrong type, shape, dtype or device, a value that is not finite, a
             focal length that is not positive; the message names the attribute and the view.
@@ -139,6 +140,7 @@ def look_at(
     Args:
         fov: vertical field of view in degrees, one for all or one a view.
         size: image size in pixels, an int or (height, width).
+
     Raises:
         ValueError: an eye on its target, a view along `up`, a field of view outside (0, 180).
     """
@@ -180,6 +182,7 @@ def orbit(
         distance: from the target, world units.
         fov: vertical field of view in degrees.
         size: image size in pixels, an int or (height, width).
+
     Raises:
         ValueError: values out of range, or lists of different lengths.
     """

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import torch
-
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier.curves import elevate_homogeneous, homogeneous
 from diff3ds.camera import DEFAULT_NEAR, Cameras
@@ -45,7 +43,9 @@ def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
     check_devices(sketch, cameras)
     control = elevate_homogeneous(homogeneous(sketch.points.double(), sketch.weights.double()))
     cubics = control @ cameras.projection[:, None].mT
-    return Strokes2D(cubics, half_widths(sketch, cameras), sketch.color, sketch.opacity, sketch.width_space, cameras.near)
+    return Strokes2D(
+        cubics, half_widths(sketch, cameras), sketch.color, sketch.opacity, sketch.width_space, cameras.near
+    )
 
 
 def half_widths(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "U N"]:

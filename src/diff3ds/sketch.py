@@ -30,6 +30,7 @@ class Sketch:
         color: straight (not premultiplied) RGB, usually in [0, 1]; default black.
         opacity: in [0, 1], default 1.
         width_space: "image" (same width at every depth; default) or "world" (thinner with distance).
+
     Raises:
         TypeError, ValueError: a wrong type, shape, dtype, device or value; the message names the field, the stroke and
             the value.
@@ -168,6 +169,7 @@ class Sketch:
             extent: length of the strokes as a fraction of the radius.
             width: as for `Sketch`.
         """
+
         def normal(*shape: int) -> Tensor:
             return torch.randn(*shape, 3, generator=generator, device=generator.device)
 
@@ -191,7 +193,11 @@ def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...]) ->
             value = torch.as_tensor(value, dtype=points.dtype, device=points.device)
         except (TypeError, ValueError, RuntimeError) as error:
             raise TypeError(f"{name} must be a number or a tensor, got {_kind(value)}") from error
-    if value.ndim < len(shape) and value.shape == shape[len(shape) - value.ndim :] and (value.ndim == 0 or name == "color"):
+    if (
+        value.ndim < len(shape)
+        and value.shape == shape[len(shape) - value.ndim :]
+        and (value.ndim == 0 or name == "color")
+    ):
         return value.expand(shape)
     if value.shape != shape:
         raise ValueError(f"{name} must have shape {shape} for {shape[0]} strokes, got {tuple(value.shape)}")

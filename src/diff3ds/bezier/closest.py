@@ -24,6 +24,8 @@ from diff3ds.bezier.polynomial import multiply, polyval, roots_and_separators
 
 # Rows (curve, query) solved at a time: some 2 kB of intermediate results each.
 CHUNK = 32768
+
+
 class ClosestPoint(NamedTuple):
     """Parameter, position and distance of the closest point, one for each query."""
 
@@ -41,11 +43,13 @@ def closest_point(
         points: control points of curves of degree 1, 2 or 3.
         weights: positive weights (None: all one); a ratio of 1e6 between them costs no accuracy.
         query: positions; the batch axes broadcast with those of the curves.
+
     Returns:
         t (..., Q) in [0, 1], point (..., Q, D) and distance (..., Q), differentiable with respect to all arguments
         (t by the implicit function theorem; at an end of the curve and where t is not unique it is constant).
         The distance exceeds the true one by at most 1e-9 of the curve's size in float64. Between points equally
         far, one is chosen. float32 curves are solved in float64.
+
     Raises:
         TypeError, ValueError: dtypes or shapes that do not fit, weights that are not positive.
     """
@@ -66,9 +70,7 @@ def closest_point(
 
 
 @torch.no_grad()
-def closest_parameter(
-    control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C Q D"]
-) -> Float[Tensor, "*F Q"]:
+def closest_parameter(control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C Q D"]) -> Float[Tensor, "*F Q"]:
     """Parameters of the closest points of curves X(t) / W(t) given by homogeneous control points, float64.
 
     Only W(t) > 0 on [0, 1] is needed, inner weights may be negative. No gradients, no checks.
@@ -86,7 +88,7 @@ def closest_parameter(
 def differentiable_parameter(
     control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C Q D"], t: Float[Tensor, "*F Q"]
 ) -> Float[Tensor, "*F Q"]:
-    """t of closest points with its derivative by one Newton step on the stationary equation (docs eq. 6).
+    """T of closest points with its derivative by one Newton step on the stationary equation (docs eq. 6).
 
     The step leaves the value as it is; at the ends and where the equation is singular (the centre of a circle,
     a cusp) no derivative exists and none is given.
@@ -115,7 +117,7 @@ def differentiable_parameter(
 
 
 def _solve_rows(control: Float[Tensor, "R K E"], query: Float[Tensor, "R D"]) -> Float[Tensor, " R"]:
-    """t of the closest point, one curve and one query a row."""
+    """T of the closest point, one curve and one query a row."""
     weights = control[..., -1:]
     relative = torch.cat([control[..., :-1] - query[:, None, :] * weights, weights], -1)
     relative, c = standard_form(relative)

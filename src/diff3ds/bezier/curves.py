@@ -77,8 +77,10 @@ def evaluate(
         points: control points, K = degree + 1 in 2, 3, 4.
         weights: positive rational weights; None for a polynomial curve.
         t: parameters, usually in [0, 1]; the batch axes broadcast with those of the curves.
+
     Returns:
         Positions in the unit of the control points.
+
     Raises:
         TypeError, ValueError: dtypes or shapes that do not fit.
     """
@@ -128,9 +130,7 @@ def elevate_homogeneous(control: Float[Tensor, "*B K E"], degree: int = MAX_DEGR
     return control
 
 
-def subcurve_matrix(
-    start: Float[Tensor, "*B"], stop: Float[Tensor, "*B"], degree: int
-) -> Float[Tensor, "*B K K"]:
+def subcurve_matrix(start: Float[Tensor, "*B"], stop: Float[Tensor, "*B"], degree: int) -> Float[Tensor, "*B K K"]:
     """Matrix from the (homogeneous) control points of a curve to those of its part from start to stop.
 
     Row i is the blossom of the Bernstein basis at (start, ..., start, stop, ..., stop), stop taken i times.

@@ -5,7 +5,6 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier.curves import (
-    bernstein,
     check_curves,
     evaluate,
     from_homogeneous,
@@ -71,6 +70,7 @@ def length(
 
     Args:
         tolerance: absolute, in the unit of the control points.
+
     Raises:
         TypeError, ValueError: dtypes or shapes that do not fit, tolerance not positive.
     """
@@ -125,6 +125,7 @@ def tessellate(
 
     Args:
         tolerance: distance in the unit of the control points.
+
     Raises:
         TypeError, ValueError: dtypes or shapes that do not fit, tolerance not positive.
     """

@@ -81,6 +81,7 @@ def render(
         samples: samples per pixel, a square number. Monte Carlo only.
         generator: source of the samples; None is torch's default generator. Monte Carlo only.
         backend: "reference", "cpu", or None for the best there is for these tensors.
+
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
             argument, the stroke, the value and what was expected.

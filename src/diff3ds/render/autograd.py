@@ -71,9 +71,7 @@ def rasterize(
     return _forward(tensors, size, options, save=False)[0]
 
 
-def _forward(
-    tensors: tuple[Tensor, ...], size: tuple[int, int], options: Options, save: bool
-) -> tuple[Images, Any]:
+def _forward(tensors: tuple[Tensor, ...], size: tuple[int, int], options: Options, save: bool) -> tuple[Images, Any]:
     module = _ready_kernels()
     *strokes, background = tensors
     arrays = [_array(t) for t in strokes]

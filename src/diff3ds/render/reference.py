@@ -79,11 +79,14 @@ def images_from(sums: Float[Tensor, "M 6"], size: tuple[int, int], background: F
     return color + clear * background, ink[..., 0], mean_depth[..., 0]
 
 
-def composite_points(strokes: Strokes2D, hits: Hits, shade: Callable[[Hits], tuple[Tensor, Tensor]], count: int) -> Float[Tensor, "M 6"]:
+def composite_points(
+    strokes: Strokes2D, hits: Hits, shade: Callable[[Hits], tuple[Tensor, Tensor]], count: int
+) -> Float[Tensor, "M 6"]:
     """Front to back sums over the hits of `count` points (docs eq. 9), in the dtype of the colours.
 
     Args:
         shade: from hits to their coverage and depth, float64; computed again in the backward pass.
+
     Returns:
         sum T a (red, green, blue, depth, 1) and the transmittance behind everything.
     """

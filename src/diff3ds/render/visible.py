@@ -46,7 +46,9 @@ def _cut(view: Tensor, stroke: Tensor, margin: Float[Tensor, "M 4"]) -> Spans:
     ends = torch.tensor([0.0, 1.0], dtype=torch.float64, device=margin.device).expand(len(margin), 2)
     bounds = torch.cat([torch.where(roots.isnan(), 1.0, roots), ends], -1).sort(-1).values
     middle = (bounds[:, 1:] + bounds[:, :-1]) / 2
-    basis = torch.stack([(1 - middle) ** 3, 3 * middle * (1 - middle) ** 2, 3 * middle**2 * (1 - middle), middle**3], -1)
+    basis = torch.stack(
+        [(1 - middle) ** 3, 3 * middle * (1 - middle) ** 2, 3 * middle**2 * (1 - middle), middle**3], -1
+    )
     visible = ((basis @ margin[..., None])[..., 0] > 0) & (bounds[:, 1:] > bounds[:, :-1])
     # A double root splits a visible part in two that touch: keep it one.
     joined = visible[:, 1:] & visible[:, :-1]
