@@ -1,0 +1,27 @@
+"""Settings shared by all tests: repeatable property tests, and the folder with data for development."""
+
+import os
+from pathlib import Path
+
+import hypothesis
+import pytest
+import torch
+
+# Derandomised: a run fails or passes for what the code does, not for the day's luck. No deadline: machines differ.
+hypothesis.settings.register_profile("diff3ds", derandomize=True, deadline=None, print_blob=False, database=None)
+hypothesis.settings.load_profile("diff3ds")
+
+
+@pytest.fixture
+def generator() -> torch.Generator:
+    """A seeded source of random numbers."""
+    return torch.Generator().manual_seed(0)
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """The folder that DIFF3DS_DATA names; tests on real data are skipped without it."""
+    folder = os.environ.get("DIFF3DS_DATA")
+    if not folder or not Path(folder).is_dir():
+        pytest.skip("DIFF3DS_DATA does not name the folder with the data for development")
+    return Path(folder)
