@@ -11,7 +11,7 @@ from diff3ds.render import autograd, montecarlo, reference
 from diff3ds.render.arguments import (
     Antialiasing,
     Background,
-    InvalidStroke,
+    InvalidStrokeError,
     canvas_from,
     check_blur,
     check_stroke_values,
@@ -103,7 +103,7 @@ def render(
             generator=generator,
             backend=chosen,
         )
-    except InvalidStroke:
+    except InvalidStrokeError:
         sketch.check_values()
         raise
 

@@ -17,7 +17,7 @@ MAX_COORDINATE = 1e100
 MAX_SAMPLES = 4096
 
 
-class InvalidStroke(ValueError):
+class InvalidStrokeError(ValueError):
     """A stroke with a value that cannot be drawn."""
 
 
@@ -29,7 +29,11 @@ def check_strokes(strokes: Strokes2D) -> None:
     if cubics.ndim != 4 or cubics.shape[2:] != (4, 4) or cubics.dtype != torch.float64:
         raise ValueError(f"cubics must be float64 of shape (V, N, 4, 4), got {cubics.dtype} of {tuple(cubics.shape)}")
     views, count = cubics.shape[:2]
-    expected = {"half_width": [(1, count), (views, count)], "color": [(count, 3)], "opacity": [(count,)]}
+    expected: dict[str, list[tuple[int, ...]]] = {
+        "half_width": [(1, count), (views, count)],
+        "color": [(count, 3)],
+        "opacity": [(count,)],
+    }
     for name, shapes in expected.items():
         value = getattr(strokes, name)
         if tuple(value.shape) not in shapes:
@@ -46,7 +50,7 @@ def check_strokes(strokes: Strokes2D) -> None:
 
 
 def check_stroke_values(strokes: Strokes2D) -> None:
-    """Raises InvalidStroke for the first value out of range; names the field, the view, the stroke and the value."""
+    """Raises InvalidStrokeError for the first value out of range; names the field, the view, stroke and value."""
     cubics = strokes.cubics.detach()
     rules = {
         "cubics": (cubics, cubics.abs() < MAX_COORDINATE, f"finite, below {MAX_COORDINATE:g}"),
@@ -60,7 +64,7 @@ def check_stroke_values(strokes: Strokes2D) -> None:
         if not bool(good.all()):
             view, stroke, *_ = (~good).nonzero()[0].tolist()
             got = value[view, stroke].reshape(-1)[int(good[view, stroke].reshape(-1).int().argmin())].item()
-            raise InvalidStroke(f"{name} of stroke {stroke} (view {view}) must be {expected}, got {got}")
+            raise InvalidStrokeError(f"{name} of stroke {stroke} (view {view}) must be {expected}, got {got}")
 
 
 def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int, int]) -> Tensor:

@@ -23,7 +23,7 @@ class Options(NamedTuple):
 
 
 def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
-    """As `diff3ds.project.project` for tensors on the CPU, in a tenth of the time; bitwise equal on any number of threads."""
+    """As `diff3ds.project.project` on the CPU, in a tenth of the time; bitwise equal on any number of threads."""
     points, weights = sketch.points, sketch.weights
     cubics = cast(Tensor, _Project.apply(points, weights, cameras.projection))  # type: ignore[no-untyped-call]
     half_width = half_widths(sketch, cameras)
@@ -37,7 +37,7 @@ class _Project(torch.autograd.Function):
         return torch.from_numpy(_ready_kernels().project(*(_array(t) for t in (points, weights, matrices))))
 
     @staticmethod
-    @once_differentiable  # type: ignore[untyped-decorator]
+    @once_differentiable
     def backward(ctx: Any, g_cubics: Tensor) -> tuple[Tensor | None, ...]:
         inputs = (_array(t) for t in ctx.saved_tensors)
         arrays = _ready_kernels().project_backward(*inputs, _array(g_cubics), ctx.needs_input_grad[2])
@@ -62,7 +62,7 @@ def rasterize(
     """Colour, alpha and depth by the CPU kernels; the background's first three axes may be 1.
 
     Raises:
-        ValueError (`InvalidStroke` of the kernels): a stroke with a value that cannot be drawn.
+        ValueError: a stroke with a value that cannot be drawn.
     """
     options = Options(strokes.width_space == "world", strokes.near, blur, strata, seed)
     tensors = (strokes.cubics, strokes.half_width, strokes.color, strokes.opacity, background)
@@ -99,7 +99,7 @@ class _Rasterize(torch.autograd.Function):
         return images
 
     @staticmethod
-    @once_differentiable  # type: ignore[untyped-decorator]
+    @once_differentiable
     def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
         alpha, depth, canvas = ctx.saved_tensors
         # Only the gradient of depth needs them.

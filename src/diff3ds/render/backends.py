@@ -1,6 +1,7 @@
 """Which implementation renders: the compiled kernels where they are, else the reference."""
 
 import functools
+import importlib
 import warnings
 from types import ModuleType
 from typing import Literal
@@ -16,10 +17,9 @@ _thread_count: int | None = None
 def kernels() -> ModuleType | None:
     """The compiled CPU kernels, or None if the package was installed without a compiler."""
     try:
-        from diff3ds import _kernels
+        return importlib.import_module("diff3ds._kernels")
     except ModuleNotFoundError:
         return None
-    return _kernels
 
 
 def set_num_threads(count: int | None) -> None:
@@ -85,7 +85,8 @@ def _best_backend(device: torch.device, dtype: torch.dtype) -> Backend:
 def _warn_about_missing_kernels() -> None:
     """Once a process."""
     warnings.warn(
-        f"diff3ds was installed without its compiled kernels; the reference draws instead, some 100 times slower. {_HOW_TO_BUILD}.",
+        "diff3ds was installed without its compiled kernels; the reference draws instead, some 100 times slower. "
+        f"{_HOW_TO_BUILD}.",
         RuntimeWarning,
         stacklevel=5,
     )

@@ -40,7 +40,7 @@ class Hits(NamedTuple):
     t: Float[Tensor, " P"]
     free: Tensor
 
-    def where(self, rows: Tensor) -> "Hits":
+    def where(self, rows: Tensor | slice) -> "Hits":
         """Some of the hits."""
         return Hits(*(column[rows] for column in self))
 
@@ -74,7 +74,7 @@ def find_near(strokes: Strokes2D, size: tuple[int, int], reach: float) -> Near:
     none = torch.zeros(0, dtype=torch.int64, device=control.device)
     pairs = [(none, none), *_candidates(control[..., :3], far, size)]
     span, pixel = (torch.cat(column) for column in zip(*pairs, strict=True))
-    place = (span * (size[0] * size[1]) + pixel).unique()
+    place = torch.unique(span * (size[0] * size[1]) + pixel)
     return Near(spans, place // (size[0] * size[1]), place % (size[0] * size[1]))
 
 
@@ -88,10 +88,10 @@ def closest_hits(
     strokes: Strokes2D, near: Near, rows: Int[Tensor, " C"], point: Int[Tensor, " C"], position: Float[Tensor, "C 2"],
     reach: float,
 ) -> Hits:  # fmt: skip
-    """Hits of points with the strokes of rows of `near`: each stroke once, at its closest visible point, if in reach."""
+    """Hits of points with the strokes in rows of `near`: each once, at its closest visible point, if in reach."""
     spans, span = near.spans, near.span[rows]
     control = span_controls(strokes, spans)[..., :3]
-    blocks = zip(span.split(SOLVE_BLOCK), position.split(SOLVE_BLOCK), strict=True)
+    blocks = zip(torch.split(span, SOLVE_BLOCK), torch.split(position, SOLVE_BLOCK), strict=True)
     u = torch.cat([closest_parameter(control[s], q[:, None])[:, 0] for s, q in blocks])
     t = spans.start[span] + u * (spans.stop - spans.start)[span]
     hits = Hits(spans.view[span], spans.stroke[span], point, position, t, (u > 0) & (u < 1))
@@ -142,15 +142,16 @@ def _candidates(
 def _segment_distance(ends: Float[Tensor, "P 2 2"], query: Float[Tensor, "P 2"]) -> Float[Tensor, " P"]:
     chord, offset = ends[:, 1] - ends[:, 0], query - ends[:, 0]
     along = (offset * chord).sum(-1) / chord.square().sum(-1).clamp_min(1e-300)
-    return torch.linalg.vector_norm(offset - along.clamp(0, 1)[:, None] * chord, dim=-1)
+    across: Tensor = torch.linalg.vector_norm(offset - along.clamp(0, 1)[:, None] * chord, dim=-1)
+    return across
 
 
 def _groups(counts: Int[Tensor, " M"], block: int) -> "list[Tensor]":
     """Rows with a positive count, in groups of about `block` in all."""
     rows = counts.nonzero()[:, 0]
     group = (counts[rows].cumsum(0) - counts[rows]) // block
-    sizes = group.unique_consecutive(return_counts=True)[1].tolist()
-    return list(rows.split(sizes)) if sizes else []
+    sizes = torch.unique_consecutive(group, return_counts=True)[1].tolist()
+    return list(torch.split(rows, sizes)) if sizes else []
 
 
 def _nearest_of_stroke(hits: Hits, distance: Tensor) -> Tensor:

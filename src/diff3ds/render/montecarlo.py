@@ -1,8 +1,8 @@
 """Monte Carlo antialiasing, the paper's estimator, in plain torch: the specification of the kernels' one.
 
-Samples are stratified and inside a stroke or not; they are composited in their own order of depth. Their gradient is the
-interior term (autograd, for colour, opacity and depth) and the Reynolds boundary term on outlines, added to the images
-as zeros with the right derivative (docs/mathematics.md, eq. 10 to 12).
+Samples are stratified and inside a stroke or not; they are composited in their own order of depth. Their gradient is
+the interior term (autograd, for colour, opacity and depth) and the Reynolds boundary term on outlines, added to the
+images as zeros with the right derivative (docs/mathematics.md, eq. 10 to 12).
 """
 
 import torch

@@ -49,11 +49,12 @@ def coverage(distance: Tensor, half_width: Tensor, blur: float) -> Tensor:
         return inner.clamp(0, 1) - outer.clamp(0, 1)
     sigma = blur_sigma(blur)
     tail = torch.special.ndtr(torch.tensor(-BLUR_REACH, dtype=torch.float64)).item()
-    inner, outer = (
-        ((torch.special.ndtr(x / sigma) - tail) / (1 - 2 * tail)).clamp(0, 1)
-        for x in (half_width - distance, -half_width - distance)
-    )
-    return inner - outer
+
+    def cumulative(x: Tensor) -> Tensor:
+        y: Tensor = (torch.special.ndtr(x / sigma) - tail) / (1 - 2 * tail)
+        return y.clamp(0, 1)
+
+    return cumulative(half_width - distance) - cumulative(-half_width - distance)
 
 
 def blur_sigma(blur: float) -> float:
@@ -73,7 +74,7 @@ def pixel_centers(pixel: Int[Tensor, " P"], width: int) -> Float[Tensor, "P 2"]:
 
 def images_from(sums: Float[Tensor, "M 6"], size: tuple[int, int], background: Float[Tensor, "V1 H1 W1 3"]) -> Images:
     """Images from sums over the hits of every pixel: see `composite_points`."""
-    color, depth, ink, clear = sums.reshape(-1, *size, 6).split([3, 1, 1, 1], -1)
+    color, depth, ink, clear = torch.split(sums.reshape(-1, *size, 6), [3, 1, 1, 1], -1)
     inked = ink > MIN_ALPHA
     mean_depth = torch.where(inked, depth / torch.where(inked, ink, 1.0), 0.0)
     return color + clear * background, ink[..., 0], mean_depth[..., 0]
@@ -93,7 +94,7 @@ def composite_points(
     dtype, device = strokes.color.dtype, strokes.color.device
     order = _point_order(hits, point_on_stroke(strokes, hits)[1].detach())
     hits = hits.where(order)
-    points, counts = hits.point.unique_consecutive(return_counts=True)
+    points, counts = torch.unique_consecutive(hits.point, return_counts=True)
 
     def block(hits: Hits, counts: Tensor) -> Tensor:
         covered, depth = shade(hits)
