@@ -190,7 +190,7 @@ def orbit(
     lengths = sorted({len(v) for v in values} - {1})
     if len(lengths) > 1:
         raise ValueError(f"azimuth, elevation and distance must have one value or one a view, got {lengths} values")
-    around, up, radius = torch.broadcast_tensors(*values)
+    around, up, radius = torch.broadcast_tensors(*values)  # type: ignore[no-untyped-call]
     if not bool(((up.abs() < 90) & (radius > 0)).all()):
         raise ValueError("elevation must lie in (-90, 90) degrees and distance must be positive")
     around, up = torch.deg2rad(around.double()), torch.deg2rad(up.double())
@@ -238,8 +238,9 @@ def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
 
 
 def _read_transforms(path: Path) -> dict[str, Any]:
-    data = read_json(path)
-    frames = data.get("frames") if isinstance(data, dict) else None
+    content = read_json(path)
+    data: dict[str, Any] = content if isinstance(content, dict) else {}
+    frames = data.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
         raise ValueError(f"{path}: expected an object with a non-empty list 'frames', as in a transforms.json")
     for key in ("k1", "k2", "k3", "k4", "p1", "p2"):

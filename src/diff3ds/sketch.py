@@ -1,6 +1,6 @@
 """The 3D sketch: strokes, each a rational Bézier curve with width, colour and opacity."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal, get_args
 
@@ -74,7 +74,7 @@ class Sketch:
 
     def check_values(self) -> None:
         """Raises ValueError for the first value out of range; names the field, the stroke and the value."""
-        rules = {
+        rules: dict[str, tuple[str, Callable[[Tensor], Tensor]]] = {
             "points": ("finite", lambda v: v.isfinite()),
             "weights": ("finite and positive", lambda v: v.isfinite() & (v > 0)),
             "width": ("finite and not negative", lambda v: v.isfinite() & (v >= 0)),
@@ -95,7 +95,7 @@ class Sketch:
     def __getitem__(self, index: int | slice | list[int] | Tensor) -> "Sketch":
         """Some of the strokes, by index, slice or mask; an int gives a sketch of one."""
         rows = [index] if isinstance(index, int) else index
-        return replace(self, **{name: value[rows] for name, value in self.tensors().items()})
+        return self._map(lambda value: value[rows])
 
     def tensors(self) -> dict[str, Tensor]:
         """The five tensor fields by name."""
@@ -103,11 +103,15 @@ class Sketch:
 
     def to(self, target: torch.dtype | torch.device | str) -> "Sketch":
         """The same sketch in another dtype or on another device."""
-        return replace(self, **{name: value.to(target) for name, value in self.tensors().items()})
+        return self._map(lambda value: value.to(target))
 
     def detach(self) -> "Sketch":
         """The same sketch without its autograd history."""
-        return replace(self, **{name: value.detach() for name, value in self.tensors().items()})
+        return self._map(Tensor.detach)
+
+    def _map(self, function: Callable[[Tensor], Tensor]) -> "Sketch":
+        changed = {name: function(value) for name, value in self.tensors().items()}
+        return Sketch(**changed, width_space=self.width_space)
 
     def transform(self, matrix: Float[Tensor, "4 4"]) -> "Sketch":
         """The sketch moved by a similarity (rotation, uniform scale, translation); world widths scale with it.

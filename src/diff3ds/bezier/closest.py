@@ -75,11 +75,11 @@ def closest_parameter(control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C
 
     Only W(t) > 0 on [0, 1] is needed, inner weights may be negative. No gradients, no checks.
     """
-    batch = torch.broadcast_shapes(control.shape[:-2], query.shape[:-2])
+    batch = torch.broadcast_shapes(control.shape[:-2], query.shape[:-2])  # type: ignore[no-untyped-call]
     k, e = control.shape[-2:]
     rows = control[..., None, :, :].expand(*batch, query.shape[-2], k, e).reshape(-1, k, e)
     targets = query.expand(*batch, *query.shape[-2:]).reshape(-1, e - 1)
-    parts = zip(rows.split(CHUNK), targets.split(CHUNK), strict=True)
+    parts = zip(torch.split(rows, CHUNK), torch.split(targets, CHUNK), strict=True)
     solved = [_solve_rows(*part) for part in parts]
     t = torch.cat(solved) if solved else targets.new_zeros(0)
     return t.reshape(*batch, query.shape[-2])

@@ -160,7 +160,7 @@ def subcurve(
     points, weights = check_curves(points, weights)
     a = torch.as_tensor(start, dtype=points.dtype, device=points.device)
     b = torch.as_tensor(stop, dtype=points.dtype, device=points.device)
-    a, b = torch.broadcast_tensors(a, b)
+    a, b = torch.broadcast_tensors(a, b)  # type: ignore[no-untyped-call]
     return from_homogeneous(subcurve_matrix(a, b, points.shape[-2] - 1) @ homogeneous(points, weights))
 
 

@@ -137,7 +137,7 @@ def tessellate(
         control = homogeneous(points.double(), weights.double())
         intervals = chord_intervals(control, tolerance)
     counts: Int[Tensor, " N"] = torch.bincount(intervals.curve, minlength=len(points))
-    starts = intervals.start.to(points.dtype).split(counts.tolist())
+    starts = torch.split(intervals.start.to(points.dtype), counts.tolist())
     polylines = []
     for curve, start in enumerate(starts):
         t = torch.cat([start, start.new_ones(1)])
@@ -167,7 +167,8 @@ def _distance_to_chord(points: Float[Tensor, "I K D"]) -> Float[Tensor, " I"]:
     if inner.shape[1] == 0:
         return points.new_zeros(len(points))
     along = (inner * chord).sum(-1, keepdim=True) / chord.square().sum(-1, keepdim=True).clamp_min(1e-300)
-    return torch.linalg.vector_norm(inner - along.clamp(0, 1) * chord, dim=-1).amax(-1)
+    distance: Tensor = torch.linalg.vector_norm(inner - along.clamp(0, 1) * chord, dim=-1)
+    return distance.amax(-1)
 
 
 def bounding_box(

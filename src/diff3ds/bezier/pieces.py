@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import torch
 
@@ -49,7 +50,7 @@ def tame_pieces(control: Float[Tensor, "*B K E"]) -> Iterator[tuple[Tensor, Tens
         count = math.ceil(2 * reach / PIECE_LOG_ODDS)
         inner = torch.linspace(-reach, reach, count + 1, dtype=control.dtype, device=control.device).sigmoid()
         cuts = torch.cat([cuts[:1], inner, cuts[1:]])
-    for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+    for start, stop in pairwise(cuts):
         yield *standard_form(subcurve_matrix(start, stop, control.shape[-2] - 1) @ control), start, stop
 
 

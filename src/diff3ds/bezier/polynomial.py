@@ -27,7 +27,8 @@ def derivative(coefficients: Float[Tensor, "*B C"]) -> Float[Tensor, "*B C1"]:
 def multiply(a: Float[Tensor, "*B C1"], b: Float[Tensor, "*B C2"]) -> Float[Tensor, "*B C3"]:
     """Ascending coefficients of the product of two polynomials."""
     n = b.shape[-1]
-    product = a.new_zeros((*torch.broadcast_shapes(a.shape[:-1], b.shape[:-1]), a.shape[-1] + n - 1))
+    batch = torch.broadcast_shapes(a.shape[:-1], b.shape[:-1])  # type: ignore[no-untyped-call]
+    product = a.new_zeros((*batch, a.shape[-1] + n - 1))
     for k in range(a.shape[-1]):
         product[..., k : k + n] += a[..., k : k + 1] * b
     return product
@@ -101,7 +102,10 @@ def bracketed_roots(
 ) -> Float[Tensor, " R"]:
     """One root in each bracket by Newton-Raphson, falling back on bisection when a step leaves the bracket."""
     dp = derivative(p)
-    at = lambda c, x: polyval(c, x[:, None])[:, 0]  # noqa: E731
+
+    def at(c: Float[Tensor, "R2 C2"], x: Float[Tensor, " R2"]) -> Float[Tensor, " R2"]:
+        return polyval(c, x[:, None])[:, 0]
+
     rising = at(p, high) >= at(p, low)
     below, above = torch.where(rising, low, high), torch.where(rising, high, low)  # p(below) <= 0 <= p(above)
     x = (low + high) / 2
