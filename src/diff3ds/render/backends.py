@@ -3,6 +3,8 @@
 import functools
 import importlib
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Literal
 
@@ -39,6 +41,24 @@ def set_num_threads(count: int | None) -> None:
 def get_num_threads() -> int:
     """Threads that the CPU kernels use."""
     return _thread_count or torch.get_num_threads()
+
+
+@contextmanager
+def torch_on_one_thread() -> Iterator[None]:
+    """Inside, torch computes on one thread, and the kernels on as many as before.
+
+    Torch splits its sums over its threads, so that their last bits depend on the number of threads; the kernels' do
+    not.
+    """
+    global _thread_count
+    kernel_threads, torch_threads = _thread_count, torch.get_num_threads()
+    _thread_count = get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(torch_threads)
+        _thread_count = kernel_threads
 
 
 def available_backends() -> list[Backend]:

@@ -1,0 +1,131 @@
+"""The state of a fit, and the file that keeps it: safetensors, so that reading one runs no code."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+
+from diff3ds._files import replacing
+from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.refine import Edit
+from diff3ds.sketch import Sketch, WidthSpace
+
+VERSION = 1
+FIELDS = ("points", "weights", "width", "color", "opacity")
+# 100,000 strokes with their moments take 40 MB.
+MAX_BYTES = 1 << 30
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A fit between two steps; never changed in place.
+
+    Attributes:
+        index: of the next step.
+        sketch: detached.
+        first, second: Adam's moments of every field of the sketch.
+        age: steps that each stroke has seen.
+        random: state of the generator.
+        losses: of all steps so far.
+    """
+
+    index: int
+    sketch: Sketch
+    first: dict[str, Tensor]
+    second: dict[str, Tensor]
+    age: Float[Tensor, " N"]
+    random: Int[Tensor, " B"]
+    losses: tuple[float, ...]
+
+    def generator(self) -> torch.Generator:
+        """A generator in the state of this moment."""
+        generator = torch.Generator()
+        generator.set_state(self.random)
+        return generator
+
+    def edited(self, edit: Edit) -> "State":
+        """The state after strokes were dropped and added; new ones start without moments."""
+        parts = [self.sketch[edit.kept], *([edit.added] if edit.added is not None else [])]
+        sketch = Sketch.concatenate(parts)
+        fresh = len(sketch) - len(parts[0])
+
+        def grown(values: Tensor) -> Tensor:
+            kept = values[edit.kept]
+            return torch.cat([kept, kept.new_zeros(fresh, *kept.shape[1:])])
+
+        moments = [{name: grown(value) for name, value in part.items()} for part in (self.first, self.second)]
+        return replace(self, sketch=sketch, first=moments[0], second=moments[1], age=grown(self.age))
+
+
+def start(sketch: Sketch, seed: int) -> State:
+    """The state before the first step."""
+    zeros = {name: torch.zeros_like(value) for name, value in sketch.tensors().items()}
+    random = torch.Generator().manual_seed(seed).get_state()
+    return State(0, sketch, zeros, zeros, torch.zeros_like(sketch.width), random, ())
+
+
+def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None:
+    """Writes a state, whole or not at all; `settings` are what a resumed run must share."""
+    from safetensors.torch import save_file
+
+    tensors = {
+        **{f"sketch.{name}": value for name, value in state.sketch.tensors().items()},
+        **{f"first.{name}": value for name, value in state.first.items()},
+        **{f"second.{name}": value for name, value in state.second.items()},
+        "age": state.age,
+        "random": state.random,
+        "losses": torch.tensor(state.losses, dtype=torch.float64),
+    }
+    about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
+    with replacing(path) as temporary:
+        # Tensors that share memory are refused by the format.
+        save_file({k: v.clone().contiguous() for k, v in tensors.items()}, temporary, {"diff3ds": json.dumps(about)})
+
+
+def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State:
+    """The state in a checkpoint.
+
+    Args:
+        settings: if given, they must be those of the checkpoint.
+
+    Raises:
+        FileNotFoundError: it is missing.
+        ValueError: it is no checkpoint of this version, is damaged, or belongs to a run with other settings.
+    """
+    tensors, about = _read(path)
+    different = {k: (about["settings"].get(k), v) for k, v in (settings or {}).items() if about["settings"].get(k) != v}
+    if different:
+        name, (was, now) = next(iter(different.items()))
+        raise ValueError(f"{path}: the run to resume had {name}={was}, not {now}: give the same, or start a new run")
+    try:
+        sketch = Sketch(
+            **{name: tensors[f"sketch.{name}"] for name in FIELDS}, width_space=cast(WidthSpace, about["width_space"])
+        )
+        first, second = ({name: tensors[f"{part}.{name}"] for name in FIELDS} for part in ("first", "second"))
+        for moments in (first, second):
+            if any(moments[name].shape != value.shape for name, value in sketch.tensors().items()):
+                raise ValueError("moments and strokes do not fit")
+        losses = tuple(tensors["losses"].tolist())
+        state = State(int(about["index"]), sketch, first, second, tensors["age"], tensors["random"], losses)
+        state.generator()
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{path}: damaged checkpoint ({error}); delete it to start anew") from error
+    return state
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    from safetensors import SafetensorError, safe_open
+
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path}: larger than any checkpoint ({MAX_BYTES} bytes)")
+    try:
+        with safe_open(path, "pt") as file:
+            about = json.loads((file.metadata() or {})["diff3ds"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    except (SafetensorError, KeyError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path}: not a checkpoint of diff3ds ({error}); delete it to start anew") from error
+    if not isinstance(about, dict) or about.get("version") != VERSION or not isinstance(about.get("settings"), dict):
+        raise ValueError(f"{path}: not a checkpoint of this version of diff3ds; delete it to start anew")
+    return tensors, about

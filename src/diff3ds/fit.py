@@ -1,0 +1,231 @@
+"""The optimisation loop: a sketch follows the gradient of any objective through the renderer."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Tensor
+from diff3ds.camera import Cameras
+from diff3ds.checkpoint import State, read_checkpoint, start, write_checkpoint
+from diff3ds.refine import Refinement
+from diff3ds.render import Rendering, render
+from diff3ds.render.arguments import Antialiasing, Background
+from diff3ds.render.backends import torch_on_one_thread
+from diff3ds.sketch import Sketch
+
+# Adam's usual constants (Kingma and Ba 2015).
+BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Adam's learning rates at the first step; fields with rate 0 stay as they are.
+
+    Attributes:
+        points: world units a step.
+        weights: of the weights' logarithms, so that they stay positive.
+        width: in units of `Sketch.width`; widths stay at or above 0.
+        color: colours stay in [0, 1].
+        opacity: opacities stay in [0, 1].
+    """
+
+    points: float = 0.01
+    weights: float = 0.0
+    width: float = 0.0
+    color: float = 0.0
+    opacity: float = 0.0
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """How `fit` runs.
+
+    Attributes:
+        steps: gradient steps.
+        rates: learning rates at the first step.
+        final_rate: learning rates fall exponentially, to this share of their start.
+        blur: of the renderings, pixels: a number, or a function of the step's index.
+        background: of the renderings, as for `render`.
+        antialiasing: as for `render`.
+        samples: as for `render`.
+        refinements: called after every step, in this order; they may drop and add strokes.
+        seed: of all random draws; a CPU run repeats bit for bit, whatever the number of threads.
+        checkpoint: file that keeps the state, written every `checkpoint_every` steps, at the end, and when the run is
+            left early by an exception, Ctrl-C included.
+        checkpoint_every: steps.
+        resume: go on from the checkpoint if it exists; the run continues as if it had never stopped.
+    """
+
+    steps: int = 1000
+    rates: Rates = field(default_factory=Rates)
+    final_rate: float = 0.1
+    blur: float | Callable[[int], float] = 0.0
+    background: Background = 1.0
+    antialiasing: Antialiasing = "analytic"
+    samples: int = 4
+    refinements: Sequence[Refinement] = ()
+    seed: int = 0
+    checkpoint: Path | None = None
+    checkpoint_every: int = 100
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "checkpoint_every"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                raise ValueError(f"{name} must be a positive integer, got {getattr(self, name)!r}")
+        for name, rate in {**asdict(self.rates), "final_rate": self.final_rate}.items():
+            if not 0 <= rate < math.inf or (name == "final_rate" and rate == 0):
+                raise ValueError(f"{name} must be a finite rate, not negative, got {rate}")
+        if not any(asdict(self.rates).values()):
+            raise ValueError("all learning rates are 0: nothing would change")
+        if self.resume and self.checkpoint is None:
+            raise ValueError("resume needs a checkpoint file: give checkpoint=")
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What one step did.
+
+    Attributes:
+        index: 0 for the first.
+        sketch: after the step, detached.
+        loss: before it.
+        rendering: before it, what the objective saw, detached.
+    """
+
+    index: int
+    sketch: Sketch
+    loss: float
+    rendering: Rendering
+
+
+# Maps a rendering, its cameras and the index of the step to a scalar loss.
+Objective = Callable[[Rendering, Cameras, int], Tensor]
+CameraSampler = Callable[[int, torch.Generator], Cameras]
+
+
+def fit(
+    sketch: Sketch, objective: Objective, cameras: Cameras | CameraSampler, config: FitConfig | None = None
+) -> Iterator[Step]:
+    """Optimises a sketch by gradient descent (Adam); yields after every step.
+
+    Nothing is lost by leaving the loop: every yielded sketch is complete, and the checkpoint is written on the way out.
+
+    Args:
+        sketch: where to start.
+        objective: called with the rendering (gradients on), the cameras and the step's index.
+        cameras: the same views in every step, or a function (step, generator) that gives those of a step.
+        config: default `FitConfig()`.
+
+    Raises:
+        ValueError: an empty sketch; a checkpoint of another run.
+        FloatingPointError: in the loop, when a loss or a gradient is not finite; names the step.
+    """
+    config = config or FitConfig()
+    if not len(sketch):
+        raise ValueError("the sketch has no strokes to fit")
+    state = start(sketch.detach(), config.seed)
+    if config.resume and config.checkpoint is not None and config.checkpoint.exists():
+        state = read_checkpoint(config.checkpoint, _settings(config))
+    return _run(state, objective, cameras if callable(cameras) else _always(cameras), config)
+
+
+def _always(cameras: Cameras) -> CameraSampler:
+    return lambda step, generator: cameras
+
+
+def _settings(config: FitConfig) -> dict[str, object]:
+    """What must be the same for a run to go on from a checkpoint."""
+    names = ("steps", "final_rate", "antialiasing", "samples", "seed")
+    return {**asdict(config.rates), **{name: getattr(config, name) for name in names}}
+
+
+def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Iterator[Step]:
+    try:
+        while state.index < config.steps:
+            with torch_on_one_thread():
+                state, step = _advance(state, objective, cameras, config)
+            if config.checkpoint is not None and state.index % config.checkpoint_every == 0:
+                write_checkpoint(config.checkpoint, state, _settings(config))
+            yield step
+    finally:
+        if config.checkpoint is not None:
+            write_checkpoint(config.checkpoint, state, _settings(config))
+
+
+def _advance(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> tuple[State, Step]:
+    """One step. The given state is left as it is, so that an interruption loses this step only."""
+    generator = state.generator()
+    views = cameras(state.index, generator)
+    leaves = _leaves(state.sketch, config.rates)
+    rendering = render(
+        _assembled(state.sketch, leaves),
+        views,
+        background=config.background,
+        antialiasing=config.antialiasing,
+        blur=config.blur(state.index) if callable(config.blur) else config.blur,
+        samples=config.samples,
+        generator=generator,
+    )
+    loss = objective(rendering, views, state.index)
+    gradients = _gradients(loss, leaves, state.index)
+    decay = config.final_rate ** (state.index / config.steps)
+    state = _descended(state, leaves, gradients, config.rates, decay)
+    for refine in config.refinements:
+        edit = refine(state.index, config.steps, state.sketch, generator)
+        if edit is not None:
+            state = state.edited(edit)
+    value = float(loss.detach())
+    step = Step(state.index, state.sketch, value, Rendering(*(x.detach() for x in vars(rendering).values())))
+    return replace(state, index=state.index + 1, losses=(*state.losses, value), random=generator.get_state()), step
+
+
+def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:
+    """The values that Adam moves, by field."""
+    moved = {name: value for name, value in sketch.tensors().items() if getattr(rates, name)}
+    if "weights" in moved:
+        moved["weights"] = moved["weights"].log()
+    return {name: value.detach().clone().requires_grad_() for name, value in moved.items()}
+
+
+def _assembled(sketch: Sketch, leaves: dict[str, Tensor]) -> Sketch:
+    fields = {**sketch.tensors(), **leaves}
+    if "weights" in leaves:
+        fields["weights"] = leaves["weights"].exp()
+    return Sketch(**fields, width_space=sketch.width_space)
+
+
+def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> dict[str, Tensor]:
+    if not isinstance(loss, Tensor) or loss.numel() != 1:
+        got = tuple(loss.shape) if isinstance(loss, Tensor) else type(loss).__name__
+        raise ValueError(f"the objective must return a scalar tensor, got {got}")
+    if not bool(loss.isfinite()):
+        raise FloatingPointError(f"the loss of step {index} is {loss.item()}")
+    values = torch.autograd.grad(loss.reshape(()), list(leaves.values()), allow_unused=True)
+    gradients = {}
+    for (name, leaf), value in zip(leaves.items(), values, strict=True):
+        gradients[name] = torch.zeros_like(leaf) if value is None else value
+        if not bool(gradients[name].isfinite().all()):
+            raise FloatingPointError(f"the gradient of {name} in step {index} is not finite")
+    return gradients
+
+
+def _descended(
+    state: State, leaves: dict[str, Tensor], gradients: dict[str, Tensor], rates: Rates, decay: float
+) -> State:
+    """Adam (Kingma and Ba 2015, algorithm 1) with an age for every stroke, because strokes come and go."""
+    age = state.age + 1
+    first, second, moved = dict(state.first), dict(state.second), {}
+    for name, gradient in gradients.items():
+        first[name] = BETA1 * first[name] + (1 - BETA1) * gradient
+        second[name] = BETA2 * second[name] + (1 - BETA2) * gradient.square()
+        shape = (-1, *[1] * (gradient.ndim - 1))
+        mean = first[name] / (1 - BETA1**age).reshape(shape)
+        spread = (second[name] / (1 - BETA2**age).reshape(shape)).sqrt()
+        moved[name] = leaves[name].detach() - decay * getattr(rates, name) * mean / (spread + EPSILON)
+    limits = {"width": (0.0, None), "color": (0.0, 1.0), "opacity": (0.0, 1.0)}
+    kept_in = {name: value.clamp(*limits[name]) if name in limits else value for name, value in moved.items()}
+    return replace(state, sketch=_assembled(state.sketch, kept_in), first=first, second=second, age=age)

@@ -1,0 +1,103 @@
+"""Which strokes a running fit should keep, and which to add."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+
+from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds.bezier import evaluate
+from diff3ds.camera import Cameras
+from diff3ds.sketch import Sketch
+
+# The paper measures the length of a stroke by 20 chords.
+CHORDS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """A change of the strokes of a running fit.
+
+    Attributes:
+        kept: indices of the strokes that stay.
+        added: new strokes, put behind them.
+    """
+
+    kept: Int[Tensor, " M"]
+    added: Sketch | None = None
+
+
+# Called after a step with its index, the number of steps, the sketch and the run's generator; None changes nothing.
+Refinement = Callable[[int, int, Sketch, torch.Generator], Edit | None]
+
+
+@dataclass(frozen=True)
+class NoiseDeletion:
+    """The paper's dynamic noise deletion, a refinement: strokes shorter than a threshold are dropped now and then.
+
+    Attributes:
+        length: strokes shorter than this go, world units. The paper: 0.1 in a ball of radius 1.5.
+        start: share of the steps before the first deletion; the paper: 2,000 of 4,000.
+        every: share of the steps between deletions; the paper: 100 of 4,000.
+    """
+
+    length: float = 0.1
+    start: float = 0.5
+    every: float = 0.025
+
+    def __call__(self, step: int, steps: int, sketch: Sketch, generator: torch.Generator) -> Edit | None:
+        """The strokes to keep after this step, or None."""
+        if not self.due(step, steps):
+            return None
+        keep = long_enough(sketch, self.length)
+        return None if bool(keep.all()) else Edit(keep.nonzero()[:, 0])
+
+    def due(self, step: int, steps: int) -> bool:
+        """Whether strokes are deleted after this step (counted from 0) of so many."""
+        first, period = round(self.start * steps), max(1, round(self.every * steps))
+        done = step + 1
+        return done >= first and (done - first) % period == 0
+
+
+def chord_lengths(sketch: Sketch) -> Float[Tensor, " N"]:
+    """Lengths of the strokes measured along `CHORDS` chords between evenly spaced parameters, world units."""
+    points = _along(sketch, CHORDS + 1)
+    steps: Tensor = torch.linalg.vector_norm(points[:, 1:] - points[:, :-1], dim=-1)
+    return steps.sum(1)
+
+
+def long_enough(sketch: Sketch, length: float) -> Bool[Tensor, " N"]:
+    """Strokes to keep in noise deletion. The longest stays in any case: a sketch never becomes empty."""
+    lengths = chord_lengths(sketch)
+    return lengths.ge(min(length, float(lengths.max()))) if len(sketch) else lengths > 0
+
+
+def support(
+    sketch: Sketch, cameras: Cameras, ink: Float[Tensor, "V H W"], samples: int = CHORDS
+) -> Float[Tensor, "N S"]:
+    """Share of the views that show ink where the samples of each stroke appear.
+
+    A view that does not contain a sample (outside the image, or behind the camera) does not count for it; a sample that
+    no view contains has support 0. Bilinear between pixels.
+
+    Args:
+        ink: target images in [0, 1].
+        samples: points along each stroke, at the middles of even parameter steps.
+    """
+    points = _along(sketch, 2 * samples + 1)[:, 1::2].double()
+    homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
+    projected = torch.einsum("vij,nsj->vnsi", cameras.projection, homogeneous)
+    depth = projected[..., 2]
+    height, width = cameras.size
+    pixels = projected[..., :2] / depth.clamp(min=cameras.near)[..., None]
+    scale = pixels.new_tensor([2 / width, 2 / height])
+    seen = torch.nn.functional.grid_sample(
+        ink[:, None].double(), pixels * scale - 1, mode="bilinear", align_corners=False
+    )[:, 0]
+    inside = ((pixels > 0) & (pixels < 2 / scale)).all(-1) & (depth > cameras.near)
+    return ((seen * inside).sum(0) / inside.sum(0).clamp(min=1)).to(sketch.points.dtype)
+
+
+def _along(sketch: Sketch, count: int) -> Float[Tensor, "N S 3"]:
+    points, weights = sketch.points.detach(), sketch.weights.detach()
+    return evaluate(points, weights, torch.linspace(0, 1, count, dtype=points.dtype, device=points.device))
