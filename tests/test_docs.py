@@ -49,14 +49,15 @@ def python_blocks(path: Path) -> str:
 
 
 def test_citations_are_read_in_all_their_forms():
-    assert cited("(docs eq. 7) and eq. 10 to 12; (eq. 4, 5), eq. 1-2. eq. 6a") == set("7 10 11 12 4 5 1 2 6a".split())
+    text = "(docs eq. 7) and eq. 10 to 12; (eq. 4, 5), eq. 1-2. eq. 6a"
+    assert cited(text) == {"1", "2", "4", "5", "6a", "7", "10", "11", "12"}
 
 
 def test_every_cited_equation_exists():
     tags = re.findall(r"\\tag\{(\w+)\}", MATHEMATICS)
     assert len(tags) == len(set(tags))
     sources = {relative(path): cited(path.read_text(encoding="utf-8")) for path in SOURCES}
-    assert set("3 7 9 12".split()) <= set.union(*sources.values())
+    assert {"3", "7", "9", "12"} <= set.union(*sources.values())
     assert {name: numbers - set(tags) for name, numbers in sources.items() if numbers - set(tags)} == {}
 
 
@@ -126,7 +127,7 @@ def test_examples_run(path, tmp_path):
             for folder in (tmp_path, ROOT / "docs/pictures")
         )
         assert drawn.shape == shown.shape
-        # Processors round differently, which shows where one stroke barely hides another; a changed drawing shows all over.
+        # Processors round differently: it shows where one stroke barely hides another. A changed one shows all over.
         assert (np.abs(drawn - shown).max(-1) > 2).mean() < 1e-3
 
 
