@@ -1,0 +1,77 @@
+"""Sketches to files and back; the suffix of the name says which format."""
+
+from pathlib import Path
+
+from diff3ds.camera import Cameras
+from diff3ds.formats.png import load_image, save_png, tile_images
+from diff3ds.formats.sketch_json import load_json, save_json
+from diff3ds.formats.step import load_step, save_step
+from diff3ds.formats.svg import save_svg
+from diff3ds.render import render
+from diff3ds.sketch import Sketch
+
+__all__ = [
+    "load",
+    "load_image",
+    "load_json",
+    "load_step",
+    "save",
+    "save_json",
+    "save_png",
+    "save_step",
+    "save_svg",
+    "tile_images",
+]
+
+_GEOMETRY = {".json": save_json, ".step": save_step, ".stp": save_step}
+_PICTURES = (".svg", ".png")
+_READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
+
+
+def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None) -> None:
+    """Writes a sketch, whole or not at all, in the format of the suffix.
+
+    * `.json`: everything, bit for bit.
+    * `.step`, `.stp`: exact curves and weights, and colours, for CAD programs (see `save_step`).
+    * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
+    * `.png`: the views of `cameras` in a grid, rendered over white.
+
+    Args:
+        cameras: the views of a picture; formats that hold the sketch itself need none.
+
+    Raises:
+        TypeError: not a sketch.
+        ValueError: another suffix; a picture without cameras; values that have become invalid since the sketch was
+            made.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    if not isinstance(sketch, Sketch):
+        raise TypeError(f"save writes a Sketch, got {type(sketch).__name__}")
+    sketch.check_values()
+    suffix = path.suffix.lower()
+    if suffix in _GEOMETRY:
+        _GEOMETRY[suffix](path, sketch)
+    elif suffix not in _PICTURES:
+        raise ValueError(f"{path}: cannot save as {suffix!r}, only as {', '.join([*_GEOMETRY, *_PICTURES])}")
+    elif not isinstance(cameras, Cameras):
+        raise ValueError(f"{path}: a picture needs cameras=Cameras, got {type(cameras).__name__}: try ds.orbit(30, 20)")
+    elif suffix == ".svg":
+        save_svg(path, sketch, cameras)
+    else:
+        save_png(path, tile_images(render(sketch.detach(), cameras).color))
+
+
+def load(path: str | Path) -> Sketch:
+    """Reads a sketch from a `.json`, `.step` or `.stp` file. STEP needs the extra `cad` (see `load_step`).
+
+    Raises:
+        ValueError: another suffix; not such a file, or a broken, too large or unsupported one.
+        OSError: the file cannot be read.
+        ImportError: the extra that reads this format is not installed.
+    """
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise ValueError(f"{path}: cannot load {path.suffix.lower()!r}, only {', '.join(_READERS)}")
+    return reader(path)

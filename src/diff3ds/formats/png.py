@@ -1,0 +1,107 @@
+"""Pictures: tensors to PNG files, picture files to tensors, and grids of views."""
+
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from diff3ds._files import replacing
+from diff3ds._shapes import Float, Tensor
+
+# 11585 x 11585; as float32 RGBA that takes 2 GiB. More is taken for a mistake or an attack.
+MAX_PIXELS = 1 << 27
+_MODES = {1: "L", 3: "RGB", 4: "RGBA"}
+
+
+def save_png(path: str | Path, image: Float[Tensor, "H W C"]) -> None:
+    """Writes a picture, whole or not at all, with 8 bits a channel.
+
+    Args:
+        image: gray, RGB or straight RGBA (C = 1, 3 or 4) in [0, 1]; what lies outside is clamped.
+
+    Raises:
+        TypeError, ValueError: not such an image, or one with values that are not finite.
+        OSError: the file cannot be written.
+    """
+    from PIL import Image
+
+    if not isinstance(image, Tensor) or not image.is_floating_point():
+        got = str(image.dtype) if isinstance(image, Tensor) else type(image).__name__
+        raise TypeError(f"image must be a floating point tensor in [0, 1], got {got}")
+    if image.ndim != 3 or image.shape[2] not in _MODES or 0 in image.shape:
+        hint = ": several views make one picture with tile_images" if image.ndim == 4 else ""
+        raise ValueError(f"image must have shape (H, W, C), C = 1, 3 or 4, got {tuple(image.shape)}{hint}")
+    values = image.detach().cpu().double()
+    if not bool(values.isfinite().all()):
+        row, column, channel = (~values.isfinite()).nonzero()[0].tolist()
+        raise ValueError(f"image must be finite, got {values[row, column, channel]} at row {row}, column {column}")
+    content = (values.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+    picture = Image.fromarray(content[..., 0] if content.shape[2] == 1 else content)
+    with replacing(Path(path)) as temporary:
+        picture.save(temporary, format="PNG")
+
+
+def load_image(path: str | Path) -> Float[Tensor, "H W C"]:
+    """A picture file (any format that pillow reads) as float32 in [0, 1].
+
+    C is 1 for gray, 3 for RGB, 4 for straight RGBA; palettes and other colour models become RGB or RGBA. 16 bits a
+    channel are kept for gray. Pixels are taken as they are stored: no EXIF rotation, no colour profile.
+
+    Raises:
+        ValueError: more than 2^27 pixels, or a file that is no picture or a broken one.
+        OSError: the file cannot be read.
+    """
+    from PIL import Image
+
+    path = Path(path)
+    with path.open("rb") as file, warnings.catch_warnings():
+        # Pillow warns below our bound, which is checked here, and refuses above it.
+        warnings.simplefilter("ignore")
+        try:
+            with Image.open(file) as picture:
+                if picture.width * picture.height > MAX_PIXELS:
+                    raise ValueError(f"{picture.width} x {picture.height} are more than the {MAX_PIXELS} that are read")
+                return _tensor(picture)
+        # Broken files make pillow's decoders raise nearly anything.
+        except Exception as error:
+            raise ValueError(f"{path}: cannot be read as a picture ({error})") from error
+
+
+def _tensor(picture: Any) -> Float[Tensor, "H W C"]:
+    if picture.mode.startswith("I;16"):
+        values = torch.from_numpy(np.asarray(picture).astype(np.float32))
+        return (values / 65535)[..., None]
+    if picture.mode not in _MODES.values():
+        transparent = "A" in picture.getbands() or "transparency" in picture.info
+        picture = picture.convert("L" if picture.mode == "1" else "RGBA" if transparent else "RGB")
+    values = torch.from_numpy(np.asarray(picture).astype(np.float32)) / 255
+    return values[..., None] if values.ndim == 2 else values
+
+
+def grid_columns(count: int) -> int:
+    """Columns of a grid of `count` pictures that is as square as it gets, wider rather than higher."""
+    return math.ceil(math.sqrt(count))
+
+
+def tile_images(images: Float[Tensor, "V H W C"], columns: int | None = None) -> Float[Tensor, "H1 W1 C"]:
+    """Pictures side by side in one, row by row from the top left; empty places are white.
+
+    Args:
+        columns: pictures in a row; None makes the grid about square.
+
+    Raises:
+        ValueError: no pictures, or not a positive number of columns.
+    """
+    if images.ndim != 4 or len(images) == 0:
+        raise ValueError(f"images must have shape (V, H, W, C) with at least one view, got {tuple(images.shape)}")
+    columns = grid_columns(len(images)) if columns is None else columns
+    if columns < 1:
+        raise ValueError(f"columns must be positive, got {columns}")
+    count, height, width, channels = images.shape
+    rows = math.ceil(count / columns)
+    blank = images.new_ones((rows * columns - count, height, width, channels))
+    grid = torch.cat([images, blank]).reshape(rows, columns, height, width, channels)
+    return grid.transpose(1, 2).reshape(rows * height, columns * width, channels)

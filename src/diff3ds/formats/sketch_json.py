@@ -1,0 +1,109 @@
+"""sketch.json: the lossless, versioned file of a sketch.
+
+An object with these keys, for N strokes of K control points:
+
+* `version`: 1.
+* `dtype`: of the numbers, "float32" (the default) or "float64", "float16", "bfloat16".
+* `width_space`: "image" or "world".
+* `points` (N, K, 3), `weights` (N, K), `width` (N), `color` (N, 3), `opacity` (N): nested lists, as in `Sketch`.
+
+Numbers are written with as many digits as it takes to read the same bits again. Other keys are ignored.
+"""
+
+import json
+import reprlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._files import read_json, write_text
+from diff3ds._shapes import Tensor
+from diff3ds.sketch import Sketch
+
+VERSION = 1
+_DTYPES = {"float16": torch.float16, "bfloat16": torch.bfloat16, "float32": torch.float32, "float64": torch.float64}
+
+
+def save_json(path: str | Path, sketch: Sketch) -> None:
+    """Writes a sketch.json, whole or not at all.
+
+    Raises:
+        ValueError: values that have become invalid since the sketch was made.
+        OSError: the file cannot be written.
+    """
+    sketch.check_values()
+    values: dict[str, Any] = {
+        "version": VERSION,
+        "dtype": str(sketch.points.dtype).removeprefix("torch."),
+        "width_space": sketch.width_space,
+    }
+    values |= {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
+    write_text(Path(path), "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def load_json(path: str | Path) -> Sketch:
+    """Reads a sketch.json; the sketch is on the CPU. A sketch without strokes comes back as one of cubics.
+
+    Raises:
+        ValueError: larger than 256 MiB, not JSON, an unknown version, a missing key, a wrong shape or value; the
+            message names the key and the stroke.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    data = read_json(path)
+    if not isinstance(data, dict) or "version" not in data:
+        raise ValueError(f"{path}: not a sketch.json: expected an object with the key 'version'")
+    if data["version"] != VERSION:
+        raise ValueError(f"{path}: version must be {VERSION}, got {data['version']!r}: a newer diff3ds may read it")
+    name = data.get("dtype", "float32")
+    if not isinstance(name, str) or name not in _DTYPES:
+        raise ValueError(f"{path}: dtype must be one of {', '.join(_DTYPES)}, got {name!r}")
+    controls = _control_points(path, data)
+    shapes: dict[str, tuple[int, ...]] = {
+        "points": (controls, 3),
+        "weights": (controls,),
+        "width": (),
+        "color": (3,),
+        "opacity": (),
+    }
+    tensors = {key: _numbers(path, data, key, shape).to(_DTYPES[name]) for key, shape in shapes.items()}
+    try:
+        return Sketch(**tensors, width_space=data.get("width_space"))  # type: ignore[arg-type]  # checked there
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _control_points(path: Path, data: dict[str, Any]) -> int:
+    """K, from the first stroke."""
+    points = data.get("points")
+    if not isinstance(points, list):
+        raise ValueError(f"{path}: points must be a list with one item a stroke, got {reprlib.repr(points)}")
+    if not points:
+        return 4
+    if not isinstance(points[0], list) or len(points[0]) not in (2, 3, 4):
+        raise ValueError(f"{path}: points of stroke 0 must be 2, 3 or 4 points, got {reprlib.repr(points[0])}")
+    return len(points[0])
+
+
+def _numbers(path: Path, data: dict[str, Any], key: str, shape: tuple[int, ...]) -> Tensor:
+    """The value of a key as a float64 tensor (N, *shape)."""
+    rows = data.get(key)
+    count = len(data["points"])
+    if not isinstance(rows, list) or len(rows) != count:
+        got = f"{len(rows)} items" if isinstance(rows, list) else reprlib.repr(rows)
+        raise ValueError(f"{path}: {key} must be a list with one item a stroke, {count}, got {got}")
+    for stroke, row in enumerate(rows):
+        if not _fits(row, shape):
+            expected = f"{' x '.join(map(str, shape))} finite numbers" if shape else "a finite number"
+            raise ValueError(f"{path}: {key} of stroke {stroke} must be {expected}, got {reprlib.repr(row)}")
+    return torch.tensor(rows, dtype=torch.float64).reshape(count, *shape)
+
+
+def _fits(value: object, shape: tuple[int, ...]) -> bool:
+    """Whether a value is a nested list of finite numbers of this shape."""
+    if shape:
+        return isinstance(value, list) and len(value) == shape[0] and all(_fits(v, shape[1:]) for v in value)
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max  # type: ignore[arg-type]

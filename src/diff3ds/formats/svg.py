@@ -1,0 +1,144 @@
+"""SVG files: views of a sketch as vector paths, one path a stroke."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+
+from diff3ds._files import write_text
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.formats.png import grid_columns
+from diff3ds.formats.screen_pieces import Pieces, screen_pieces
+from diff3ds.project import Strokes2D, project
+from diff3ds.sketch import Sketch
+
+# Pixels. An edge that is off by this changes a pixel by as much at most: 13 of 255.
+TOLERANCE = 0.05
+
+
+def save_svg(
+    path: str | Path,
+    sketch: Sketch,
+    cameras: Cameras,
+    *,
+    background: Sequence[float] | None = (1.0, 1.0, 1.0),
+) -> None:
+    """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
+
+    Every stroke is one path with round ends. With `width_space="image"` it is a stroked path of cubic Béziers: SVG
+    knows no rational ones, so it stays within `TOLERANCE` (.05 px, guaranteed) of the exact curve. With "world", whose
+    strokes taper, it is the filled outline of discs swept along chords, to the same tolerance. What a view cannot show
+    is left out.
+
+    SVG has no depth: whole strokes lie over each other in the order of their mean depth. Where the order of two strokes
+    changes along them, as in a knot, the file cannot show it. Colours are clamped to [0, 1] and rounded to 8 bits.
+
+    Args:
+        background: RGB in [0, 1], or None for a transparent one.
+
+    Raises:
+        ValueError: no cameras, sketch and cameras on different devices, or a background that is no colour.
+        OSError: the file cannot be written.
+    """
+    if len(cameras) == 0:
+        raise ValueError("an SVG file needs at least one view, got none")
+    if background is not None and len(background) != 3:
+        raise ValueError(f"background must be three numbers in [0, 1] or None, got {background}")
+    sketch = sketch.detach()
+    sketch.check_values()
+    strokes = project(sketch, cameras)
+    height, width = cameras.size
+    columns = grid_columns(len(cameras))
+    total = columns * width, math.ceil(len(cameras) / columns) * height
+    lines = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{total[0]}" height="{total[1]}">']
+    if background is not None:
+        lines.append(f'<rect width="100%" height="100%" fill="{_hex(background)}"/>')
+    for view in range(len(cameras)):
+        row, column = divmod(view, columns)
+        # An inner svg clips what sticks out of its view.
+        lines.append(f'<svg x="{column * width}" y="{row * height}" width="{width}" height="{height}">')
+        lines += _paths(strokes, screen_pieces(strokes, view, cameras.size, TOLERANCE))
+        lines.append("</svg>")
+    write_text(Path(path), "\n".join([*lines, "</svg>\n"]))
+
+
+def _paths(strokes: Strokes2D, pieces: Pieces) -> list[str]:
+    """The path elements of one view, far ones first; among equals the last first, as `render` has it."""
+    count = len(strokes.color)
+    shown = torch.bincount(pieces.stroke, minlength=count)
+    depth = torch.zeros(count, dtype=torch.float64, device=shown.device).index_add(0, pieces.stroke, pieces.depth)
+    depth = depth / shown
+    visible = shown.nonzero()[:, 0].tolist()
+    rows = dict(zip(visible, torch.split(torch.arange(len(pieces.stroke)), shown[visible].tolist()), strict=True))
+    elements = []
+    for stroke in sorted(visible, key=lambda s: (float(depth[s]), s), reverse=True):
+        color, opacity = _hex(strokes.color[stroke].tolist()), float(strokes.opacity[stroke])
+        some = Pieces(*(column[rows[stroke]] for column in pieces))
+        if strokes.width_space == "image":
+            width = _number(2 * float(some.points[0, 0, 2]))
+            style = (
+                f'fill="none" stroke="{color}" stroke-width="{width}" stroke-linecap="round" stroke-linejoin="round"'
+            )
+            style += f' stroke-opacity="{opacity:.6g}"' if opacity < 1 else ""
+            elements.append(f'<path d="{_centre_line(some)}" {style}/>')
+        else:
+            style = f'fill="{color}"' + (f' fill-opacity="{opacity:.6g}"' if opacity < 1 else "")
+            elements.append(f'<path d="{_outline(some.points)}" {style}/>')
+    return elements
+
+
+def _centre_line(pieces: Pieces) -> str:
+    """Path data of cubic Béziers, broken where pieces are not joined."""
+    data, stop = [], None
+    for start, next_stop, points in zip(
+        pieces.start.tolist(), pieces.stop.tolist(), pieces.points[..., :2].tolist(), strict=True
+    ):
+        if start != stop:
+            data.append("M" + _pair(*points[0]))
+        data.append("C" + " ".join(_pair(*p) for p in points[1:]))
+        stop = next_stop
+    return "".join(data)
+
+
+def _outline(points: Float[Tensor, "P 4 3"]) -> str:
+    """Path data of the discs swept along chords; all turn the same way round, so that overlaps fill once."""
+    return "".join(_swept_disc(*first, *last) for first, last in points[:, [0, 3]].tolist())
+
+
+def _swept_disc(x0: float, y0: float, r0: float, x1: float, y1: float, r1: float) -> str:
+    """The hull of two discs: two common tangents and two arcs, or the larger disc if it holds the other."""
+    distance = math.hypot(x1 - x0, y1 - y0)
+    if distance <= abs(r1 - r0):
+        x, y, r = (x0, y0, r0) if r0 > r1 else (x1, y1, r1)
+        ends = (x + r, y), (x - r, y)
+        return f"M{_pair(*ends[0])}{_arc(r, False, *ends[1])}{_arc(r, False, *ends[0])}Z"
+    ux, uy = (x1 - x0) / distance, (y1 - y0) / distance
+    # The normals of the tangents: along the axis the sine of their slope, across it the cosine.
+    sine = (r0 - r1) / distance
+    cosine = math.sqrt(1 - sine**2)
+    ax, ay = ux * sine - uy * cosine, uy * sine + ux * cosine
+    bx, by = ux * sine + uy * cosine, uy * sine - ux * cosine
+    return (
+        f"M{_pair(x0 + r0 * ax, y0 + r0 * ay)}L{_pair(x1 + r1 * ax, y1 + r1 * ay)}"
+        f"{_arc(r1, r1 > r0, x1 + r1 * bx, y1 + r1 * by)}"
+        f"L{_pair(x0 + r0 * bx, y0 + r0 * by)}{_arc(r0, r0 > r1, x0 + r0 * ax, y0 + r0 * ay)}Z"
+    )
+
+
+def _arc(radius: float, large: bool, x: float, y: float) -> str:
+    return f"A{_number(radius)} {_number(radius)} 0 {int(large)} 0 {_pair(x, y)}"
+
+
+def _pair(x: float, y: float) -> str:
+    return f"{_number(x)},{_number(y)}"
+
+
+def _number(value: float) -> str:
+    """To a thousandth of a pixel."""
+    return f"{value:.3f}".rstrip("0").rstrip(".")
+
+
+def _hex(color: Sequence[float]) -> str:
+    return "#" + "".join(f"{round(min(max(float(c), 0.0), 1.0) * 255):02x}" for c in color)
