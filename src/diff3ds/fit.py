@@ -1,7 +1,7 @@
 """The optimisation loop: a sketch follows the gradient of any objective through the renderer."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -109,7 +109,7 @@ CameraSampler = Callable[[int, torch.Generator], Cameras]
 
 def fit(
     sketch: Sketch, objective: Objective, cameras: Cameras | CameraSampler, config: FitConfig | None = None
-) -> Iterator[Step]:
+) -> Generator[Step]:
     """Optimises a sketch by gradient descent (Adam); yields after every step.
 
     Nothing is lost by leaving the loop: every yielded sketch is complete, and the checkpoint is written on the way out.
@@ -143,7 +143,7 @@ def _settings(config: FitConfig) -> dict[str, object]:
     return {**asdict(config.rates), **{name: getattr(config, name) for name in names}}
 
 
-def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Iterator[Step]:
+def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
     try:
         while state.index < config.steps:
             with torch_on_one_thread():

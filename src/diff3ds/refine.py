@@ -59,6 +59,45 @@ class NoiseDeletion:
         return done >= first and (done - first) % period == 0
 
 
+@dataclass(frozen=True, eq=False)
+class SupportPruning:
+    """A refinement for edge maps: strokes that too few views confirm are dropped, at first in exchange for new ones.
+
+    Hidden edges are missing in most views, so few need to agree.
+
+    Attributes:
+        cameras: of all views.
+        ink: their targets, thickened by the distance that counts as agreement.
+        least: mean `support` of a stroke to stay.
+        length: shortest stroke to stay, world units.
+        replace: shares of the steps at which the count is restored by new strokes.
+        drop: shares of the steps at which strokes are only dropped.
+        fresh: makes so many new strokes.
+        count: strokes after a replacement.
+    """
+
+    cameras: Cameras
+    ink: Float[Tensor, "V H W"]
+    least: float
+    length: float
+    replace: tuple[float, ...]
+    drop: tuple[float, ...]
+    fresh: Callable[[int, torch.Generator], Sketch]
+    count: int
+
+    def __call__(self, step: int, steps: int, sketch: Sketch, generator: torch.Generator) -> Edit | None:
+        """The strokes to keep and add after this step, or None."""
+        replacing, dropping = (step + 1 in [round(x * steps) for x in shares] for shares in (self.replace, self.drop))
+        if not (replacing or dropping):
+            return None
+        supported = support(sketch, self.cameras, self.ink).mean(1)
+        # The best stroke stays in any case: a sketch never becomes empty.
+        keep = (supported > self.least) & long_enough(sketch, self.length) | (supported == supported.max())
+        kept = keep.nonzero()[:, 0]
+        missing = self.count - len(kept) if replacing else 0
+        return Edit(kept, self.fresh(missing, generator) if missing > 0 else None)
+
+
 def chord_lengths(sketch: Sketch) -> Float[Tensor, " N"]:
     """Lengths of the strokes measured along `CHORDS` chords between evenly spaced parameters, world units."""
     points = _along(sketch, CHORDS + 1)

@@ -1,0 +1,1 @@
+"""Procedural 3D sketches: scenes with known answers."""

@@ -1,0 +1,92 @@
+"""The frame in which views are fitted: centre and radius of what the cameras see become the origin and 1."""
+
+from dataclasses import dataclass, replace
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.sketch import Sketch
+
+# Pixels with more than this are content; the noise of edge detectors stays below.
+CONTENT = 0.3
+# Share of the content that the radius leaves out in every view, for stray pixels, and what makes up for it. Empirical.
+STRAY = 0.05
+MARGIN = 1.1
+# Rays that all run within some 3 degrees of one direction say nothing about depth: (sin 3 degrees)^2.
+LEAST_SPREAD = 0.003
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """x_world = center + radius * x_frame."""
+
+    center: Float[Tensor, " 3"]
+    radius: float
+
+    def cameras(self, cameras: Cameras) -> Cameras:
+        """Cameras of the world as cameras of the frame; depths shrink by the radius."""
+        matrix = cameras.world_to_camera.double().clone()
+        matrix[:, :3, 3] = (matrix[:, :3, 3] + matrix[:, :3, :3] @ self.center) / self.radius
+        return replace(cameras, world_to_camera=matrix.float(), near=cameras.near / self.radius)
+
+    def to_world(self, sketch: Sketch) -> Sketch:
+        """A sketch of the frame in the world."""
+        matrix = torch.eye(4, dtype=torch.float64)
+        matrix[:3, :3] *= self.radius
+        matrix[:3, 3] = self.center
+        return sketch.transform(matrix)
+
+
+def frame_of(cameras: Cameras, alpha: Float[Tensor, "V H W"]) -> Frame:
+    """The ball that holds what the views show.
+
+    Its centre is the point nearest to the rays through the views' centroids of content, its radius the median over the
+    views of the content's reach around that centre.
+
+    Args:
+        alpha: content in [0, 1]: ink, or the alpha channel.
+
+    Raises:
+        ValueError: no content, or views that all look the same way: their depth cannot be found.
+    """
+    content = (alpha > CONTENT).double()
+    shown = content.flatten(1).sum(1) > 0
+    if not bool(shown.any()):
+        raise ValueError("the pictures show nothing: all pixels are background")
+    cameras, content = cameras[shown], content[shown]
+    rows, columns = (torch.arange(n, dtype=torch.float64) + 0.5 for n in cameras.size)
+    total = content.sum((1, 2))
+    centroid = (
+        torch.stack([(content.sum(1) * columns).sum(1), (content.sum(2) * rows).sum(1), total], -1) / total[:, None]
+    )
+    center = _nearest_point(cameras, centroid)
+    return Frame(center, _radius(cameras, content, center))
+
+
+def _nearest_point(cameras: Cameras, pixels: Float[Tensor, "V 3"]) -> Float[Tensor, " 3"]:
+    """The point with the least sum of squared distances to the rays through these pixels (x, y, 1)."""
+    rotation = cameras.world_to_camera[:, :3, :3].double()
+    rays = (rotation.mT @ torch.linalg.solve(cameras.intrinsics.double(), pixels)[..., None])[..., 0]
+    rays = torch.nn.functional.normalize(rays, dim=-1)
+    across = torch.eye(3, dtype=torch.float64) - rays[:, :, None] * rays[:, None, :]
+    normal = across.mean(0)
+    if float(torch.linalg.eigvalsh(normal)[0]) < LEAST_SPREAD:
+        raise ValueError("the views all look the same way: depth needs views from at least two directions")
+    center: Tensor = torch.linalg.solve(normal, (across @ cameras.centers.double()[..., None]).mean(0)[:, 0])
+    return center
+
+
+def _radius(cameras: Cameras, content: Float[Tensor, "V H W"], center: Float[Tensor, " 3"]) -> float:
+    point = torch.cat([center, center.new_ones(1)])
+    projected = cameras.projection @ point
+    depth = projected[:, 2]
+    reach = []
+    for view in (depth > cameras.near).nonzero()[:, 0].tolist():
+        y, x = content[view].nonzero().double().T + 0.5
+        middle = projected[view, :2] / depth[view]
+        pixels = torch.hypot(x - middle[0], y - middle[1]).quantile(1 - STRAY)
+        reach.append(pixels * depth[view] / cameras.intrinsics[view, 0, 0].double())
+    if not reach:
+        raise ValueError("the cameras look away from what they see: are the camera axes OpenGL's (looking along -z)?")
+    return MARGIN * float(torch.stack(reach).median())
