@@ -2,6 +2,7 @@
 
 from diff3ds import bezier
 from diff3ds.camera import Cameras, load_transforms, look_at, orbit, save_transforms
+from diff3ds.formats import load, save
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
 from diff3ds.sketch import Sketch
@@ -17,12 +18,14 @@ __all__ = [
     "available_backends",
     "bezier",
     "get_num_threads",
+    "load",
     "load_transforms",
     "look_at",
     "orbit",
     "project",
     "rasterize",
     "render",
+    "save",
     "save_transforms",
     "set_num_threads",
 ]
