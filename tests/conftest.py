@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import hypothesis
+import jaxtyping
 import pytest
 import torch
 
@@ -25,3 +26,11 @@ def data_folder() -> Path:
     if not folder or not Path(folder).is_dir():
         pytest.skip("DIFF3DS_DATA does not name the folder with the data for development")
     return Path(folder)
+
+
+@pytest.fixture
+def unchecked():
+    """The package as users run it: bad arguments meet its own errors, not those of the checked annotations."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

@@ -24,8 +24,8 @@ def derivative(coefficients: Float[Tensor, "*B C"]) -> Float[Tensor, "*B C1"]:
     return coefficients[..., 1:] * order.to(coefficients.device)
 
 
-def multiply(a: Float[Tensor, "*B C1"], b: Float[Tensor, "*B C2"]) -> Float[Tensor, "*B C3"]:
-    """Ascending coefficients of the product of two polynomials."""
+def multiply(a: Float[Tensor, "*B1 C1"], b: Float[Tensor, "*B2 C2"]) -> Float[Tensor, "*B3 C3"]:
+    """Ascending coefficients of the product of two polynomials; the batch axes broadcast."""
     n = b.shape[-1]
     batch = torch.broadcast_shapes(a.shape[:-1], b.shape[:-1])  # type: ignore[no-untyped-call]
     product = a.new_zeros((*batch, a.shape[-1] + n - 1))
