@@ -13,7 +13,7 @@ import diff3ds as ds
 turn = torch.arange(32) * (2 * torch.pi / 32)
 # Circles of radius 0.65 around a ring of radius 0.25, in planes that tilt by asin(0.25 / 0.65) = asin(5 / 13).
 circles = [
-    ds.bezier.circle((0.25 * x, 0.25 * y, 0.0), 0.65, normal=(5 * y, -5 * x, 12), dtype=torch.float32)
+    ds.bezier.circle((0.25 * x, 0.25 * y, 0.0), 0.65, normal=(5 * y, -5 * x, 12.0), dtype=torch.float32)
     for x, y in zip(turn.cos().tolist(), turn.sin().tolist(), strict=True)
 ]
 points, weights = (torch.cat(parts) for parts in zip(*circles, strict=True))

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
+
+import diff3ds as ds
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("**/*.md")])
@@ -43,9 +46,13 @@ def anchors(path: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
 
 
+def blocks(path: Path) -> list[tuple[str, str]]:
+    """Fenced blocks of a document: language and text."""
+    return FENCE.findall(path.read_text(encoding="utf-8"))
+
+
 def python_blocks(path: Path) -> str:
-    blocks = [code for language, code in FENCE.findall(path.read_text(encoding="utf-8")) if language == "python"]
-    return "\n".join(blocks)
+    return "\n".join(code for language, code in blocks(path) if language == "python")
 
 
 def test_citations_are_read_in_all_their_forms():
@@ -109,6 +116,15 @@ def test_python_blocks_run(path, tmp_path, monkeypatch):
     """All blocks of a document, one after the other, in an empty folder."""
     monkeypatch.chdir(tmp_path)
     exec(compile(python_blocks(path), relative(path), "exec"), {"__name__": "__main__"})
+
+
+def test_sketch_json_of_the_conventions_is_a_quarter_of_a_circle(tmp_path):
+    (text,) = [code for language, code in blocks(ROOT / "docs/conventions.md") if language == "json"]
+    (tmp_path / "quarter.json").write_text(text, encoding="utf-8")
+    sketch = ds.load(tmp_path / "quarter.json")
+    on_curve = ds.bezier.evaluate(sketch.points[0], sketch.weights[0], torch.linspace(0, 1, 9))
+    torch.testing.assert_close(torch.linalg.vector_norm(on_curve, dim=-1), torch.ones(9))
+    assert on_curve[[0, -1]].tolist() == [[1, 0, 0], [0, 1, 0]]
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=relative)
