@@ -14,13 +14,13 @@ import json
 import reprlib
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import torch
 
 from diff3ds._files import read_json, write_text
 from diff3ds._shapes import Tensor
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import Sketch, WidthSpace
 
 VERSION = 1
 _DTYPES = {"float16": torch.float16, "bfloat16": torch.bfloat16, "float32": torch.float32, "float64": torch.float64}
@@ -61,6 +61,9 @@ def load_json(path: str | Path) -> Sketch:
     name = data.get("dtype", "float32")
     if not isinstance(name, str) or name not in _DTYPES:
         raise ValueError(f"{path}: dtype must be one of {', '.join(_DTYPES)}, got {name!r}")
+    space: Any = data.get("width_space")
+    if space not in get_args(WidthSpace):
+        raise ValueError(f'{path}: width_space must be "image" or "world", got {space!r}')
     controls = _control_points(path, data)
     shapes: dict[str, tuple[int, ...]] = {
         "points": (controls, 3),
@@ -71,7 +74,7 @@ def load_json(path: str | Path) -> Sketch:
     }
     tensors = {key: _numbers(path, data, key, shape).to(_DTYPES[name]) for key, shape in shapes.items()}
     try:
-        return Sketch(**tensors, width_space=data.get("width_space"))  # type: ignore[arg-type]  # checked there
+        return Sketch(**tensors, width_space=space)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
 

@@ -1,0 +1,328 @@
+"""STEP: exact curves there and back through OCCT, other programs' curves, and broken files that make OCCT crash."""
+
+import contextlib
+import importlib.util
+import math
+import random
+import re
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.bezier import evaluate
+from diff3ds.formats import step
+
+needs_occt = pytest.mark.skipif(importlib.util.find_spec("OCP") is None, reason="the extra cad is not installed")
+
+
+def uniform(generator, *shape):
+    return torch.rand(*shape, generator=generator, dtype=torch.float64)
+
+
+def entities(path):
+    """Number and text of every entity; fails unless each appears once."""
+    found = re.findall(r"^#(\d+)=(.*?);$", path.read_text(), re.DOTALL | re.MULTILINE)
+    assert len({number for number, _ in found}) == len(found)
+    return dict(found)
+
+
+@needs_occt
+def test_rational_cubics_come_back_exactly(tmp_path, generator):
+    weights = 10 ** (4 * uniform(generator, 56, 4) - 2)
+    sketch = ds.Sketch(uniform(generator, 56, 4, 3) * 2 - 1, weights, color=uniform(generator, 56, 3))
+    ds.save(tmp_path / "a.step", sketch)
+    back = ds.load(tmp_path / "a.step")
+    assert torch.equal(back.points, sketch.points)
+    assert torch.equal(back.weights, sketch.weights)
+    # OCCT keeps colours as linear float32.
+    torch.testing.assert_close(back.color, sketch.color, atol=1e-6, rtol=0)
+
+
+@needs_occt
+@pytest.mark.parametrize("controls", [2, 3])
+def test_lower_degrees_and_float32_come_back_exactly(tmp_path, generator, controls):
+    points = (uniform(generator, 9, controls, 3) * 2 - 1).float()
+    sketch = ds.Sketch(points, (0.1 + uniform(generator, 9, controls)).float())
+    ds.save(tmp_path / "a.stp", sketch)
+    back = ds.load(tmp_path / "a.stp")
+    assert torch.equal(back.points.float(), sketch.points)
+    assert torch.equal(back.weights.float(), sketch.weights)
+
+
+@needs_occt
+def test_special_strokes_come_back(tmp_path):
+    # A closed one with different end weights, a point, one of equal weights, one of zero width, one of 3e9 and 1e-5.
+    g = torch.Generator().manual_seed(1)
+    points, weights = uniform(g, 6, 4, 3), 0.5 + uniform(g, 6, 4)
+    points[0, 3] = points[0, 0]
+    points[1] = points[1, :1]
+    weights[2] = 3.0
+    points[4] *= 3e9
+    points[5] *= 1e-5
+    sketch = ds.Sketch(points, weights, width=torch.tensor([0.1, 0.1, 0.1, 0.0, 0.1, 0.1]).double())
+    ds.save(tmp_path / "a.step", sketch)
+    back = ds.load(tmp_path / "a.step")
+    assert torch.equal(back.points, points)
+    # Equal weights are no weights.
+    weights[2] = 1.0
+    assert torch.equal(back.weights, weights)
+
+
+@needs_occt
+def test_name_of_the_file_is_the_name_of_the_product(tmp_path):
+    from OCP.STEPControl import STEPControl_Reader
+
+    stem = "it's \\X2\\ a Möbius 漢 sketch"
+    ds.save(tmp_path / f"{stem}.step", ds.Sketch(torch.eye(3)[None, :2]))
+    assert len(ds.load(tmp_path / f"{stem}.step")) == 1
+    reader = STEPControl_Reader()
+    reader.ReadFile(str(tmp_path / f"{stem}.step"))
+    model = reader.WS().Model()
+    named = [model.Entity(i) for i in range(1, model.NbEntities() + 1)]
+    [product] = [e for e in named if type(e).__name__ == "StepBasic_Product"]
+    assert product.Name().ToCString() == stem
+    [curve] = [e for e in named if type(e).__name__ == "StepGeom_TrimmedCurve"]
+    assert curve.Name().ToCString() == "stroke 0"
+
+
+def test_strings_are_escaped():
+    assert step._string("it's") == "'it''s'"
+    assert step._string("a\\b") == "'a\\\\b'"
+    assert (
+        step._string("ö漢😀\n") == "'\\X4\\000000F6\\X0\\\\X4\\00006F22\\X0\\\\X4\\0001F600\\X0\\\\X4\\0000000A\\X0\\'"
+    )
+
+
+@pytest.mark.parametrize(
+    "value", [0.0, -0.0, 1.0, 0.1, 1e22, 1e-7, -5e-324, 1.7976931348623157e308, 123456789.0, 1 / 3]
+)
+def test_reals_have_a_point_and_keep_their_bits(value):
+    written = step._reals([value])
+    assert re.fullmatch(r"-?\d+\.\d*(E[+-]?\d+)?", written)
+    assert math.copysign(1, float(written)) == math.copysign(1, value)
+    assert float(written) == value
+
+
+@pytest.mark.parametrize("controls", [2, 3, 4])
+def test_every_reference_is_defined_and_every_stroke_styled(tmp_path, controls):
+    sketch = ds.Sketch(torch.rand(5, controls, 3, generator=torch.Generator().manual_seed(0)), width=0.25)
+    ds.save(tmp_path / "a.step", sketch)
+    found = entities(tmp_path / "a.step")
+    for text in found.values():
+        assert set(re.findall(r"#(\d+)", text)) <= set(found)
+    curves = re.findall(r"#(\d+)", next(t for t in found.values() if t.startswith("GEOMETRIC_CURVE_SET")))
+    styled = [t for t in found.values() if t.startswith("STYLED_ITEM")]
+    assert [re.findall(r"#(\d+)", t)[-1] for t in styled] == curves
+    assert [found[c].split(",")[0] for c in curves] == [f"TRIMMED_CURVE('stroke {i}'" for i in range(5)]
+    assert sum("POSITIVE_LENGTH_MEASURE(0.25)" in t for t in found.values()) == 5
+
+
+def test_no_strokes_is_an_error_and_no_file(tmp_path):
+    with pytest.raises(ValueError, match="at least one stroke"):
+        ds.save(tmp_path / "a.step", ds.Sketch(torch.zeros(0, 4, 3)))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_extra_says_how_to_install(tmp_path, monkeypatch):
+    ds.save(tmp_path / "a.step", ds.Sketch(torch.eye(3)[None, :2]))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"pip install 'diff3ds\[cad\]'"):
+        ds.load(tmp_path / "a.step")
+
+
+# OCCT writes 13 digits.
+DIGITS = 1e-11
+
+
+def occt_edges():
+    """Curves of another program, with what tells whether a point (M, 3) lies on each, and with their ends."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge as Edge
+    from OCP.collections import Array1_double, Array1_gp_Pnt, Array1_int
+    from OCP.Geom import Geom_BezierCurve, Geom_BSplineCurve
+    from OCP.gp import gp_Ax2, gp_Circ, gp_Dir, gp_Elips, gp_Hypr, gp_Parab, gp_Pnt
+
+    axes = gp_Ax2(gp_Pnt(0, 0, 1), gp_Dir(0, 0, 1), gp_Dir(1, 0, 0))
+
+    def filled(kind, values):
+        array = kind(1, len(values))
+        for i, value in enumerate(values, 1):
+            array.SetValue(i, value)
+        return array
+
+    poles = [gp_Pnt(i, i * i % 5, i % 2) for i in range(6)]
+    knots, counts = filled(Array1_double, [0.0, 1.0, 2.0, 3.0]), filled(Array1_int, [4, 1, 1, 4])
+    spline = Geom_BSplineCurve(
+        filled(Array1_gp_Pnt, poles), filled(Array1_double, [1, 2, 0.5, 3, 1, 1.0]), knots, counts, 3
+    )
+    quintic = Geom_BezierCurve(filled(Array1_gp_Pnt, poles))
+    edges = [
+        Edge(gp_Pnt(1, 2, 3), gp_Pnt(4, 5, 7)).Edge(),
+        Edge(gp_Circ(axes, 2.0)).Edge(),
+        Edge(gp_Elips(axes, 3.0, 1.0), 0.5, 2.0).Edge(),
+        Edge(gp_Parab(axes, 0.25), -1.0, 2.0).Edge(),
+        Edge(gp_Hypr(axes, 2.0, 1.0), -1.0, 1.0).Edge(),
+        Edge(spline).Edge(),
+        Edge(spline, 0.25, 1.5).Edge(),
+        Edge(quintic).Edge(),
+    ]
+    return edges, spline, quintic
+
+
+@pytest.fixture(scope="module")
+def foreign(tmp_path_factory):
+    """Strokes loaded from a file that OCCT wrote, by curve; and OCCT's spline and quintic."""
+    if importlib.util.find_spec("OCP") is None:
+        pytest.skip("the extra cad is not installed")
+    from OCP.BRep import BRep_Builder
+    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+    from OCP.TopoDS import TopoDS_Compound
+
+    edges, spline, quintic = occt_edges()
+    compound, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(compound)
+    for edge in edges:
+        builder.Add(compound, edge)
+    path = tmp_path_factory.mktemp("foreign") / "foreign.step"
+    writer = STEPControl_Writer()
+    writer.Transfer(compound, STEPControl_AsIs)
+    writer.Write(str(path))
+    sketch = ds.load(path)
+    t = torch.linspace(0, 1, 33, dtype=torch.float64)
+    samples = evaluate(sketch.points, sketch.weights, t)
+    return samples, spline, quintic
+
+
+@needs_occt
+def test_conics_of_other_programs_are_exact(foreign):
+    samples, *_ = foreign
+    x, y, z = samples.unbind(-1)
+    on = {
+        "line": (y - x - 1).abs() + (z - 3 - (x - 1) * 4 / 3).abs(),
+        "circle": (x**2 + y**2 - 4).abs() + (z - 1).abs(),
+        "ellipse": (x**2 / 9 + y**2 - 1).abs() + (z - 1).abs(),
+        "parabola": (y**2 - x).abs() + (z - 1).abs(),
+        "hyperbola": (x**2 / 4 - y**2 - 1).abs() + (z - 1).abs(),
+    }
+    which = {name: (error.amax(-1) < DIGITS).nonzero()[:, 0] for name, error in on.items()}
+    assert all(len(rows) for rows in which.values())
+    length = {name: (samples[rows].diff(dim=1).norm(dim=-1)).sum().item() for name, rows in which.items()}
+    ends = {name: samples[rows][:, [0, -1]].reshape(-1, 3) for name, rows in which.items()}
+    assert math.isclose(length["line"], math.sqrt(9 + 9 + 16), rel_tol=DIGITS)
+    # Chords are 1 - (angle / 32)^2 / 24 times as long as an arc of 120 degrees.
+    assert math.isclose(length["circle"], 4 * math.pi, rel_tol=5e-4)
+    for name, corner in {
+        "ellipse": [3 * math.cos(0.5), math.sin(0.5), 1],
+        "parabola": [4, 2, 1],
+        "hyperbola": [2 * math.cosh(1), math.sinh(1), 1],
+    }.items():
+        assert (ends[name] - torch.tensor(corner, dtype=torch.float64)).norm(dim=-1).min() < DIGITS
+
+
+@needs_occt
+def test_splines_are_cut_at_their_knots_and_trimmed(foreign):
+    samples, spline, _ = foreign
+
+    def at(u):
+        p = spline.Value(u)
+        return torch.tensor([p.X(), p.Y(), p.Z()], dtype=torch.float64)
+
+    # Bézier pieces between knots keep the spline's own parametrisation.
+    spans = [(0, 1), (1, 2), (2, 3), (0.25, 1), (1, 1.5)]
+    for a, b in spans:
+        expected = torch.stack([at(a + (b - a) * i / 32) for i in range(33)])
+        assert (samples - expected).norm(dim=-1).amax(-1).min() < DIGITS
+
+
+@needs_occt
+def test_higher_degrees_are_approximated_to_the_stated_tolerance(foreign):
+    samples, _, quintic = foreign
+    exact = torch.tensor(
+        [[p.X(), p.Y(), p.Z()] for p in (quintic.Value(i / 4000) for i in range(4001))], dtype=torch.float64
+    )
+    # The line, 3 + 1 + 1 + 1 arcs of conics (the circle in three), 3 + 2 pieces of the spline; then the quintic.
+    mine = samples[12:].reshape(-1, 3)
+    size = max((exact[0] - p).norm().item() for p in torch.tensor([[i, i * i % 5, i % 2] for i in range(6)]).double())
+    distance = torch.cdist(mine, exact)
+    # Samples of the exact curve are .003 apart, those of the approximation a few hundredths.
+    assert distance.amin(1).max() < 1e-4 * size + 0.002
+    assert distance.amin(0).max() < 0.1
+
+
+GOOD = ds.Sketch(torch.rand(3, 4, 3, generator=torch.Generator().manual_seed(0)), torch.full((3, 4), 0.5))
+
+
+def damaged(path, old, new):
+    ds.save(path, GOOD)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+@needs_occt
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        # The first three make OCCT 8.0 call itself without end, or read past an array, and die.
+        ("GEOMETRIC_CURVE_SET('a',(#25", "GEOMETRIC_CURVE_SET('a',(#17", "OCCT failed on this STEP file"),
+        ("TRIMMED_CURVE('stroke 0',#24", "TRIMMED_CURVE('stroke 0',#25", "OCCT failed on this STEP file"),
+        ("RATIONAL_B_SPLINE_CURVE((0.5,", "RATIONAL_B_SPLINE_CURVE((0.5),(", "OCCT failed on this STEP file"),
+        ("#20=CARTESIAN_POINT('',(0.", "#20=CARTESIAN_POINT('',(1.E400,0.", "points of stroke 0 must be finite"),
+        ("'a',(#17),#14", "'a',(#16),#14", "no curves in this STEP file"),
+        ("DATA;", "ATAD;", "OCCT"),
+    ],
+)
+def test_files_that_break_occt_give_an_error(tmp_path, old, new, message):
+    path = damaged(tmp_path / "a.step", old, new)
+    with pytest.raises(ValueError, match=message) as error:
+        ds.load(path)
+    assert "a.step" in str(error.value)
+
+
+@needs_occt
+def test_a_reader_that_hangs_is_stopped(tmp_path, monkeypatch):
+    ds.save(tmp_path / "a.step", GOOD)
+    monkeypatch.setattr(step, "SECONDS", 0.001)
+    with pytest.raises(ValueError, match="OCCT has not read this STEP file in 0 s"):
+        ds.load(tmp_path / "a.step")
+
+
+@needs_occt
+def test_damaged_files_give_a_sketch_or_a_value_error(tmp_path):
+    ds.save(tmp_path / "a.step", GOOD)
+    good = (tmp_path / "a.step").read_bytes()
+    rng = random.Random(0)
+    for _ in range(3):
+        content = bytearray(good)
+        for _ in range(20):
+            content[rng.randrange(300, len(content) - 20)] = rng.choice(b"#(),;.$*0E'")
+        (tmp_path / "a.step").write_bytes(content)
+        with contextlib.suppress(ValueError):
+            ds.load(tmp_path / "a.step").check_values()
+
+
+def test_cut_off_and_other_files_are_refused(tmp_path):
+    ds.save(tmp_path / "a.step", GOOD)
+    good = (tmp_path / "a.step").read_bytes()
+    for content, message in [
+        (good[: len(good) // 2], "cut off"),
+        (good[:-30], "cut off"),
+        (b"", "must begin with ISO-10303-21"),
+        (b"solid cube", "must begin with ISO-10303-21"),
+    ]:
+        (tmp_path / "a.step").write_bytes(content)
+        with pytest.raises(ValueError, match=message):
+            ds.load(tmp_path / "a.step")
+
+
+def test_giant_files_are_refused_unread(tmp_path, monkeypatch):
+    ds.save(tmp_path / "a.step", GOOD)
+    monkeypatch.setattr(step, "MAX_BYTES", 100)
+    with pytest.raises(ValueError, match="more than the 100 that are read"):
+        ds.load(tmp_path / "a.step")
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        ds.load(tmp_path / "none.step")
