@@ -81,7 +81,10 @@ struct Binner {
 template <class S> struct Part {
   Flat<S> flat;
   List<typename State<S>::Touch> touches;
-  void clear() { flat.pieces.shorten(0), flat.piece_info.shorten(0), flat.chords.shorten(0), flat.chord_info.shorten(0), touches.shorten(0); }
+  void clear() {
+    flat.pieces.shorten(0), flat.piece_info.shorten(0), flat.chords.shorten(0), flat.chord_info.shorten(0), flat.tangents.shorten(0);
+    touches.shorten(0);
+  }
 };
 
 // Parts of the last calls, for their memory.
@@ -130,7 +133,7 @@ template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_
   const Job<S> &J = st.job;
   const float R = float(st.reach[i]);
   const uint32_t first_tile = uint32_t(i / J.strokes) * J.tiles_x * J.tiles_y, first_touch = uint32_t(part.touches.size());
-  constexpr float half = TILE / 2 - .5f;  // from a tile's middle to its outer pixel centres
+  const float half = TILE / 2 - (J.strata ? 0 : .5f);  // from a tile's middle to its outer points: pixel centres, or samples anywhere in pixels
   auto tile_of = [](float x, int n) { return int(std::min(std::max(x * (1.f / TILE), 0.f), float(n))); };
   for (uint32_t s = first_chord; s < part.flat.chords.size(); s++) {
     const Chord<S> &c = part.flat.chords[s];
@@ -138,7 +141,7 @@ template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_
     const float x0 = std::min(ax, ax + ex) - R, x1 = std::max(ax, ax + ex) + R, y0 = std::min(ay, ay + ey) - R, y1 = std::max(ay, ay + ey) + R;
     if (x1 < 0 || y1 < 0) continue;
     const int tx0 = tile_of(x0, J.tiles_x), tx1 = tile_of(x1, J.tiles_x - 1), ty0 = tile_of(y0, J.tiles_y), ty1 = tile_of(y1, J.tiles_y - 1);
-    // A tile is skipped if none of its pixel centres lies in the band or in the box around the chord. The slack is for rounding.
+    // A tile is skipped if none of its points lies in the band or in the box around the chord. The slack is for rounding.
     const float across = R * part.flat.chord_info[s].length + half * (std::abs(ex) + std::abs(ey)) + .01f;
     for (int ty = ty0; ty <= ty1; ty++)
       for (int tx = tx0; tx <= tx1; tx++) {
@@ -177,7 +180,8 @@ template <class S> void join_parts(State<S> &st, std::vector<Part<S>> &parts) {
   for (auto &p : parts) {
     const uint32_t c0 = uint32_t(flat.chords.size()), p0 = uint32_t(flat.pieces.size()), t0 = uint32_t(st.touches.size());
     append(flat.pieces, p.flat.pieces), append(flat.piece_info, p.flat.piece_info);
-    append(flat.chords, p.flat.chords), append(flat.chord_info, p.flat.chord_info), append(st.touches, p.touches);
+    append(flat.chords, p.flat.chords), append(flat.chord_info, p.flat.chord_info), append(flat.tangents, p.flat.tangents);
+    append(st.touches, p.touches);
     for (size_t i = p0; i < flat.pieces.size(); i++) {
       PieceInfo &info = flat.piece_info[i];
       info.first_chord += c0, info.end_chord += c0;

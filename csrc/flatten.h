@@ -9,12 +9,18 @@ namespace stroke {
 
 // What a stroke leaves. start, stop: parameters in the stroke; map: from its control points to those of the piece.
 struct PieceInfo { uint32_t stroke; double start, stop; uint32_t first_chord, end_chord; bool cap_start, cap_stop; double map[16]; };
+// Directions of the curve at the ends of a chord.
+struct Tangents { float ax, ay, bx, by; };
 template <class S> struct Flat {
   List<Piece<S>> pieces;
   List<PieceInfo> piece_info;
   List<Chord<S>> chords;
   List<ChordInfo> chord_info;
+  List<Tangents> tangents;             // of every chord; Monte Carlo only
 };
+
+// Monte Carlo: chords turn by less than this (about radians) unless they are shorter than that (px): these stand for a jump of the tangent.
+constexpr float OUTLINE_TURN = .3, OUTLINE_MIN = .002;
 
 typedef double v4d __attribute__((vector_size(32)));
 typedef float v4f __attribute__((vector_size(16)));
@@ -27,7 +33,6 @@ class Flattener {
   static constexpr double MAX_EXTENT = 1024;   // px of a piece: float32 resolves 1e-4 px in it
   static constexpr float MAX_SKEW = .25;      // of a chord's length: how unevenly the parameter may run along it
   static constexpr float FOLD_TOL = .01;      // px along the chord; a curve that folds back within less does no harm
-  static constexpr float OUTLINE_TURN = .3, OUTLINE_MIN = .01;  // Monte Carlo: turning of a chord, and px below which it may turn more
 
   struct Direction { float x, y; };
   Control whole_;
@@ -98,6 +103,7 @@ class Flattener {
     const float m = std::clamp((mx * ex + my * ey) * il, .3f, .7f), bow = dt * (.5f - m) / (m * (1 - m));
     out.chords.add({S(k.u[0] + c.ox), S(k.v[0] + c.oy), S(ex), S(ey), S(ex * il), S(ey * il), S(t0 - .5f), S(dt), S(bow)});
     out.chord_info.add({piece, before, bend_, l, turn});
+    if (outline_) out.tangents.add({a.x, a.y, b.x, b.y});
     last_tangent_ = b, gap_ = false;
   }
 

@@ -4,11 +4,10 @@
 
 namespace stroke {
 
-// The outline of a piece: both sides of every chord, a half circle at each visible end of the stroke, and a circle at every cusp, where the
-// normal jumps. Points on it that lie inside the stroke are sorted out later.
+// The outline of a piece: both sides of every chord, a half circle at each visible end of the stroke, and an arc wherever the normal jumps.
+// Points on it that lie inside the stroke are sorted out later.
 template <class S> class OutlineSampler {
   static constexpr double PI = 3.14159265358979323846;
-  static constexpr float CUSP_TURN = .6f;  // of a chord, or between two: above, the sides leave a gap that a circle closes
   const Flat<S> &flat_;
   bool world_;
   int density_;                            // points per px of outline
@@ -23,18 +22,13 @@ template <class S> class OutlineSampler {
     return unit(mix(uint32_t(seed_) ^ mix(uint32_t(seed_ >> 32) ^ mix(place ^ mix(i)))));
   }
   static uint32_t count(double length, int density) { return length > 0 ? uint32_t(std::ceil(std::min(length, 1e7) * density)) : 0; }
-  bool cusp(uint32_t chord, uint32_t first) const {
-    const ChordInfo &c = flat_.chord_info[chord];
-    if (c.turn > CUSP_TURN) return true;
-    if (chord == first) return false;
-    const float joint = c.bend_before - flat_.chord_info[chord - 1].bend_after;
-    return joint > CUSP_TURN && joint < SHARP / 2;
-  }
+  // A chord that is but a jump of the tangent has no sides.
+  bool jump(uint32_t chord) const { return flat_.chord_info[chord].turn > OUTLINE_TURN; }
   double measure(const Piece<S> &c, uint32_t chord) const {
     const Chord<S> &k = flat_.chords[chord];
     const ChordInfo &info = flat_.chord_info[chord];
     const double r = std::max(half_width(c, k.tau0), half_width(c, double(k.tau0) + k.dtau));
-    return info.length + (info.turn > CUSP_TURN ? 0 : info.turn * r);
+    return jump(chord) ? 0 : info.length + info.turn * r;
   }
 
   // Points of a circle around the piece at tau, from `angle` on.
@@ -48,11 +42,10 @@ template <class S> class OutlineSampler {
       put(OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(1), S(0), S(r * extent / n), piece});
     }
   }
-  void direction(const Piece<S> &c, uint32_t chord, double tau, double &dx, double &dy) const {
-    const Jet<S> j = jet(c, S(tau));
-    const Chord<S> &k = flat_.chords[chord];
-    dx = j.vx, dy = j.vy;
-    if (dx * dx + dy * dy < 1e-12) dx = k.ex, dy = k.ey;  // coincident control points at the end
+  // Where the tangent jumps from (ax, ay) to (bx, by): the arc on the outside of the turn.
+  template <class Put> void turn_arc(uint32_t piece, double tau, float ax, float ay, float bx, float by, uint32_t arc, Put put) const {
+    const double turn = std::atan2(ax * by - ay * bx, ax * bx + ay * by), from = std::atan2(ay, ax);
+    if (std::abs(turn) > OUTLINE_TURN) circle(piece, tau, turn > 0 ? from - PI / 2 : from + PI / 2 + turn, std::abs(turn), arc, put);
   }
 
   template <class Put> void side(uint32_t piece, double sign, uint32_t arc, double total, Put put) const {
@@ -64,6 +57,7 @@ template <class S> class OutlineSampler {
     for (uint32_t i = 0; i < n; i++) {
       const double at = (i + double(random(piece, arc, i))) / n * total;
       while (at >= before + here && chord + 1 < info.end_chord) before += here, here = measure(c, ++chord);
+      if (jump(chord)) continue;
       const Chord<S> &k = flat_.chords[chord];
       const double tau = k.tau0 + std::clamp((at - before) / here, 0., 1.) * k.dtau;
       const Jet<S> j = jet(c, S(tau));
@@ -95,20 +89,18 @@ public:
     for (uint32_t s = info.first_chord; s < info.end_chord; s++) total += measure(c, s), length += flat_.chord_info[s].length;
     if (length < 1e-6 && info.cap_start && info.cap_stop) return circle(piece, -.5, 0, 2 * PI, 0, put);  // a dot
     if (total > 0) side(piece, 1, 0, total, put), side(piece, -1, 1, total, put);
-    double dx, dy;
-    if (info.cap_start) {
-      direction(c, info.first_chord, -.5, dx, dy);
-      circle(piece, -.5, std::atan2(dy, dx) + PI / 2, PI, 2, put);
+    const Tangents *tangents = flat_.tangents.begin(), &start = tangents[info.first_chord], &stop = tangents[info.end_chord - 1];
+    if (info.cap_start) circle(piece, -.5, std::atan2(start.ay, start.ax) + PI / 2, PI, 2, put);
+    if (info.cap_stop) circle(piece, .5, std::atan2(stop.by, stop.bx) - PI / 2, PI, 3, put);
+    const bool follows = piece > 0 && flat_.piece_info[piece - 1].stroke == info.stroke && !info.cap_start;
+    for (uint32_t s = info.first_chord; s < info.end_chord; s++) {
+      const Chord<S> &k = flat_.chords[s];
+      const Tangents &t = tangents[s];
+      const uint32_t arc = 4 + 2 * (s - info.first_chord);
+      if (jump(s)) turn_arc(piece, k.tau0 + .5 * k.dtau, t.ax, t.ay, t.bx, t.by, arc, put);
+      // Where a chord is left out before this one, that is far from the image.
+      if (s > info.first_chord || follows) turn_arc(piece, k.tau0, tangents[s - 1].bx, tangents[s - 1].by, t.ax, t.ay, arc + 1, put);
     }
-    if (info.cap_stop) {
-      direction(c, info.end_chord - 1, .5, dx, dy);
-      circle(piece, .5, std::atan2(dy, dx) - PI / 2, PI, 3, put);
-    }
-    for (uint32_t s = info.first_chord; s < info.end_chord; s++)
-      if (cusp(s, info.first_chord)) {
-        const Chord<S> &k = flat_.chords[s];
-        circle(piece, k.tau0 + (flat_.chord_info[s].turn > CUSP_TURN ? .5 * k.dtau : 0), 0, 2 * PI, 4 + s, put);
-      }
   }
 };
 }  // namespace stroke

@@ -21,7 +21,7 @@ from diff3ds.render.hits import (
 from diff3ds.render.outline import Outline, sample_outline
 from diff3ds.render.reference import Images, composite_points, images_from
 
-# An outline point this much (px) inside its own stroke is hidden by it.
+# An outline point this much (px) inside its own stroke is hidden by it; as long as the chords that stand for a jump.
 OUTLINE_SLACK = 1e-6
 
 

@@ -7,15 +7,17 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier.curves import homogeneous_derivatives
-from diff3ds.bezier.measure import chord_intervals
+from diff3ds.bezier.measure import _Intervals, chord_intervals
 from diff3ds.project import Strokes2D
 from diff3ds.render.hits import half_width_at, span_controls
 from diff3ds.render.visible import Spans
 
 # px between chords and curve; the chords only decide where points are spent.
 CHORD_TOLERANCE = 0.02
-# Turning of the tangent (about radians), over a chord or between two, above which the sides leave a gap for a circle.
-CUSP_TURN = 0.6
+# Chords turn by less than this (radians) unless they are shorter than that (px): these stand for a jump of the tangent.
+MAX_TURN, MIN_LENGTH = 0.3, 1e-6
+# Of chords: then the parameter has no digits left.
+MAX_HALVINGS = 32
 
 
 class Outline(NamedTuple):
@@ -58,32 +60,51 @@ class _Strokes(NamedTuple):
 
 
 def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) -> Outline:
-    """`density` points a pixel of length on both sides of all strokes, around their ends and around cusps."""
+    """`density` points a pixel of length on both sides of all strokes, around their ends and where the normal jumps."""
     s = _Strokes(strokes, spans, span_controls(strokes, spans))
     generator = torch.Generator(device=s.control.device).manual_seed(seed)
     with torch.no_grad():
-        chords = chord_intervals(s.control[..., :3], CHORD_TOLERANCE)
+        chords = _chords(s.control[..., :3])
         before, after, length = _tangents(chords.control(s.control[..., :3]))
-        turn = torch.linalg.vector_norm(before - after, dim=-1)
-        first = torch.ones_like(chords.curve, dtype=torch.bool)
+        turn = _turn(before, after)
+        jump = turn.abs() > MAX_TURN
+        first = torch.ones_like(jump)
         first[1:] = chords.curve[1:] != chords.curve[:-1]
         last = torch.cat([first[1:], first.new_ones(1)])[: len(first)]
-        joint = torch.where(first, 0.0, torch.linalg.vector_norm(before - after.roll(1, 0), dim=-1))
-        cusp = turn > CUSP_TURN
-        middle = torch.where(cusp, (chords.start + chords.stop) / 2, chords.start)
-        value, *_ = homogeneous_derivatives(s.control[chords.curve], middle[:, None])
+        joint = _turn(after.roll(1, 0), before)
+        value, *_ = homogeneous_derivatives(s.control[chords.curve], chords.start[:, None])
         # Around the outside of a bend the outline is longer than the chord.
-        measure = length + torch.where(cusp, 0.0, turn) * s.half_width(chords.curve, value[:, 0])
+        measure = torch.where(jump, 0.0, length + turn.abs() * s.half_width(chords.curve, value[:, 0]))
         rows, share, part = _spread(measure, density, generator)
         width = (chords.stop - chords.start)[rows]
+        half_turn = torch.full_like(length, math.pi)
     sides = [_side(s, chords.curve[rows], chords.start[rows] + share * width, part * width, sign) for sign in (1, -1)]
-    circles = (
-        (first, chords.start, _angle(before) + math.pi / 2, math.pi),
-        (last, chords.stop, _angle(after) - math.pi / 2, math.pi),
-        (cusp | (joint > CUSP_TURN), middle, _angle(before), 2 * math.pi),
+    arcs = (
+        (first, chords.start, -before, half_turn),
+        (last, chords.stop, after, half_turn),
+        (jump, (chords.start + chords.stop) / 2, before, turn),
+        (~first & (joint.abs() > MAX_TURN), chords.start, after.roll(1, 0), joint),
     )
-    arcs = [_arc(s, chords.curve[k], u[k], angle[k], extent, density, generator) for k, u, angle, extent in circles]
-    return Outline(*(torch.cat(column) for column in zip(*sides, *arcs, strict=True)))
+    around = [_arc(s, chords.curve[k], u[k], side[k], angle[k], density, generator) for k, u, side, angle in arcs]
+    return Outline(*(torch.cat(column) for column in zip(*sides, *around, strict=True)))
+
+
+def _chords(control: Float[Tensor, "S 4 3"]) -> _Intervals:
+    """Chords that turn by less than MAX_TURN, or are shorter than MIN_LENGTH."""
+    open_ = chord_intervals(control, CHORD_TOLERANCE)
+    done: list[_Intervals] = []
+    for _ in range(MAX_HALVINGS):
+        before, after, length = _tangents(open_.control(control))
+        good = (_turn(before, after).abs() <= MAX_TURN) | (length < MIN_LENGTH)
+        done.append(open_.where(good))
+        open_ = open_.where(~good).halves()
+    return open_.join(done)
+
+
+def _turn(before: Float[Tensor, "I 2"], after: Float[Tensor, "I 2"]) -> Float[Tensor, " I"]:
+    """Angle from one direction to the other, within half a turn."""
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return torch.atan2(cross, (before * after).sum(-1))
 
 
 def _tangents(control: Float[Tensor, "I 4 3"]) -> tuple[Tensor, Tensor, Tensor]:
@@ -100,10 +121,6 @@ def _tangents(control: Float[Tensor, "I 4 3"]) -> tuple[Tensor, Tensor, Tensor]:
         return torch.nn.functional.normalize(step, dim=-1)
 
     return leaving(points), -leaving(points.flip(1)), length
-
-
-def _angle(direction: Float[Tensor, "I 2"]) -> Float[Tensor, " I"]:
-    return torch.atan2(direction[:, 1], direction[:, 0])
 
 
 def _spread(length: Float[Tensor, " I"], density: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
@@ -139,13 +156,14 @@ def _side(s: _Strokes, span: Tensor, u: Tensor, du: Tensor, sign: int) -> Outlin
 
 
 def _arc(
-    s: _Strokes, span: Tensor, u: Tensor, start: Tensor, extent: float, density: int, generator: torch.Generator
+    s: _Strokes, span: Tensor, u: Tensor, before: Tensor, turn: Tensor, density: int, generator: torch.Generator
 ) -> Outline:
-    """Points of circles of radius r around points of spans, from the angles `start` on."""
+    """Points of circles of radius r around points of spans: the outside of a turn from the directions `before` on."""
     value, *_ = homogeneous_derivatives(s.control[span], u[:, None])
     r = s.half_width(span, value[:, 0])
-    rows, share, part = _spread(r.detach() * extent, density, generator)
-    angle = start[rows] + share * extent
+    rows, share, part = _spread(r.detach() * turn.abs(), density, generator)
+    start = torch.atan2(before[:, 1], before[:, 0]) - torch.where(turn > 0, math.pi / 2, -math.pi / 2)
+    angle = start[rows] + share * turn[rows]
     outward = torch.stack([angle.cos(), angle.sin()], -1)
     position = (value[:, 0, :2] / value[:, 0, 2:3])[rows] + r[rows, None] * outward
-    return s.outline(span[rows], u[rows], position, outward * (r.detach()[rows] * extent * part)[:, None])
+    return s.outline(span[rows], u[rows], position, outward * (r.detach() * turn.abs())[rows, None] * part[:, None])
