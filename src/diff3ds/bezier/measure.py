@@ -13,7 +13,7 @@ from diff3ds.bezier.curves import (
     subcurve_matrix,
 )
 from diff3ds.bezier.pieces import derivative_numerator, power_coefficients, standard_form, tame_pieces
-from diff3ds.bezier.polynomial import polyval, real_roots
+from diff3ds.bezier.polynomial import polyval, roots_and_separators
 
 DEFAULT_TOLERANCE = 1e-6
 # Halvings after which an interval is taken as it is: 2^-48 of a curve is below the resolution of its parameter.
@@ -197,7 +197,7 @@ def homogeneous_box(control: Float[Tensor, "*B K E"]) -> tuple[Float[Tensor, "*B
         with torch.no_grad():
             near = x - piece[..., 0, :-1, None] * w
             slope = derivative_numerator(near, w)
-            s = real_roots(slope) if slope.shape[-1] > 1 else slope
+            s = torch.cat(roots_and_separators(slope), -1) if slope.shape[-1] > 1 else slope
             ends = torch.tensor([-1.0, 1.0]).to(s).expand(*s.shape[:-1], 2)
             s = torch.cat([torch.where(s.abs() <= 1, s, 1.0), ends], -1)
         value = polyval(x, s) / polyval(w.expand_as(x), s)

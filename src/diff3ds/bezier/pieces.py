@@ -42,7 +42,7 @@ def tame_pieces(control: Float[Tensor, "*B K E"]) -> Iterator[tuple[Tensor, Tens
 
     The cuts have equal distances in the logarithm of the odds, in which weights act by shifts.
     """
-    largest = float(inner_weight(control).max()) if control.numel() else 0.0
+    largest = float(inner_weight(control.detach()).max()) if control.numel() else 0.0
     cuts = torch.tensor([0.0, 1.0], dtype=control.dtype, device=control.device)
     if largest > TAME_RATIO:
         # The inner terms outweigh the ends up to odds of n times the weight.

@@ -71,7 +71,11 @@ def separators(p: Float[Tensor, "*B C"]) -> Float[Tensor, "*B S"]:
 
 
 def roots_and_separators(p: Float[Tensor, "*B C"]) -> tuple[Float[Tensor, "*B M"], Float[Tensor, "*B S"]]:
-    """As `real_roots`, together with the points that separate the roots."""
+    """As `real_roots`, together with the points that separate the roots.
+
+    Multiple roots, and all roots where two or more leading coefficients of p vanish (then an isolator is a multiple of
+    p), may be among the separators alone: rounding decides.
+    """
     scale = p.abs().amax(-1, keepdim=True)
     p = p / torch.where(scale > 0, scale, 1.0)
     if p.shape[-1] == 2:
@@ -89,7 +93,8 @@ def roots_and_separators(p: Float[Tensor, "*B C"]) -> tuple[Float[Tensor, "*B M"
 
 
 def real_roots(p: Float[Tensor, "*B C"]) -> Float[Tensor, "*B M"]:
-    """All real roots in [-1, 1] of polynomials of degree 1, 2, 3, 4 or 7 with ascending coefficients; float64.
+    """The real roots in [-1, 1] at which polynomials of degree 1, 2, 3, 4 or 7 change sign; float64, ascending
+    coefficients. For all roots without exception see `roots_and_separators`.
 
     Unused places hold NaN. A root that coincides with a separating point may be listed twice. The zero polynomial,
     every x of which is a root, gives points of [-1, 1] or NaN, whichever comes.
