@@ -34,9 +34,10 @@ def read_json(path: Path) -> Any:
     Raises:
         FileNotFoundError, ValueError: as `read_text`; not JSON.
     """
+    text = read_text(path)
     try:
-        return json.loads(read_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: not a JSON file ({error})") from error
 
 

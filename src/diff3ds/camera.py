@@ -23,6 +23,7 @@ Size = int | tuple[int, int]
 DEFAULT_NEAR = 0.01
 # transforms.json holds OpenGL camera axes (x right, y up, looking along -z); ours are OpenCV.
 _OPENGL_TO_OPENCV = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
+MAX_NUMBER = 1e100
 # Images beyond this side are taken for a mistake in a file.
 MAX_SIZE = 65536
 
@@ -142,20 +143,27 @@ def look_at(
         size: image size in pixels, an int or (height, width).
 
     Raises:
-        ValueError: an eye on its target, a view along `up`, a field of view outside (0, 180).
+        ValueError: wrong shapes, an eye on its target, a view along `up`, a field of view outside (0, 180).
     """
     height, width = check_size(size)
     eye = torch.as_tensor(eye)
     eye = eye if eye.is_floating_point() else eye.to(torch.get_default_dtype())
     if eye.ndim != 2 or eye.shape[1] != 3:
         raise ValueError(f"eye must have shape (V, 3), got {tuple(eye.shape)}")
-    focal = _focal_length(torch.as_tensor(fov, dtype=eye.dtype, device=eye.device), height).expand(len(eye))
-    forward = torch.as_tensor(target, dtype=eye.dtype, device=eye.device) - eye
+    target = torch.as_tensor(target, dtype=eye.dtype, device=eye.device)
+    if target.shape not in ((3,), eye.shape):
+        raise ValueError(f"target must have shape (3,) or {tuple(eye.shape)}, got {tuple(target.shape)}")
+    focal = _focal_lengths(torch.as_tensor(fov, dtype=eye.dtype, device=eye.device), height, len(eye))
+    forward = target - eye
     right = torch.linalg.cross(forward, torch.as_tensor(up, dtype=eye.dtype, device=eye.device).expand_as(forward))
     lengths = torch.linalg.vector_norm(torch.stack([forward, right]), dim=-1)
-    if not bool((lengths[1] > 1e-6 * lengths[0]).all()):
-        view = int((lengths[1] <= 1e-6 * lengths[0]).int().argmax())
-        raise ValueError(f"view {view} looks along up, or its eye is its target: eye {eye[view].tolist()}, up {up}")
+    sideways = lengths[1] > 1e-6 * lengths[0]
+    if not bool(sideways.all()):
+        view = int(sideways.int().argmin())
+        raise ValueError(
+            f"eye of view {view} must be finite, apart from its target and not above or below it (up is {up}), "
+            f"got {eye[view].tolist()}"
+        )
     forward, right = forward / lengths[0, :, None], right / lengths[1, :, None]
     rotation = torch.stack([right, torch.linalg.cross(forward, right), forward], 1)
     top = torch.cat([rotation, -(rotation @ eye[..., None])], -1)
@@ -191,8 +199,11 @@ def orbit(
     if len(lengths) > 1:
         raise ValueError(f"azimuth, elevation and distance must have one value or one a view, got {lengths} values")
     around, up, radius = torch.broadcast_tensors(*values)  # type: ignore[no-untyped-call]
-    if not bool(((up.abs() < 90) & (radius > 0)).all()):
-        raise ValueError("elevation must lie in (-90, 90) degrees and distance must be positive")
+    if not bool((around.isfinite() & (up.abs() < 90) & (radius > 0) & radius.isfinite()).all()):
+        raise ValueError(
+            "azimuth must be finite, elevation in (-90, 90) degrees and distance positive, "
+            f"got {azimuth}, {elevation} and {distance}"
+        )
     around, up = torch.deg2rad(around.double()), torch.deg2rad(up.double())
     direction = torch.stack([up.cos() * around.cos(), up.cos() * around.sin(), up.sin()], -1)
     center = torch.as_tensor(target, dtype=torch.float64)
@@ -200,10 +211,12 @@ def orbit(
     return cameras.to(torch.get_default_dtype())
 
 
-def _focal_length(fov: Tensor, height: int) -> Tensor:
+def _focal_lengths(fov: Tensor, height: int, views: int) -> Tensor:
+    if fov.shape not in ((), (1,), (views,)):
+        raise ValueError(f"fov must have one value or one for each of {views} views, got shape {tuple(fov.shape)}")
     if not bool(((fov > 0) & (fov < 180)).all()):
         raise ValueError(f"fov must lie in (0, 180) degrees, got {fov.tolist()}")
-    return height / 2 / torch.tan(torch.deg2rad(fov) / 2)
+    return (height / 2 / torch.tan(torch.deg2rad(fov) / 2)).expand(views)
 
 
 def _intrinsics(fx: Tensor, fy: Tensor, cx: float | Tensor, cy: float | Tensor) -> Float[Tensor, "V 3 3"]:
@@ -227,14 +240,17 @@ def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
     data = _read_transforms(path)
     frames = data["frames"]
     pictures = [_picture(path, i, frame) for i, frame in enumerate(frames)]
-    sizes = {_frame_size(data, frame, picture) for frame, picture in zip(frames, pictures, strict=True)}
+    sizes = {_frame_size(path, {**data, **frame}, picture) for frame, picture in zip(frames, pictures, strict=True)}
     if len(sizes) != 1:
         raise ValueError(f"{path}: all views must have one size, got {sorted(sizes)} (height, width)")
-    size = check_size(sizes.pop())
+    size = sizes.pop()
     poses = torch.stack([_pose(path, i, frame) for i, frame in enumerate(frames)])
     intrinsics = torch.stack([_frame_intrinsics(path, i, {**data, **f}, size) for i, f in enumerate(frames)])
     world_to_camera = torch.linalg.inv(poses @ _OPENGL_TO_OPENCV)
-    return Cameras(world_to_camera.float(), intrinsics.float(), size), pictures
+    try:
+        return Cameras(world_to_camera.float(), intrinsics.float(), size), pictures
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def _read_transforms(path: Path) -> dict[str, Any]:
@@ -251,8 +267,9 @@ def _read_transforms(path: Path) -> dict[str, Any]:
 
 def _number(path: Path, values: dict[str, Any], key: str, default: float | None = None) -> float:
     value = values.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{path}: {key} must be a finite number, got {value!r}")
+    # The bound keeps whole numbers of any length out of float(), and leaves room for squares.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:
+        raise ValueError(f"{path}: {key} must be a finite number, got {value!r:.40}")
     return float(value)
 
 
@@ -265,14 +282,19 @@ def _picture(path: Path, index: int, frame: dict[str, Any]) -> Path:
     return picture if picture.suffix else picture.with_suffix(".png")
 
 
-def _frame_size(data: dict[str, Any], frame: dict[str, Any], picture: Path) -> tuple[int, int]:
-    values = {**data, **frame}
+def _frame_size(path: Path, values: dict[str, Any], picture: Path) -> tuple[int, int]:
     if "w" in values and "h" in values:
-        return int(values["h"]), int(values["w"])
-    from PIL import Image
+        height, width = _number(path, values, "h"), _number(path, values, "w")
+        if not (height.is_integer() and width.is_integer()):
+            raise ValueError(f"{path}: w and h must be whole numbers, got {width} and {height}")
+        return int(height), int(width)
+    from PIL import Image, UnidentifiedImageError
 
-    with Image.open(picture) as image:
-        return image.height, image.width
+    try:
+        with Image.open(picture) as image:
+            return image.height, image.width
+    except UnidentifiedImageError as error:
+        raise ValueError(f"{picture}: not a picture") from error
 
 
 def _pose(path: Path, index: int, frame: dict[str, Any]) -> Float[Tensor, "4 4"]:
@@ -280,12 +302,13 @@ def _pose(path: Path, index: int, frame: dict[str, Any]) -> Float[Tensor, "4 4"]
         pose = torch.tensor(frame["transform_matrix"], dtype=torch.float64)
         if pose.shape == (3, 4):
             pose = torch.cat([pose, torch.tensor([[0.0, 0.0, 0.0, 1.0]], dtype=torch.float64)])
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, RuntimeError) as error:
         raise ValueError(f"{path}: frame {index} has no transform_matrix of 4x4 numbers") from error
     if pose.shape != (4, 4) or not bool(pose.isfinite().all()):
         raise ValueError(f"{path}: frame {index}: transform_matrix must hold 4x4 finite numbers")
     rotation = pose[:3, :3]
-    if not torch.allclose(rotation @ rotation.T, torch.eye(3, dtype=torch.float64), atol=1e-3):
+    orthogonal = torch.allclose(rotation @ rotation.T, torch.eye(3, dtype=torch.float64), atol=1e-3)
+    if not orthogonal or rotation.det() < 0 or not torch.equal(pose[3], torch.eye(4, dtype=torch.float64)[3]):
         raise ValueError(f"{path}: frame {index}: transform_matrix is not a rotation and a translation")
     return pose
 
@@ -295,7 +318,10 @@ def _frame_intrinsics(path: Path, index: int, values: dict[str, Any], size: tupl
     if "fl_x" in values:
         fx = _number(path, values, "fl_x")
     elif "camera_angle_x" in values:
-        fx = width / 2 / math.tan(_number(path, values, "camera_angle_x") / 2)
+        angle = _number(path, values, "camera_angle_x")
+        if not 0 < angle < math.pi:
+            raise ValueError(f"{path}: camera_angle_x must lie in (0, pi), got {angle}")
+        fx = width / 2 / math.tan(angle / 2)
     else:
         raise ValueError(f"{path}: frame {index} has neither fl_x nor camera_angle_x")
     fy = _number(path, values, "fl_y", fx)
