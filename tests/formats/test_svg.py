@@ -1,0 +1,239 @@
+"""SVG: its paths against the exact projection, and its picture by another rasteriser against `render`."""
+
+import dataclasses
+import importlib.util
+import io
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.formats import save_svg, tile_images
+from diff3ds.formats.svg import TOLERANCE, _swept_disc
+
+needs_resvg = pytest.mark.skipif(importlib.util.find_spec("resvg_py") is None, reason="the extra svg is not installed")
+SPACE = "{http://www.w3.org/2000/svg}"
+# Coordinates are written to a thousandth of a pixel.
+ROUNDING = 0.0005 * math.sqrt(2)
+CAMERAS = ds.orbit([20.0, 110.0], [15.0, 40.0], 2.5, size=256)
+
+
+def rasterized(path):
+    import resvg_py
+
+    picture = Image.open(io.BytesIO(bytes(resvg_py.svg_to_bytes(svg_path=str(path)))))
+    return torch.from_numpy(np.asarray(picture.convert("RGB")).astype(np.float32) / 255)
+
+
+def uniform(generator, *shape):
+    return torch.rand(*shape, generator=generator, dtype=torch.float64)
+
+
+def scattered(scale, decades, **others):
+    """Random cubics with weights over so many decades."""
+    g = torch.Generator().manual_seed(0)
+    points = ds.Sketch.random(40, generator=g).points.double() * scale
+    return ds.Sketch(points, 10 ** (decades * (uniform(g, 40, 4) - 0.5)), **others)
+
+
+def colored(**others):
+    g = torch.Generator().manual_seed(3)
+    return scattered(0.5, 2, color=uniform(g, 40, 3), opacity=uniform(g, 40), **others)
+
+
+def circle(radius, **others):
+    return ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.0), radius, (0.3, 0.2, 1.0)), **others)
+
+
+def through_the_camera(**others):
+    """Lines from behind the first camera to in front of it."""
+    start = CAMERAS.centers[:1].double() * 1.5
+    aside = torch.tensor([[0.1, 0.1, 0.1], [0.1, 0.0, 0.1], [0.0, 0.2, 0.1]], dtype=torch.float64)
+    return ds.Sketch(torch.stack([start + aside, aside], 1), width=0.02, **others)
+
+
+SKETCHES = {
+    "circle": circle(0.8, width=0.02),
+    "circle around the camera": circle(2.4, width=0.02),
+    "random": scattered(0.7, 2, width=0.01),
+    "weights from .001 to 1000": scattered(0.7, 6, width=0.01),
+    "colours and opacities": colored(width=0.02),
+    "around the cameras": scattered(3.0, 2, width=0.01),
+    "through the near plane": through_the_camera(),
+    "tubes": colored(width=0.05, width_space="world"),
+    "tube circle": circle(0.8, width=0.06, width_space="world"),
+    "tubes around the cameras": scattered(3.0, 2, width=0.03, width_space="world"),
+    "tubes through the near plane": through_the_camera(width_space="world"),
+    "dots": ds.Sketch(uniform(torch.Generator().manual_seed(5), 5, 1, 3).expand(5, 4, 3) - 0.5, width=0.1),
+}
+
+
+@needs_resvg
+@pytest.mark.parametrize("name", SKETCHES)
+def test_looks_as_rendered(tmp_path, name):
+    sketch = SKETCHES[name]
+    ds.save(tmp_path / "a.svg", sketch, CAMERAS)
+    picture, rendered = rasterized(tmp_path / "a.svg"), tile_images(ds.render(sketch, CAMERAS).color).float()
+    assert picture.shape == rendered.shape == (256, 512, 3)
+    difference = (picture - rendered).abs()
+    # Rasterisers differ by 2/255 in the mean from one another on such pictures.
+    assert difference.mean() < 0.5 / 255
+    # Where strokes overlap, their order may change along them, which SVG cannot show. Else the worst are thin ends.
+    layers = sum((ds.render(sketch[i], CAMERAS).alpha > 0).float() for i in range(len(sketch)))
+    alone = tile_images(layers[..., None])[..., 0] <= 1
+    assert difference[alone].max() < 0.3
+    inked = rendered.amin(-1) < 0.99
+    assert inked.sum() > 100
+    assert difference[inked].mean() < 0.04
+
+
+def curves_of(path):
+    """Points of the centre lines in a file by colour, (M, 2), 32 for each piece."""
+    t = torch.linspace(0, 1, 32, dtype=torch.float64)
+    found = {}
+    for element in ElementTree.parse(path).iter(SPACE + "path"):
+        pieces = []
+        for kind, text in re.findall(r"([MC])([^MC]*)", element.get("d")):
+            points = torch.tensor([float(v) for v in re.split("[ ,]", text)], dtype=torch.float64).reshape(-1, 2)
+            if kind == "M":
+                last = points[0]
+            else:
+                pieces.append(ds.bezier.evaluate(torch.cat([last[None], points]), None, t))
+                last = points[-1]
+        found.setdefault(element.get("stroke"), []).append(torch.cat(pieces))
+    return {color: torch.cat(curves) for color, curves in found.items()}
+
+
+@pytest.mark.parametrize(
+    "name", ["circle", "circle around the camera", "random", "weights from .001 to 1000", "through the near plane"]
+)
+def test_paths_stay_within_the_tolerance_of_the_exact_curve(tmp_path, name):
+    # A colour for each stroke tells the paths apart.
+    color = torch.arange(len(SKETCHES[name]), dtype=torch.float64)[:, None].expand(-1, 3) / 255
+    sketch = dataclasses.replace(SKETCHES[name], color=color)
+    save_svg(tmp_path / "a.svg", sketch, CAMERAS[0])
+    written = curves_of(tmp_path / "a.svg")
+    cubics = ds.project(sketch, CAMERAS[0]).cubics[0]
+    # Even in the logarithm of the odds: a weight of a thousand makes the curve hurry near its ends.
+    t = torch.linspace(-14, 14, 500, dtype=torch.float64).sigmoid()
+    x, y, z, w = (ds.bezier.curves.bernstein(t, 3) @ cubics).unbind(-1)
+    exact = torch.stack([x / z, y / z], -1)
+    shown = (z > CAMERAS.near * w) & (exact > 0).all(-1) & (exact < 256).all(-1)
+    strokes = shown.any(-1).nonzero()[:, 0].tolist()
+    assert strokes
+    for stroke in strokes:
+        path = written[f"#{stroke:02x}{stroke:02x}{stroke:02x}"]
+        # The polyline of 32 chords a piece is nearer to the path than a small part of the tolerance.
+        assert distance_to_polyline(exact[stroke, shown[stroke]], path).max() < TOLERANCE + ROUNDING + 0.005
+
+
+def distance_to_polyline(points, vertices):
+    start, chord = vertices[:-1], vertices.diff(dim=0)
+    along = ((points[:, None] - start) * chord).sum(-1) / chord.square().sum(-1).clamp_min(1e-30)
+    return (points[:, None] - start - along.clamp(0, 1)[..., None] * chord).norm(dim=-1).amin(1)
+
+
+def test_an_exact_circle_stays_round(tmp_path):
+    cameras = ds.look_at(torch.tensor([[0.0, 0.0, 2.0]]), up=(0.0, 1.0, 0.0), fov=60, size=512)
+    save_svg(tmp_path / "a.svg", ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.0), 1.0)), cameras)
+    points = torch.cat(list(curves_of(tmp_path / "a.svg").values()))
+    radius = 256 / math.tan(math.radians(30)) / 2
+    error = ((points - 256).norm(dim=-1) - radius).abs().max()
+    assert error < TOLERANCE + ROUNDING
+
+
+@needs_resvg
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_a_transparent_stroke_shows_no_joints(tmp_path, width_space):
+    # A loop that crosses itself, seen from above.
+    points = torch.tensor([[[-0.5, -0.5, 0], [1.5, 0.8, 0.1], [-1.5, 0.8, 0.2], [0.5, -0.5, 0]]])
+    sketch = ds.Sketch(points, width=0.1, opacity=0.5, width_space=width_space)
+    cameras = ds.look_at(torch.tensor([[0.0, 0.0, 1.5]]), up=(0.0, 1.0, 0.0), size=200)
+    ds.save(tmp_path / "a.svg", sketch, cameras)
+    picture = rasterized(tmp_path / "a.svg")
+    assert abs(picture.min() - 0.5) < 1.5 / 255
+    assert (picture[..., 0] < 0.51).sum() > 1000
+
+
+@needs_resvg
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_the_nearer_stroke_is_on_top(tmp_path, order, width_space):
+    points = torch.tensor([[[0.5, -0.5, 0.0], [0.5, 0.5, 0.0]], [[-0.5, 0.0, -0.5], [-0.5, 0.0, 0.5]]])
+    color = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    sketch = ds.Sketch(points[order], width=0.1, color=color[order], width_space=width_space)
+    ds.save(tmp_path / "a.svg", sketch, ds.orbit(0.0, size=64))
+    assert rasterized(tmp_path / "a.svg")[32, 32].tolist() == [1, 0, 0]
+
+
+@needs_resvg
+def test_the_first_of_equally_far_strokes_is_on_top(tmp_path):
+    points = torch.tensor([[[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]]).expand(2, 2, 3)
+    sketch = ds.Sketch(points, width=0.1, color=torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    cameras = ds.orbit(0.0, size=64)
+    ds.save(tmp_path / "a.svg", sketch, cameras)
+    assert rasterized(tmp_path / "a.svg")[32, 32].tolist() == ds.render(sketch, cameras).color[0, 32, 32].tolist()
+
+
+@needs_resvg
+@pytest.mark.parametrize(("r0", "r1"), [(3.0, 3.0), (8.0, 2.0), (2.0, 8.0), (1.0, 25.0), (25.0, 1.0), (0.0, 5.0)])
+def test_swept_discs_have_the_area_of_the_hull(tmp_path, r0, r1):
+    length = 20.0
+    data = _swept_disc(30.0, 40.0, r0, 30 + length * 0.6, 40 + length * 0.8, r1)
+    # Twice, over itself: overlaps of shapes that turn the same way round fill once.
+    size = 'width="100" height="100"'
+    text = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><rect {size} fill="#fff"/><path d="{data}{data}"/></svg>'
+    (tmp_path / "a.svg").write_text(text)
+    area = (1 - rasterized(tmp_path / "a.svg")[..., 0]).sum().item()
+    if abs(r0 - r1) >= length:
+        expected = math.pi * max(r0, r1) ** 2
+    else:
+        slope = math.asin((r0 - r1) / length)
+        expected = (r0 + r1) * length * math.cos(slope)
+        expected += r0**2 * (math.pi / 2 + slope) + r1**2 * (math.pi / 2 - slope)
+    # A pixel's ink is off by a few of 255 along the edge.
+    assert abs(area - expected) < 0.02 * expected + 0.5
+
+
+def test_what_is_not_seen_is_not_written(tmp_path):
+    points = torch.tensor([[[0.0, -0.3, 0.0], [0.0, 0.3, 0.0]], [[9.0, 0, 0], [9, 1, 0]], [[0, 9, 0], [0, 9, 1]]])
+    save_svg(tmp_path / "a.svg", ds.Sketch(points), ds.orbit(0.0, size=64))
+    assert len(list(ElementTree.parse(tmp_path / "a.svg").iter(SPACE + "path"))) == 1
+    save_svg(tmp_path / "a.svg", ds.Sketch(points[:0]), ds.orbit(0.0, size=64))
+    assert len(list(ElementTree.parse(tmp_path / "a.svg").iter(SPACE + "path"))) == 0
+
+
+def test_coordinates_stay_near_the_image(tmp_path):
+    save_svg(tmp_path / "a.svg", SKETCHES["through the near plane"], CAMERAS[0])
+    points = torch.cat(list(curves_of(tmp_path / "a.svg").values()))
+    assert points.min() >= -256
+    assert points.max() <= 512
+
+
+def test_styles(tmp_path):
+    points = torch.tensor([[[0.0, -0.3, 0.0], [0.0, 0.3, 0.0]]])
+    sketch = ds.Sketch(points, width=0.125, color=(1.5, 0.5, -1.0), opacity=0.25)
+    save_svg(tmp_path / "a.svg", sketch, ds.orbit([0.0] * 3, size=(40, 64)), background=(0.0, 0.2, 1.0))
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    assert (root.get("width"), root.get("height")) == ("128", "80")
+    assert root.find(SPACE + "rect").get("fill") == "#0033ff"
+    views = root.findall(SPACE + "svg")
+    assert [(v.get("x"), v.get("y")) for v in views] == [("0", "0"), ("64", "0"), ("0", "40")]
+    style = views[2].find(SPACE + "path").attrib
+    assert (style["stroke"], style["stroke-width"], style["stroke-opacity"]) == ("#ff8000", "5", "0.25")
+    save_svg(tmp_path / "a.svg", sketch, ds.orbit(0.0), background=None)
+    assert ElementTree.parse(tmp_path / "a.svg").getroot().find(SPACE + "rect") is None
+
+
+def test_bad_arguments_write_nothing(tmp_path):
+    sketch = SKETCHES["circle"]
+    with pytest.raises(ValueError, match="at least one view"):
+        save_svg(tmp_path / "a.svg", sketch, CAMERAS[:0])
+    with pytest.raises(ValueError, match=r"background must be three numbers in \[0, 1\] or None, got \(1.0, 1.0\)"):
+        save_svg(tmp_path / "a.svg", sketch, CAMERAS, background=(1.0, 1.0))
+    assert list(tmp_path.iterdir()) == []
