@@ -2,8 +2,10 @@
 
 from diff3ds import bezier
 from diff3ds.camera import Cameras, load_transforms, look_at, orbit, save_transforms
+from diff3ds.fit import FitConfig, Rates, Step, fit
 from diff3ds.formats import load, save
 from diff3ds.project import Strokes2D, project
+from diff3ds.refine import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
 from diff3ds.sketch import Sketch
 
@@ -11,12 +13,17 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Cameras",
+    "FitConfig",
+    "NoiseDeletion",
+    "Rates",
     "Rendering",
     "Sketch",
+    "Step",
     "Strokes2D",
     "__version__",
     "available_backends",
     "bezier",
+    "fit",
     "get_num_threads",
     "load",
     "load_transforms",

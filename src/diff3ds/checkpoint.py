@@ -8,7 +8,7 @@ from typing import Any, cast
 import torch
 
 from diff3ds._files import replacing
-from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._shapes import Float, Tensor
 from diff3ds.refine import Edit
 from diff3ds.sketch import Sketch, WidthSpace
 
@@ -27,7 +27,7 @@ class State:
         sketch: detached.
         first, second: Adam's moments of every field of the sketch.
         age: steps that each stroke has seen.
-        random: state of the generator.
+        random: state of the generator, bytes.
         losses: of all steps so far.
     """
 
@@ -36,7 +36,7 @@ class State:
     first: dict[str, Tensor]
     second: dict[str, Tensor]
     age: Float[Tensor, " N"]
-    random: Int[Tensor, " B"]
+    random: Tensor
     losses: tuple[float, ...]
 
     def generator(self) -> torch.Generator:

@@ -92,3 +92,7 @@ def _progress(console: Console) -> Iterator[Callable[[Step, int], None]]:
             )
 
         yield report
+
+
+if __name__ == "__main__":
+    main()

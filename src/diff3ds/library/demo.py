@@ -30,9 +30,9 @@ def demo_sketch() -> Sketch:
 
 
 def demo_cameras(views: int = 24, size: int = 256) -> Cameras:
-    """Views from all around, at three elevations."""
+    """Views from all around, at five elevations in turn."""
     azimuth = [360 * i / views for i in range(views)]
-    return orbit(azimuth, [(-10.0, 20.0, 50.0)[i % 3] for i in range(views)], 2.6, fov=45, size=size)
+    return orbit(azimuth, [(-10.0, 35.0, 5.0, 50.0, 20.0)[i % 5] for i in range(views)], 2.6, fov=45, size=size)
 
 
 def _at(leg: int, radius: float, height: float) -> Float[Tensor, " 3"]:

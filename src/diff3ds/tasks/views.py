@@ -45,7 +45,7 @@ class ViewsOptions:
         target: edges (edge maps, line drawings) or color; found by itself if not given.
         strokes: strokes at the start; by default 128 for edges, 1024 for colour.
         steps: gradient steps; by default 1200 for edges, 2400 for colour.
-        batch: views of a step.
+        batch: views of a step; by default 10 for edges, 5 for colour.
         size: larger pictures are reduced to this many pixels along the longer side.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
@@ -54,7 +54,7 @@ class ViewsOptions:
     target: Target | None = None
     strokes: int | None = None
     steps: int | None = None
-    batch: int = 10
+    batch: int | None = None
     size: int = 512
     seed: int = 0
     resume: bool = False
@@ -138,7 +138,7 @@ def _plan(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> P
     steps = options.steps or (1200 if edges else 2400)
     count = options.strokes or (128 if edges else 1024)
     targets = pictures.alpha[..., None] if edges else pictures.images
-    pyramid = build_pyramid(cameras, targets, steps, options.batch, options.seed)
+    pyramid = build_pyramid(cameras, targets, steps, options.batch or (10 if edges else 5), options.seed)
     fresh = _black_strokes(_line_width(pictures.alpha)) if edges else _colored_strokes(pictures)
     config = FitConfig(
         steps=steps,

@@ -1,0 +1,53 @@
+"""The frame of a fit: found from what the views show, and exact both ways."""
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.tasks.frame import Frame, frame_of
+
+
+def ball(center, radius):
+    """Strokes over a ball: circles around its three axes."""
+    axes = torch.eye(3).tolist()
+    return ds.Sketch.concatenate(
+        [ds.Sketch(*ds.bezier.circle(center, radius, axis, dtype=torch.float32)) for axis in axes]
+    )
+
+
+@pytest.mark.parametrize(
+    ("center", "radius"), [((0.0, 0.0, 0.0), 1.0), ((5.0, -2.0, 3.0), 0.2), ((0.0, 90.0, 0.0), 40.0)]
+)
+def test_finds_the_ball_that_is_seen(center, radius):
+    cameras = ds.orbit([0, 70, 140, 210, 280], [-20, 10, 40, 60, 0], 4 * radius, size=200, target=center)
+    frame = frame_of(cameras, ds.render(ball(center, radius), cameras).alpha)
+    torch.testing.assert_close(frame.center, torch.tensor(center, dtype=torch.float64), rtol=0, atol=0.03 * radius)
+    assert frame.radius == pytest.approx(1.1 * radius, rel=0.1)
+
+
+def test_drawing_in_the_frame_is_drawing_in_the_world(generator):
+    frame = Frame(torch.tensor([5.0, -2.0, 3.0], dtype=torch.float64), 0.25)
+    sketch = ds.Sketch.random(8, generator=generator, radius=0.8, width=0.02)
+    cameras = ds.orbit([0, 100, 220], 20, 1.0, size=64, target=(5.0, -2.0, 3.0))
+    world = ds.render(frame.to_world(sketch), cameras)
+    inside = ds.render(sketch, frame.cameras(cameras))
+    torch.testing.assert_close(inside.color, world.color, rtol=0, atol=1e-3)
+    torch.testing.assert_close(inside.depth * 0.25, world.depth, rtol=0, atol=1e-3)
+
+
+def test_views_must_show_something_from_two_sides():
+    cameras = ds.orbit([0, 0.5], 0, 3.0, size=32)
+    with pytest.raises(ValueError, match="the pictures show nothing"):
+        frame_of(cameras, torch.zeros(2, 32, 32))
+    with pytest.raises(ValueError, match="views all look the same way"):
+        frame_of(cameras, torch.ones(2, 32, 32))
+
+
+def test_cameras_that_look_away():
+    """OpenCV axes in a file that should hold OpenGL's: everything lies behind."""
+    cameras = ds.orbit([0, 90, 180], 10, 3.0, size=32)
+    flipped = ds.Cameras(
+        torch.diag(torch.tensor([1.0, -1, -1, 1])) @ cameras.world_to_camera, cameras.intrinsics, (32, 32)
+    )
+    with pytest.raises(ValueError, match=r"look away.*OpenGL"):
+        frame_of(flipped, torch.ones(3, 32, 32))

@@ -1,0 +1,31 @@
+"""Losses against their definitions."""
+
+import math
+
+import pytest
+import torch
+
+from diff3ds.losses import color_loss, ink_loss, psnr
+
+
+def test_extra_ink_counts_less_than_missing_ink():
+    blank, full = torch.zeros(1, 2, 2), torch.full((1, 2, 2), 0.5)
+    assert float(ink_loss(blank, full)) == pytest.approx(0.25)
+    assert float(ink_loss(full, blank)) == pytest.approx(0.25 * 0.2)
+    assert float(ink_loss(full, blank, extra=1.0)) == pytest.approx(0.25)
+
+
+def test_gradient_of_the_ink_loss(generator):
+    alpha = torch.rand(2, 3, 4, generator=generator, dtype=torch.float64, requires_grad=True)
+    target = torch.rand(2, 3, 4, generator=generator, dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda a: ink_loss(a, target), alpha)
+
+
+def test_color_loss_and_psnr():
+    target = torch.zeros(2, 4, 4, 3)
+    color = target.clone()
+    color[0] = 0.1
+    color[1] = 0.01
+    assert float(color_loss(color, target)) == pytest.approx((0.01 + 0.0001) / 2)
+    assert psnr(color, target) == pytest.approx((20 + 40) / 2, rel=1e-5)
+    assert psnr(target, target) == math.inf
