@@ -1,0 +1,38 @@
+"""The fit of the embedded scene as a film: random strokes become a stool, then it turns.
+
+python examples/stool_film.py OUTPUT_FOLDER
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.tasks.views import ViewsOptions, fit_views
+
+FRAMES, TURN = 45, 45
+folder = Path(sys.argv[1])
+sketches: list[ds.Sketch] = []
+
+
+def watch(step: ds.Step, steps: int) -> None:
+    """Keeps frames of the fit, more of the beginning, where more happens."""
+    if step.index + 1 >= steps * (len(sketches) / FRAMES) ** 2:
+        sketches.append(step.sketch)
+
+
+fit_views(None, folder / "stool", ViewsOptions(), watch)
+sketches += [sketches[-1]] * TURN
+azimuth = [30 + 180 * max(0, i - FRAMES) / TURN + 4 * min(i, FRAMES) for i in range(len(sketches))]
+frames = []
+for angle, sketch in zip(azimuth, sketches, strict=True):
+    image = ds.render(sketch, ds.orbit(angle, 18, 2.9, fov=45, size=320)).color[0]
+    # Levels of gray, so that the film stays small.
+    gray = (image.mean(-1).clamp(0, 1) * 15).round() * 17
+    frames.append(Image.fromarray(gray.to(torch.uint8).numpy().astype(np.uint8)))
+frames[0].save(
+    folder / "stool.webp", save_all=True, append_images=frames[1:], duration=60, loop=0, quality=60, method=4
+)
