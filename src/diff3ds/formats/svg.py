@@ -1,7 +1,7 @@
 """SVG files: views of a sketch as vector paths, one path a stroke."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import torch
@@ -48,20 +48,22 @@ def save_svg(
         raise ValueError(f"background must be three numbers in [0, 1] or None, got {background}")
     sketch = sketch.detach()
     sketch.check_values()
-    strokes = project(sketch, cameras)
-    height, width = cameras.size
     columns = grid_columns(len(cameras))
-    total = columns * width, math.ceil(len(cameras) / columns) * height
-    lines = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{total[0]}" height="{total[1]}">']
-    if background is not None:
-        lines.append(f'<rect width="100%" height="100%" fill="{_hex(background)}"/>')
-    for view in range(len(cameras)):
+    height, width = cameras.size
+    size = f'width="{columns * width}" height="{math.ceil(len(cameras) / columns) * height}"'
+    ground = "" if background is None else f'<rect width="100%" height="100%" fill="{_hex(background)}"/>\n'
+    views = "\n".join(_views(project(sketch, cameras), cameras.size, columns))
+    write_text(Path(path), f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{ground}{views}\n</svg>\n')
+
+
+def _views(strokes: Strokes2D, size: tuple[int, int], columns: int) -> Iterator[str]:
+    """An inner svg for each view, which clips what sticks out of it."""
+    height, width = size
+    for view in range(len(strokes.cubics)):
         row, column = divmod(view, columns)
-        # An inner svg clips what sticks out of its view.
-        lines.append(f'<svg x="{column * width}" y="{row * height}" width="{width}" height="{height}">')
-        lines += _paths(strokes, screen_pieces(strokes, view, cameras.size, TOLERANCE))
-        lines.append("</svg>")
-    write_text(Path(path), "\n".join([*lines, "</svg>\n"]))
+        yield f'<svg x="{column * width}" y="{row * height}" width="{width}" height="{height}">'
+        yield from _paths(strokes, screen_pieces(strokes, view, size, TOLERANCE))
+        yield "</svg>"
 
 
 def _paths(strokes: Strokes2D, pieces: Pieces) -> list[str]:
