@@ -1,0 +1,191 @@
+"""The package as a whole: what its import loads, which part may import which, and life without compiled kernels."""
+
+import ast
+import graphlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src"
+MODULES = {
+    ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in sorted(SOURCE.glob("diff3ds/**/*.py"))
+}
+
+# What each part (a module or folder right under the package) may import: cli -> tasks -> {fit, guidance, losses,
+# formats, viewer}; fit -> render, refine, losses; render -> project -> {bezier, camera, sketch}. "diff3ds" stands for
+# the list of public names. A new part needs a line here.
+HELPERS = {"_files", "_shapes"}
+SCENE = {"bezier", "camera", "sketch"} | HELPERS
+ALLOWED = {
+    "_files": set(),
+    "_shapes": set(),
+    "bezier": {"_shapes"},
+    "camera": HELPERS,
+    "sketch": {"bezier", "_shapes"},
+    "project": SCENE,
+    "render": {"project"} | SCENE,
+    "losses": SCENE,
+    "refine": {"project"} | SCENE,
+    "library": SCENE,
+    "metrics": SCENE,
+    "checkpoint": {"refine"} | SCENE,
+    "fit": {"render", "refine", "losses", "checkpoint"} | SCENE,
+    "formats": {"render", "project"} | SCENE,
+    "viewer": {"formats", "render", "project"} | SCENE,
+    # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
+    "guidance": {"camera"} | HELPERS,
+    "diff3ds": {"fit", "formats", "losses", "refine", "render", "project"} | SCENE,
+    "tasks": {"diff3ds", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint", "refine",
+              "render", "project"} | SCENE,
+    "cli": {"tasks", "fit"},
+}  # fmt: skip
+
+
+def _part(module: str) -> str:
+    return module.split(".")[1] if "." in module else module
+
+
+def _imports(path: Path) -> set[str]:
+    """Modules of this package that a file imports, anywhere in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}, line {node.lineno}: imports are absolute here"
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                found.add(inner if inner in MODULES else str(node.module))
+    return {name for name in found if name.split(".")[0] == "diff3ds"}
+
+
+def _run(script: str, *arguments: str) -> str:
+    """Output of a script in a fresh interpreter, outside the repository's tests."""
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+# Imports
+
+
+def test_import_needs_torch_and_numpy_only():
+    script = """
+import json, sys
+import torch, numpy
+before = {name.split(".")[0] for name in sys.modules}
+import diff3ds
+after = {name.split(".")[0] for name in sys.modules}
+loaded = [name for name in sys.modules if name.startswith("diff3ds.")]
+print(json.dumps([sorted(after - before - set(sys.stdlib_module_names)), loaded]))
+"""
+    added, loaded = json.loads(_run(script))
+    assert added == ["diff3ds"]
+    assert not {"cli", "tasks", "guidance", "viewer"} & {_part(name) for name in loaded}
+
+
+def test_the_allowed_arrows_point_one_way():
+    graphlib.TopologicalSorter(ALLOWED).prepare()
+    assert set().union(*ALLOWED.values()) <= set(ALLOWED)
+    assert not ALLOWED["guidance"] & {"sketch", "project", "render", "bezier"}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_follow_the_arrows(module):
+    part = _part(module)
+    assert part in ALLOWED, f"say in ALLOWED what {part} may import"
+    outside = {_part(name) for name in _imports(MODULES[module])} - {part}
+    assert outside <= ALLOWED[part], f"{module} must not import {sorted(outside - ALLOWED[part])}"
+
+
+def test_no_module_imports_itself_in_a_circle():
+    graph = {module: _imports(path) - {module} for module, path in MODULES.items()}
+    graphlib.TopologicalSorter(graph).prepare()
+
+
+def test_nothing_is_unpickled():
+    """No file can run code: no pickle in any form, nothing evaluated."""
+    for path in MODULES.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            where = f"{path}, line {getattr(node, 'lineno', 0)}"
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = {a.name for a in node.names} | {getattr(node, "module", None)}
+                assert not names & {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}, where
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                assert (node.value.id, node.attr) not in {("torch", "load"), ("torch", "save")}, where
+            if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                assert isinstance(node.value, ast.Constant), where
+                assert node.value.value is False, where
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in {"eval", "exec", "__import__"}, where
+
+
+# Without compiled kernels
+
+NO_KERNELS = """
+import json, sys, warnings
+# The sources alone: what an installation without a compiler holds.
+sys.meta_path[:] = [f for f in sys.meta_path if not type(f).__module__.startswith("_editable")]
+sys.path.insert(0, sys.argv[1])
+import torch
+import diff3ds as ds
+
+def error(call):
+    try:
+        call()
+    except ValueError as error:
+        return str(error)
+
+sketch = ds.Sketch(torch.tensor([[[0.0, -0.5, 0], [0, 0.5, 0]]]), width=0.2)
+cameras = ds.orbit([0.0, 90.0], size=16)
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    explicit = ds.render(sketch, cameras, backend="reference")
+    silent = len(caught)
+    images = [ds.render(sketch, cameras) for _ in range(3)]
+    learned = ds.Sketch(sketch.points.clone().requires_grad_(), width=0.2)
+    ds.render(learned, cameras).alpha.sum().backward()
+print(json.dumps({
+    "backends": ds.available_backends(),
+    "silent": silent,
+    "warnings": [[w.category.__name__, str(w.message), w.filename] for w in caught],
+    "same": all(torch.equal(image.color, explicit.color) for image in images),
+    "ink": float(explicit.alpha.sum()),
+    "gradient": bool(learned.points.grad.isfinite().all()),
+    "cpu": error(lambda: ds.render(sketch, cameras, backend="cpu")),
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def without_kernels() -> dict:
+    """What a user meets who has no compiler."""
+    return json.loads(_run(NO_KERNELS, str(SOURCE)))
+
+
+def test_without_kernels_the_reference_renders(without_kernels):
+    assert without_kernels["backends"] == ["reference"]
+    assert without_kernels["same"]
+    assert without_kernels["ink"] > 20
+    assert without_kernels["gradient"]
+
+
+def test_without_kernels_there_is_one_warning_that_says_what_to_do(without_kernels):
+    assert without_kernels["silent"] == 0
+    ((category, message, filename),) = without_kernels["warnings"]
+    assert category == "RuntimeWarning"
+    assert "without its compiled kernels" in message
+    assert "Install a C++20 compiler" in message
+    assert "pip install" in message
+    # It points at the line of the user that renders.
+    assert filename == "<string>"
+
+
+def test_without_kernels_the_cpu_backend_is_refused(without_kernels):
+    assert 'backend "cpu" is not installed. Install a C++20 compiler' in without_kernels["cpu"]
