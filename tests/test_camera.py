@@ -29,9 +29,6 @@ def _close(actual, expected, tolerance: float = 1e-5) -> None:
     )
 
 
-# Orbits
-
-
 @pytest.mark.parametrize(
     ("azimuth", "elevation", "center"),
     [
@@ -80,9 +77,6 @@ def test_orbit_takes_one_value_or_one_a_view():
     _close(tensors.world_to_camera, cameras.world_to_camera)
 
 
-# Look at
-
-
 def test_look_at_is_rigid_and_looks_at(generator):
     eye = torch.randn(20, 3, generator=generator, dtype=torch.float64) * 3
     target = torch.randn(20, 3, generator=generator, dtype=torch.float64)
@@ -108,9 +102,6 @@ def test_look_at_keeps_up_up():
 def test_gradients_reach_the_eye():
     eye = torch.tensor([[1.0, 2.0, 3.0]], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda e: ds.look_at(e, fov=50.0).projection, eye)
-
-
-# Batches, conversions
 
 
 def _two() -> ds.Cameras:
@@ -235,9 +226,6 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
 def test_bad_arguments_are_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-# transforms.json
 
 
 def _write(folder, **content):
