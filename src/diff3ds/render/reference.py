@@ -102,7 +102,9 @@ def composite_points(
         return composite(alpha, strokes.color[hits.stroke], depth.to(dtype), counts)
 
     nothing = torch.tensor([0.0, 0.0, 0.0, 0.0, 0.0, 1.0], dtype=dtype, device=device)
-    sums = nothing.expand(count, 6)
+    # Where nothing is hit the gradients of all tensors are zero, not an error.
+    tensors = (strokes.cubics, strokes.half_width, strokes.color, strokes.opacity)
+    sums = nothing.expand(count, 6) + sum(t[:0].sum().to(dtype) for t in tensors)
     parts = [
         checkpoint(block, hits.where(slice(a, b)), counts[i:j], use_reentrant=False, preserve_rng_state=False)
         for a, b, i, j in _blocks(counts)
