@@ -188,7 +188,7 @@ def aims(times: dict[str, dict[str, dict[str, Times]]], memory: dict[str, float]
                 if f"prototype {way}" in t and name in "ABC":
                     figure, base = t[way].median, t[f"prototype {way}"].median
                     bound = MAX_PROTOTYPE * base + (EXTRA_C if name == "C" else 0)
-                    rows.append([f"{name} {way}, {threads} thread(s), ms", figure, bound, figure <= bound])
+                    rows.append([f"{name} {way}, ms, threads: {threads}", figure, bound, figure <= bound])
             if name in "AB":
                 speedup = one[way].median / two[way].median
                 rows.append([f"{name} {way}, speed-up of two threads", speedup, MIN_SPEEDUP, speedup >= MIN_SPEEDUP])
