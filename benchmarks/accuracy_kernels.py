@@ -100,8 +100,9 @@ def run(scenes: int) -> dict[str, Any]:
         ink += int(((truth.image.alpha > 0) | (ours.image.alpha > 0)).sum())
         missed_depth += int((depth_error > TOLERANCE).sum())
         for view, y, x in (error > TOLERANCE).nonzero().tolist():
-            cause = explain(scene.to(torch.float64), view, (x + 0.5, y + 0.5))
-            misses.append(Miss(float(error[view, y, x]), seed, view, y, x, cause))
+            size = float(error[view, y, x])
+            cause = explain(scene.to(torch.float64), view, (x + 0.5, y + 0.5), size)
+            misses.append(Miss(size, seed, view, y, x, cause))
         same = (error <= TOLERANCE) & (depth_error <= TOLERANCE)
         for kind, values in gradients.items():
             values.append(compare_gradients(ours, truth, same, kind, seed))

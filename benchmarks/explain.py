@@ -27,17 +27,22 @@ class Cause(NamedTuple):
 
 
 class _Hit(NamedTuple):
-    """A stroke over the pixel: distance, and the depths of all its points that are as near as rounding can tell."""
+    """A stroke over the pixel: distance, and all its points that are as near as rounding can tell.
+
+    low, high: their depths. change: what the choice among them may change in coverage (one a pixel of distance or
+    half width, at most).
+    """
 
     stroke: int
     distance: float
     low: float
     high: float
+    change: float
 
 
 @torch.no_grad()
-def explain(scene: RandomScene, view: int, position: tuple[float, float]) -> Cause:
-    """What rounding can change at a position of a view (a float64 scene)."""
+def explain(scene: RandomScene, view: int, position: tuple[float, float], error: float) -> Cause:
+    """What can change colour or alpha by `error` at a position of a view (a float64 scene)."""
     strokes = ds.project(scene.sketch, scene.cameras)
     for suffix, slack in SAME_DISTANCE.items():
         rows = [_hit(strokes, i, view, position, scene.blur, slack) for i in range(len(scene.sketch))]
@@ -47,7 +52,7 @@ def explain(scene: RandomScene, view: int, position: tuple[float, float]) -> Cau
         if gap < SAME_DEPTH:
             return Cause("depth order" + suffix, f"strokes {one} and {other} in either order")
         for hit in hits:
-            if hit.high / hit.low - 1 > SAME_DEPTH:
+            if hit.high / hit.low - 1 > SAME_DEPTH and hit.change >= error:
                 depths = f"{hit.distance:.2f} px from points at depths {hit.low:.4f} and {hit.high:.4f}"
                 return Cause("nearest point" + suffix, f"stroke {hit.stroke}: {depths}")
     return Cause("unexplained", f"{len(hits)} strokes, least depth gap {gap:.1e}")
@@ -75,7 +80,9 @@ def _hit(
     if not distance[nearest] < half_width + reach + slack:
         return None
     same = depth[distance <= distance[nearest] + slack]
-    return _Hit(stroke, float(distance[nearest]), float(same.min()), float(same.max()))
+    low, high = float(same.min()), float(same.max())
+    change = slack + (float(half_width) * (high / low - 1) if strokes.width_space == "world" else 0.0)
+    return _Hit(stroke, float(distance[nearest]), low, high, change)
 
 
 def _sampled(
