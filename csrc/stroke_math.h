@@ -113,7 +113,7 @@ template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F tau,
 }
 // A second step with the slope of the first, along the tangent. Where that is too long for the tangent to stand for the curve, it is not taken, and
 // `far` is set.
-constexpr double MAX_SECOND_STEP = .03;  // px
+constexpr double MAX_SECOND_STEP = .01;  // px: beyond, the gradient of sharply bent strokes loses digits (empirical)
 template <class F, class S, class M> HD Point<F> second_step(const Piece<S> &c, F tau, F rate, F qx, F qy, M &far) {
   F x1, y1, z1;
   const F z = cubic(c.z, tau, z1), iz = S(1) / z, px = cubic(c.x, tau, x1) * iz, py = cubic(c.y, tau, y1) * iz;
