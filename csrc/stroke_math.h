@@ -121,7 +121,8 @@ template <class F, class S, class M> HD Point<F> second_step(const Piece<S> &c, 
   const F next = clamp(tau - ((px - qx) * vx + (py - qy) * vy) * rate, S(-.5), S(.5)), wish = next - tau;
   far = wish * wish * (vx * vx + vy * vy) > S(MAX_SECOND_STEP * MAX_SECOND_STEP);
   const F step = select(far, wish * S(0), wish);
-  return {tau + step, px + step * vx, py + step * vy, z + step * z1};
+  // Depth is no matter of pixels: near a vanishing point it may double within such a step.
+  return {tau + step, px + step * vx, py + step * vy, cubic(c.z, tau + step)};
 }
 
 template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) {

@@ -1,0 +1,160 @@
+"""The kernels against the reference, forward and backward, on random scenes."""
+
+import pytest
+import torch
+from scenes import TENSORS, draw, strokes_at
+
+from diff3ds import Cameras, Sketch, render
+from diff3ds.camera import look_at
+from diff3ds.render import available_backends, rasterize
+
+pytestmark = pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+
+# Share of the pixels with ink that may differ by more than PIXEL, and what gradients may differ by (issue's figures).
+PIXEL, SHARE, GRADIENT, COSINE = 1e-4, 1e-3, 1e-3, 0.99999
+SIZE = (56, 72)
+
+
+def scene(seed: int, controls: int, width_space: str) -> tuple[Sketch, Cameras]:
+    """Ten strokes in two views, widths from thin to thick, in float64 with gradients everywhere."""
+    g = torch.Generator().manual_seed(seed)
+
+    def uniform(low: float, high: float, *shape: int) -> torch.Tensor:
+        return (low + (high - low) * torch.rand(*shape, generator=g, dtype=torch.float64)).requires_grad_()
+
+    points = (0.45 * torch.randn(10, controls, 3, generator=g, dtype=torch.float64)).requires_grad_()
+    weights = uniform(-1, 1, 10, controls).detach().exp().requires_grad_()
+    looks = uniform(0.01, 0.1, 10), uniform(0, 1, 10, 3), uniform(0.3, 1, 10)
+    cameras = look_at(torch.tensor([[2.0, 0.4, 0.5], [-0.6, 1.7, 0.9]], dtype=torch.float64), size=SIZE)
+    pose, intrinsics = (t.detach().requires_grad_() for t in (cameras.world_to_camera, cameras.intrinsics))
+    return Sketch(points, weights, *looks, width_space=width_space), Cameras(pose, intrinsics, SIZE)
+
+
+def leaves(sketch: Sketch, cameras: Cameras, background: torch.Tensor) -> dict[str, torch.Tensor]:
+    pose = {"world_to_camera": cameras.world_to_camera, "intrinsics": cameras.intrinsics}
+    return {**sketch.tensors(), **pose, "background": background}
+
+
+def cast(sketch: Sketch, cameras: Cameras, dtype: torch.dtype) -> tuple[Sketch, Cameras]:
+    """The same values in another dtype, as leaves; cameras stay float64, as the projection does."""
+    tensors = {name: t.detach().to(dtype).requires_grad_() for name, t in sketch.tensors().items()}
+    return Sketch(**tensors, width_space=sketch.width_space), cameras
+
+
+def assert_close_images(got, expected) -> None:
+    ink = (expected.alpha > 1e-3) | (got.alpha > 1e-3)
+    assert ink.sum() > 300
+    for name in ("color", "alpha", "depth"):
+        difference = (getattr(got, name) - getattr(expected, name)).abs().double()
+        difference = difference.amax(-1) if name == "color" else difference
+        # Depth is a quotient by alpha.
+        limit = PIXEL * (1 / expected.alpha.clamp(min=0.01) if name == "depth" else 1)
+        assert (difference > limit)[ink].double().mean() < SHARE, name
+        assert (difference <= limit)[~ink].all() or name == "depth"
+
+
+def assert_close_gradients(got: torch.Tensor, expected: torch.Tensor, name: str) -> None:
+    got, expected = got.double().flatten(), expected.double().flatten()
+    assert (got - expected).norm() < GRADIENT * expected.norm(), name
+    assert torch.cosine_similarity(got, expected, dim=0) > COSINE, name
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize(
+    ("seed", "controls", "width_space", "blur"),
+    [(0, 4, "image", 0.0), (1, 4, "world", 0.0), (2, 3, "image", 1.5), (3, 4, "world", 0.7), (4, 2, "world", 0.0)],
+)
+def test_analytic_images_and_gradients(dtype, seed, controls, width_space, blur):
+    """The loss is linear in each output at a time, with random coefficients."""
+    original = scene(seed, controls, width_space)
+    g = torch.Generator().manual_seed(100 + seed)
+    upstream = {
+        "color": torch.randn(2, *SIZE, 3, generator=g).to(dtype),
+        "alpha": torch.randn(2, *SIZE, generator=g).to(dtype),
+        "depth": torch.randn(2, *SIZE, generator=g).to(dtype),
+    }
+    results = {}
+    for backend in ("reference", "cpu"):
+        sketch, cameras = cast(*original, dtype)
+        background = torch.rand(*SIZE, 3, generator=g.manual_seed(1)).to(dtype).requires_grad_()
+        image = render(sketch, cameras, background=background, blur=blur, backend=backend)
+        inputs = leaves(sketch, cameras, background)
+        # The depth of pixels with little ink hangs on rounding.
+        upstream["depth"] = upstream["depth"] * (image.alpha.detach() > 0.01)
+        gradients = {
+            name: torch.autograd.grad(
+                (getattr(image, name) * upstream[name]).sum(),
+                list(inputs.values()),
+                retain_graph=True,
+                allow_unused=True,
+            )
+            for name in upstream
+        }
+        results[backend] = image, gradients, list(inputs)
+    (expected, truth, names), (got, gradients, _) = results["reference"], results["cpu"]
+    assert_close_images(got, expected)
+    for output in upstream:
+        for name, a, b in zip(names, gradients[output], truth[output], strict=True):
+            if b is None or not bool(b.any()):
+                assert a is None or not bool(a.any()), (output, name)
+            else:
+                assert_close_gradients(a, b, f"{name} of {output}")
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_montecarlo_images_and_interior_gradients(dtype, width_space):
+    """The same seed gives the same samples: pictures agree but for samples on an edge, which rounding may flip."""
+    results = []
+    for backend in ("reference", "cpu"):
+        sketch, cameras = cast(*scene(5, 4, width_space), dtype)
+        generator = torch.Generator().manual_seed(3)
+        options = {"antialiasing": "montecarlo", "samples": 9, "generator": generator}
+        background = torch.full((1, 1, 1, 3), 0.3, dtype=dtype, requires_grad=True)
+        image = render(sketch, cameras, background=background, backend=backend, **options)
+        upstream = torch.randn(2, *SIZE, 3, generator=torch.Generator().manual_seed(4)).to(dtype)
+        inputs = [sketch.color, sketch.opacity, background]
+        results.append((image, torch.autograd.grad((image.color * upstream).sum(), inputs)))
+    (expected, truth), (got, gradients) = results
+    assert_close_images(got, expected)
+    assert ((got.alpha - expected.alpha).abs() > 1.001 / 9).sum() == 0, "more than one sample of a pixel differs"
+    for name, a, b in zip(("color", "opacity", "background"), gradients, truth, strict=True):
+        assert_close_gradients(a, b, name)
+
+
+def test_samples_at_the_border_of_tiles():
+    """Strokes whose edge ends between the last pixel centres of a tile and its border are seen by samples there."""
+    ends = torch.tensor([[16.0 + 2.2, 2.0], [16.0 + 2.2, 30.0]])
+    strokes = strokes_at(torch.stack([ends, ends.flip(-1)]), half_width=2.5)
+    pictures = [draw(strokes, 32, b, "montecarlo", samples=16).alpha for b in ("reference", "cpu")]
+    assert pictures[1][0, 8, 15] > 0
+    torch.testing.assert_close(*pictures, rtol=0, atol=1e-12)
+
+
+def test_every_instruction_set():
+    """Each one this machine runs draws what the reference draws."""
+    from diff3ds import _kernels
+
+    g = torch.Generator().manual_seed(0)
+    points = 20 + 12 * torch.randn(12, 4, 2, generator=g)
+    looks = {"half_width": 2 * torch.rand(1, 12, generator=g), "color": torch.rand(12, 3, generator=g)}
+    depth = 1 + torch.rand(12, 1, generator=g)
+    upstream = torch.randn(1, 40, 40, 3, generator=g)
+
+    def result(backend: str) -> tuple[torch.Tensor, ...]:
+        strokes = strokes_at(points, depth=depth, opacity=0.8, dtype=torch.float32, **looks)
+        tensors = [getattr(strokes, name).requires_grad_() for name in TENSORS]
+        image = rasterize(strokes, 40, backend=backend, blur=0.5).color
+        return image.detach(), *torch.autograd.grad((image * upstream).sum(), tensors)
+
+    expected, before = result("reference"), _kernels.instruction_set()
+    assert before == _kernels.instruction_sets()[-1]
+    try:
+        for name in _kernels.instruction_sets():
+            _kernels.set_instruction_set(name)
+            image, *gradients = result("cpu")
+            assert ((image - expected[0]).abs() > PIXEL).double().mean() < SHARE, name
+            for field, a, b in zip(TENSORS, gradients, expected[1:], strict=True):
+                assert_close_gradients(a, b, f"{field} with {name}")
+    finally:
+        _kernels.set_instruction_set(before)

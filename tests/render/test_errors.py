@@ -1,0 +1,160 @@
+"""Bad input: an error that names the argument, the stroke, the value, and what was expected."""
+
+import re
+from dataclasses import replace
+
+import pytest
+import torch
+from scenes import strokes_at
+
+from diff3ds import Sketch, orbit, render
+from diff3ds.render import rasterize, set_num_threads
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.fixture
+def strokes():
+    return strokes_at(torch.tensor([[[3.0, 4.0], [12.0, 9.0]]]).expand(5, 2, 2), half_width=1.0, opacity=0.5)
+
+
+def spoiled(strokes, name: str, index: tuple[int, ...], value: float):
+    tensor = getattr(strokes, name).clone()
+    tensor[index] = value
+    return replace(strokes, **{name: tensor})
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value", "message"),
+    [
+        ("cubics", (0, 2, 1, 0), NAN, "cubics of stroke 2 (view 0) must be finite, below 1e+100, got nan"),
+        ("cubics", (0, 4, 3, 2), INF, "cubics of stroke 4 (view 0) must be finite, below 1e+100, got inf"),
+        ("cubics", (0, 1, 0, 1), -1e200, "cubics of stroke 1 (view 0) must be finite, below 1e+100, got -1e+200"),
+        ("cubics", (0, 3, 2, 3), -0.5, "cubics (the weights W) of stroke 3 (view 0) must be positive, got -0.5"),
+        ("half_width", (0, 3), -1.0, "half_width of stroke 3 (view 0) must be finite and not negative, got -1.0"),
+        ("half_width", (0, 0), NAN, "half_width of stroke 0 (view 0) must be finite and not negative, got nan"),
+        ("color", (2, 1), INF, "color of stroke 2 (view 0) must be finite, got inf"),
+        ("opacity", (4,), 1.5, "opacity of stroke 4 (view 0) must be in [0, 1], got 1.5"),
+        ("opacity", (1,), NAN, "opacity of stroke 1 (view 0) must be in [0, 1], got nan"),
+    ],
+)
+def test_values(backend, antialiasing, strokes, name, index, value, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        rasterize(spoiled(strokes, name, index, value), 16, backend=backend, antialiasing=antialiasing)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"cubics": torch.zeros(5, 4, 4).double()}, ValueError, "cubics must be float64 of shape (V, N, 4, 4), got"),
+        ({"cubics": torch.ones(1, 5, 4, 4)}, ValueError, "got torch.float32 of (1, 5, 4, 4)"),
+        (
+            {"half_width": torch.ones(3, 5).double()},
+            ValueError,
+            "half_width must have shape (1, 5) or (1, 5) for 5 strokes",
+        ),
+        ({"color": torch.ones(4, 3).double()}, ValueError, "color must have shape (5, 3) for 5 strokes, got (4, 3)"),
+        ({"opacity": torch.ones(5)}, TypeError, "opacity must have the floating point dtype of color, torch.float64"),
+        ({"color": torch.ones(5, 3).long()}, TypeError, "floating point dtype"),
+        (
+            {"opacity": torch.ones(5, device="meta").double()},
+            ValueError,
+            "opacity must be on the device of cubics, cpu, got meta",
+        ),
+        ({"width_space": "metres"}, ValueError, 'width_space must be "image" or "world", got \'metres\''),
+        ({"near": 0.0}, ValueError, "near must be a positive number, got 0.0"),
+        ({"near": NAN}, ValueError, "near must be a positive number, got nan"),
+    ],
+)
+def test_fields(backend, strokes, change, error, message):
+    with pytest.raises(error, match=re.escape(message)):
+        rasterize(replace(strokes, **change), 16, backend=backend)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"size": 0}, ValueError, "size must be a positive int or (height, width)"),
+        ({"size": (16, -1)}, ValueError, "got (16, -1)"),
+        ({"size": (16, 16, 3)}, ValueError, "got (16, 16, 3)"),
+        ({"size": (2**17, 16)}, ValueError, "up to 65536"),
+        ({"blur": -1.0}, ValueError, "blur must be a number of pixels from 0 to 1e6, got -1.0"),
+        ({"blur": NAN}, ValueError, "got nan"),
+        ({"blur": "wide"}, ValueError, "got wide"),
+        ({"blur": 1.0, "antialiasing": "montecarlo"}, ValueError, 'blur is for antialiasing="analytic", got blur=1.0'),
+        ({"antialiasing": "msaa"}, ValueError, 'antialiasing must be "analytic" or "montecarlo", got \'msaa\''),
+        (
+            {"samples": 5, "antialiasing": "montecarlo"},
+            ValueError,
+            "samples must be a square number from 1 to 4096, got 5",
+        ),
+        ({"samples": 0, "antialiasing": "montecarlo"}, ValueError, "got 0"),
+        ({"samples": 4900, "antialiasing": "montecarlo"}, ValueError, "got 4900"),
+        ({"background": torch.ones(5).double()}, ValueError, "background must broadcast to (1, 16, 16, 3), got shape"),
+        ({"background": torch.ones(3)}, TypeError, "background must be torch.float64 on cpu as the colours are"),
+        ({"background": torch.ones(1, 1, 1, 1, 3).double()}, ValueError, "background must broadcast"),
+        ({"background": "white"}, TypeError, "background must be a number, three numbers or a tensor, got str"),
+        ({"backend": "gpu"}, ValueError, 'backend must be "reference", "cpu" or None, got \'gpu\''),
+    ],
+)
+def test_options(backend, strokes, options, error, message):
+    options = {"size": 16, "backend": backend, **options}
+    with pytest.raises(error, match=re.escape(message)):
+        rasterize(strokes, options.pop("size"), **options)
+
+
+def test_arguments_of_render(backend):
+    sketch, cameras = Sketch(torch.rand(3, 4, 3)), orbit(0.0, size=16)
+    with pytest.raises(TypeError, match="render takes a Sketch and Cameras, got Cameras and Sketch"):
+        render(cameras, sketch, backend=backend)
+    with pytest.raises(TypeError, match="strokes must be Strokes2D, got Sketch"):
+        rasterize(sketch, 16, backend=backend)
+    with pytest.raises(ValueError, match="sketch and cameras must be on one device, got cpu and meta"):
+        render(sketch, _on_meta(cameras), backend=backend)
+    # A value spoiled after the sketch was checked, as an optimiser does: named as the sketch's own.
+    sketch.points[1, 2, 0] = NAN
+    with pytest.raises(ValueError, match="points of stroke 1 must be finite, got nan"):
+        render(sketch, cameras, backend=backend)
+
+
+def _on_meta(cameras):
+    """Cameras on a device without values, past the checks of values."""
+    away = object.__new__(type(cameras))
+    for name in ("world_to_camera", "intrinsics", "size", "near"):
+        value = getattr(cameras, name)
+        object.__setattr__(away, name, value.to("meta") if isinstance(value, torch.Tensor) else value)
+    return away
+
+
+def test_unsupported_tensors_of_the_kernels(strokes):
+    half = replace(
+        strokes, half_width=strokes.half_width.half(), color=strokes.color.half(), opacity=strokes.opacity.half()
+    )
+    if "cpu" in available():
+        with pytest.raises(ValueError, match=r'backend "cpu" draws float32 and float64, got torch.float16'):
+            rasterize(half, 16, backend="cpu")
+    # None finds the one that can.
+    assert rasterize(half, 16).color.dtype == torch.float16
+
+
+def available() -> list[str]:
+    from diff3ds.render import available_backends
+
+    return available_backends()
+
+
+def test_number_of_threads():
+    with pytest.raises(ValueError, match="the number of threads must be positive, got 0"):
+        set_num_threads(0)
+
+
+def test_background_changed_before_the_backward(strokes):
+    """The kernels look at it again: as everywhere in torch an error, not a wrong gradient."""
+    background = torch.full((3,), 0.5, dtype=torch.float64)
+    strokes.color.requires_grad_()
+    image = rasterize(strokes, 16, background=background, backend=available()[-1])
+    background.zero_()
+    if "cpu" in available():
+        with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+            image.color.sum().backward()

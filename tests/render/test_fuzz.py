@@ -1,0 +1,15 @@
+"""Some cases of the fuzzing run (benchmarks/fuzz.py draws as many as asked for)."""
+
+import pytest
+from fuzz_cases import run_case
+
+
+@pytest.mark.parametrize("start", range(0, 400, 50))
+def test_extreme_scenes(start):
+    failures = {seed: wrong for seed in range(start, start + 50) if (wrong := run_case(seed))}
+    assert not failures
+
+
+def test_extreme_scenes_of_the_reference():
+    failures = {seed: wrong for seed in range(25) if (wrong := run_case(seed, "reference"))}
+    assert not failures

@@ -1,0 +1,121 @@
+"""The ends of the range: nothing to draw, odd sizes, strokes beside, behind or through the camera, many of them."""
+
+import pytest
+import torch
+from scenes import draw, noise, strokes_at, tracked
+
+from diff3ds import Sketch, bezier, render
+from diff3ds.camera import look_at
+from diff3ds.render import available_backends, rasterize
+
+BACKGROUND = (0.2, 0.5, 0.7)
+
+
+def assert_empty(image, tensors=()) -> None:
+    """Only background, and gradients of zero."""
+    assert (image.color - torch.tensor(BACKGROUND).to(image.color)).abs().max() < 1e-7
+    assert image.alpha.abs().max() == 0
+    assert image.depth.abs().max() == 0
+    if tensors:
+        (image.color.sum() + image.alpha.sum() + image.depth.sum()).backward()
+        for tensor in tensors:
+            assert tensor.grad is not None
+            assert (tensor.grad == 0).all()
+
+
+@pytest.mark.parametrize("size", [1, (1, 40), (37, 2), (16, 16), (17, 33)])
+def test_no_strokes(backend, antialiasing, size):
+    strokes = strokes_at(torch.zeros(0, 4, 2))
+    tensors = tracked(strokes)
+    image = draw(strokes, size, backend, antialiasing, background=BACKGROUND)
+    height, width = (size, size) if isinstance(size, int) else size
+    assert image.color.shape == (1, height, width, 3)
+    assert image.alpha.shape == image.depth.shape == (1, height, width)
+    assert_empty(image, tensors)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 23), (40, 3), (15, 17), (33, 16)])
+def test_size_only_cuts_the_picture(backend, size):
+    """Each size shows what a larger picture shows there."""
+    bend = [[[-2.0, 30.0], [4.0, -14.0], [20.0, -4.0], [16.0, 36.0]]]
+    strokes = strokes_at(bend, half_width=3.0, opacity=0.8, depth=[[1.0, 2.0, 1.5, 1.2]], color=0.3)
+    small, large = (draw(strokes, s, backend, background=BACKGROUND) for s in (size, 48))
+    for name in ("color", "alpha", "depth"):
+        expected = getattr(large, name)[:, : size[0], : size[1]]
+        torch.testing.assert_close(getattr(small, name), expected, rtol=0, atol=1e-9)
+
+
+def test_off_the_image(backend, antialiasing):
+    places = torch.tensor([[-60.0, 10.0], [90.0, 10.0], [10.0, -80.0], [10.0, 5e6], [-1e12, -1e12]])
+    strokes = strokes_at(places[:, None] + torch.tensor([[0.0, 0.0], [9.0, 9.0]]), half_width=2.0)
+    tensors = tracked(strokes)
+    assert_empty(draw(strokes, 32, backend, antialiasing, background=BACKGROUND), tensors)
+
+
+def looking(size: int = 32):
+    """A camera at the origin that looks along x."""
+    return look_at(torch.zeros(1, 3, dtype=torch.float64), (1.0, 0.0, 0.0), size=size, near=0.1)
+
+
+def test_behind_the_camera(backend, antialiasing):
+    points = torch.tensor([[[-1.0, -0.2, 0.1], [-2.0, 0.3, 0.1]], [[-0.5, 0, 0], [0.05, 0, 0]]], dtype=torch.float64)
+    sketch = Sketch(points.requires_grad_(), width=0.2)
+    options = {"background": BACKGROUND, "backend": backend, "antialiasing": antialiasing}
+    assert_empty(render(sketch, looking(), **options), [points])
+
+
+def test_through_the_camera_plane(backend, antialiasing):
+    """As if the curve were cut where its depth is `near`: the sub-curve in front gives the same picture."""
+    points = torch.tensor([[[-1.0, -0.3, 0.1], [0.0, 0.4, 0.3], [0.5, -0.3, -0.3], [2.0, 0.2, 0.1]]]).double()
+    weights = torch.tensor([[1.0, 0.7, 1.5, 1.0]]).double()
+    # Bisection: depth x grows along the curve.
+    low, high = torch.zeros(1).double(), torch.ones(1).double()
+    for _ in range(60):
+        middle = (low + high) / 2
+        behind = bezier.evaluate(points, weights, middle[:, None])[..., 0, 0] < 0.1
+        low, high = torch.where(behind, middle, low), torch.where(behind, high, middle)
+    front = Sketch(*bezier.subcurve(points, weights, high, torch.ones(1).double()), width=0.1)
+    points.requires_grad_()
+    images = []
+    for sketch in (Sketch(points, weights, width=0.1), front):
+        generator = torch.Generator().manual_seed(0)
+        options = {"backend": backend, "antialiasing": antialiasing, "generator": generator}
+        images.append(render(sketch, looking(), **options))
+    assert images[0].alpha.sum() > 20
+    torch.testing.assert_close(images[0].alpha, images[1].alpha, rtol=0, atol=1e-5)
+    torch.testing.assert_close(images[0].depth, images[1].depth, rtol=0, atol=1e-3)
+    (images[0].color.sum() + images[0].depth.sum()).backward()
+    assert points.grad.isfinite().all()
+    assert (points.grad != 0).any()
+
+
+def test_wide_stroke_beside_the_image_is_seen(backend, antialiasing):
+    line = [[[-20.0, -50.0], [-20.0, 90.0]]]
+    alpha = draw(strokes_at(line, half_width=30.0), 32, backend, antialiasing).alpha[0]
+    tolerance = noise(backend, antialiasing)
+    assert (alpha[:, :10] - 1).abs().max() < tolerance
+    assert alpha[:, 10:].abs().max() < tolerance
+
+
+def thousands(dtype: torch.dtype = torch.float32):
+    g = torch.Generator().manual_seed(0)
+    start = 300 * torch.rand(20_000, 1, 2, generator=g)
+    points = start + 12 * torch.randn(20_000, 4, 2, generator=g)
+    looks = {"color": torch.rand(20_000, 3, generator=g), "opacity": torch.rand(20_000, generator=g)}
+    return points, {**looks, "depth": 1 + torch.rand(20_000, 1, generator=g), "dtype": dtype}
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+def test_twenty_thousand_strokes():
+    """The whole picture by the kernels, a corner of it by the reference as well."""
+    points, looks = thousands()
+    strokes = strokes_at(points, **looks)
+    tensors = tracked(strokes)
+    image = rasterize(strokes, 300, backend="cpu")
+    image.color.sum().backward()
+    assert all(t.grad.isfinite().all() for t in tensors)
+    assert 0.99 < image.alpha.mean() <= 1
+    corner = rasterize(strokes_at(points - 150, **looks), 12, backend="reference")
+    # Depths in float32 are told apart to 1e-7: of 60 strokes a pixel hardly any two are in another order.
+    difference = (corner.color - image.color[:, 150:162, 150:162]).abs().amax(-1)
+    assert (difference > 1e-4).sum() <= 1
