@@ -14,14 +14,14 @@ POINTS, CELLS = 6001, 32
 def curve_points(cubic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions (POINTS, 2) on the screen, evenly along the curve, and depths of a homogeneous cubic (4, 4)."""
     t = np.linspace(0, 1, POINTS)
-    for _ in range(3):
+    for _ in range(4):
         basis = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], 1)
         value = basis @ cubic
         position = value[:, :2] / value[:, 2:3]
         along = np.concatenate([[0], np.linalg.norm(np.diff(position, axis=0), axis=1).cumsum()])
-        # Uneven weights leave all points at the ends; a share of the old steps keeps them near cusps.
-        along = along / max(along[-1], 1e-300) + 0.1 * np.linspace(0, 1, POINTS)
-        t = np.interp(np.linspace(0, along[-1], POINTS), along, t)
+        # Uneven weights leave all points at the ends; half of the points stay even in t, for the sake of cusps.
+        even = along / max(along[-1], 1e-300) + t
+        t = np.interp(np.linspace(0, even[-1], POINTS), even, t)
     return position, value[:, 2] / value[:, 3]
 
 

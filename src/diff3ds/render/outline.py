@@ -16,6 +16,8 @@ from diff3ds.render.visible import Spans
 CHORD_TOLERANCE = 0.02
 # Chords turn by less than this (radians) unless they are shorter than that (px): these stand for a jump of the tangent.
 MAX_TURN, MIN_LENGTH = 0.3, 1e-6
+# Longer parts (px) get no more points: they lie off the image, most of them.
+MAX_LENGTH = 1e5
 # Of chords: then the parameter has no digits left.
 MAX_HALVINGS = 32
 
@@ -125,7 +127,7 @@ def _tangents(control: Float[Tensor, "I 4 3"]) -> tuple[Tensor, Tensor, Tensor]:
 
 def _spread(length: Float[Tensor, " I"], density: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
     """Stratified points on intervals of these lengths: interval, place in [0, 1), and the share each stands for."""
-    counts = (length * density).ceil().long()
+    counts = (length.clamp(max=MAX_LENGTH) * density).ceil().long()
     rows = torch.repeat_interleave(torch.arange(len(counts), device=counts.device), counts)
     rank = torch.arange(len(rows), device=rows.device) - (counts.cumsum(0) - counts)[rows]
     jitter = torch.rand(len(rows), generator=generator, dtype=torch.float64, device=rows.device)
