@@ -42,7 +42,8 @@ def test_size_only_cuts_the_picture(backend, size):
     small, large = (draw(strokes, s, backend, background=BACKGROUND) for s in (size, 48))
     for name in ("color", "alpha", "depth"):
         expected = getattr(large, name)[:, : size[0], : size[1]]
-        torch.testing.assert_close(getattr(small, name), expected, rtol=0, atol=1e-6)
+        # The kernels cut strokes at the borders into other chords, from which their last steps start.
+        torch.testing.assert_close(getattr(small, name), expected, rtol=0, atol=1e-5)
 
 
 def test_off_the_image(backend, antialiasing):
