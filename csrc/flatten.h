@@ -28,6 +28,8 @@ struct Control { v4d c[4]; };  // homogeneous control points (X, Y, Z, W)
 
 class Flattener {
   static constexpr int MAX_DEPTH = 48;         // cuts of a span into pieces
+  // Cuts of a stroke: the largest image takes some hundreds. At coordinates of 1e20 rounding may leave parts that no cut tames.
+  static constexpr int MAX_CUTS = 4096;
   static constexpr int MAX_CHORD_DEPTH = 15;   // halvings of a piece: below, float has no digits left
   static constexpr double MAX_RATIO = 16;      // of the weights Z, and W, within a piece: float32 keeps its digits
   static constexpr double MAX_EXTENT = 1024;   // px of a piece: float32 resolves 1e-4 px in it
@@ -43,7 +45,7 @@ class Flattener {
   float bend_ = 0;
   Direction last_tangent_ = {};
   bool gap_ = true, partly_outside_ = true;
-  int sure_depth_ = 0;
+  int sure_depth_ = 0, cuts_ = 0;
 
   static void split(const Control &k, double t, Control &a, Control &b) {
     auto lerp = [t](v4d p, v4d q) { return p + (q - p) * t; };
@@ -200,7 +202,12 @@ class Flattener {
         return;
       }
       if (depth == MAX_DEPTH || tame(k, p)) return add_piece(out, k, p, start, stop, look);
-    } else if (depth == MAX_DEPTH) {
+    } else if (depth == MAX_DEPTH || high(k.c, 2) <= 0) {
+      gap_ = true;  // behind the camera: only rounding can bring such a part of a visible span about
+      return;
+    }
+    if (++cuts_ > MAX_CUTS) {
+      gap_ = true;
       return;
     }
     // In the middle of the parameter that makes both end weights equal.
@@ -273,7 +280,7 @@ public:
     }
     const double old = reach_;
     left_ -= reach - old, top_ -= reach - old, right_ += reach - old, bottom_ += reach - old;
-    reach_ = reach, stroke_ = stroke, bend_ = 0, gap_ = true;
+    reach_ = reach, stroke_ = stroke, bend_ = 0, cuts_ = 0, gap_ = true;
     visible_spans(margin, [&](double a, double b) { span(out, a, b, look); });
   }
 };

@@ -1,5 +1,7 @@
 """The ends of the range: nothing to draw, odd sizes, strokes beside, behind or through the camera, many of them."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from scenes import draw, noise, strokes_at, tracked
@@ -120,3 +122,32 @@ def test_twenty_thousand_strokes():
     # Depths in float32 are told apart to 1e-7: of 60 strokes a pixel hardly any two are in another order.
     difference = (corner.color - image.color[:, 150:162, 150:162]).abs().amax(-1)
     assert (difference > 1e-4).sum() <= 1
+
+
+# Found by fuzzing: rounding leaves parts that no cut makes tame, and cutting them all never ended.
+ENDLESS = {
+    "line through the eye": [
+        [4.5820067952982655e20, -1.4542173530031253e20, 2.036447464577007e19, 0.6107943058013916],
+        [1.5273357408197516e20, -4.84739162857873e19, 6.788158848087784e18, 0.8769756158192952],
+        [-1.1701628660435585e19, 3.7138119205465836e18, -5.200723849082482e17, 1.1077322959899902],
+        [-3.5104928697405694e19, 1.1141449318689116e19, -1.5602190532180308e18, 1.3030643463134766],
+    ],
+    "last visible part lost in rounding": [
+        [-5.327714009859426e18, 4.18515672189494e18, -1.639296618270361e17, 43.439395904541016],
+        [-8.203711594068887e21, -7.871860786330935e21, -2.1594542048611313e20, 1.0168803930282593],
+        [7.871715066186374e21, 7.553293949958258e21, 2.0720631148752873e20, 0.0019287139875814319],
+        [133027.88336385394, 301300.53607508197, 8265.450013602693, 0.015122130513191223],
+    ],
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_huge_coordinates_come_to_an_end(backend, antialiasing, name):
+    for half_width in (0.0, 11.5):
+        strokes = strokes_at(torch.zeros(1, 4, 2), half_width=half_width)
+        strokes = replace(strokes, cubics=torch.tensor([[ENDLESS[name]]], dtype=torch.float64))
+        tensors = tracked(strokes)
+        image = draw(strokes, (18, 45), backend, antialiasing)
+        (image.color.sum() + image.alpha.sum()).backward()
+        assert ((image.alpha >= 0) & (image.alpha <= 1)).all()
+        assert all(not t.grad.isnan().any() for t in tensors)
