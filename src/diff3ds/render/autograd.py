@@ -23,7 +23,7 @@ class Options(NamedTuple):
 
 
 def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
-    """As `diff3ds.project.project` on the CPU, in a tenth of the time; bitwise equal on any number of threads."""
+    """As `diff3ds.project.project`, on the CPU; bitwise equal on any number of threads."""
     points, weights = sketch.points, sketch.weights
     cubics = cast(Tensor, _Project.apply(points, weights, cameras.projection))  # type: ignore[no-untyped-call]
     half_width = half_widths(sketch, cameras)

@@ -105,7 +105,7 @@ def _best_backend(device: torch.device, dtype: torch.dtype) -> Backend:
 def _warn_about_missing_kernels() -> None:
     """Once a process."""
     warnings.warn(
-        "diff3ds was installed without its compiled kernels; the reference draws instead, some 100 times slower. "
+        "diff3ds was installed without its compiled kernels; the reference draws instead, hundreds of times slower. "
         f"{_HOW_TO_BUILD}.",
         RuntimeWarning,
         stacklevel=5,
