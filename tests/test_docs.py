@@ -145,7 +145,7 @@ def run_example(tmp_path_factory):
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=relative)
 def test_examples_draw_something(path, run_example):
-    pictures = list(run_example(path)[1].glob("*.png"))
+    pictures = [p for p in run_example(path)[1].iterdir() if p.suffix in (".png", ".webp")]
     assert pictures
     for picture in pictures:
         ink = 255 - np.asarray(Image.open(picture).convert("L")).astype(float)
