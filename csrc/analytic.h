@@ -12,9 +12,8 @@ template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratc
   }
   Work &k = work(S);
   const uint32_t n = collect<GRID, WORLD>(J, tile, p, k);
-  sort_fragments(k);
-  transmit(k, n);
-  composite(J, k);
+  if (sort_fragments(k)) blend_layers(J, k);
+  else transmit(k, n), composite(J, k);
   write_tile(J, p, k);
   if (J.save) save_tile(J.tiles[tile], k, n, A);
 }

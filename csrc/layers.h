@@ -48,9 +48,10 @@ SIMD bool in_order(Work &k, uint32_t g0, uint32_t g1) {
 }
 
 // k.order: fragments near to far per point. Layers are sorted by their nearest depth; runs of layers whose depths overlap are sorted per
-// point where they must be.
-PHASE void sort_fragments(Work &k) {
+// point where they must be. Returns whether the layers in the order of k.perm are near to far at every point.
+PHASE bool sort_fragments(Work &k) {
   const uint32_t L = k.layers;
+  bool layered = true;
   for (uint32_t l = 0; l < L; l++) k.layer_key[l] = make_key(k.layer[l].near, l);
   sort_keys(k.layer_key, L);
   for (uint32_t l = 0; l < L; l++) k.perm[l] = uint32_t(k.layer_key[l]);
@@ -63,6 +64,7 @@ PHASE void sort_fragments(Work &k) {
         for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) *out++ = f;
       continue;
     }
+    layered = false;
     uint32_t start[PIX + 1] = {}, fill[PIX];
     for (uint32_t g = g0; g < g1; g++)
       for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) start[k.px[f] + 1]++;
@@ -78,6 +80,7 @@ PHASE void sort_fragments(Work &k) {
     for (int i = 0; i < PIX && !few; i++) sort_keys(k.key + start[i], start[i + 1] - start[i]);
     for (uint32_t i = 0; i < start[PIX]; i++) *out++ = uint32_t(k.key[i]);
   }
+  return layered;
 }
 
 // k.T: the transmittance in front of each fragment; k.run: behind everything.
@@ -102,6 +105,24 @@ PHASE void composite(const Job<real> &J, Work &k) {
       color[3] = k.z[f];
       const real share = k.T[f] * k.a[f];
       k.pix[k.px[f]] += share * color, k.ink[k.px[f]] += share;
+    }
+  }
+}
+
+// transmit and composite in one pass, for layers that are near to far at every point in the order of k.perm.
+PHASE void blend_layers(const Job<real> &J, Work &k) {
+  for (int i = 0; i < PIX; i++) k.pix[i] = v4{};
+  for (int i = 0; i < PIX; i += VL) store(k.ink + i, vf{}), store(k.run + i, splat(1));
+  for (uint32_t i = 0; i < k.layers; i++) {
+    const uint32_t l = k.perm[i];
+    const Piece<real> &c = J.pieces[k.layer[l].piece];
+    v4 color = {c.color[0], c.color[1], c.color[2], 0};
+    for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
+      const integer px = k.px[f];
+      const real T = k.run[px], share = T * k.a[f];
+      color[3] = k.z[f];
+      k.T[f] = T, k.run[px] = T - share;
+      k.pix[px] += share * color, k.ink[px] += share;
     }
   }
 }

@@ -75,7 +75,8 @@ def render(
     Args:
         background: gray or RGB value, or a tensor that broadcasts to (V, H, W, 3).
         antialiasing: "analytic" (exact for strips along the axes; elsewhere within about .05 of the share of a pixel
-            along an edge, .09 for lines thinner than a pixel) or "montecarlo" (the paper's estimator: unbiased, noisy).
+            along an edge, .09 for lines thinner than a pixel) or "montecarlo" (the paper's estimator:
+            noisy, unbiased in colour and alpha).
         blur: standard deviation of a normal filter in pixels; gradients then reach 3.5 times as far beyond the strokes.
             0 is the box of a pixel. Analytic only.
         samples: samples per pixel, a square number. Monte Carlo only.
