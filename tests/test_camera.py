@@ -182,6 +182,7 @@ BAD_CAMERAS = [
     ((*_matrices(), (8, -1)), ValueError, r"size must be .* got \(8, -1\)"),
     ((*_matrices(), (8, 8, 3)), ValueError, r"size must be .* got \(8, 8, 3\)"),
     ((*_matrices(), (8.0, 8)), ValueError, r"size must be .* got \(8.0, 8\)"),
+    ((*_matrices(), 16.0), ValueError, "size must be a positive int .* got 16.0"),
     ((*_matrices(), 65537), ValueError, "up to 65536, got 65537"),
     ((*_matrices(), 8, 0.0), ValueError, "near must be a positive number, got 0.0"),
     ((*_matrices(), 8, math.inf), ValueError, "near must be a positive number, got inf"),

@@ -121,7 +121,7 @@ def check_size(size: Size) -> tuple[int, int]:
     Raises:
         ValueError: not one or two positive integers of at most 65,536.
     """
-    pair = (size, size) if isinstance(size, int) else tuple(size)
+    pair = tuple(size) if isinstance(size, tuple | list) else (size, size)
     if len(pair) != 2 or not all(isinstance(n, int) and 0 < n <= MAX_SIZE for n in pair):
         raise ValueError(f"size must be a positive int or (height, width) up to {MAX_SIZE}, got {size}")
     return pair
