@@ -78,12 +78,13 @@ def _progress(console: Console) -> Iterator[Callable[[Step, int], None]]:
         TextColumn("loss {task.fields[loss]:.5f}  strokes {task.fields[strokes]}"),
     )
     with Progress(*columns, console=console, disable=console.quiet) as progress:
-        task = progress.add_task("fit", total=None, loss=float("nan"), strokes=0, rate="")
+        task = progress.add_task("fit", total=None, visible=False, loss=0.0, strokes=0, rate="")
 
         def report(step: Step, steps: int) -> None:
             speed = progress.tasks[0].speed
             progress.update(
                 task,
+                visible=True,
                 total=steps,
                 completed=step.index + 1,
                 loss=step.loss,
