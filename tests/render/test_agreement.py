@@ -12,7 +12,7 @@ pytestmark = pytest.mark.skipif("cpu" not in available_backends(), reason="insta
 
 # Share of the pixels with ink that may differ by more than PIXEL, and what gradients may differ by (issue's figures).
 PIXEL, SHARE, GRADIENT, COSINE = 1e-4, 1e-3, 1e-3, 0.99999
-SIZE = (56, 72)
+SIZE = (40, 56)
 
 
 def scene(seed: int, controls: int, width_space: str) -> tuple[Sketch, Cameras]:
@@ -24,7 +24,7 @@ def scene(seed: int, controls: int, width_space: str) -> tuple[Sketch, Cameras]:
 
     points = (0.45 * torch.randn(10, controls, 3, generator=g, dtype=torch.float64)).requires_grad_()
     weights = uniform(-1, 1, 10, controls).detach().exp().requires_grad_()
-    looks = uniform(0.01, 0.1, 10), uniform(0, 1, 10, 3), uniform(0.3, 1, 10)
+    looks = uniform(0.005, 0.08, 10), uniform(0, 1, 10, 3), uniform(0.3, 1, 10)
     cameras = look_at(torch.tensor([[2.0, 0.4, 0.5], [-0.6, 1.7, 0.9]], dtype=torch.float64), size=SIZE)
     pose, intrinsics = (t.detach().requires_grad_() for t in (cameras.world_to_camera, cameras.intrinsics))
     return Sketch(points, weights, *looks, width_space=width_space), Cameras(pose, intrinsics, SIZE)
