@@ -42,6 +42,19 @@ def test_crossing_strokes_change_their_order(backend, antialiasing):
             assert (image[y, x] - sketch.color[nearest]).abs().max() < 1e-5
 
 
+def test_ties_go_to_the_first_stroke_even_if_the_other_begins_nearer(backend):
+    """The same curve twice; the wide one covers pixels beyond the near end too, so all in all it is the nearer one."""
+    curve = [[5.45, 8.5], [13.0, 8.5]]
+    strokes = strokes_at(
+        [curve, curve], half_width=[[0.1, 3.0]], depth=[[1.0, 2.0], [1.0, 2.0]], color=[[1.0, 0, 0], [0, 0, 1.0]]
+    )
+    row = draw(strokes, 16, backend).color[0, 8]
+    # Coverage of a line .2 px wide through pixel centres, over the opaque one.
+    expected = torch.tensor([0.2, 0, 0.8], dtype=torch.float64).expand(7, 3)
+    torch.testing.assert_close(row[5:12], expected, rtol=0, atol=1e-6)
+    torch.testing.assert_close(row[3], torch.tensor([0, 0, 1.0], dtype=torch.float64))
+
+
 def test_order_changes_along_a_crossing_in_depth(backend, antialiasing):
     """Two lines on the same place, that pass each other in depth in the middle."""
     line = [[4.0, 16.0], [28.0, 16.0]]
