@@ -25,6 +25,7 @@ ALLOWED = {
     "_shapes": set(),
     "bezier": {"_shapes"},
     "camera": HELPERS,
+    "transforms": {"camera"} | HELPERS,
     "sketch": {"bezier", "_shapes"},
     "project": SCENE,
     "render": {"project"} | SCENE,
@@ -38,9 +39,9 @@ ALLOWED = {
     "viewer": {"formats", "render", "project"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera"} | HELPERS,
-    "diff3ds": {"fit", "formats", "losses", "refine", "render", "project"} | SCENE,
+    "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
     "tasks": {"diff3ds", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint", "refine",
-              "render", "project"} | SCENE,
+              "render", "project", "transforms"} | SCENE,
     "cli": {"tasks", "fit"},
 }  # fmt: skip
 

@@ -1,29 +1,22 @@
-"""Pinhole cameras, batched: orbits, look-at, and transforms.json files in and out.
+"""Pinhole cameras, batched: orbits and look-at.
 
 Conventions (docs/conventions.md): world z up, OpenCV camera axes (x right, y down, z forward), pixels from the top-left
 corner with centres at half integers, degrees at the surface.
 """
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import torch
 
-from diff3ds._files import read_json, write_text
 from diff3ds._shapes import Float, Tensor
 
 Angle = float | Sequence[float] | Tensor
 Size = int | tuple[int, int]
 
 DEFAULT_NEAR = 0.01
-# transforms.json holds OpenGL camera axes (x right, y up, looking along -z); ours are OpenCV.
-_OPENGL_TO_OPENCV = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
-MAX_NUMBER = 1e100
 # Images beyond this side are taken for a mistake in a file.
 MAX_SIZE = 65536
 
@@ -223,132 +216,3 @@ def _intrinsics(fx: Tensor, fy: Tensor, cx: float | Tensor, cy: float | Tensor) 
     matrix = torch.eye(3, dtype=fx.dtype, device=fx.device).repeat(len(fx), 1, 1)
     matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 0, 2], matrix[:, 1, 2] = fx, fy, cx, cy
     return matrix
-
-
-def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
-    """Cameras and picture paths of a transforms.json (instant-ngp, nerfstudio, NeRF synthetic).
-
-    Focal lengths come from `fl_x`, `fl_y` or `camera_angle_x`, in the frame or for all frames; a missing principal
-    point is the centre of the image; a missing size is read from the first picture.
-
-    Raises:
-        FileNotFoundError: the file or the first picture is missing.
-        ValueError: not such a file; a frame without a pose; views of different sizes; lens distortion, which has to be
-            removed from the pictures first.
-    """
-    path = Path(path)
-    data = _read_transforms(path)
-    frames = data["frames"]
-    pictures = [_picture(path, i, frame) for i, frame in enumerate(frames)]
-    sizes = {_frame_size(path, {**data, **frame}, picture) for frame, picture in zip(frames, pictures, strict=True)}
-    if len(sizes) != 1:
-        raise ValueError(f"{path}: all views must have one size, got {sorted(sizes)} (height, width)")
-    size = sizes.pop()
-    poses = torch.stack([_pose(path, i, frame) for i, frame in enumerate(frames)])
-    intrinsics = torch.stack([_frame_intrinsics(path, i, {**data, **f}, size) for i, f in enumerate(frames)])
-    world_to_camera = torch.linalg.inv(poses @ _OPENGL_TO_OPENCV)
-    try:
-        return Cameras(world_to_camera.float(), intrinsics.float(), size), pictures
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-
-
-def _read_transforms(path: Path) -> dict[str, Any]:
-    content = read_json(path)
-    data: dict[str, Any] = content if isinstance(content, dict) else {}
-    frames = data.get("frames")
-    if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
-        raise ValueError(f"{path}: expected an object with a non-empty list 'frames', as in a transforms.json")
-    for key in ("k1", "k2", "k3", "k4", "p1", "p2"):
-        if any(_number(path, {**data, **f}, key, 0.0) for f in frames):
-            raise ValueError(f"{path}: the pictures have lens distortion ({key}); undistort them first")
-    return data
-
-
-def _number(path: Path, values: dict[str, Any], key: str, default: float | None = None) -> float:
-    value = values.get(key, default)
-    # The bound keeps whole numbers of any length out of float(), and leaves room for squares.
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:
-        raise ValueError(f"{path}: {key} must be a finite number, got {value!r:.40}")
-    return float(value)
-
-
-def _picture(path: Path, index: int, frame: dict[str, Any]) -> Path:
-    name = frame.get("file_path")
-    if not isinstance(name, str) or not name:
-        raise ValueError(f"{path}: frame {index} has no file_path")
-    # NeRF synthetic leaves the suffix out.
-    picture = path.parent / name
-    return picture if picture.suffix else picture.with_suffix(".png")
-
-
-def _frame_size(path: Path, values: dict[str, Any], picture: Path) -> tuple[int, int]:
-    if "w" in values and "h" in values:
-        height, width = _number(path, values, "h"), _number(path, values, "w")
-        if not (height.is_integer() and width.is_integer()):
-            raise ValueError(f"{path}: w and h must be whole numbers, got {width} and {height}")
-        return int(height), int(width)
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(picture) as image:
-            return image.height, image.width
-    except UnidentifiedImageError as error:
-        raise ValueError(f"{picture}: not a picture") from error
-
-
-def _pose(path: Path, index: int, frame: dict[str, Any]) -> Float[Tensor, "4 4"]:
-    try:
-        pose = torch.tensor(frame["transform_matrix"], dtype=torch.float64)
-        if pose.shape == (3, 4):
-            pose = torch.cat([pose, torch.tensor([[0.0, 0.0, 0.0, 1.0]], dtype=torch.float64)])
-    except (KeyError, TypeError, ValueError, OverflowError, RuntimeError) as error:
-        raise ValueError(f"{path}: frame {index} has no transform_matrix of 4x4 numbers") from error
-    if pose.shape != (4, 4) or not bool(pose.isfinite().all()):
-        raise ValueError(f"{path}: frame {index}: transform_matrix must hold 4x4 finite numbers")
-    rotation = pose[:3, :3]
-    orthogonal = torch.allclose(rotation @ rotation.T, torch.eye(3, dtype=torch.float64), atol=1e-3)
-    if not orthogonal or rotation.det() < 0 or not torch.equal(pose[3], torch.eye(4, dtype=torch.float64)[3]):
-        raise ValueError(f"{path}: frame {index}: transform_matrix is not a rotation and a translation")
-    return pose
-
-
-def _frame_intrinsics(path: Path, index: int, values: dict[str, Any], size: tuple[int, int]) -> Float[Tensor, "3 3"]:
-    height, width = size
-    if "fl_x" in values:
-        fx = _number(path, values, "fl_x")
-    elif "camera_angle_x" in values:
-        angle = _number(path, values, "camera_angle_x")
-        if not 0 < angle < math.pi:
-            raise ValueError(f"{path}: camera_angle_x must lie in (0, pi), got {angle}")
-        fx = width / 2 / math.tan(angle / 2)
-    else:
-        raise ValueError(f"{path}: frame {index} has neither fl_x nor camera_angle_x")
-    fy = _number(path, values, "fl_y", fx)
-    cx, cy = _number(path, values, "cx", width / 2), _number(path, values, "cy", height / 2)
-    return torch.tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
-
-
-def save_transforms(path: str | Path, cameras: Cameras, pictures: Sequence[str | Path]) -> None:
-    """Writes a transforms.json for these cameras; picture paths are written as given.
-
-    Raises:
-        ValueError: not one picture a view.
-    """
-    if len(pictures) != len(cameras):
-        raise ValueError(f"expected {len(cameras)} pictures, one a view, got {len(pictures)}")
-    poses = torch.linalg.inv(cameras.world_to_camera.detach().cpu().double()) @ _OPENGL_TO_OPENCV
-    intrinsics = cameras.intrinsics.detach().cpu().double()
-    height, width = cameras.size
-    frames = [
-        {
-            "file_path": str(picture),
-            "fl_x": float(k[0, 0]),
-            "fl_y": float(k[1, 1]),
-            "cx": float(k[0, 2]),
-            "cy": float(k[1, 2]),
-            "transform_matrix": pose.tolist(),
-        }
-        for picture, k, pose in zip(pictures, intrinsics, poses, strict=True)
-    ]
-    write_text(Path(path), json.dumps({"w": width, "h": height, "frames": frames}, indent=1))

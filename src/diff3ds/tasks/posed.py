@@ -7,8 +7,9 @@ from typing import Literal
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.camera import Cameras, load_transforms
+from diff3ds.camera import Cameras
 from diff3ds.formats.png import load_image
+from diff3ds.transforms import load_transforms
 
 Target = Literal["edges", "color"]
 
