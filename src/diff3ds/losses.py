@@ -1,6 +1,6 @@
 """Losses that compare renderings with target images."""
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Bool, Float, Tensor
 
 # Weight of ink that no target shows, against ink that is missing. Edge maps leave hidden edges out, so extra ink is
 # cheap; measured on two CAD models, .2 finds more of the edges than 1 (F-score .92 against .77).
@@ -8,7 +8,10 @@ EXTRA_INK = 0.2
 
 
 def ink_loss(
-    alpha: Float[Tensor, "V H W"], target: Float[Tensor, "V H W"], extra: float = EXTRA_INK
+    alpha: Float[Tensor, "V H W"],
+    target: Float[Tensor, "V H W"],
+    extra: float = EXTRA_INK,
+    known: Bool[Tensor, "V H W"] | None = None,
 ) -> Float[Tensor, ""]:
     """Mean squared difference of ink, asymmetric: ink beyond the target counts `extra` times.
 
@@ -16,18 +19,35 @@ def ink_loss(
         alpha: ink drawn, in [0, 1], as `Rendering.alpha`.
         target: ink wanted, in [0, 1].
         extra: weight of pixels where alpha > target; 1 is symmetric.
+        known: pixels that count; default all.
     """
     missing = (target - alpha).clamp(min=0)
     surplus = (alpha - target).clamp(min=0)
-    return (missing.square() + extra * surplus.square()).mean()
+    return _mean(missing.square() + extra * surplus.square(), known)
 
 
-def color_loss(color: Float[Tensor, "V H W 3"], target: Float[Tensor, "V H W 3"]) -> Float[Tensor, ""]:
-    """Mean squared difference of colours."""
-    return (color - target).square().mean()
+def color_loss(
+    color: Float[Tensor, "V H W 3"], target: Float[Tensor, "V H W 3"], known: Bool[Tensor, "V H W"] | None = None
+) -> Float[Tensor, ""]:
+    """Mean squared difference of colours, over the pixels that are known; default all."""
+    return _mean((color - target).square().mean(-1), known)
 
 
-def psnr(color: Float[Tensor, "V H W 3"], target: Float[Tensor, "V H W 3"]) -> float:
-    """Peak signal-to-noise ratio in dB of images in [0, 1], the mean over views; infinite for equal images."""
-    error = (color.clamp(0, 1) - target).square().flatten(1).mean(1)
-    return float((-10 * error.log10()).mean())
+def psnr(
+    color: Float[Tensor, "V H W 3"], target: Float[Tensor, "V H W 3"], known: Bool[Tensor, "V H W"] | None = None
+) -> float:
+    """Peak signal-to-noise ratio in dB of images in [0, 1], the mean over views; infinite for equal images.
+
+    Only pixels that are known count; default all.
+    """
+    error = (color.clamp(0, 1) - target).square().mean(-1)
+    masks = [None] * len(error) if known is None else list(known)
+    values = [_mean(e, mask) for e, mask in zip(error, masks, strict=True)]
+    return sum(float(-10 * value.log10()) for value in values) / len(values)
+
+
+def _mean(values: Float[Tensor, "*S"], known: Bool[Tensor, "*S"] | None) -> Float[Tensor, ""]:
+    """Mean over the known pixels; 0 if there are none."""
+    if known is None:
+        return values.mean()
+    return (values * known).sum() / known.sum().clamp(min=1)

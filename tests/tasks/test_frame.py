@@ -5,6 +5,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.tasks.frame import Frame, frame_of
+from diff3ds.tasks.store import store_of
 
 
 def ball(center, radius):
@@ -20,7 +21,7 @@ def ball(center, radius):
 )
 def test_finds_the_ball_that_is_seen(center, radius):
     cameras = ds.orbit([0, 70, 140, 210, 280], [-20, 10, 40, 60, 0], 4 * radius, size=200, target=center)
-    frame = frame_of(cameras, ds.render(ball(center, radius), cameras).alpha)
+    frame = frame_of(cameras, store_of(ds.render(ball(center, radius), cameras).alpha[..., None]))
     torch.testing.assert_close(frame.center, torch.tensor(center, dtype=torch.float64), rtol=0, atol=0.03 * radius)
     assert frame.radius == pytest.approx(1.1 * radius, rel=0.1)
 
@@ -38,9 +39,9 @@ def test_drawing_in_the_frame_is_drawing_in_the_world(generator):
 def test_views_must_show_something_from_two_sides():
     cameras = ds.orbit([0, 0.5], 0, 3.0, size=32)
     with pytest.raises(ValueError, match="the pictures show nothing"):
-        frame_of(cameras, torch.zeros(2, 32, 32))
+        frame_of(cameras, store_of(torch.zeros(2, 32, 32, 1)))
     with pytest.raises(ValueError, match="views all look the same way"):
-        frame_of(cameras, torch.ones(2, 32, 32))
+        frame_of(cameras, store_of(torch.ones(2, 32, 32, 1)))
 
 
 def test_cameras_that_look_away():
@@ -50,4 +51,4 @@ def test_cameras_that_look_away():
         torch.diag(torch.tensor([1.0, -1, -1, 1])) @ cameras.world_to_camera, cameras.intrinsics, (32, 32)
     )
     with pytest.raises(ValueError, match=r"look away.*OpenGL"):
-        frame_of(flipped, torch.ones(3, 32, 32))
+        frame_of(flipped, store_of(torch.ones(3, 32, 32, 1)))

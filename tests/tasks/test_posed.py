@@ -29,8 +29,9 @@ def test_ink_of_every_polarity(scene, tmp_path, polarity):
     ink = ds.render(sketch, cameras).alpha
     gray = {"black on white": 1 - ink, "white on black": ink}.get(polarity)
     images = torch.cat([torch.zeros(*ink.shape, 3), ink[..., None]], -1) if gray is None else gray[..., None]
-    found = load_posed(write(tmp_path, cameras, images))
-    assert found.target == "edges"
+    pictures = load_posed(write(tmp_path, cameras, images))
+    assert pictures.target == "edges"
+    found = pictures.batch([0, 1, 2])
     torch.testing.assert_close(found.alpha, ink, rtol=0, atol=0.5 / 255 + 1e-6)
     torch.testing.assert_close(found.images, (1 - ink)[..., None].expand(-1, -1, -1, 3), rtol=0, atol=0.5 / 255 + 1e-6)
 
@@ -39,8 +40,9 @@ def test_colored_pictures_over_white(scene, tmp_path):
     sketch, cameras = scene
     seen = ds.render(sketch, cameras)
     straight = sketch.color[0].expand(*seen.alpha.shape, 3)
-    found = load_posed(write(tmp_path, cameras, torch.cat([straight, seen.alpha[..., None]], -1)))
-    assert found.target == "color"
+    pictures = load_posed(write(tmp_path, cameras, torch.cat([straight, seen.alpha[..., None]], -1)))
+    assert pictures.target == "color"
+    found = pictures.batch([0, 1, 2])
     torch.testing.assert_close(found.images, seen.color, rtol=0, atol=1.5 / 255)
     torch.testing.assert_close(found.alpha, seen.alpha, rtol=0, atol=0.5 / 255 + 1e-6)
 
@@ -64,8 +66,8 @@ def test_large_pictures_are_reduced_with_their_cameras(scene, tmp_path):
     assert found.cameras.size == (20, 30)
     direct = ds.render(sketch, found.cameras).color
     # The mean of four pixels against one twice as large; the box filter of each is up to .086 off on diagonals.
-    assert (found.images - direct).abs().max() < 2 * 0.086
-    assert (found.images - direct).square().mean().sqrt() < 0.02
+    assert (found.batch([0, 1, 2]).images - direct).abs().max() < 2 * 0.086
+    assert (found.batch([0, 1, 2]).images - direct).square().mean().sqrt() < 0.02
 
 
 def test_which_file_of_a_folder(scene, tmp_path):

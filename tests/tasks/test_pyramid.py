@@ -5,6 +5,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.tasks.pyramid import build_pyramid
+from diff3ds.tasks.store import store_of
 
 
 @pytest.fixture
@@ -20,10 +21,10 @@ def test_targets_are_what_a_perfect_sketch_renders():
     """
     cameras = ds.orbit([0, 50, 100, 150, 200], 0, 2.0, size=256)
     sketch = ds.Sketch(torch.tensor([[[-0.6, 0.2, -2.0], [0.7, -0.3, 2.0]]]), width=0.05)
-    pyramid = build_pyramid(cameras, ds.render(sketch, cameras).alpha[..., None], 40, 3, seed=0)
+    pyramid = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 40, 3, seed=0)
     for step in (0, 10, 20, 39):
         drawn = ds.render(sketch, pyramid.cameras(step, torch.Generator()), blur=pyramid.blur(step)).alpha
-        target = pyramid.targets(step)[..., 0]
+        target = pyramid.targets(step).alpha
         assert drawn.shape == target.shape
         inner = (drawn - target)[:, 4:-4, 4:-4].abs()  # at the borders the filter sees no more of the line
 
@@ -32,22 +33,22 @@ def test_targets_are_what_a_perfect_sketch_renders():
 
 def test_levels_share_the_steps(scene):
     sketch, cameras = scene
-    pyramid = build_pyramid(cameras, ds.render(sketch, cameras).color, 100, 3, seed=0)
+    pyramid = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 100, 3, seed=0)
     heights = [pyramid.level(step).cameras.size[0] for step in range(100)]
     assert heights == [32] * 25 + [64] * 25 + [128] * 25 + [256] * 25
 
 
 def test_every_view_comes_once_before_any_comes_again(scene):
     sketch, cameras = scene
-    pyramid = build_pyramid(cameras, ds.render(sketch, cameras).color, 100, 2, seed=1)
+    pyramid = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 100, 2, seed=1)
     for epoch in range(5):
         rows = torch.cat([pyramid.views(3 * epoch + i) for i in range(3)])
         assert len(rows.unique()) == 6
-    other = build_pyramid(cameras, ds.render(sketch, cameras).color, 100, 2, seed=2)
+    other = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 100, 2, seed=2)
     assert any(not torch.equal(pyramid.views(i), other.views(i)) for i in range(10))
 
 
 def test_fewer_views_than_a_batch(scene):
     sketch, cameras = scene
-    pyramid = build_pyramid(cameras, ds.render(sketch, cameras).color, 100, 50, seed=1)
+    pyramid = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 100, 50, seed=1)
     assert sorted(pyramid.views(17).tolist()) == list(range(7))

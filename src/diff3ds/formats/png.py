@@ -54,6 +54,24 @@ def load_image(path: str | Path) -> Float[Tensor, "H W C"]:
         ValueError: more than 2^27 pixels, or a file that is no picture or a broken one.
         OSError: the file cannot be read.
     """
+    return load_reduced(path, None)[0]
+
+
+def load_reduced(
+    path: str | Path, least: tuple[int, int] | None
+) -> tuple[Float[Tensor, "H W C"], tuple[int, int], int]:
+    """As `load_image`, but a JPEG file may come 2, 4 or 8 times smaller, which is faster and takes less memory.
+
+    Args:
+        least: (height, width) that the picture keeps; None keeps its size.
+
+    Returns:
+        The picture, the (height, width) of the file, and how many times smaller the picture is. Where that does not
+        divide the size, the last row and column lie partly outside the file's pixels.
+
+    Raises:
+        ValueError, OSError: as `load_image`.
+    """
     from PIL import Image
 
     path = Path(path)
@@ -62,9 +80,11 @@ def load_image(path: str | Path) -> Float[Tensor, "H W C"]:
         warnings.simplefilter("ignore")
         try:
             with Image.open(file) as picture:
-                if picture.width * picture.height > MAX_PIXELS:
-                    raise ValueError(f"{picture.width} x {picture.height} are more than the {MAX_PIXELS} that are read")
-                return _tensor(picture)
+                width, height = picture.size
+                if width * height > MAX_PIXELS:
+                    raise ValueError(f"{width} x {height} are more than the {MAX_PIXELS} that are read")
+                box = picture.draft(picture.mode, (least[1], least[0])) if least else None
+                return _tensor(picture), (height, width), round(width / box[1][2]) if box else 1
         # Broken files make pillow's decoders raise nearly anything.
         except Exception as error:
             raise ValueError(f"{path}: cannot be read as a picture ({error})") from error

@@ -1,12 +1,14 @@
 """The frame in which views are fitted: centre and radius of what the cameras see become the origin and 1."""
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.store import Store
 
 # Pixels with more than this are content; the noise of edge detectors stays below.
 CONTENT = 0.3
@@ -38,30 +40,34 @@ class Frame:
         return sketch.transform(matrix)
 
 
-def frame_of(cameras: Cameras, alpha: Float[Tensor, "V H W"]) -> Frame:
+def frame_of(cameras: Cameras, store: Store) -> Frame:
     """The ball that holds what the views show.
 
     Its centre is the point nearest to the rays through the views' centroids of content, its radius the median over the
-    views of the content's reach around that centre.
-
-    Args:
-        alpha: content in [0, 1]: ink, or the alpha channel.
+    views of the content's reach around that centre. Content is ink, or alpha, where it is known.
 
     Raises:
         ValueError: no content, or views that all look the same way: their depth cannot be found.
     """
-    content = (alpha > CONTENT).double()
-    shown = content.flatten(1).sum(1) > 0
-    if not bool(shown.any()):
+    found = [_centroid(_content(store, view)) for view in range(len(store))]
+    shown = [view for view, centroid in enumerate(found) if centroid is not None]
+    if not shown:
         raise ValueError("the pictures show nothing: all pixels are background")
-    cameras, content = cameras[shown], content[shown]
-    rows, columns = (torch.arange(n, dtype=torch.float64) + 0.5 for n in cameras.size)
-    total = content.sum((1, 2))
-    centroid = (
-        torch.stack([(content.sum(1) * columns).sum(1), (content.sum(2) * rows).sum(1), total], -1) / total[:, None]
-    )
-    center = _nearest_point(cameras, centroid)
-    return Frame(center, _radius(cameras, content, center))
+    center = _nearest_point(cameras[shown], torch.tensor([c for c in found if c is not None], dtype=torch.float64))
+    return Frame(center, _radius(cameras, store, shown, center))
+
+
+def _content(store: Store, view: int) -> Bool[Tensor, "H W"]:
+    batch = store.batch([view])
+    return ((batch.alpha > CONTENT) & batch.known)[0]
+
+
+def _centroid(content: Bool[Tensor, "H W"]) -> tuple[float, float, float] | None:
+    """The mean pixel (x, y, 1), if there is any."""
+    rows, columns = (torch.arange(n, dtype=torch.float64) + 0.5 for n in content.shape)
+    across, down = content.sum(0), content.sum(1)
+    total = float(across.sum())
+    return (float(across.double() @ columns) / total, float(down.double() @ rows) / total, 1.0) if total else None
 
 
 def _nearest_point(cameras: Cameras, pixels: Float[Tensor, "V 3"]) -> Float[Tensor, " 3"]:
@@ -77,16 +83,19 @@ def _nearest_point(cameras: Cameras, pixels: Float[Tensor, "V 3"]) -> Float[Tens
     return center
 
 
-def _radius(cameras: Cameras, content: Float[Tensor, "V H W"], center: Float[Tensor, " 3"]) -> float:
+def _radius(cameras: Cameras, store: Store, shown: list[int], center: Float[Tensor, " 3"]) -> float:
     point = torch.cat([center, center.new_ones(1)])
     projected = cameras.projection @ point
-    depth = projected[:, 2]
     reach = []
-    for view in (depth > cameras.near).nonzero()[:, 0].tolist():
-        y, x = content[view].nonzero().double().T + 0.5
-        middle = projected[view, :2] / depth[view]
-        pixels = torch.hypot(x - middle[0], y - middle[1]).quantile(1 - STRAY)
-        reach.append(pixels * depth[view] / cameras.intrinsics[view, 0, 0].double())
+    for view in shown:
+        depth = projected[view, 2]
+        if depth <= cameras.near:
+            continue
+        y, x = _content(store, view).nonzero().double().T + 0.5
+        middle = projected[view, :2] / depth
+        pixels = torch.hypot(x - middle[0], y - middle[1])
+        kept = pixels.kthvalue(math.ceil((1 - STRAY) * len(pixels))).values
+        reach.append(kept * depth / cameras.intrinsics[view, 0, 0].double())
     if not reach:
         raise ValueError("the cameras look away from what they see: are the camera axes OpenGL's (looking along -z)?")
     return MARGIN * float(torch.stack(reach).median())

@@ -1,46 +1,56 @@
-"""Posed pictures: found in a folder, read, and told apart into edge maps and coloured pictures."""
+"""Posed pictures: found in a folder, brought onto one canvas, told apart into drawings and coloured pictures."""
 
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.formats.png import load_image
-from diff3ds.transforms import load_transforms
+from diff3ds.tasks.read_view import read_view
+from diff3ds.tasks.store import MEMORY, Batch, Store, all_known, as_bytes, byte_array
+from diff3ds.transforms import View, read_views, require_files
 
-Target = Literal["edges", "color"]
+# Edge maps and line drawings; coloured pictures; coloured pictures of which the edges are wanted.
+Target = Literal["edges", "color", "color-edges"]
 
 # Gray pictures whose background takes more than this share of the pixels are edge maps or line drawings. A drawing's
 # lines rarely cover a third; photographs have no single background value.
 DRAWING_BACKGROUND = 0.65
 # How far channels, or background pixels, may lie apart: 5 % hides the noise of JPEG files.
 SAME = 0.05
+# What pictures are is told from some of them, evenly spread, at a reduced size. Enough for a median.
+LOOKED_AT, LOOKED_SIZE = 16, 512
+# The sizes of a pyramid, each half the last, take a third more than the first.
+PYRAMID = 4 / 3
 
 
 @dataclass(frozen=True, eq=False)
 class PosedPictures:
-    """V pictures of one size with their cameras.
+    """V pictures with their cameras, on one canvas: pictures smaller than it lie at its top left.
 
     Attributes:
-        cameras: in the world of the file.
+        cameras: in the world of the file, without lens distortion, of the canvas's size.
         target: what the pictures are.
-        images: RGB over a white background; of edge maps, black ink on white, whatever the files hold.
-        alpha: share of a pixel that is not background: ink of edge maps, the alpha channel of pictures that have one,
-            else 1.
+        store: ink (C = 1) of edge maps, whatever their polarity; else colour with alpha (C = 4), alpha 1 in pictures
+            that have none.
         names: file names.
     """
 
     cameras: Cameras
     target: Target
-    images: Float[Tensor, "V H W 3"]
-    alpha: Float[Tensor, "V H W"]
+    store: Store
     names: tuple[str, ...]
 
     def __len__(self) -> int:
         return len(self.cameras)
+
+    def batch(self, views: Sequence[int] | Int[Tensor, " B"]) -> Batch:
+        """These views as floating point numbers."""
+        return self.store.batch(views)
 
 
 def find_transforms(path: Path, target: Target | None) -> Path:
@@ -54,7 +64,7 @@ def find_transforms(path: Path, target: Target | None) -> Path:
         if not path.exists():
             raise FileNotFoundError(f"{path}: no such file or folder")
         return path
-    kinds = [target] if target else ["edges", "color"]
+    kinds = {None: ["edges", "color"], "edges": ["edges"]}.get(target, ["color"])
     for name in ("transforms.json", "transforms_train.json", *(f"transforms_{kind}.json" for kind in kinds)):
         if (path / name).is_file():
             return path / name
@@ -66,66 +76,108 @@ def find_transforms(path: Path, target: Target | None) -> Path:
     return path / found[0]
 
 
-def load_posed(path: Path, target: Target | None = None, size: int = 512) -> PosedPictures:
+def load_posed(path: Path, target: Target | None = None, size: int = 512, scratch: Path | None = None) -> PosedPictures:
     """The pictures and cameras of a transforms file.
 
+    The pictures are read one at a time and kept with 8 bits a channel, in memory or, if they and their pyramid take
+    more than 1 GiB, in a file without a name that goes with them.
+
     Args:
-        path: a transforms.json (see `load_transforms`).
-        target: what the pictures are; None looks at them.
-        size: larger pictures are reduced to this many pixels along the longer side.
+        path: a transforms.json (see `read_views`).
+        target: what the pictures are; None looks at them and finds edges or colour.
+        size: each picture is reduced to at most this many pixels along its longer side.
+        scratch: folder for such a file, existing or to be made; default the system's for temporary files.
 
     Raises:
-        FileNotFoundError, ValueError: a missing or unreadable file; pictures whose size is not that of the cameras.
+        FileNotFoundError, ValueError: a missing or unreadable file; pictures whose size is not that of the cameras, or
+            that all show nothing.
+        OSError: no room in the folder.
     """
-    cameras, pictures = load_transforms(path)
-    scale = min(1.0, size / max(cameras.size))
-    reduced = cameras.resize((round(cameras.size[0] * scale), round(cameras.size[1] * scale))) if scale < 1 else cameras
-    rgba = torch.stack([_picture(picture, cameras.size, reduced.size) for picture in pictures])
-    gray = _drawing(rgba)
-    found: Target = target or ("color" if gray is None else "edges")
-    names = tuple(picture.name for picture in pictures)
-    if found == "color":
-        color, alpha = rgba[..., :3], rgba[..., 3]
-        return PosedPictures(reduced, found, color * alpha[..., None] + 1 - alpha[..., None], alpha, names)
-    ink = _ink(rgba)
-    return PosedPictures(reduced, found, (1 - ink)[..., None].expand(*ink.shape, 3), ink, names)
+    views = read_views(path)
+    require_files(path, [view.picture for view in views] + [view.mask for view in views if view.mask])
+    background = None if target in ("color", "color-edges") else _background(views, target == "edges")
+    sizes = [_reduced(view.size, size) for view in views]
+    cameras = _cameras(path, views, sizes)
+    store = _load(path, views, sizes, background, scratch)
+    found: Target = target or ("color" if background is None else "edges")
+    return PosedPictures(cameras, found, store, tuple(view.picture.name for view in views))
 
 
-def downsampled(images: Float[Tensor, "V H W"], size: tuple[int, int]) -> Float[Tensor, "V h w"]:
-    """Smaller images, each pixel the mean of those it covers."""
-    return torch.nn.functional.interpolate(images[:, None], size, mode="area")[:, 0]
+def _reduced(full: tuple[int, int], size: int) -> tuple[int, int]:
+    scale = min(1.0, size / max(full))
+    return max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
 
 
-def _picture(path: Path, size: tuple[int, int], reduced: tuple[int, int]) -> Float[Tensor, "h w 4"]:
-    """RGBA of one file, reduced."""
-    image = load_image(path)
-    if image.shape[:2] != size:
-        got = f"{image.shape[0]} x {image.shape[1]}"
-        raise ValueError(f"{path}: {got} (height x width) pixels, but the cameras say {size[0]} x {size[1]}")
-    channels = image.shape[2]
-    color = image[..., :3] if channels >= 3 else image[..., :1].expand(*size, 3)
-    alpha = image[..., -1:] if channels in (2, 4) else torch.ones_like(color[..., :1])
-    # Transparent pixels hold any colour: average premultiplied ones.
-    small = downsampled(torch.cat([color * alpha, alpha], -1).permute(2, 0, 1), reduced).permute(1, 2, 0)
-    return torch.cat([small[..., :3] / small[..., 3:].clamp(min=1e-6), small[..., 3:]], -1)
+def _cameras(path: Path, views: list[View], sizes: list[tuple[int, int]]) -> Cameras:
+    """Cameras of the canvas that holds all the reduced pictures."""
+    intrinsics = []
+    for view, (height, width) in zip(views, sizes, strict=True):
+        scale = view.intrinsics.new_tensor([width / view.size[1], height / view.size[0], 1.0])
+        intrinsics.append(view.intrinsics * scale[:, None])
+    poses = torch.stack([view.world_to_camera for view in views])
+    try:
+        return Cameras(poses.float(), torch.stack(intrinsics).float(), _canvas(sizes))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
-def _drawing(rgba: Float[Tensor, "V H W 4"]) -> Float[Tensor, "V H W"] | None:
-    """Gray values over white if these are edge maps or line drawings, else None."""
-    color = rgba[..., :3]
-    gray = color.mean(-1) * rgba[..., 3] + 1 - rgba[..., 3]
-    colorless = ((color.amax(-1) - color.amin(-1)) * rgba[..., 3] < SAME).float().mean()
-    background = _background(gray)
-    plain = ((gray - background).abs() < SAME).float().mean()
-    extreme = min(background, 1 - background) < SAME
-    return gray if colorless > 0.999 and plain > DRAWING_BACKGROUND and extreme else None
+def _canvas(sizes: list[tuple[int, int]]) -> tuple[int, int]:
+    return max(height for height, _ in sizes), max(width for _, width in sizes)
 
 
-def _background(gray: Float[Tensor, "V H W"]) -> float:
-    return float(gray.flatten().median())
+def _load(
+    path: Path, views: list[View], sizes: list[tuple[int, int]], background: float | None, scratch: Path | None
+) -> Store:
+    canvas = _canvas(sizes)
+    whole = all(size == canvas for size in sizes) and not any(any(view.distortion) for view in views)
+    shape = (len(views), *canvas, 4 if background is None else 1)
+    count = len(views) * canvas[0] * canvas[1] * (shape[3] + (not whole))
+    folder = None if count * PYRAMID <= MEMORY else _existing(scratch)
+    pixels = byte_array(shape, folder)
+    known = all_known(len(views), canvas) if whole else byte_array(shape[:3], folder).view(torch.bool)
+    low, high = torch.ones(3), torch.zeros(3)
+    for i, (view, (height, width)) in enumerate(zip(views, sizes, strict=True)):
+        rgba, seen = read_view(view, (height, width))
+        values = rgba if background is None else _ink(rgba, background)[..., None] * seen[..., None]
+        pixels[i, :height, :width] = as_bytes(values)
+        if not whole:
+            known[i, :height, :width] = seen
+        shown = Batch(values[None], seen[None]).images[0][seen]
+        low, high = torch.cat([low[None], shown]).amin(0), torch.cat([high[None], shown]).amax(0)
+    if not bool((high - low > SAME).any()):
+        raise ValueError(f"{path}: the pictures show nothing: all pixels of all {len(views)} have one colour")
+    return Store(pixels, known, folder)
 
 
-def _ink(rgba: Float[Tensor, "V H W 4"]) -> Float[Tensor, "V H W"]:
-    """Ink of edge maps in either polarity: distance from the background's value, over white."""
-    gray = rgba[..., :3].mean(-1) * rgba[..., 3] + 1 - rgba[..., 3]
-    return gray if _background(gray) < 0.5 else 1 - gray
+def _existing(folder: Path | None) -> Path:
+    """The folder, or the nearest one above it that is there."""
+    folder = Path(tempfile.gettempdir()) if folder is None else folder.absolute()
+    return next(f for f in (folder, *folder.parents) if f.is_dir())
+
+
+def _background(views: list[View], drawn: bool) -> float | None:
+    """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None."""
+    some = [views[i * len(views) // min(len(views), LOOKED_AT)] for i in range(min(len(views), LOOKED_AT))]
+    grays, tints = [], []
+    for view in some:
+        # What a mask hides has the background's value, which is not known yet.
+        rgba, known = read_view(replace(view, mask=None), _reduced(view.size, LOOKED_SIZE))
+        color, alpha = rgba[known][:, :3], rgba[known][:, 3]
+        grays.append(color.mean(1) + 1 - alpha)
+        tints.append(color.amax(1) - color.amin(1))
+    gray, tint = torch.cat(grays), torch.cat(tints)
+    if not len(gray):
+        raise ValueError(
+            f"{views[0].picture}: lens distortion leaves nothing of this and other pictures: check k1 to k3"
+        )
+    middle = float(gray.median())
+    colorless = float((tint < SAME).float().mean()) > 0.999
+    plain = float(((gray - middle).abs() < SAME).float().mean()) > DRAWING_BACKGROUND
+    extreme = min(middle, 1 - middle) < SAME
+    return float(middle >= 0.5) if drawn or (colorless and plain and extreme) else None
+
+
+def _ink(rgba: Float[Tensor, "h w 4"], background: float) -> Float[Tensor, "h w"]:
+    """Distance from the background's value, which transparent pixels have."""
+    gray = rgba[..., :3].mean(-1) + (1 - rgba[..., 3]) * background
+    return (gray - background).abs()

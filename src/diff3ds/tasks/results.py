@@ -75,7 +75,7 @@ def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
     """Eight views, each target beside the rendering of the sketch."""
     views = spread(len(pictures), PREVIEWS)
     drawn = render(sketch, pictures.cameras[views]).color
-    pairs = torch.cat([pictures.images[views], drawn.clamp(0, 1)], 2)
+    pairs = torch.cat([pictures.batch(views).images, drawn.clamp(0, 1)], 2)
     return tile_images(pairs, columns=2)
 
 

@@ -1,6 +1,7 @@
 """Posed pictures to a 3D sketch: what `diff3ds views` does."""
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -9,19 +10,20 @@ from pathlib import Path
 
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Tensor
 from diff3ds.camera import Cameras
 from diff3ds.checkpoint import read_checkpoint
 from diff3ds.fit import FitConfig, Objective, Rates, Step, fit
 from diff3ds.library.demo import demo_cameras, demo_sketch
 from diff3ds.losses import color_loss, ink_loss, psnr
 from diff3ds.refine import NoiseDeletion, Refinement, SupportPruning
-from diff3ds.render import render
+from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.frame import Frame, frame_of
 from diff3ds.tasks.posed import PosedPictures, Target, find_transforms, load_posed
 from diff3ds.tasks.pyramid import Pyramid, build_pyramid
 from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.store import Store, store_of
 
 CHECKPOINT = "checkpoint.safetensors"
 # The lengths below are relative to the radius of the scene. All are empirical: tried on two CAD models' edge maps and
@@ -102,7 +104,7 @@ def fit_views(
     options = options or ViewsOptions()
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
-    pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size)
+    pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size, out)
     plan = _plan(pictures, options, out / CHECKPOINT)
     read = time.perf_counter()
     sketch, stopped = _fitted(plan, report)
@@ -127,19 +129,17 @@ def demo_pictures() -> PosedPictures:
     """Line drawings of the package's own scene from all around."""
     cameras = demo_cameras()
     alpha = render(demo_sketch(), cameras).alpha
-    images = (1 - alpha)[..., None].expand(*alpha.shape, 3)
-    return PosedPictures(cameras, "edges", images, alpha, tuple(f"view {i}" for i in range(len(cameras))))
+    return PosedPictures(cameras, "edges", store_of(alpha[..., None]), tuple(f"view {i}" for i in range(len(cameras))))
 
 
 def _plan(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> Plan:
-    frame = frame_of(pictures.cameras, pictures.alpha)
+    frame = frame_of(pictures.cameras, pictures.store)
     cameras = frame.cameras(pictures.cameras)
     edges = pictures.target == "edges"
     steps = options.steps or (1200 if edges else 2400)
     count = options.strokes or (128 if edges else 1024)
-    targets = pictures.alpha[..., None] if edges else pictures.images
-    pyramid = build_pyramid(cameras, targets, steps, options.batch or (10 if edges else 5), options.seed)
-    fresh = _black_strokes(_line_width(pictures.alpha)) if edges else _colored_strokes(pictures)
+    pyramid = build_pyramid(cameras, pictures.store, steps, options.batch or (10 if edges else 5), options.seed)
+    fresh = _black_strokes(_line_width(pictures.store)) if edges else _colored_strokes(pictures)
     config = FitConfig(
         steps=steps,
         rates=Rates(points=0.012) if edges else Rates(points=0.012, width=5e-4, color=0.02, opacity=0.02),
@@ -155,30 +155,43 @@ def _plan(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> P
 
 
 def _ink_objective(pyramid: Pyramid) -> Objective:
-    return lambda rendering, cameras, step: ink_loss(rendering.alpha, pyramid.targets(step)[..., 0])
+    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
+        target = pyramid.targets(step)
+        return ink_loss(rendering.alpha, target.alpha, known=target.known)
+
+    return objective
 
 
 def _color_objective(pyramid: Pyramid) -> Objective:
-    return lambda rendering, cameras, step: color_loss(rendering.color, pyramid.targets(step))
+    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
+        target = pyramid.targets(step)
+        return color_loss(rendering.color, target.images, target.known)
+
+    return objective
 
 
 def _refinements(
     cameras: Cameras, pictures: PosedPictures, fresh: Callable[[int, torch.Generator], Sketch], count: int
 ) -> list[Refinement]:
-    if pictures.target == "color":
+    if pictures.target != "edges":
         return [DELETION]
-    thick = torch.nn.functional.max_pool2d(pictures.alpha[:, None], AGREEMENT, 1, AGREEMENT // 2)[:, 0]
+    ink = pictures.batch(range(len(pictures))).alpha
+    thick = torch.nn.functional.max_pool2d(ink[:, None], AGREEMENT, 1, AGREEMENT // 2)[:, 0]
     return [SupportPruning(cameras, thick, LEAST_SUPPORT, SHORTEST, REPLACE, DROP, fresh, count)]
 
 
-def _line_width(ink: Float[Tensor, "V H W"]) -> float:
+def _line_width(store: Store) -> float:
     """Mean width of the lines, as a fraction of the image height.
 
     A line of length L and width w holds w L of ink, and the total variation of its profile is 2 L; summing the
     absolute differences along x and y measures 4 / pi times that, averaged over directions.
     """
-    variation = (ink[:, 1:] - ink[:, :-1]).abs().sum() + (ink[:, :, 1:] - ink[:, :, :-1]).abs().sum()
-    return float(2 * (4 / torch.pi) * ink.sum() / variation) / ink.shape[1]
+    total = variation = 0.0
+    for views in store.chunks():
+        ink = store.batch(views).alpha
+        total += float(ink.sum())
+        variation += float((ink[:, 1:] - ink[:, :-1]).abs().sum() + (ink[:, :, 1:] - ink[:, :, :-1]).abs().sum())
+    return 2 * (4 / math.pi) * total / variation / store.pixels.shape[1]
 
 
 def _black_strokes(width: float) -> Callable[[int, torch.Generator], Sketch]:
@@ -187,8 +200,12 @@ def _black_strokes(width: float) -> Callable[[int, torch.Generator], Sketch]:
 
 def _colored_strokes(pictures: PosedPictures) -> Callable[[int, torch.Generator], Sketch]:
     """Random strokes in the mean colour of what the pictures show."""
-    weight = pictures.alpha[..., None]
-    mean = (pictures.images * weight).sum((0, 1, 2)) / weight.sum()
+    total, color = torch.zeros(()), torch.zeros(3)
+    for views in pictures.store.chunks():
+        batch = pictures.batch(views)
+        total += batch.alpha.sum()
+        color += (batch.images * batch.alpha[..., None]).sum((0, 1, 2))
+    mean = color / total
 
     def fresh(count: int, generator: torch.Generator) -> Sketch:
         sketch = Sketch.random(count, generator=generator, radius=1.0, extent=EXTENT, width=0.02)
@@ -213,7 +230,7 @@ def _fitted(plan: Plan, report: Callable[[Step, int], None]) -> tuple[Sketch, bo
 
 def _scores(sketch: Sketch, pictures: PosedPictures, path: Path | None) -> dict[str, float]:
     """PSNR of coloured pictures, on those of the fit and on held-out ones if the folder has some."""
-    if pictures.target != "color":
+    if pictures.target == "edges":
         return {}
     scores = {"psnr": _psnr(sketch, pictures)}
     held_out = path.parent / "transforms_test.json" if path is not None else None
@@ -223,5 +240,8 @@ def _scores(sketch: Sketch, pictures: PosedPictures, path: Path | None) -> dict[
 
 
 def _psnr(sketch: Sketch, pictures: PosedPictures) -> float:
-    rendered = (render(sketch, pictures.cameras[[i]]).color for i in range(len(pictures)))
-    return sum(psnr(color, pictures.images[[i]]) for i, color in enumerate(rendered)) / len(pictures)
+    total = 0.0
+    for view in range(len(pictures)):
+        target = pictures.batch([view])
+        total += psnr(render(sketch, pictures.cameras[view]).color, target.images, target.known)
+    return total / len(pictures)
