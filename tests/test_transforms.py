@@ -1,0 +1,237 @@
+"""transforms.json: the dialects of nerfstudio, instant-ngp and NeRF synthetic, worked by hand."""
+
+import json
+import math
+
+import pytest
+import torch
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.transforms import read_views
+
+IDENTITY = torch.eye(4).tolist()
+
+
+def _close(actual, expected, tolerance: float = 1e-5) -> None:
+    torch.testing.assert_close(
+        actual.double(), torch.as_tensor(expected, dtype=torch.float64), rtol=0, atol=tolerance, check_device=False
+    )
+
+
+def _write(folder, **content):
+    path = folder / "transforms.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+def _frame(name: str = "a.png", **values):
+    return {"file_path": name, "transform_matrix": IDENTITY, **values}
+
+
+def test_files_hold_opengl_axes(tmp_path):
+    """The identity looks along -z with y up: a point at (1, 1, -2) is to the right and above the centre."""
+    path = _write(tmp_path, fl_x=100.0, w=200, h=100, frames=[_frame()])
+    cameras, pictures = ds.load_transforms(path)
+    assert pictures == [tmp_path / "a.png"]
+    assert cameras.size == (100, 200)
+    x, y, z, w = (cameras.projection[0] @ torch.tensor([1.0, 1, -2, 1]).double()).tolist()
+    assert (x / z, y / z, z / w) == pytest.approx((150, 0, 2))
+
+
+def test_camera_to_world_is_turned_round(tmp_path):
+    """A camera at (5, 0, 0) turned to look along -x (OpenGL: its z is +x, its y is +z)."""
+    matrix = [[0.0, 0, 1, 5], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+    path = _write(tmp_path, fl_x=100.0, w=100, h=100, frames=[_frame(transform_matrix=matrix)])
+    cameras, _ = ds.load_transforms(path)
+    _close(cameras.centers, [[5, 0, 0]])
+    _close(cameras.world_to_camera, ds.orbit(0.0, 0.0, 5.0).world_to_camera)
+
+
+def test_nerf_synthetic_form(tmp_path):
+    """One angle for all, no size, names without a suffix: the size comes from the picture."""
+    Image.new("RGBA", (80, 60)).save(tmp_path / "r_0.png")
+    Image.new("RGBA", (80, 60)).save(tmp_path / "r_1.png")
+    path = _write(tmp_path, camera_angle_x=math.pi / 2, frames=[_frame("./r_0"), _frame("./r_1")])
+    cameras, pictures = ds.load_transforms(path)
+    assert [p.name for p in pictures] == ["r_0.png", "r_1.png"]
+    assert cameras.size == (60, 80)
+    _close(cameras.intrinsics, torch.tensor([[40.0, 0, 40], [0, 40, 30], [0, 0, 1]]).expand(2, 3, 3))
+
+
+def test_nerfstudio_form_with_intrinsics_of_each_view(tmp_path):
+    frames = [_frame("a.png", fl_x=90.0, cx=33.0), _frame("b.png"), _frame("c.png", fl_y=70.0)]
+    path = _write(tmp_path, w=64, h=48, fl_x=100.0, fl_y=110.0, cy=20.0, k1=0.0, p2=0, frames=frames)
+    k = ds.load_transforms(path)[0].intrinsics
+    _close(k[:, 0, 0], [90, 100, 100])
+    _close(k[:, 1, 1], [110, 110, 70])
+    _close(k[:, 0, 2], [33, 32, 32])
+    _close(k[:, 1, 2], [20, 20, 20])
+
+
+def test_instant_ngp_form(tmp_path):
+    """Angles of both axes, numbers of no interest here, and pictures that are JPEG though the name does not say so."""
+    Image.new("RGB", (80, 60)).save(tmp_path / "0.001.jpg")
+    unused = {"aabb_scale": 16, "is_fisheye": False, "offset": [0, 0, 0], "scale": 1, "k4": 0}
+    angles = {"camera_angle_x": math.pi / 2, "camera_angle_y": 2 * math.atan(0.5)}
+    path = _write(tmp_path, w=80.0, h=60.0, **angles, **unused, frames=[_frame("0.001", sharpness=27.5)])
+    (view,) = read_views(path)
+    assert view.picture == tmp_path / "0.001.jpg"
+    assert view.size == (60, 80)
+    _close(view.intrinsics, [[40, 0, 40], [0, 60, 30], [0, 0, 1]])
+
+
+def test_a_frame_wins_over_the_file_in_either_form(tmp_path):
+    frames = [_frame(), _frame(camera_angle_x=math.pi / 2), _frame(fl_y=7.0)]
+    views = read_views(_write(tmp_path, w=80, h=60, fl_x=100.0, camera_angle_y=math.pi / 2, frames=frames))
+    assert [float(view.intrinsics[0, 0]) for view in views] == pytest.approx([100, 40, 100])
+    assert [float(view.intrinsics[1, 1]) for view in views] == pytest.approx([30, 30, 7])
+
+
+def test_nerfstudio_poses_are_those_of_the_file(tmp_path):
+    """`applied_transform` tells how they came about; they hold it already."""
+    flip = [[0.0, 1, 0, 3], [1, 0, 0, 0], [0, 0, -1, 0]]
+    path = _write(tmp_path, fl_x=100.0, w=200, h=100, applied_transform=flip, applied_scale=2.0, frames=[_frame()])
+    _close(ds.load_transforms(path)[0].centers, [[0, 0, 0]])
+
+
+def test_lens_mask_and_size_of_each_view(tmp_path):
+    lens = {"k1": 0.1, "k2": 0.2, "k3": 0.3, "p1": 0.4, "p2": 0.5}
+    frames = [_frame("a.png", mask_path="masks/a.png"), _frame("b.png", w=50, h=40, k1=-0.1)]
+    path = _write(tmp_path, camera_model="OPENCV", fl_x=9.0, w=4, h=3, **lens, frames=frames)
+    a, b = read_views(path)
+    assert (a.size, b.size) == ((3, 4), (40, 50))
+    assert (a.mask, b.mask) == (tmp_path / "masks" / "a.png", None)
+    assert a.distortion == (0.1, 0.2, 0.4, 0.5, 0.3)
+    assert b.distortion == (-0.1, 0.2, 0.4, 0.5, 0.3)
+
+
+def test_three_rows_are_enough(tmp_path):
+    matrix = [[1.0, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3]]
+    path = _write(tmp_path, fl_x=1.0, w=4, h=4, frames=[_frame(transform_matrix=matrix)])
+    _close(ds.load_transforms(path)[0].centers, [[1, 2, 3]])
+
+
+def test_round_trip(tmp_path, generator):
+    intrinsics = torch.eye(3).repeat(4, 1, 1)
+    intrinsics[:, [0, 1, 0, 1], [0, 1, 2, 2]] = 10 + 100 * torch.rand(4, 4, generator=generator)
+    poses = ds.orbit([10.0, 100.0, 200.0, 300.0], [0.0, -40.0, 30.0, 80.0], 3.0).world_to_camera
+    cameras = ds.Cameras(poses, intrinsics, (30, 50))
+    names = [f"view {i}.png" for i in range(4)]
+    ds.save_transforms(tmp_path / "new" / "transforms.json", cameras, names)
+    back, pictures = ds.load_transforms(tmp_path / "new" / "transforms.json")
+    assert [p.name for p in pictures] == names
+    assert back.size == cameras.size
+    assert torch.equal(back.intrinsics, cameras.intrinsics)
+    # The file holds inverses: a rotation in float32 is one to 1e-7.
+    _close(back.world_to_camera, cameras.world_to_camera, 1e-5)
+
+
+def test_files_can_be_read_by_others(tmp_path):
+    """Plain numbers, camera-to-world with OpenGL axes."""
+    ds.save_transforms(tmp_path / "t.json", ds.orbit(0.0, 0.0, 5.0, fov=90.0, size=(20, 40)), ["x.png"])
+    content = json.loads((tmp_path / "t.json").read_text())
+    (frame,) = content["frames"]
+    assert (content["w"], content["h"], frame["file_path"]) == (40, 20, "x.png")
+    assert math.isclose(frame["fl_x"], 10, rel_tol=1e-6)
+    _close(torch.tensor(frame["transform_matrix"]), [[0.0, 0, 1, 5], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+
+
+GOOD = {"fl_x": 1.0, "w": 4, "h": 4}
+SHEARED = [[1.0, 0.5, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+MIRRORED = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]
+BAD_FILES = [
+    ("[]", "expected an object with a non-empty list 'frames'"),
+    ("{}", "non-empty list 'frames'"),
+    ('{"frames": []}', "non-empty list 'frames'"),
+    ('{"frames": [1]}', "non-empty list 'frames'"),
+    ("{", "not a JSON file"),
+    ("[" * 100000, "not a JSON file"),
+    (b"\xff\xfe\x00", "not a text file"),
+    ({**GOOD, "frames": [{"transform_matrix": IDENTITY}]}, "frame 0 has no file_path"),
+    ({**GOOD, "frames": [_frame(), {"file_path": "b.png"}]}, "frame 1 has no transform_matrix"),
+    ({**GOOD, "frames": [_frame(transform_matrix=[[1, 2], [3]])]}, "frame 0 has no transform_matrix of 4x4 numbers"),
+    ({**GOOD, "frames": [_frame(transform_matrix=torch.eye(3).tolist())]}, "must hold 4x4 finite numbers"),
+    ({**GOOD, "frames": [_frame(transform_matrix="abc")]}, "frame 0 has no transform_matrix"),
+    ({**GOOD, "frames": [_frame(transform_matrix=SHEARED)]}, "frame 0: transform_matrix is not a rotation"),
+    ({**GOOD, "frames": [_frame(transform_matrix=MIRRORED)]}, "frame 0: transform_matrix is not a rotation"),
+    ({"w": 4, "h": 4, "frames": [_frame()]}, "frame 0 has neither fl_x nor camera_angle_x"),
+    ({**GOOD, "fl_x": "wide", "frames": [_frame()]}, "fl_x must be a finite number, got 'wide'"),
+    ({**GOOD, "fl_x": True, "frames": [_frame()]}, "fl_x must be a finite number, got True"),
+    ({**GOOD, "fl_x": -1.0, "frames": [_frame()]}, "focal lengths must be positive"),
+    ({"w": 4, "h": 4, "camera_angle_x": 0.0, "frames": [_frame()]}, r"camera_angle_x must lie in \(0, pi\), got 0.0"),
+    ({**GOOD, "cx": math.nan, "frames": [_frame()]}, "cx must be a finite number, got nan"),
+    ({**GOOD, "k1": 0.1, "frames": [_frame()]}, r"lens distortion \(k1\); undistort"),
+    ({**GOOD, "k1": "a", "frames": [_frame()]}, "k1 must be a finite number, got 'a'"),
+    ({**GOOD, "k4": 0.1, "frames": [_frame()]}, "frame 0: lens distortion k4 is not supported; undistort"),
+    ({**GOOD, "frames": [_frame(is_fisheye=True)]}, "frame 0: pictures that are is_fisheye are not supported; undist"),
+    ({**GOOD, "camera_model": "OPENCV_FISHEYE", "frames": [_frame()]}, "camera_model 'OPENCV_FISHEYE' is not one of"),
+    ({**GOOD, "frames": [_frame(camera_model="EQUIRECTANGULAR")]}, "camera_model 'EQUIRECTANGULAR' is not .*; undist"),
+    ({**GOOD, "frames": [_frame(camera_model=3)]}, "camera_model 3 is not one of"),
+    ({**GOOD, "frames": [_frame(mask_path=3)]}, "frame 0: mask_path must be a file name, got 3"),
+    ({"w": 4, "h": 4, "camera_angle_y": 4, "frames": [_frame()]}, r"camera_angle_y must lie in \(0, pi\), got 4"),
+    ({**GOOD, "frames": [_frame(p1=-0.1)]}, r"lens distortion \(p1\)"),
+    ({**GOOD, "frames": [_frame(), _frame(w=5)]}, r"all views must have one size, got \[\(4, 4\), \(4, 5\)\]"),
+    ({**GOOD, "w": "4", "frames": [_frame()]}, "w must be a finite number, got '4'"),
+    ({**GOOD, "w": [4], "frames": [_frame()]}, r"w must be a finite number, got \[4\]"),
+    ({**GOOD, "w": 4.5, "frames": [_frame()]}, "w and h must be whole numbers, got 4.5"),
+    ({**GOOD, "cy": 10**400, "frames": [_frame()]}, "cy must be a finite number, got 1000"),
+    ({**GOOD, "frames": [_frame(transform_matrix=[[10**400] * 4] * 4)]}, "frame 0 has no transform_matrix"),
+    ('{"frames": ' + "1" * 5000 + "}", "not a JSON file"),
+    ({**GOOD, "frames": [_frame(transform_matrix=[*IDENTITY[:3], [0, 0, 1, 1]])]}, "is not a rotation"),
+    ({**GOOD, "w": 0, "frames": [_frame()]}, "size must be a positive int"),
+    ({**GOOD, "h": 10**9, "frames": [_frame()]}, "up to 65536"),
+]
+
+
+@pytest.mark.parametrize(("content", "message"), BAD_FILES)
+def test_malformed_files_are_refused(tmp_path, content, message):
+    path = tmp_path / "transforms.json"
+    text = content if isinstance(content, str | bytes) else json.dumps(content)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match=message) as caught:
+        ds.load_transforms(path)
+    assert str(path) in str(caught.value)
+
+
+def test_files_too_large_are_not_read(tmp_path):
+    path = tmp_path / "transforms.json"
+    with path.open("wb") as file:
+        file.truncate((1 << 28) + 1)
+    with pytest.raises(ValueError, match=r"268435457 bytes are more than the 268435456 that are read"):
+        ds.load_transforms(path)
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"transforms\.json"):
+        ds.load_transforms(tmp_path / "transforms.json")
+    path = _write(tmp_path, camera_angle_x=1.0, frames=[_frame("gone")])
+    with pytest.raises(FileNotFoundError, match=r"1 of 1 pictures are missing: .*gone\.png\. Paths are relative"):
+        ds.load_transforms(path)
+    Image.new("L", (8, 8)).save(tmp_path / "here.png")
+    frames = [_frame("here"), *(_frame(f"{i}.jpg") for i in range(8))]
+    path = _write(tmp_path, camera_angle_x=1.0, frames=frames)
+    with pytest.raises(FileNotFoundError, match=r"8 of 9 pictures are missing: .*0\.jpg, .*4\.jpg, \.\.\.\."):
+        ds.load_transforms(path)
+
+
+def test_pictures_that_are_none_are_named(tmp_path):
+    (tmp_path / "text.png").write_text("no picture")
+    path = _write(tmp_path, camera_angle_x=1.0, frames=[_frame("text")])
+    with pytest.raises(ValueError, match=r"text\.png: not a picture"):
+        ds.load_transforms(path)
+
+
+def test_nothing_is_written_on_errors(tmp_path):
+    with pytest.raises(ValueError, match="expected 2 pictures, one a view, got 1"):
+        ds.save_transforms(tmp_path / "t.json", ds.orbit([0.0, 90.0], 0.0, 3.0), ["a.png"])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["nerf_synthetic/chair", "abc_nef/00000952", "abc_nef/00004926"])
+def test_real_files(data_folder, name):
+    for path in sorted((data_folder / name).glob("transforms*.json")):
+        cameras, pictures = ds.load_transforms(path)
+        assert cameras.size == (400, 400)
+        assert len(cameras) == len(pictures)
+        assert all(p.exists() for p in pictures)
