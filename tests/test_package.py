@@ -34,13 +34,14 @@ ALLOWED = {
     "library": SCENE,
     "metrics": SCENE,
     "checkpoint": {"refine"} | SCENE,
+    "edges": {"fit", "render", "project"} | SCENE,
     "fit": {"render", "refine", "losses", "checkpoint"} | SCENE,
     "formats": {"render", "project"} | SCENE,
     "viewer": {"formats", "render", "project"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera"} | HELPERS,
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
-    "tasks": {"diff3ds", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint", "refine",
+    "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint", "refine",
               "render", "project", "transforms"} | SCENE,
     "cli": {"tasks", "fit"},
 }  # fmt: skip

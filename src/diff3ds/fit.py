@@ -10,14 +10,19 @@ import torch
 from diff3ds._shapes import Tensor
 from diff3ds.camera import Cameras
 from diff3ds.checkpoint import State, read_checkpoint, start, write_checkpoint
+from diff3ds.project import Strokes2D
 from diff3ds.refine import Refinement
-from diff3ds.render import Rendering, render
+from diff3ds.render import Rendering, rasterize, render
 from diff3ds.render.arguments import Antialiasing, Background
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 
 # Adam's usual constants (Kingma and Ba 2015).
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
+
+
+# Maps a sketch, the cameras of a step and its index to what is drawn.
+Projection = Callable[[Sketch, Cameras, int], Strokes2D]
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,8 @@ class FitConfig:
         background: of the renderings, as for `render`.
         antialiasing: as for `render`.
         samples: as for `render`.
+        project: what is drawn in a step, a function of the sketch, the cameras and the step's index; by default all
+            strokes as `render` draws them. Hides strokes in some views, or draws them as something else.
         refinements: called after every step, in this order; they may drop and add strokes.
         seed: of all random draws; a CPU run repeats bit for bit, whatever the number of threads.
         checkpoint: file that keeps the state, written every `checkpoint_every` steps, at the end, and when the run is
@@ -66,6 +73,7 @@ class FitConfig:
     background: Background = 1.0
     antialiasing: Antialiasing = "analytic"
     samples: int = 4
+    project: Projection | None = None
     refinements: Sequence[Refinement] = ()
     seed: int = 0
     checkpoint: Path | None = None
@@ -161,15 +169,7 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
     generator = state.generator()
     views = cameras(state.index, generator)
     leaves = _leaves(state.sketch, config.rates)
-    rendering = render(
-        _assembled(state.sketch, leaves),
-        views,
-        background=config.background,
-        antialiasing=config.antialiasing,
-        blur=config.blur(state.index) if callable(config.blur) else config.blur,
-        samples=config.samples,
-        generator=generator,
-    )
+    rendering = _drawn(_assembled(state.sketch, leaves), views, state.index, config, generator)
     loss = objective(rendering, views, state.index)
     gradients = _gradients(loss, leaves, state.index)
     decay = config.final_rate ** (state.index / config.steps)
@@ -181,6 +181,15 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
     value = float(loss.detach())
     step = Step(state.index, state.sketch, value, Rendering(*(x.detach() for x in vars(rendering).values())))
     return replace(state, index=state.index + 1, losses=(*state.losses, value), random=generator.get_state()), step
+
+
+def _drawn(sketch: Sketch, views: Cameras, index: int, config: FitConfig, generator: torch.Generator) -> Rendering:
+    background, antialiasing, samples = config.background, config.antialiasing, config.samples
+    blur = config.blur(index) if callable(config.blur) else config.blur
+    options = {"background": background, "antialiasing": antialiasing, "blur": blur, "samples": samples}
+    if config.project is None:
+        return render(sketch, views, **options, generator=generator)
+    return rasterize(config.project(sketch, views, index), views.size, **options, generator=generator)
 
 
 def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:

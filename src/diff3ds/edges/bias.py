@@ -1,0 +1,112 @@
+"""Self-calibration of an edge detector: where its ridges lie beside the true edges, judged by the views' disagreement.
+
+A detector's maps may be shifted by a part of a pixel, and outlines against the background lie outside the object by up
+to one. Neither shows in a single view, but no 3D curve meets such ridges in all views: the shift and the offset that
+leave the least disagreement, with every 3D sample free to move, are the detector's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Float
+from diff3ds.edges.curves import Curves
+from diff3ds.edges.lookup import EdgeViews
+from diff3ds.edges.ridges import Array, Ridges
+
+# Samples along a curve, rounds of reweighting, and the residual in pixels that counts half.
+SAMPLES, ROUNDS, SCATTER = 12, 6, 0.5
+# Ridges within this distance of the filled drawing's border are outline, pixels, and so far a drawing is closed.
+OUTLINE, CLOSED = 7.0, 3
+# Pull of a sample towards its place, in units of one view's: along the curve it cannot be seen at all. Empirical.
+ALONG, ACROSS = 0.1, 0.1
+NEAR, SLANT = 2.5, 0.35
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Where ridges lie, relative to the edges.
+
+    Attributes:
+        dx, dy: of all ridges, pixels.
+        outward: of outlines, away from the object, pixels.
+    """
+
+    dx: float
+    dy: float
+    outward: float
+
+
+def outline_sides(ridges: Ridges, size: tuple[int, int]) -> Float[Array, " M"]:
+    """1 or -1 for ridge points on the object's outline, as their normals point away from or into it; else 0."""
+    from scipy.ndimage import binary_dilation, binary_fill_holes, distance_transform_edt, label
+
+    drawn = np.zeros(size, bool)
+    column, row = np.floor(ridges.points).astype(int).T
+    drawn[row, column] = True
+    filled = binary_fill_holes(binary_dilation(drawn, iterations=CLOSED))
+    parts, count = label(filled)
+    if not count:
+        return np.zeros(len(ridges))
+    filled = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
+    depth = np.where(filled, distance_transform_edt(filled), -distance_transform_edt(~filled))
+    gy, gx = np.gradient(depth)
+    outward = -(gx[row, column] * ridges.normals[:, 0] + gy[row, column] * ridges.normals[:, 1])
+    return np.where((depth[row, column] < OUTLINE) & (np.abs(outward) > 0.5), np.sign(outward), 0.0)
+
+
+def estimate_bias(views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -> Bias:
+    """The bias that explains most of the disagreement between the views.
+
+    Args:
+        sides: `outline_sides` of all ridge points.
+        curves: near the edges.
+    """
+    import torch
+
+    t = (torch.arange(SAMPLES) + 0.5) / SAMPLES
+    x = curves.at(t).double().numpy()
+    tangent = np.gradient(x, axis=1).reshape(-1, 3)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-12
+    x = x.reshape(-1, 3)
+    match = views.match(x)
+    normal = views.normals[match.ridge]
+    offset = ((views.points[match.ridge] - match.pixel) * normal).sum(-1)
+    ahead = views.project(x + 0.1 * views.pixel * tangent)[0] - match.pixel
+    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12
+    agree = (match.distance < NEAR) & (np.abs((ahead * normal).sum(-1)) < SLANT)
+    # The offset along the normal is explained by the bias and by a displacement of the sample.
+    explained = np.concatenate([normal, sides[match.ridge][..., None]], -1)
+    moved = views.planes[match.ridge][..., :3] * (views.focal[:, None] / np.maximum(match.depth, 1e-9))[..., None]
+    values = _solved(offset, explained, moved * views.pixel, agree, tangent)
+    return Bias(*values.tolist())
+
+
+def _solved(offset: Array, explained: Array, moved: Array, agree: NDArray[np.bool_], tangent: Array) -> Array:
+    """Reweighted least squares of offset = explained . bias + moved . displacement, displacements eliminated."""
+    bias = np.zeros(explained.shape[-1])
+    shift = np.zeros_like(tangent)
+    pull = ALONG * np.einsum("mi,mj->mij", tangent, tangent) + ACROSS * np.eye(3)
+    for _ in range(ROUNDS):
+        residual = offset - explained @ bias - np.einsum("vmk,mk->vm", moved, shift)
+        weight = agree / (1 + (residual / SCATTER) ** 2)
+        own = np.linalg.inv(np.einsum("vm,vmi,vmj->mij", weight, moved, moved) + pull)
+        mixed = np.einsum("vm,vmi,vmk->mik", weight, moved, explained)
+        right = np.einsum("vm,vmi,vm->mi", weight, moved, offset)
+        left = np.einsum("vm,vmk,vml->kl", weight, explained, explained)
+        left = left - np.einsum("mik,mij,mjl->kl", mixed, own, mixed)
+        whole = np.einsum("vm,vmk,vm->k", weight, explained, offset) - np.einsum("mik,mij,mj->k", mixed, own, right)
+        bias = np.linalg.lstsq(left, whole, rcond=None)[0]
+        shift = np.einsum("mij,mj->mi", own, right - np.einsum("mik,k->mi", mixed, bias))
+    return bias
+
+
+def corrected(ridges: Sequence[Ridges], sides: Sequence[Float[Array, " M"]], bias: Bias) -> list[Ridges]:
+    """The ridges where they would be without the bias."""
+    shift = np.array([bias.dx, bias.dy])
+    return [
+        Ridges(r.points - shift - bias.outward * side[:, None] * r.normals, r.normals)
+        for r, side in zip(ridges, sides, strict=True)
+    ]

@@ -1,0 +1,110 @@
+"""Refinement of curves through the renderer: in each view only the parts that it shows are drawn."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier.curves import subcurve_matrix
+from diff3ds.camera import Cameras
+from diff3ds.edges.curves import Curves
+from diff3ds.edges.lookup import EdgeViews
+from diff3ds.edges.support import PARTS, part_support
+from diff3ds.fit import FitConfig, Rates, fit
+from diff3ds.project import Strokes2D, project
+from diff3ds.render import Rendering
+from diff3ds.sketch import Sketch
+
+# Half width of the drawn ridges and curves, pixels. Wider ones give a less certain position, by measurement.
+HALF_WIDTH = 1.0
+# A ridge point inks along the ridge so far, pixels: half the way to the next.
+REACH = 0.8
+BATCH = 10
+# Steps after which it is asked again what the views show.
+RECHECK = 25
+# Learning rates in pixels a step, at the first and relative at the last; empirical.
+RATE, FINAL_RATE = 0.09, 0.1
+
+
+@dataclass(eq=False)
+class _Shown:
+    """What the views show of the curves, asked again now and then."""
+
+    views: EdgeViews
+    curves: Curves
+    order: Tensor
+    parts: Tensor = field(default_factory=lambda: torch.zeros(0))
+
+    def strokes(self, sketch: Sketch, cameras: Cameras, step: int) -> Strokes2D:
+        """All parts of the curves; those that a view does not show have no width there."""
+        points, weights = self.curves.constrained(sketch.points)
+        if step % RECHECK == 0:
+            self.parts = part_support(self.views, self.curves.moved(sketch.points.detach()))
+        whole = project(Sketch(points, weights, sketch.width), cameras)
+        cuts = torch.linspace(0, 1, PARTS + 1, dtype=torch.float64)
+        cut = subcurve_matrix(cuts[:-1], cuts[1:], 3)
+        cubics = (cut[None, None] @ whole.cubics[:, :, None]).flatten(1, 2)
+        shown = self.parts[self.batch(step)].flatten(1)
+        count = cubics.shape[1]
+        return Strokes2D(
+            cubics,
+            HALF_WIDTH * shown.to(points.dtype),
+            points.new_zeros(count, 3),
+            points.new_ones(count),
+            near=whole.near,
+        )
+
+    def batch(self, step: int) -> Tensor:
+        """The views of a step."""
+        return _batch(self.order, step)
+
+
+def _batch(order: Tensor, step: int) -> Tensor:
+    batches = max(1, order.shape[1] // BATCH)
+    epoch, turn = divmod(step, batches)
+    return order[epoch % len(order), turn * BATCH : (turn + 1) * BATCH]
+
+
+def refined(
+    curves: Curves, cameras: Cameras, views: EdgeViews, steps: int, rate: float = RATE, seed: int = 0
+) -> Curves:
+    """Curves moved so that their renderings meet the ridges of all views.
+
+    Args:
+        cameras: those of the views.
+        rate: of the first step, pixels.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    order = torch.stack(
+        [torch.randperm(len(views), generator=generator) for _ in range(-(-steps * BATCH // len(views)) + 1)]
+    )
+    targets = torch.stack([torch.from_numpy(draw_ridges(views, v)) for v in range(len(views))])
+    shown = _Shown(views, curves, order)
+
+    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
+        return (rendering.alpha - targets[shown.batch(step)]).square().sum((1, 2)).mean()
+
+    config = FitConfig(
+        steps=steps, rates=Rates(points=rate * views.pixel), final_rate=FINAL_RATE, project=shown.strokes, seed=seed
+    )
+    sketch = curves.sketch(0.0)
+    for done in fit(sketch, objective, lambda step, generator: cameras[shown.batch(step)], config):
+        sketch = done.sketch
+    return curves.moved(sketch.points)
+
+
+def draw_ridges(views: EdgeViews, view: int) -> Float[NDArray[np.float32], "H W"]:
+    """The ridges of a view drawn as lines, by the distance of each pixel from its nearest ridge point."""
+    height, width = views.size
+    nearest = views.nearest[view]
+    if (nearest < 0).any():
+        return np.zeros(views.size, np.float32)
+    y, x = np.mgrid[:height, :width] + 0.5
+    offset = np.stack([x, y], -1) - views.points[nearest]
+    normal = views.normals[nearest]
+    across = np.abs((offset * normal).sum(-1))
+    along = np.abs(offset[..., 1] * normal[..., 0] - offset[..., 0] * normal[..., 1])
+    distance = np.hypot(across, np.maximum(along - REACH, 0))
+    return np.clip(HALF_WIDTH + 0.5 - distance, 0, 1).astype(np.float32)

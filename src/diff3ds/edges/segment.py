@@ -1,0 +1,104 @@
+"""Chains of points cut into the fewest lines, arcs and cubics that fit."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from diff3ds._shapes import Float
+from diff3ds.edges.chains import polyline_length, resampled
+from diff3ds.edges.primitives import (
+    FREEDOM,
+    Kind,
+    MOST_SWEEP,
+    Primitive,
+    arc_control,
+    fit_arc,
+    fit_circle,
+    fit_cubic,
+    fit_line,
+)
+from diff3ds.edges.ridges import Array
+
+# Lengths in pixels. Scatter of points on a chain, at which one counts fully, and beyond which it counts no more: a
+# stray point is no reason for another stroke. Empirical.
+SCATTER, STRAY = 0.45, 3.0
+# Price of a free number in the same units as a point's squared distance over scatter.
+PRICE = 1.0
+# A fit is good if 95 % of the points lie within this.
+GOOD = 1.0
+# Points evenly spaced along a chain, and the most places at which it may be cut.
+SPACING, CUTS = 1.0, 32
+# The ends of a closed chain lie within this share of its length; a circle has to fit it better than pieces.
+CLOSED = 0.1
+
+Fit = Callable[[Float[Array, "M 3"]], Primitive | None]
+FITS: tuple[Fit, ...] = (fit_line, fit_arc, fit_cubic)
+
+
+def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
+    """The strokes of one chain, in order."""
+    points = resampled(chain, SPACING * pixel)
+    if len(points) < 4:
+        return [fit_line(points)]
+    whole = half_circles(points, pixel)
+    if whole:
+        return whole
+    best, cost = _best(points, pixel)
+    # One stroke that fits needs no search.
+    if best.kind < 2 and np.percentile(best.distances, 95) < GOOD * pixel and cost < FREEDOM[best.kind] + len(points):
+        return [best]
+    return _cut(points, pixel)
+
+
+def _best(points: Float[Array, "M 3"], pixel: float) -> tuple[Primitive, float]:
+    """The cheapest single stroke and its cost."""
+    found = [p for p in (fit(points) for fit in FITS) if p is not None]
+    costs = [_cost(p, pixel) for p in found]
+    i = int(np.argmin(costs))
+    return found[i], costs[i]
+
+
+def _cost(primitive: Primitive, pixel: float) -> float:
+    off = np.minimum(primitive.distances / (SCATTER * pixel), STRAY)
+    return float((off**2).sum() + PRICE * FREEDOM[primitive.kind])
+
+
+def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
+    """The cheapest sequence of strokes, by dynamic programming over the places of cuts."""
+    places = np.unique(np.linspace(0, len(points) - 1, min(CUTS, len(points))).round().astype(int))
+    cost = np.full(len(places), np.inf)
+    cost[0] = 0.0
+    last: list[tuple[int, Primitive] | None] = [None] * len(places)
+    for stop in range(1, len(places)):
+        for start in range(stop):
+            part = points[places[start] : places[stop] + 1]
+            if len(part) < 3 and start > 0:
+                continue
+            primitive, price = _best(part, pixel) if len(part) >= 4 else (fit_line(part), float(FREEDOM[0]))
+            if cost[start] + price < cost[stop]:
+                cost[stop] = cost[start] + price
+                last[stop] = (start, primitive)
+    found: list[Primitive] = []
+    at = len(places) - 1
+    while at > 0:
+        step = last[at]
+        assert step is not None
+        at, primitive = step
+        found.insert(0, primitive)
+    return found
+
+
+def half_circles(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
+    """Two halves of a circle, if the chain goes all around one; else nothing."""
+    if np.linalg.norm(points[0] - points[-1]) > CLOSED * polyline_length(points) + 2 * pixel:
+        return []
+    fitted = fit_circle(points)
+    if fitted is None:
+        return []
+    center, u, v, radius, distances = fitted
+    flat = points - center
+    swept = np.abs(np.ptp(np.unwrap(np.arctan2(flat @ v, flat @ u))))
+    if swept < 1.4 * MOST_SWEEP or np.percentile(distances, 95) > GOOD * pixel:
+        return []
+    halves = [(0.0, np.pi), (np.pi, 2 * np.pi)]
+    return [Primitive(Kind.ARC, arc_control(center, radius * u, radius * v, *h), distances) for h in halves]
