@@ -49,7 +49,10 @@ def _rounded(values) -> list | float:
 
 
 def generate(seed: int, folder: Path, *, clean: bool = False, views: int = VIEWS) -> dict:
-    """Writes the object of that seed, its pictures and its ground truth into the folder; returns about.json."""
+    """Writes the object of that seed, its pictures and its ground truth into the folder; returns about.json's content.
+
+    `clean` leaves out the edge maps' faults and bias; the object, the cameras and the colour pictures stay the same.
+    """
     part = random_part(seed)
     # The pictures' random numbers are not those of the part: `clean` and `views` change nothing else.
     rng = np.random.default_rng([seed, 1000])
@@ -111,10 +114,14 @@ def freeze() -> dict:
 def main() -> None:
     """Writes the objects that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path, help="folder for one folder a seed")
+    parser.add_argument("out", type=Path, help="folder for one folder a seed, or with --freeze the file of hashes")
     parser.add_argument("--seeds", default="0-29", help="first-last, or one number")
     parser.add_argument("--clean", action="store_true", help="edge maps without gaps, noise and bias")
+    parser.add_argument("--freeze", action="store_true", help="write no objects, but the hashes of both sets")
     chosen = parser.parse_args()
+    if chosen.freeze:
+        chosen.out.write_text(json.dumps(freeze(), indent=1) + "\n")
+        return
     first, _, last = chosen.seeds.partition("-")
     for seed in range(int(first), int(last or first) + 1):
         about = generate(seed, chosen.out / f"{seed:02d}", clean=chosen.clean)

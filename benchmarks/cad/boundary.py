@@ -125,7 +125,7 @@ def _xyz(point) -> np.ndarray:
 
 
 def sharp_and_smooth(solid: TopoDS_Shape) -> tuple[list[Edge], list[Edge]]:
-    """The sharp edges, pieces of one line or circle joined, and the smooth borders between different surfaces."""
+    """The sharp edges, pieces of one curve joined, and the smooth borders between different surfaces."""
     sharp, smooth = [], []
     for edge, faces in edges_and_faces(solid):
         if len(faces) == 2:
@@ -134,7 +134,7 @@ def sharp_and_smooth(solid: TopoDS_Shape) -> tuple[list[Edge], list[Edge]]:
 
 
 def _joined(edges: list[Edge]) -> list[Edge]:
-    """Joins two edges of one line or one circle where they meet and no third edge does."""
+    """Joins two edges of one line, one circle or one smooth spline where they meet and no third edge does."""
     edges = list(edges)
     joined = True
     while joined:
@@ -145,9 +145,9 @@ def _joined(edges: list[Edge]) -> list[Edge]:
             if len(here) != 2 or here[0] // 2 == here[1] // 2 or i != here[0]:
                 continue
             a, b = here // 2
-            if _same_curve(edges[a], edges[b]):
-                one = edges[a].points if here[0] % 2 else edges[a].points[::-1]
-                two = edges[b].points if not here[1] % 2 else edges[b].points[::-1]
+            one = edges[a].points if here[0] % 2 else edges[a].points[::-1]
+            two = edges[b].points if not here[1] % 2 else edges[b].points[::-1]
+            if _same_curve(edges[a], edges[b], one[-2:], two[:2]):
                 whole = Edge(edges[a].type, np.concatenate([one, two[1:]]), *_conic_of(edges[a]))
                 edges = [edge for k, edge in enumerate(edges) if k not in (a, b)] + [whole]
                 joined = True
@@ -159,9 +159,14 @@ def _conic_of(edge: Edge) -> tuple:
     return edge.radius, edge.center, edge.normal
 
 
-def _same_curve(a: Edge, b: Edge) -> bool:
-    if a.type != b.type or a.type not in ("line", "circle"):
+def _same_curve(a: Edge, b: Edge, leaving: np.ndarray, arriving: np.ndarray) -> bool:
+    """Whether b carries a on; the two last samples of a and the two first of b tell for splines and ellipses."""
+    if a.type != b.type:
         return False
+    if a.type in ("spline", "ellipse"):
+        u, v = leaving[1] - leaving[0], arriving[1] - arriving[0]
+        # Samples .004 apart turn by up to 5 degrees on a curve of radius .05.
+        return u @ v > math.cos(math.radians(6)) * np.linalg.norm(u) * np.linalg.norm(v)
     if a.type == "line":
         u, v = (edge.points[-1] - edge.points[0] for edge in (a, b))
         return abs(u @ v) > (1 - 1e-9) * np.linalg.norm(u) * np.linalg.norm(v)

@@ -14,14 +14,19 @@ class Detector:
     """Habits of one detector, the same in all pictures of a part; lengths in pixels.
 
     shift (2,): added to every position (x, y); outward: outlines against the background lie this much too far outside;
-    width: standard deviation of a line's profile before it is cut off at white; floor: strength of an inner edge
-    without contrast; gaps, jitter, specks, noise: how much of each; border: strength of the frame around the picture.
+    width: standard deviation of a line's profile before it is cut off at white, `inner` times as much for edges within
+    the outline; floor: strength of an inner edge without contrast; uneven: part of the strength that comes and goes;
+    faint: strength of smooth edges where they show; gaps, jitter, specks, noise: how much of each; border: strength of
+    the frame around the picture.
     """
 
     shift: np.ndarray
     outward: float
     width: float
+    inner: float
     floor: float
+    uneven: float
+    faint: float
     gaps: float
     jitter: float
     specks: float
@@ -30,7 +35,20 @@ class Detector:
 
 
 # Full strength everywhere, nothing shifted, nothing missing, nothing added.
-CLEAN = Detector(np.zeros(2), 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+CLEAN = Detector(
+    shift=np.zeros(2),
+    outward=0.0,
+    width=1.0,
+    inner=1.0,
+    floor=1.0,
+    uneven=0.0,
+    faint=0.0,
+    gaps=0.0,
+    jitter=0.0,
+    specks=0.0,
+    noise=0.0,
+    border=0.0,
+)
 
 
 def random_detector(rng: Generator) -> Detector:
@@ -40,7 +58,10 @@ def random_detector(rng: Generator) -> Detector:
         shift=far * np.array([np.cos(angle), np.sin(angle)]),
         outward=rng.uniform(0, 0.9),
         width=rng.uniform(0.75, 1.5),
+        inner=rng.uniform(0.75, 1.0),
         floor=rng.uniform(0.3, 0.6),
+        uneven=rng.uniform(0.1, 0.3),
+        faint=rng.uniform(0.1, 0.35),
         gaps=rng.uniform(0.3, 1.0),
         jitter=rng.uniform(0.05, 0.2),
         specks=rng.uniform(0, 3),
@@ -59,9 +80,7 @@ def edge_map(rng: Generator, detector: Detector, pieces: Pieces, view: View, col
     strength = _strength(rng, detector, pieces, middle, contrast, outer != 0)
     offset = detector.shift + detector.outward * outer[:, None] * across
     offset = offset + detector.jitter * np.column_stack([_field(rng, middle, 12), _field(rng, middle, 12)])
-    width = np.where(outer != 0, 1.0, 0.85) * detector.width
-    if detector is CLEAN:
-        width = np.full(len(width), detector.width)
+    width = np.where(outer != 0, 1.0, detector.inner) * detector.width
     specks = _specks(rng, detector, middle)
     ends = np.concatenate([ends + offset[:, None], specks])
     strength = np.concatenate([strength, rng.uniform(0.2, 0.6, len(specks))])
@@ -85,15 +104,13 @@ def _strength(
     rng: Generator, detector: Detector, pieces: Pieces, middle: np.ndarray, contrast: np.ndarray, outer: np.ndarray
 ) -> np.ndarray:
     """Strength (n,) in 0..1: by contrast, with slow changes, and gaps where the contrast is low."""
-    if detector is CLEAN:
-        return np.where(pieces.kind == SMOOTH, 0.0, 1.0)
     # Above a contrast of .15 an inner edge is as strong as an outline; below .04 pieces of it go missing (empirical).
     strength = detector.floor + (1 - detector.floor) * np.clip(contrast / 0.15, 0, 1)
-    strength = strength * (1 - 0.15 * np.clip(1 + _field(rng, middle, 25), 0, 2))
+    strength = strength * (1 - detector.uneven * np.clip(0.5 + 0.5 * _field(rng, middle, 25), 0, 1))
     # Each edge has its own luck in each view, so that two lines side by side do not break off together.
     luck = np.append(rng.normal(size=pieces.edge.max(initial=0) + 1), 0.0)[pieces.edge]
     present = np.clip(contrast / 0.04 + 1.6 - detector.gaps * (1 + np.abs(luck) + _field(rng, middle, 15)), 0, 1)
-    faint = np.where(luck > 0.7, rng.uniform(0.1, 0.35), 0.0)
+    faint = np.where(luck > 0.7, detector.faint, 0.0)
     strength = strength * np.where(outer, 1.0, present)
     return np.where(pieces.kind == SMOOTH, faint, strength)
 

@@ -131,9 +131,10 @@ def shaft(rng: Generator) -> TopoDS_Shape:
     if kind == 2:
         wide = radii[0] * rng.uniform(0.4, 0.6)
         solid = cut(solid, box((radii[0] * 0.5, -wide / 2, -1), (1, wide, 1 + heights[0] * rng.uniform(0.5, 0.8))))
-    if rng.random() < 0.5:
-        # A slanting cut through the lowest cylinder leaves an ellipse.
-        slant = polygon(upright([(-1, -1), (1, -1), (1, heights[0] * 0.6), (-1, -0.2)], -1))
+    if kind != 2 and rng.random() < 0.7:
+        # A slanting cut right through the lowest cylinder leaves an ellipse.
+        middle, slope = heights[0] * 0.45, 0.35 * heights[0] / radii[0]
+        slant = polygon(upright([(-1, -3), (1, -3), (1, middle + slope), (-1, middle - slope)], -1))
         solid = cut(solid, extrude(slant, (0, 2, 0)))
     return solid
 
@@ -289,7 +290,7 @@ def rolled(rng: Generator) -> TopoDS_Shape:
     solid = blended(rng, solid, rng.integers(2, 5))
     radius, height = rng.uniform(0.09, 0.14), rng.uniform(0.2, 0.35)
     boss = cylinder((w * 0.25, d * 0.5, h * 0.8), radius, h * 0.2 + height)
-    if rng.random() < 0.6:
+    if rng.random() < 0.8:
         low, high = h + height * 0.4, h + height * 0.9
         slope = (high - low) / (2 * radius)
         keep = upright([(-2, -2), (2, -2), (2, high + slope * 2), (-2, low - slope * 2)], -2)

@@ -65,18 +65,19 @@ def _subdivided(ends: np.ndarray) -> Pieces:
 
 
 def visible(pieces: Pieces, buffer: Buffer, view: View) -> np.ndarray:
-    """Whether the middle of each piece is seen: one of the nine samples around it shows no surface in front of it.
+    """Whether the middle of each piece is seen: one of the four samples around it shows no surface in front of it.
 
+    A line through a point between four samples has samples on both sides, so an outline always has one beyond it.
     A surface is in front when its plane, carried on to the point but not beyond the triangle's own depths, is nearer by
-    TOLERANCE; so faces that meet in the edge never hide it, however steep, and outlines have a sample beyond them.
+    TOLERANCE; so the faces that meet in an edge never hide it, however steep.
     """
     pixels, depth = view.project(pieces.ends.mean(1))
     xy = pixels * SAMPLES
     seen = np.zeros(len(xy), bool)
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            column = np.clip(np.floor(xy[:, 0]).astype(int) + dx, 0, SIDE - 1)
-            row = np.clip(np.floor(xy[:, 1]).astype(int) + dy, 0, SIDE - 1)
+    for dx in (-0.5, 0.5):
+        for dy in (-0.5, 0.5):
+            column = np.clip(np.floor(xy[:, 0] + dx).astype(int), 0, SIDE - 1)
+            row = np.clip(np.floor(xy[:, 1] + dy).astype(int), 0, SIDE - 1)
             index = buffer.triangle[row, column]
             inverse = (buffer.planes[index] * np.column_stack([xy, np.ones(len(xy))])).sum(1)
             inverse = np.clip(inverse, *buffer.bounds[index].T)

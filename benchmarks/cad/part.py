@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from OCP.BRepCheck import BRepCheck_Analyzer
-from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape
 
 from cad.boundary import AmbiguousEdgeError, Edge, Mesh, mesh, sharp_and_smooth
 from cad.families import FAMILIES
-from cad.solids import BuildError, similar
+from cad.solids import FAILURES, BuildError, similar
 
 FEWEST_EDGES, MOST_EDGES = 10, 60
 # An edge is at least this long, five to six pixels in the pictures: shorter ones no detector follows.
@@ -37,7 +36,7 @@ def random_part(seed: int) -> Part:
         rng = np.random.default_rng([seed, attempt])
         try:
             part = _in_unit_cube(family.__name__, family(rng), rng)
-        except (BuildError, AmbiguousEdgeError, Standard_Failure):
+        except (BuildError, AmbiguousEdgeError, *FAILURES):
             continue
         if part is not None:
             return part

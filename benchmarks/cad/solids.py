@@ -27,11 +27,29 @@ from OCP.GC import GC_MakeArcOfCircle
 from OCP.GeomAPI import GeomAPI_Interpolate
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
-from OCP.Standard import Standard_Failure
+from OCP.Standard import (
+    Standard_ConstructionError,
+    Standard_DomainError,
+    Standard_Failure,
+    Standard_NoSuchObject,
+    Standard_NullObject,
+    Standard_OutOfRange,
+)
+from OCP.StdFail import StdFail_NotDone
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Wire
 
 Point = Sequence[float]
 Z = (0.0, 0.0, 1.0)
+# What the kernel raises where it cannot build a shape; in Python none of them is the base of another.
+FAILURES = (
+    Standard_ConstructionError,
+    Standard_DomainError,
+    Standard_Failure,
+    Standard_NoSuchObject,
+    Standard_NullObject,
+    Standard_OutOfRange,
+    StdFail_NotDone,
+)
 
 
 class BuildError(Exception):
@@ -42,7 +60,7 @@ def _built(maker) -> TopoDS_Shape:
     """The result of a maker of the kernel, or BuildError."""
     try:
         shape = maker.Shape()
-    except Standard_Failure as failure:
+    except FAILURES as failure:
         raise BuildError(str(failure)) from failure
     if shape.IsNull():
         raise BuildError("the kernel returned nothing")
@@ -196,7 +214,7 @@ def _blend(maker, add: Callable, edges: Sequence[TopoDS_Edge]) -> TopoDS_Shape:
         for edge in edges:
             add(maker, edge)
         return maker.Shape()
-    except Standard_Failure as failure:
+    except FAILURES as failure:
         raise BuildError(f"the edges cannot be blended: {failure}") from failure
 
 
