@@ -29,3 +29,15 @@ def test_color_loss_and_psnr():
     assert float(color_loss(color, target)) == pytest.approx((0.01 + 0.0001) / 2)
     assert psnr(color, target) == pytest.approx((20 + 40) / 2, rel=1e-5)
     assert psnr(target, target) == math.inf
+
+
+def test_only_known_pixels_count():
+    known = torch.tensor([[[True, False]], [[True, True]]])
+    target = torch.zeros(2, 1, 2)
+    drawn = torch.tensor([[[0.1, 0.9]], [[0.2, 0.3]]])
+    assert float(ink_loss(drawn, target, 1.0, known)) == pytest.approx((0.01 + 0.04 + 0.09) / 3)
+    color = drawn[..., None].expand(2, 1, 2, 3)
+    assert float(color_loss(color, torch.zeros(2, 1, 2, 3), known)) == pytest.approx((0.01 + 0.04 + 0.09) / 3)
+    expected = (-10 * math.log10(0.01) - 10 * math.log10((0.04 + 0.09) / 2)) / 2
+    assert psnr(color, torch.zeros(2, 1, 2, 3), known) == pytest.approx(expected, rel=1e-5)
+    assert float(color_loss(color, torch.zeros(2, 1, 2, 3), torch.zeros(2, 1, 2, dtype=torch.bool))) == 0

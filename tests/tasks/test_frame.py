@@ -5,7 +5,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.tasks.frame import Frame, frame_of
-from diff3ds.tasks.store import store_of
+from diff3ds.tasks.store import Store, store_of
 
 
 def ball(center, radius):
@@ -52,3 +52,16 @@ def test_cameras_that_look_away():
     )
     with pytest.raises(ValueError, match=r"look away.*OpenGL"):
         frame_of(flipped, store_of(torch.ones(3, 32, 32, 1)))
+
+
+def test_only_what_is_known_is_content():
+    """Ink where nothing is known, and views without any, change nothing."""
+    cameras = ds.orbit([0, 70, 140, 210, 280], [-20, 10, 40, 60, 0], 4.0, size=200)
+    pixels = store_of(ds.render(ball((0.0, 0.0, 0.0), 1.0), cameras).alpha[..., None]).pixels
+    expected = frame_of(cameras[:4], Store(pixels[:4], torch.ones(4, 200, 200, dtype=torch.bool)))
+    known = torch.ones(5, 200, 200, dtype=torch.bool)
+    pixels[:, 10:30, 10:30], known[:, 10:30, 10:30] = 255, False
+    pixels[4] = 0
+    found = frame_of(cameras, Store(pixels, known))
+    torch.testing.assert_close(found.center, expected.center)
+    assert found.radius == pytest.approx(expected.radius)

@@ -1,11 +1,17 @@
 """Posed pictures: found, told apart, read in either polarity."""
 
+import json
+import subprocess
+import sys
+
 import pytest
 import torch
 
 import diff3ds as ds
 from diff3ds.formats import save_png
+from diff3ds.tasks import posed
 from diff3ds.tasks.posed import find_transforms, load_posed
+from diff3ds.tasks.pyramid import build_pyramid
 
 
 @pytest.fixture
@@ -96,3 +102,115 @@ def test_pictures_must_have_the_cameras_size(scene, tmp_path):
     path = write(tmp_path, cameras, ds.render(sketch, cameras.resize((20, 30))).color)
     with pytest.raises(ValueError, match=r"-0\.png: 20 x 30 .* the cameras say 40 x 60"):
         load_posed(path)
+
+
+def test_pictures_of_any_size_share_a_canvas(scene, tmp_path):
+    """One picture twice as large, one cut to its left third: cameras and pictures still agree."""
+    sketch, cameras = scene
+    seen = ds.render(sketch, cameras).color
+    large = ds.render(sketch, cameras.resize((80, 120))).color[1]
+    path = write(tmp_path, cameras, [seen[0], large, seen[2][:, :20]])
+    content = json.loads(path.read_text())
+    one = content["frames"][1]
+    one.update({"w": 120, "h": 80, **{key: 2 * one[key] for key in ("fl_x", "fl_y", "cx", "cy")}})
+    content["frames"][2].update({"w": 20, "h": 40})
+    path.write_text(json.dumps(content))
+    found = load_posed(path, size=60)
+    assert found.cameras.size == (40, 60)
+    torch.testing.assert_close(found.cameras.intrinsics, cameras.intrinsics)
+    batch = found.batch([0, 1, 2])
+    assert batch.known[:2].all()
+    assert torch.equal(batch.known[2], (torch.arange(60) < 20).expand(40, 60))
+    expected = torch.where(batch.known[2, ..., None], seen[2], torch.ones(()))
+    torch.testing.assert_close(batch.images[2], expected, rtol=0, atol=0.6 / 255)
+    # The mean of four pixels against one twice as large; the box filter of each is up to .086 off on diagonals.
+    assert (batch.images[1] - seen[1]).abs().max() < 2 * 0.086
+
+
+def test_memory_and_file_hold_the_same(scene, tmp_path, monkeypatch):
+    sketch, cameras = scene
+    path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
+    names = sorted(tmp_path.iterdir())
+    memory = load_posed(path, scratch=tmp_path)
+    monkeypatch.setattr(posed, "MEMORY", 1000)
+    file = load_posed(path, scratch=tmp_path / "not" / "yet")
+    assert (memory.store.scratch, file.store.scratch) == (None, tmp_path)
+    assert torch.equal(memory.store.pixels, file.store.pixels)
+    levels = [build_pyramid(cameras, each.store, 4, 2, 0).levels[0].store.pixels for each in (memory, file)]
+    assert torch.equal(*levels)
+    assert sorted(tmp_path.iterdir()) == names
+
+
+def test_missing_pictures_and_masks_are_named(scene, tmp_path):
+    sketch, cameras = scene
+    path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
+    (tmp_path / "transforms.json-1.png").unlink()
+    content = json.loads(path.read_text())
+    content["frames"][0]["mask_path"] = "mask.png"
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileNotFoundError, match=r"2 of 4 pictures are missing: .*-1\.png, .*mask\.png\. Paths"):
+        load_posed(path)
+
+
+@pytest.mark.parametrize("color", [0.0, 1.0, 0.5])
+def test_pictures_that_show_nothing(scene, tmp_path, color):
+    with pytest.raises(ValueError, match="the pictures show nothing: all pixels of all 3 have one colour"):
+        load_posed(write(tmp_path, scene[1], torch.full((3, 40, 60, 3), color)))
+
+
+@pytest.mark.parametrize("background", [0.0, 1.0])
+def test_some_pictures_may_be_empty(scene, tmp_path, background):
+    sketch, cameras = scene
+    ink = ds.render(sketch, cameras).alpha
+    ink[1] = 0
+    found = load_posed(write(tmp_path, cameras, (background - ink).abs()[..., None]))
+    assert found.target == "edges"
+    torch.testing.assert_close(found.batch([0, 1, 2]).alpha, ink, rtol=0, atol=0.6 / 255)
+
+
+@pytest.mark.parametrize("background", [0.0, 1.0])
+def test_masks_hide_in_drawings_of_either_polarity(scene, tmp_path, background):
+    sketch, cameras = scene
+    ink = ds.render(sketch, cameras).alpha
+    path = write(tmp_path, cameras, (background - ink).abs()[..., None])
+    mask = torch.zeros(40, 60, 1)
+    mask[:, 30:] = 1
+    save_png(tmp_path / "mask.png", mask)
+    content = json.loads(path.read_text())
+    for frame in content["frames"]:
+        frame["mask_path"] = "mask.png"
+    path.write_text(json.dumps(content))
+    torch.testing.assert_close(load_posed(path).batch([0, 1, 2]).alpha, ink * mask[..., 0], rtol=0, atol=0.6 / 255)
+
+
+def test_edges_of_coloured_pictures_need_the_colours(scene, tmp_path):
+    sketch, cameras = scene
+    path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
+    found = load_posed(path, "color-edges")
+    assert found.target == "color-edges"
+    assert torch.equal(found.store.pixels, load_posed(path, "color").store.pixels)
+
+
+MEASURED = """
+import resource, sys
+from pathlib import Path
+from diff3ds.tasks.posed import load_posed
+from diff3ds.tasks.pyramid import build_pyramid
+pictures = load_posed(Path(sys.argv[1]), "color")
+pyramid = build_pyramid(pictures.cameras, pictures.store, 4, 2, 0)
+assert pyramid.targets(3).images.shape == (2, 512, 512, 3)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+"""
+
+
+def test_memory_of_a_view(tmp_path):
+    """A coloured view of 512 x 512 takes four bytes a pixel, its pyramid a third of that, and nothing else grows."""
+    save_png(tmp_path / "a.png", torch.rand(512, 512, 4, generator=torch.Generator().manual_seed(0)))
+    peaks = []
+    for views in (40, 140):
+        cameras = ds.orbit([3.0 * i for i in range(views)], 20, 3.0, size=512)
+        ds.save_transforms(tmp_path / "transforms.json", cameras, ["a.png"] * views)
+        command = [sys.executable, "-c", MEASURED, str(tmp_path / "transforms.json")]
+        peaks.append(int(subprocess.run(command, capture_output=True, text=True, check=True).stdout))
+    # The tenth is for the allocator; float32 would take four times as much.
+    assert peaks[1] - peaks[0] < 1.1 * 100 * 512 * 512 * 4 * 4 / 3

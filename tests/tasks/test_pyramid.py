@@ -5,7 +5,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.tasks.pyramid import build_pyramid
-from diff3ds.tasks.store import store_of
+from diff3ds.tasks.store import Store, as_bytes, store_of
 
 
 @pytest.fixture
@@ -52,3 +52,27 @@ def test_fewer_views_than_a_batch(scene):
     sketch, cameras = scene
     pyramid = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 100, 50, seed=1)
     assert sorted(pyramid.views(17).tolist()) == list(range(7))
+
+
+def test_only_what_is_known_is_a_target(scene):
+    """A picture that fills the top left of its canvas has the pyramid of the picture alone."""
+    sketch, cameras = scene
+    ink = ds.render(sketch, cameras).alpha[..., None]
+    alone = build_pyramid(cameras, store_of(ink), 40, 3, seed=0)
+    canvas = torch.zeros(7, 320, 384, 1)
+    canvas[:, :256, :256] = ink
+    known = torch.zeros(7, 320, 384, dtype=torch.bool)
+    known[:, :256, :256] = True
+    wide = ds.Cameras(cameras.world_to_camera, cameras.intrinsics, (320, 384))
+    padded = build_pyramid(wide, Store(as_bytes(canvas), known), 40, 3, seed=0)
+    for step in (0, 10, 20, 39):
+        expected, found = alone.targets(step), padded.targets(step)
+        side = expected.alpha.shape[1]
+        assert found.known[:, :side, :side].all()
+        assert found.known.sum() == 3 * side * side
+        # Eight bits.
+        torch.testing.assert_close(found.alpha[:, :side, :side], expected.alpha, rtol=0, atol=1.01 / 255)
+        torch.testing.assert_close(
+            padded.cameras(step, torch.Generator()).intrinsics, alone.cameras(step, torch.Generator()).intrinsics
+        )
+        assert (found.alpha[~found.known] == 0).all()

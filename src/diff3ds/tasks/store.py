@@ -15,7 +15,7 @@ from diff3ds._shapes import Bool, Float, Int, Tensor, UInt8
 # Bytes of pictures, all levels of a pyramid included, that are kept in memory; more go into a file.
 MEMORY = 1 << 30
 # Bytes of floating point numbers that a pass over all pictures makes at a time.
-CHUNK = 1 << 25
+CHUNK = 1 << 23
 
 
 @dataclass(frozen=True, eq=False)
