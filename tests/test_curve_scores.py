@@ -88,6 +88,12 @@ def test_arcs_of_two_circles_stay_two():
     assert score(both, circle_truth(0.2))["curves_joined"] == 2
 
 
+def test_arcs_of_one_circle_that_do_not_touch_stay_two():
+    whole = arcs(0.2)
+    opposite = {key: whole[key][::2] for key in whole}
+    assert score(opposite, circle_truth(0.2))["curves_joined"] == 2
+
+
 @pytest.mark.parametrize(("radius", "found"), [(0.2008, 1), (0.1992, 1), (0.202, 0), (0.198, 0)])
 def test_a_circle_is_found_to_half_a_percent_of_its_radius(radius, found):
     figures = score(arcs(radius), circle_truth(0.2))

@@ -130,10 +130,10 @@ def sharp_and_smooth(solid: TopoDS_Shape) -> tuple[list[Edge], list[Edge]]:
     for edge, faces in edges_and_faces(solid):
         if len(faces) == 2:
             (sharp if is_sharp(edge, faces) else smooth).append(edge_curve(edge))
-    return [_canonical(edge) for edge in _joined(sharp)], [_canonical(edge) for edge in smooth]
+    return [_canonical(edge) for edge in joined_edges(sharp)], [_canonical(edge) for edge in smooth]
 
 
-def _joined(edges: list[Edge]) -> list[Edge]:
+def joined_edges(edges: list[Edge]) -> list[Edge]:
     """Joins two edges of one line, one circle or one smooth spline where they meet and no third edge does."""
     edges = list(edges)
     joined = True
