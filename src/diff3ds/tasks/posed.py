@@ -135,16 +135,18 @@ def _load(
     folder = None if count * PYRAMID <= MEMORY else _existing(scratch)
     pixels = byte_array(shape, folder)
     known = all_known(len(views), canvas) if whole else byte_array(shape[:3], folder).view(torch.bool)
-    low, high = torch.ones(3), torch.zeros(3)
+    low, high = torch.ones(shape[3]), torch.zeros(shape[3])
+    shows = False
     for i, (view, (height, width)) in enumerate(zip(views, sizes, strict=True)):
         rgba, seen = read_view(view, (height, width))
-        values = rgba if background is None else _ink(rgba, background)[..., None] * seen[..., None]
+        values = rgba if background is None else _ink(rgba, background)[..., None]
         pixels[i, :height, :width] = as_bytes(values)
         if not whole:
             known[i, :height, :width] = seen
-        shown = Batch(values[None], seen[None]).images[0][seen]
-        low, high = torch.cat([low[None], shown]).amin(0), torch.cat([high[None], shown]).amax(0)
-    if not bool((high - low > SAME).any()):
+        if not shows and bool(seen.any()):
+            low, high = torch.minimum(low, values[seen].amin(0)), torch.maximum(high, values[seen].amax(0))
+            shows = bool((high - low > SAME).any())
+    if not shows:
         raise ValueError(f"{path}: the pictures show nothing: all pixels of all {len(views)} have one colour")
     return Store(pixels, known, folder)
 
@@ -178,6 +180,6 @@ def _background(views: list[View], drawn: bool) -> float | None:
 
 
 def _ink(rgba: Float[Tensor, "h w 4"], background: float) -> Float[Tensor, "h w"]:
-    """Distance from the background's value, which transparent pixels have."""
+    """Distance from the background's value, which transparent and unknown pixels have."""
     gray = rgba[..., :3].mean(-1) + (1 - rgba[..., 3]) * background
     return (gray - background).abs()

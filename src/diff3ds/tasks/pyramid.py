@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import torch
 
-from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.tasks.resample import area_means, blurred
 from diff3ds.tasks.store import Batch, Store, all_known, as_bytes, byte_array, is_all_known
@@ -69,35 +69,35 @@ class Pyramid:
 def build_pyramid(cameras: Cameras, store: Store, steps: int, batch: int, seed: int) -> Pyramid:
     """A pyramid of the target images; its largest level is the store itself."""
     levels = []
-    for scale, blur in zip(SCALES, BLURS, strict=True):
+    for scale, blur in zip(SCALES[:-1], BLURS[:-1], strict=True):
         height, width = (max(LEAST_SIDE, round(side * scale)) for side in cameras.size)
-        small = (height, width)
-        level = store if small == cameras.size and blur == 0 else _level(store, small, blur)
-        levels.append(Level(cameras.resize(small), level, blur))
+        size = (height, width)
+        levels.append(Level(cameras.resize(size), _empty(store, size), blur))
+    levels.append(Level(cameras, store, BLURS[-1]))
+    for views in store.chunks():
+        _fill(levels, views)
     return Pyramid(tuple(levels), steps, batch, seed)
 
 
-def _level(store: Store, size: tuple[int, int], blur: float) -> Store:
+def _fill(levels: list[Level], views: Int[Tensor, " B"]) -> None:
+    """Makes the coarse levels of some views, each from the next finer one before its blur."""
+    batch = levels[-1].store.batch(views)
+    pixels, share = batch.pixels, batch.known[..., None].float()
+    for level in reversed(levels[:-1]):
+        pixels = area_means(pixels, level.cameras.size)
+        means = blurred(pixels, level.blur)
+        if not is_all_known(level.store.known):
+            # Means over what is known: as at the borders of images, it goes on where nothing is known.
+            share = area_means(share, level.cameras.size)
+            known = share > KNOWN
+            means = means / blurred(share, level.blur).clamp(min=1e-6) * known
+            level.store.known[views] = known[..., 0]
+        level.store.pixels[views] = as_bytes(means)
+
+
+def _empty(store: Store, size: tuple[int, int]) -> Store:
+    """Room for the store's pictures in another size."""
     count, channels = len(store), store.pixels.shape[3]
-    pixels = byte_array((count, *size, channels), store.scratch)
     whole = is_all_known(store.known)
     known = all_known(count, size) if whole else byte_array((count, *size), store.scratch).view(torch.bool)
-    for views in store.chunks():
-        batch = store.batch(views)
-        if whole:
-            small = blurred(area_means(batch.pixels, size), blur)
-        else:
-            small, known[views] = _known_means(batch, size, blur)
-        pixels[views] = as_bytes(small)
-    return Store(pixels, known, store.scratch)
-
-
-def _known_means(
-    batch: Batch, size: tuple[int, int], blur: float
-) -> tuple[Float[Tensor, "B h w C"], Bool[Tensor, "B h w"]]:
-    """Means of the known pixels only: as at the borders of images, what is known goes on where nothing is."""
-    share = area_means(batch.known[..., None].float(), size)
-    weight = blurred(share, blur)
-    means = blurred(area_means(batch.pixels * batch.known[..., None], size), blur) / weight.clamp(min=1e-6)
-    known = share[..., 0] > KNOWN
-    return means * known[..., None], known
+    return Store(byte_array((count, *size, channels), store.scratch), known, store.scratch)

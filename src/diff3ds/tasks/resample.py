@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds._shapes import Bool, Float, Tensor
 
 # The filter of a blur is cut where the renderer cuts its own.
 BLUR_REACH = 3.5
@@ -33,11 +33,13 @@ def blurred(images: Float[Tensor, "B H W C"], blur: float) -> Float[Tensor, "B H
         return images
     reach = math.ceil(BLUR_REACH * blur)
     kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / blur) ** 2)
-    kernel = kernel / kernel.sum()
+    weights = (kernel / kernel.sum()).tolist()
     for dim in (1, 2):
-        here = torch.arange(images.shape[dim])
-        taps = [(here + tap - reach, weight.expand(len(here))) for tap, weight in enumerate(kernel)]
-        images = _weighted(images, dim, taps)
+        count = images.shape[dim]
+        wider = images.index_select(dim, torch.arange(-reach, count + reach).clamp(0, count - 1))
+        images = torch.zeros_like(images)
+        for tap, weight in enumerate(weights):
+            images.add_(wider.narrow(dim, tap, count), alpha=weight)
     return images
 
 
@@ -85,26 +87,20 @@ def _means(images: Float[Tensor, "B H W C"], dim: int, extent: float, count: int
     there = images.shape[dim]
     if there == extent == count:
         return images
+    if there == extent and there % count == 0:
+        parts = images.reshape(*images.shape[:dim], count, -1, *images.shape[dim + 1 :]).unbind(dim + 1)
+        total = parts[0].clone()
+        for part in parts[1:]:
+            total += part
+        return total.div_(len(parts))
     ends = torch.arange(count + 1, dtype=torch.float64) * (extent / count)
     start, stop = ends[:-1], ends[1:]
     first = start.floor().long()
-    taps = []
+    total = images.new_zeros([count if d == dim else n for d, n in enumerate(images.shape)])
     for tap in range(int((stop.ceil().long() - first).max())):
         pixel = first + tap
         overlap = torch.minimum(stop, pixel + 1.0) - torch.maximum(start, pixel.double())
-        taps.append((pixel, (overlap.clamp(min=0) * (count / extent)).float()))
-    return _weighted(images, dim, taps)
-
-
-def _weighted(
-    images: Float[Tensor, "B H W C"], dim: int, taps: list[tuple[Int[Tensor, " n"], Float[Tensor, " n"]]]
-) -> Float[Tensor, "B h w C"]:
-    """Sum of the slices at these indices along an axis (those outside are moved to the border) times their weights."""
-    last = images.shape[dim] - 1
-    total = None
-    for index, weight in taps:
-        along = weight.reshape([-1 if d == dim else 1 for d in range(4)])
-        part = images.index_select(dim, index.clamp(0, last)) * along
-        total = part if total is None else total.add_(part)
-    assert total is not None
+        share = (overlap.clamp(min=0) * (count / extent)).to(images.dtype)
+        part = images.index_select(dim, pixel.clamp(max=there - 1))
+        total += part.mul_(share.reshape([-1 if d == dim else 1 for d in range(4)]))
     return total

@@ -62,7 +62,7 @@ class Store:
     def batch(self, views: Sequence[int] | Int[Tensor, " B"]) -> Batch:
         """These views."""
         rows = torch.as_tensor(views, dtype=torch.long)
-        return Batch(self.pixels[rows].float() / 255, self.known[rows])
+        return Batch(self.pixels[rows].float().div_(255), self.known[rows])
 
     def chunks(self) -> Iterator[Int[Tensor, " B"]]:
         """Indices of all views, few at a time, so that a pass over them needs little memory."""
@@ -78,7 +78,7 @@ def store_of(pixels: Float[Tensor, "V H W C"]) -> Store:
 
 def as_bytes(values: Float[Tensor, "*S"]) -> UInt8[Tensor, "*S"]:
     """Numbers in [0, 1] times 255, rounded."""
-    return (values * 255).round().clamp(0, 255).to(torch.uint8)
+    return (values * 255).round_().clamp_(0, 255).to(torch.uint8)
 
 
 def all_known(views: int, size: tuple[int, int]) -> Bool[Tensor, "V H W"]:
