@@ -6,7 +6,7 @@ leave the least disagreement, with every 3D sample free to move, are the detecto
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,6 +107,6 @@ def corrected(ridges: Sequence[Ridges], sides: Sequence[Float[Array, " M"]], bia
     """The ridges where they would be without the bias."""
     shift = np.array([bias.dx, bias.dy])
     return [
-        Ridges(r.points - shift - bias.outward * side[:, None] * r.normals, r.normals)
+        replace(r, points=r.points - shift - bias.outward * side[:, None] * r.normals)
         for r, side in zip(ridges, sides, strict=True)
     ]

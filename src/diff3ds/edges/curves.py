@@ -1,5 +1,6 @@
 """Curves that keep what they were recognised as: lines stay straight, arcs circular, shared end points shared."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -104,10 +105,15 @@ def _half_sweep(bulge: Float[Tensor, "N 3"], half: Float[Tensor, "N 1"]) -> Floa
     return k.atan() + (k / (2 * (1 + k * k).sqrt())).asin()
 
 
-def curves_of(primitives: list[Primitive]) -> Curves:
-    """Curves without shared vertices."""
-    count = len(primitives)
-    points = torch.tensor([p.control.tolist() for p in primitives], dtype=torch.float32).reshape(count, 4, 3)
-    kind = torch.tensor([int(p.kind) for p in primitives], dtype=torch.int64)
+def curves_of(primitives: list[Primitive], circles: Sequence[list[Primitive]] = ()) -> Curves:
+    """Curves without shared vertices, but for the two halves of each circle, which come last."""
+    strokes = [*primitives, *(half for circle in circles for half in circle)]
+    count = len(strokes)
+    points = torch.tensor([p.control.tolist() for p in strokes], dtype=torch.float32).reshape(count, 4, 3)
+    kind = torch.tensor([int(p.kind) for p in strokes], dtype=torch.int64)
     vertex = torch.arange(2 * count).reshape(count, 2)
-    return Curves(points, kind, vertex, torch.full((count,), -1))
+    other = torch.full((count,), -1)
+    for first in range(len(primitives), count, 2):
+        vertex[first + 1] = vertex[first].flip(0)
+        other[first : first + 2] = torch.tensor([first + 1, first])
+    return Curves(points, kind, vertex, other)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,8 @@ CIRCLE_ROUNDS, CUBIC_ROUNDS = 10, 4
 EVEN = 1e-3
 # The largest sweep of an arc that one rational cubic can draw is 240 degrees (its inner weights vanish there).
 MOST_SWEEP = np.deg2rad(200.0)
+# Arcs of more than this are whole circles: a gap this short is a lack of points.
+CLOSED = np.deg2rad(320.0)
 
 
 class Kind(IntEnum):
@@ -59,18 +62,29 @@ def line_control(start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[A
     return start + np.linspace(0, 1, 4)[:, None] * (stop - start)
 
 
-def fit_arc(points: Float[Array, "M 3"]) -> Primitive | None:
-    """The circle of least squares, from the first to the last point; None if the arc is too long for one stroke."""
+def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primitive]:
+    """The circle of least squares, from the first to the last point: one arc, two where it is long, or two halves.
+
+    Nothing if the points do not run around a circle in one direction, or rise over their chord by less than
+    `least_rise`, world units.
+    """
     fitted = fit_circle(points)
     if fitted is None:
-        return None
+        return []
     center, u, v, radius, distances = fitted
     flat = points - center
     angle = np.unwrap(np.arctan2(flat @ v, flat @ u))
-    sweep = angle[-1] - angle[0]
-    if not 1e-6 < abs(sweep) <= MOST_SWEEP or np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
-        return None
-    return Primitive(Kind.ARC, arc_control(center, radius * u, radius * v, angle[0], angle[-1]), distances)
+    start, stop = angle[0], angle[-1]
+    sweep = stop - start
+    if radius * (1 - np.cos(min(abs(sweep), np.pi) / 2)) < max(least_rise, 1e-6) or np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
+        return []
+    if abs(sweep) > CLOSED:
+        stop = start + 2 * np.pi
+    strokes = 1 if abs(stop - start) <= MOST_SWEEP else 2
+    cuts = np.linspace(start, stop, strokes + 1)
+    return [
+        Primitive(Kind.ARC, arc_control(center, radius * u, radius * v, a, b), distances) for a, b in pairwise(cuts)
+    ]
 
 
 def fit_circle(points: Float[Array, "M 3"]) -> tuple[Array, Array, Array, float, Array] | None:

@@ -1,5 +1,6 @@
 """Ridges of images at subpixel precision (Steger 1998): the centre lines of drawn edges, or of colour gradients."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ MAP_SIGMA, MAP_VALUE, MAP_CURVATURE = 1.0, 0.18, 0.02
 # GRADIENT_NOISE is the gradient per pixel that counts as noise. Empirical.
 GRADIENT_SIGMA, GRADIENT_NOISE = 1.0, 0.02
 COLOR_SIGMA, COLOR_VALUE, COLOR_CURVATURE = 0.6, 0.35, 0.05
+# Share of the median value below which a ridge is faint. Empirical, between the borders of rounded edges and real ones.
+FAINT = 0.4
 # A ridge belongs to the pixel that holds its top; a little overlap leaves no gaps between neighbours.
 WITHIN = 0.6
 # Filters see no true neighbours this close to the border.
@@ -29,18 +32,30 @@ class Ridges:
     Attributes:
         points: (x, y) in pixels, centres of pixels at half integers.
         normals: unit vectors across the ridge, of either sign.
+        values: of the smoothed image.
     """
 
     points: Float[Array, "M 2"]
     normals: Float[Array, "M 2"]
+    values: Float[Array, " M"]
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __getitem__(self, index: NDArray[np.bool_]) -> "Ridges":
+        return Ridges(self.points[index], self.normals[index], self.values[index])
 
 
 def map_ridges(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
     """Centre lines of an edge map or line drawing, ink in [0, 1]."""
     return find_ridges(ink, MAP_SIGMA, MAP_VALUE, MAP_CURVATURE)
+
+
+def without_faint(ridges: Sequence[Ridges]) -> list[Ridges]:
+    """The ridges of all views without those much fainter than most: where a detector is in doubt, there is no edge."""
+    values = np.concatenate([r.values for r in ridges])
+    least = FAINT * float(np.median(values)) if len(values) else 0.0
+    return [r[r.values > least] for r in ridges]
 
 
 def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:
@@ -91,7 +106,7 @@ def find_ridges(
     ridge[:BORDER] = ridge[-BORDER:] = ridge[:, :BORDER] = ridge[:, -BORDER:] = False
     y, x = np.nonzero(ridge)
     points = np.stack([x + 0.5 + (top * nx)[ridge], y + 0.5 + (top * ny)[ridge]], 1)
-    return Ridges(points, np.stack([nx[ridge], ny[ridge]], 1))
+    return Ridges(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge])
 
 
 def _eigenvector(xx: Array, xy: Array, yy: Array, value: Array) -> tuple[Array, Array]:

@@ -1,22 +1,10 @@
 """Chains of points cut into the fewest lines, arcs and cubics that fit."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from diff3ds._shapes import Float
-from diff3ds.edges.chains import polyline_length, resampled
-from diff3ds.edges.primitives import (
-    FREEDOM,
-    Kind,
-    MOST_SWEEP,
-    Primitive,
-    arc_control,
-    fit_arc,
-    fit_circle,
-    fit_cubic,
-    fit_line,
-)
+from diff3ds.edges.chains import resampled
+from diff3ds.edges.primitives import FREEDOM, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.ridges import Array
 
 # Lengths in pixels. Scatter of points on a chain, at which one counts fully, and beyond which it counts no more: a
@@ -26,13 +14,10 @@ SCATTER, STRAY = 0.45, 3.0
 PRICE = 1.0
 # A fit is good if 95 % of the points lie within this.
 GOOD = 1.0
+# An arc rises over its chord by at least this: less may be scatter of a line.
+RISE = 1.2
 # Points evenly spaced along a chain, and the most places at which it may be cut.
 SPACING, CUTS = 1.0, 32
-# The ends of a closed chain lie within this share of its length; a circle has to fit it better than pieces.
-CLOSED = 0.1
-
-Fit = Callable[[Float[Array, "M 3"]], Primitive | None]
-FITS: tuple[Fit, ...] = (fit_line, fit_arc, fit_cubic)
 
 
 def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
@@ -40,9 +25,9 @@ def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
     points = resampled(chain, SPACING * pixel)
     if len(points) < 4:
         return [fit_line(points)]
-    whole = half_circles(points, pixel)
-    if whole:
-        return whole
+    arcs = fit_arcs(points, RISE * pixel)
+    if len(arcs) == 2 and np.percentile(arcs[0].distances, 95) < GOOD * pixel:
+        return arcs
     best, cost = _best(points, pixel)
     # One stroke that fits needs no search.
     if best.kind < 2 and np.percentile(best.distances, 95) < GOOD * pixel and cost < FREEDOM[best.kind] + len(points):
@@ -52,7 +37,8 @@ def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
 
 def _best(points: Float[Array, "M 3"], pixel: float) -> tuple[Primitive, float]:
     """The cheapest single stroke and its cost."""
-    found = [p for p in (fit(points) for fit in FITS) if p is not None]
+    arcs = fit_arcs(points, RISE * pixel)
+    found = [fit_line(points), *(arcs if len(arcs) == 1 else []), fit_cubic(points)]
     costs = [_cost(p, pixel) for p in found]
     i = int(np.argmin(costs))
     return found[i], costs[i]
@@ -86,19 +72,3 @@ def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
         at, primitive = step
         found.insert(0, primitive)
     return found
-
-
-def half_circles(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
-    """Two halves of a circle, if the chain goes all around one; else nothing."""
-    if np.linalg.norm(points[0] - points[-1]) > CLOSED * polyline_length(points) + 2 * pixel:
-        return []
-    fitted = fit_circle(points)
-    if fitted is None:
-        return []
-    center, u, v, radius, distances = fitted
-    flat = points - center
-    swept = np.abs(np.ptp(np.unwrap(np.arctan2(flat @ v, flat @ u))))
-    if swept < 1.4 * MOST_SWEEP or np.percentile(distances, 95) > GOOD * pixel:
-        return []
-    halves = [(0.0, np.pi), (np.pi, 2 * np.pi)]
-    return [Primitive(Kind.ARC, arc_control(center, radius * u, radius * v, *h), distances) for h in halves]

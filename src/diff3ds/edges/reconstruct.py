@@ -1,0 +1,116 @@
+"""Ridges of posed views to a clean set of 3D curves: the steps in their order."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import torch
+
+from diff3ds.camera import Cameras
+from diff3ds.edges.bias import Bias, corrected, estimate_bias, outline_sides
+from diff3ds.edges.carve import carve
+from diff3ds.edges.chains import follow_chains
+from diff3ds.edges.circles import find_circles
+from diff3ds.edges.curves import Curves, curves_of
+from diff3ds.edges.lookup import EdgeViews, edge_views
+from diff3ds.edges.refine import refined
+from diff3ds.edges.ridges import Ridges, without_faint
+from diff3ds.edges.segment import segmented
+from diff3ds.edges.silhouettes import smooth_outlines
+from diff3ds.edges.simplify import joined, pruned
+from diff3ds.edges.triangulate import thinned, triangulate
+from diff3ds.edges.unexplained import unexplained
+from diff3ds.edges.weld import welded
+
+# Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
+REACH = 1.1
+# Lengths in pixels: cells of the carving, distances between points and from the flanks of an edge, shortest chain and
+# shortest curve. Empirical.
+CELL, APART, FLANK, SHORTEST_CHAIN, SHORTEST = 1.7, 0.57, 1.4, 4.3, 2.8
+SHORTEST_HIDDEN = 8.0
+# Views that have to confirm an edge: 3 of few, 11 of 50. Edges are hidden in most views, and the more views there are,
+# the smaller is the share that chance can bring together. Empirical, from 12, 25 and 50 views.
+FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
+# The scores of points are weighted views, and the parts of a curve are shown in fewer views than its best ones.
+# The second look asks for fewer: what the first has explained can no longer come together by chance.
+SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
+# A bias smaller than this is not worth a second start, pixels.
+BIAS = 0.1
+STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
+
+
+def confirming(views: int) -> float:
+    """How many of so many views have to confirm an edge."""
+    return max(FEWEST, FACTOR * views**POWER)
+
+
+def reconstruct(
+    cameras: Cameras, ridges: Sequence[Ridges], report: Callable[[str], None] = lambda stage: None, seed: int = 0
+) -> tuple[Curves, Bias]:
+    """The curves that the views show, and the bias found in their ridges.
+
+    Args:
+        cameras: in a frame where what they show fills the unit ball.
+        ridges: of every view.
+        report: called with the name of each step.
+    """
+    report("carve")
+    ridges = without_faint(ridges)
+    sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
+    views = edge_views(cameras, ridges)
+    enough = confirming(len(views))
+    curves = first_curves(views, enough)
+    report("calibrate")
+    bias = estimate_bias(views, np.concatenate(sides), curves)
+    if max(abs(bias.dx), abs(bias.dy), abs(bias.outward)) > BIAS:
+        ridges = corrected(ridges, sides, bias)
+        views = edge_views(cameras, ridges)
+        curves = first_curves(views, enough)
+    report("refine")
+    curves = pruned(refined(curves, cameras, views, STEPS, RATE, seed), views, SUPPORT * enough, SHORTEST)
+    outline = smooth_outlines(views, curves)
+    report("second look")
+    hidden = second_look(curves, cameras, views, ridges, enough, seed)
+    curves = concatenated(curves[~outline], hidden)
+    report("join and weld")
+    curves = welded(joined(curves, views.pixel), views.pixel)
+    curves = refined(curves, cameras, views, STEPS, SECOND_RATE, seed)
+    curves = pruned(curves, views, SECOND * SUPPORT * enough, SHORTEST)
+    return curves[~smooth_outlines(views, curves)], bias
+
+
+def first_curves(views: EdgeViews, enough: float) -> Curves:
+    """Lines, arcs and cubics through triangulated points, as they come."""
+    cells = carve(views, REACH, CELL * views.pixel, enough)
+    found = triangulate(views, cells, SCORE * enough)
+    found = thinned(found, APART * views.pixel, FLANK * views.pixel)
+    shortest = SHORTEST_CHAIN * views.pixel
+    arcs = [s for chain in follow_chains(found, views.pixel, shortest) for s in segmented(chain, views.pixel)]
+    circles, rest = find_circles(found, arcs, views.pixel)
+    pieces = [s for chain in follow_chains(rest, views.pixel, shortest) for s in segmented(chain, views.pixel)]
+    return curves_of(pieces, circles)
+
+
+def second_look(
+    curves: Curves, cameras: Cameras, views: EdgeViews, ridges: Sequence[Ridges], enough: float, seed: int
+) -> Curves:
+    """Curves that fewer views show, through the ridges that the first curves leave unexplained."""
+    fewer = max(FEWEST, SECOND * enough)
+    rest = edge_views(cameras, unexplained(views, ridges, curves))
+    found = first_curves(rest, fewer)
+    if not len(found):
+        return found
+    found = refined(found, cameras, views, STEPS, RATE, seed)
+    found = pruned(found, rest, SUPPORT * fewer, SHORTEST_HIDDEN)
+    return found[~smooth_outlines(rest, found, doubt=True)]
+
+
+def concatenated(first: Curves, second: Curves) -> Curves:
+    """Both sets of curves."""
+    shift = int(first.vertex.max()) + 1 if len(first) else 0
+    other = torch.where(second.other >= 0, second.other + len(first), second.other)
+    return Curves(
+        torch.cat([first.points, second.points]),
+        torch.cat([first.kind, second.kind]),
+        torch.cat([first.vertex, second.vertex + shift]),
+        torch.cat([first.other, other]),
+    )
