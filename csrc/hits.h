@@ -115,7 +115,7 @@ SIMD uint32_t add_layer(Work &k, uint32_t piece, uint32_t slot, uint32_t n0, uin
   if (n0 == n1) return n0;
   store(k.px + n1, splat_int(-1)), store(k.t + n1, vf{});
   reserve_layers(k, k.layers + 1);
-  k.layer[k.layers] = {piece, slot, real(1e30), 0};
+  k.layer[k.layers] = {piece, slot, 0, 0};
   for (uint32_t v = n0 / VL; v * VL < n1; v++) k.owner[v] = k.layers;
   k.layers++;
   return (n1 + VL - 1) / VL * VL;
@@ -176,8 +176,7 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
   uint32_t n = 0;
   for (uint32_t i = 0; i < end; i += VL) {
     const uint32_t l = k.owner[i / VL];
-    Layer &layer = k.layer[l];
-    const Piece<real> &c = J.pieces[layer.piece];
+    const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
     const vf qx = load(k.T + i), qy = load(k.g + i);
     vf rate = load(k.a + i);
@@ -200,7 +199,6 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
     const vi in = (a > real(0)) & (px >= 0);
     const Mask m = bits(in);
-    layer.near = lesser(layer.near, least(select(in, g.depth, splat(real(1e30))))), layer.far = greater(layer.far, most(select(in, g.depth, vf{})));
     compress_store(k.t + n, point.tau, m), compress_store(k.a + n, a * c.opacity, m);
     compress_store(k.z + n, g.depth, m), compress_store(k.px + n, px, m);
     k.first[l + 1] = n += count(m);
@@ -208,11 +206,20 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
   return n;
 }
 
-// Drops layers without fragments.
-SIMD void drop_empty_layers(Work &k) {
+// Drops layers without fragments, and finds the nearest and the farthest depth of the others.
+PHASE void close_layers(Work &k) {
   uint32_t kept = 0;
-  for (uint32_t l = 0; l < k.layers; l++)
-    if (k.first[l + 1] > k.first[kept]) k.layer[kept] = k.layer[l], k.first[++kept] = k.first[l + 1];
+  for (uint32_t l = 0; l < k.layers; l++) {
+    const uint32_t start = k.first[kept], stop = k.first[l + 1];
+    if (start == stop) continue;
+    vf near = splat(real(1e30)), far = vf{};
+    for (uint32_t f = start; f < stop; f += VL) {
+      const vf z = load(k.z + f);
+      const vi in = iota() < splat_int(integer(stop - f));
+      near = lesser(near, select(in, z, near)), far = greater(far, select(in, z, far));
+    }
+    k.layer[kept] = {k.layer[l].piece, k.layer[l].slot, least(near), most(far)}, k.first[++kept] = stop;
+  }
   k.layers = kept;
 }
 
@@ -235,7 +242,7 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
     n = add_layer(k, entry.piece, entry.slot, n, pack(k, rows, k.tau, n, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
   }
   n = resolve<POINTS, WORLD>(J, p, k, n);
-  drop_empty_layers(k);
+  close_layers(k);
   return n;
 }
 }  // namespace
