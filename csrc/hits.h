@@ -170,7 +170,7 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
     vf qx, qy;
     points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
     const Approach<vf> step = newton_step(c, start, qx, qy);
-    store((real *)k.key + i, start), store(k.t + i, step.tau), store(k.a + i, step.rate), store(k.z + i, step.start);
+    store(k.start + i, start), store(k.t + i, step.tau), store(k.a + i, step.rate), store(k.z + i, step.start);
     store(k.T + i, qx), store(k.g + i, qy);
   }
   uint32_t n = 0;
@@ -190,7 +190,7 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
     // In a bend tighter than the distance Newton may go astray: then the start is better.
     const vi astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > load(k.z + i) * real(1.0001);
     if (any(astray)) {
-      const Point<vf> start = point_at(c, load((real *)k.key + i));
+      const Point<vf> start = point_at(c, load(k.start + i));
       point.tau = select(astray, start.tau, point.tau), point.z = select(astray, start.z, point.z);
       point.x = select(astray, start.x, point.x), point.y = select(astray, start.y, point.y);
     }

@@ -12,7 +12,7 @@ template <class S> struct Filter;
 // Growing memory of one thread, in driver.cpp. grow: block `index` with at least `bytes`, its first `keep` bytes kept, 64-byte aligned.
 struct Scratch;
 char *grow(Scratch &, int index, size_t keep, size_t bytes);
-constexpr int SCRATCH_BLOCKS = 13;
+constexpr int SCRATCH_BLOCKS = 15;
 // Memory that stays with the thread, zeroed when new.
 void *work_memory(Scratch &, size_t bytes);
 // Memory that lives as long as the state of one call: 64-byte aligned, plus 64 bytes of slack.

@@ -47,6 +47,58 @@ SIMD bool in_order(Work &k, uint32_t g0, uint32_t g1) {
   return good;
 }
 
+// Puts places i < j of VL piles in order: by depth, fragments of equal depth by number.
+SIMD void order_pair(real *z, integer *f, size_t i, size_t j) {
+  const vf zi = load(z + i * PIX), zj = load(z + j * PIX);
+  const vi fi = load(f + i * PIX), fj = load(f + j * PIX), swap = (zi > zj) | ((zi == zj) & (fi > fj));
+  store(z + i * PIX, select(swap, zj, zi)), store(z + j * PIX, select(swap, zi, zj));
+  store(f + i * PIX, swap ? fj : fi), store(f + j * PIX, swap ? fi : fj);
+}
+// VL piles of n places at once, by Batcher's merge exchange (Knuth, The Art of Computer Programming 3, algorithm 5.2.2M): it compares the same
+// places whatever lies there.
+SIMD void sort_piles(real *z, integer *f, uint32_t n) {
+  uint32_t top = 1;
+  while (2 * top < n) top *= 2;
+  for (uint32_t p = top; p > 0; p /= 2)
+    for (uint32_t q = top, r = 0, d = p;; d = q - p, q /= 2, r = p) {
+      for (uint32_t i = 0; i + d < n; i++)
+        if ((i & p) == r) order_pair(z, f, i, i + d);
+      if (q == p) break;
+    }
+}
+
+// Writes the fragments of the layers g0 .. g1 (in k.perm) near to far per point. Returns where the next ones go.
+PHASE uint32_t *sort_points(Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
+  constexpr integer NONE = 0x7fffffff;     // above all numbers of fragments
+  uint32_t height[PIX] = {};
+  reserve_piles(k, g1 - g0);
+  for (uint32_t g = g0; g < g1; g++)
+    for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) {
+      const integer px = k.px[f];
+      const size_t at = size_t(height[px]++) * PIX + px;
+      k.pile_z[at] = k.z[f], k.pile[at] = integer(f);
+    }
+  for (uint32_t v = 0; v < PIX; v += VL) {
+    vi heights;
+    uint32_t n = 0;
+    for (int i = 0; i < VL; i++) heights[i] = integer(height[v + i]), n = height[v + i] > n ? height[v + i] : n;
+    real *z = k.pile_z + v;
+    integer *f = k.pile + v;
+    for (size_t j = 0; j < n; j++) {  // empty places come last
+      const vi in = splat_int(integer(j)) < heights;
+      store(z + j * PIX, select(in, load(z + j * PIX), splat(real(__builtin_inf())))), store(f + j * PIX, in ? load(f + j * PIX) : splat_int(NONE));
+    }
+    sort_piles(z, f, n);
+    for (size_t j = 0; j < n; j++) {
+      const vi pile = load(f + j * PIX);
+      const Mask m = bits(pile != splat_int(NONE));
+      compress_store(out, pile, m);
+      out += count(m);
+    }
+  }
+  return out;
+}
+
 // k.order: fragments near to far per point. Layers are sorted by their nearest depth; runs of layers whose depths overlap are sorted per
 // point where they must be. Returns whether the layers in the order of k.perm are near to far at every point.
 PHASE bool sort_fragments(Work &k) {
@@ -65,20 +117,7 @@ PHASE bool sort_fragments(Work &k) {
       continue;
     }
     layered = false;
-    uint32_t start[PIX + 1] = {}, fill[PIX];
-    for (uint32_t g = g0; g < g1; g++)
-      for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) start[k.px[f] + 1]++;
-    for (int i = 0; i < PIX; i++) fill[i] = start[i], start[i + 1] += start[i];
-    const bool few = g1 - g0 <= INSERT_MAX;  // and so at any point
-    for (uint32_t g = g0; g < g1; g++)
-      for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) {
-        const Key key = make_key(k.z[f], f);
-        uint32_t j = fill[k.px[f]]++;
-        if (few) for (const uint32_t s = start[k.px[f]]; j > s && k.key[j - 1] > key; j--) k.key[j] = k.key[j - 1];
-        k.key[j] = key;
-      }
-    for (int i = 0; i < PIX && !few; i++) sort_keys(k.key + start[i], start[i + 1] - start[i]);
-    for (uint32_t i = 0; i < start[PIX]; i++) *out++ = uint32_t(k.key[i]);
+    out = sort_points(k, g0, g1, out);
   }
   return layered;
 }

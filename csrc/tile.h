@@ -15,14 +15,14 @@ typedef real v4 __attribute__((vector_size(4 * sizeof(real))));
 #define PHASE inline __attribute__((always_inline))
 #endif
 
-// Sort key: depth, then fragment (fragments are numbered in the order of strokes). Positive floats are ordered as their bits are.
+// Sort key: depth, then layer (layers are numbered in the order of strokes). Positive floats are ordered as their bits are.
 template <bool> struct KeyOf { using type = uint64_t; };
 template <> struct KeyOf<false> { using type = unsigned __int128; };
 using Key = KeyOf<F32>::type;
-SIMD Key make_key(real depth, uint32_t f) {
+SIMD Key make_key(real depth, uint32_t l) {
   integer b;
   std::memcpy(&b, &depth, sizeof b);
-  return Key(b) << 32 | f;
+  return Key(b) << 32 | l;
 }
 
 // Where the points of a tile are: pixel centres, one place in every pixel (k.x, k.y), or k.x, k.y in any order.
@@ -39,9 +39,8 @@ struct Work {
   alignas(64) integer best_piece[PIX];
   // per candidate or fragment
   uint32_t capacity = 0;
-  real *t, *a, *z, *T, *g;                         // parameter, alpha, depth, transmittance in front, a gradient
+  real *t, *a, *z, *T, *g, *start;                 // parameter, alpha, depth, transmittance in front, a gradient, parameter on the chord
   integer *px;                                     // point
-  Key *key;
   uint32_t *order;
   // per layer
   uint32_t layer_capacity = 0, layers = 0;
@@ -49,6 +48,10 @@ struct Work {
   uint32_t *first, *perm;                          // first fragment (layers + 1); layers by depth
   Key *layer_key;
   uint32_t *owner;                                 // layer of every vector of candidates
+  // piles of fragments on every point: their depths and numbers, one place of all points after the other
+  uint32_t pile_capacity = 0;
+  real *pile_z;
+  integer *pile;
 };
 
 SIMD Work &work(Scratch &S) {
@@ -64,13 +67,20 @@ SIMD void reserve(Work &k, uint32_t keep, uint32_t n) {
   if (n <= k.capacity) return;
   const uint32_t m = k.capacity = n < 4096 ? 4096 : n + n / 2;
   resize(k, 0, k.t, keep, m), resize(k, 1, k.a, keep, m), resize(k, 2, k.z, keep, m), resize(k, 3, k.px, keep, m);
-  resize(k, 4, k.T, 0, m), resize(k, 5, k.g, 0, m), resize(k, 6, k.key, 0, m), resize(k, 7, k.order, 0, m);
+  resize(k, 4, k.T, 0, m), resize(k, 5, k.g, 0, m), resize(k, 6, k.start, 0, m), resize(k, 7, k.order, 0, m);
   resize(k, 12, k.owner, keep / VL + 1, m / VL + 1);
 }
 SIMD void reserve_layers(Work &k, uint32_t n) {
   if (n <= k.layer_capacity) return;
   const uint32_t m = k.layer_capacity = n < 256 ? 256 : n + n / 2;
   resize(k, 8, k.layer, k.layers, m), resize(k, 9, k.first, k.layers + 1, m), resize(k, 10, k.perm, 0, m), resize(k, 11, k.layer_key, 0, m);
+}
+
+// Room for piles of n fragments each.
+SIMD void reserve_piles(Work &k, uint32_t n) {
+  if (n <= k.pile_capacity) return;
+  const size_t m = k.pile_capacity = n < 16 ? 16 : n + n / 2;
+  resize(k, 13, k.pile_z, 0, m * PIX), resize(k, 14, k.pile, 0, m * PIX);
 }
 
 struct Place { int view, x, y, w, h; };            // a tile's corner and its size inside the image
