@@ -80,53 +80,68 @@ class Flattener {
     left = v4f{a[0], p[0], q[0], r[0]}, right = v4f{r[0], q[1], p[2], a[3]};
   }
   static float turning(Direction a, Direction b) { return length(a.x - b.x, a.y - b.y); }
-  // First direction in which the points leave lane `from`.
-  static Direction tangent(const Arc &k, int from, int step) {
-    const float small = 1e-6f * (1 + length(k.u[3] - k.u[0], k.v[3] - k.v[0]));
-    for (int i = 1; i <= 3; i++) {
+  // Directions of the curve at both ends of an arc, the angle between them (about), and the length of the chord.
+  struct Ends { Direction a, b; float turn, length; };
+  static Ends ends(const Arc &k) {
+    const v4f d = {k.u[1] - k.u[0], k.v[1] - k.v[0], k.u[3] - k.u[2], k.v[3] - k.v[2]};
+    const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0];
+    v4f l = {d[0] * d[0] + d[1] * d[1], d[2] * d[2] + d[3] * d[3], ex * ex + ey * ey, 1};
+    for (int i = 0; i < 4; i++) l[i] = std::sqrt(l[i]);
+    const float small = 1e-6f * (1 + l[2]);
+    const v4f e = d / v4f{l[0], l[0], l[1], l[1]};
+    Ends out = {{e[0], e[1]}, {e[2], e[3]}, 0, l[2]};
+    if (!(l[0] > small)) out.a = leaving(k, 0, 1, small);
+    if (!(l[1] > small)) out.b = leaving(k, 3, -1, small);
+    out.turn = turning(out.a, out.b);
+    return out;
+  }
+  // The direction in which the points leave lane `from` where its neighbour coincides with it.
+  static Direction leaving(const Arc &k, int from, int step, float small) {
+    for (int i = 2; i <= 3; i++) {
       const float dx = (k.u[from + i * step] - k.u[from]) * step, dy = (k.v[from + i * step] - k.v[from]) * step, l = length(dx, dy);
       if (l > small) return {dx / l, dy / l};
     }
     return {0, 0};
   }
 
-  template <class S> void add_chord(Flat<S> &out, const Arc &k, float t0, float dt) {
+  template <class S> void add_chord(Flat<S> &out, const Arc &k, const Ends &e, float t0, float dt) {
     const uint32_t piece = uint32_t(out.pieces.size() - 1);
     const Piece<S> &c = out.pieces[piece];
-    const Direction a = tangent(k, 0, 1), b = tangent(k, 3, -1);
-    const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey, il = ee > 1e-24f ? 1 / ee : 0, l = std::sqrt(ee);
-    const float turn = turning(a, b);
-    bend_ += gap_ ? SHARP : turning(last_tangent_, a);
+    const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey, il = ee > 1e-24f ? 1 / ee : 0;
+    bend_ += gap_ ? SHARP : turning(last_tangent_, e.a);
     const float before = bend_;
-    bend_ += turn * reach_ > TIGHT * l ? SHARP : turn;
+    bend_ += e.turn * reach_ > TIGHT * e.length ? SHARP : e.turn;
     // Share of the chord reached in the middle of the parameter; the bow brings that point to one half.
     const float z = 1 / (k.z[0] + 3 * (k.z[1] + k.z[2]) + k.z[3]);
     const float mx = (k.x[0] + 3 * (k.x[1] + k.x[2]) + k.x[3]) * z - k.u[0], my = (k.y[0] + 3 * (k.y[1] + k.y[2]) + k.y[3]) * z - k.v[0];
     const float m = std::clamp((mx * ex + my * ey) * il, .3f, .7f), bow = dt * (.5f - m) / (m * (1 - m));
     out.chords.add({S(k.u[0] + c.ox), S(k.v[0] + c.oy), S(ex), S(ey), S(ex * il), S(ey * il), S(t0 - .5f), S(dt), S(bow)});
-    out.chord_info.add({piece, before, bend_, l, turn});
-    if (outline_) out.tangents.add({a.x, a.y, b.x, b.y});
-    last_tangent_ = b, gap_ = false;
+    out.chord_info.add({piece, before, bend_, e.length, e.turn});
+    if (outline_) out.tangents.add({e.a.x, e.a.y, e.b.x, e.b.y});
+    last_tangent_ = e.b, gap_ = false;
   }
 
-  // Whether the curve may pass for its chord. Squares throughout: no roots, no divisions.
-  bool flat(const Arc &k) const {
+  // Whether the curve may pass for its chord, but for its turning. Squares throughout: no roots, no divisions.
+  bool flat(const Arc &k, float &most_across) const {
     const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey;
     // Of the inner control points from even places on the chord: across and along it, both times its length.
     const v4f even = {0, 1 / 3.f, 2 / 3.f, 1}, du = k.u - k.u[0] - even * ex, dv = k.v - k.v[0] - even * ey;
     v4f across = du * ey - dv * ex, along = du * ex + dv * ey;
     across *= across, along *= along;
     // A control point at distance d pulls the curve .75 d away at most.
-    constexpr float TOL2 = CHORD_TOL * CHORD_TOL / .5625, TIGHT2 = TIGHT_CHORD_TOL * TIGHT_CHORD_TOL / .5625;
-    const float most_across = std::max(across[1], across[2]);
+    constexpr float TOL2 = CHORD_TOL * CHORD_TOL / .5625;
+    most_across = std::max(across[1], across[2]);
     if (most_across > TOL2 * ee || std::max(along[1], along[2]) > std::max(FOLD_TOL * FOLD_TOL * ee, MAX_SKEW * MAX_SKEW * ee * ee)) return false;
     if (ee < 1e-12f && std::max(du[1] * du[1] + dv[1] * dv[1], du[2] * du[2] + dv[2] * dv[2]) > FOLD_TOL * FOLD_TOL) return false;
     // Newton starts where the parameter runs evenly along the chord.
-    if (most(k.z[0], k.z[1], k.z[2], k.z[3]) > 1.5f * least(k.z[0], k.z[1], k.z[2], k.z[3])) return false;
-    if (most_across <= TIGHT2 * ee && !outline_) return true;
-    const float turn = turning(tangent(k, 0, 1), tangent(k, 3, -1));
-    if (most_across > TIGHT2 * ee && turn * turn * float(reach_ * reach_) > float(TIGHT * TIGHT) * ee) return false;
-    return !(outline_ && turn > OUTLINE_TURN && ee > OUTLINE_MIN * OUTLINE_MIN);
+    return most(k.z[0], k.z[1], k.z[2], k.z[3]) <= 1.5f * least(k.z[0], k.z[1], k.z[2], k.z[3]);
+  }
+  // Whether it turns little enough for that.
+  bool gentle(const Ends &e, float most_across) const {
+    constexpr float TIGHT2 = TIGHT_CHORD_TOL * TIGHT_CHORD_TOL / .5625;
+    const float ee = e.length * e.length;
+    if (most_across > TIGHT2 * ee && e.turn * e.turn * float(reach_ * reach_) > float(TIGHT * TIGHT) * ee) return false;
+    return !(outline_ && e.turn > OUTLINE_TURN && e.length > OUTLINE_MIN);
   }
 
   // A piece is halved so often without a question: half as finely as the largest second difference asks for.
@@ -150,7 +165,11 @@ class Flattener {
       gap_ = true;
       return;
     }
-    if (depth >= sure_depth_ && (depth == MAX_CHORD_DEPTH || flat(k))) return add_chord(out, k, t0, dt);
+    float across;
+    if (depth >= sure_depth_ && (flat(k, across) || depth == MAX_CHORD_DEPTH)) {
+      const Ends e = ends(k);
+      if (gentle(e, across) || depth == MAX_CHORD_DEPTH) return add_chord(out, k, e, t0, dt);
+    }
     Arc a, b;
     halve(k.x, a.x, b.x), halve(k.y, a.y, b.y), halve(k.z, a.z, b.z);
     project(a), project(b);
