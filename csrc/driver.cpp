@@ -68,7 +68,7 @@ template <class S> std::vector<Scratch> &scratch() {
 }
 int grain(size_t n) { return std::clamp(int(n / (16 * threads().size())), 1, 8); }
 
-constexpr int CHUNK = 32;  // strokes flattened at a time
+constexpr int CHUNK = 16;  // strokes flattened at a time
 constexpr double MAX_COORDINATE = 1e100;
 
 // What one thread needs to flatten strokes.
@@ -164,33 +164,44 @@ template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_
   }
 }
 
+// From counts behind each index to the first of each.
+void add_up(Buffer<uint32_t> &first, size_t count) {
+  first[0] = 0;
+  for (size_t i = 0; i < count; i++) first[i + 1] += first[i];
+}
+
 // Joins the parts of all chunks in order: results do not depend on which thread did what.
-template <class S> void join_parts(State<S> &st, std::vector<Part<S>> &parts) {
-  const size_t count = size_t(st.input.views) * st.input.strokes;
-  size_t chords = 0, pieces = 0, touches = 0;
-  for (auto &p : parts) chords += p.flat.chords.size(), pieces += p.flat.pieces.size(), touches += p.touches.size();
+template <class S> void join_parts(State<S> &st, const std::vector<Part<S>> &parts) {
+  Flat<S> &flat = st.flat;
+  struct Start { uint32_t chord, piece, touch; };
+  std::vector<Start> starts;
+  size_t chords = 0, pieces = 0, touches = 0, tangents = 0;
+  for (auto &p : parts) {
+    starts.push_back({uint32_t(chords), uint32_t(pieces), uint32_t(touches)});
+    chords += p.flat.chords.size(), pieces += p.flat.pieces.size(), touches += p.touches.size(), tangents += p.flat.tangents.size();
+  }
   if (chords > UINT32_MAX / 2 || touches > UINT32_MAX / 2) throw std::bad_alloc();
   st.piece_stroke = Buffer<uint32_t>(pieces + 1);
-  st.piece_first = Buffer<uint32_t>(count + 1);
-  std::fill_n(st.piece_first.get(), count + 1, 0);
-  Flat<S> &flat = st.flat;
-  auto append = [](auto &to, const auto &from) {
-    if (from.size()) std::memcpy(static_cast<void *>(to.extend(from.size())), from.begin(), from.size() * sizeof(*from.begin()));
-  };
-  for (auto &p : parts) {
-    const uint32_t c0 = uint32_t(flat.chords.size()), p0 = uint32_t(flat.pieces.size()), t0 = uint32_t(st.touches.size());
-    append(flat.pieces, p.flat.pieces), append(flat.piece_info, p.flat.piece_info);
-    append(flat.chords, p.flat.chords), append(flat.chord_info, p.flat.chord_info), append(flat.tangents, p.flat.tangents);
-    append(st.touches, p.touches);
-    for (size_t i = p0; i < flat.pieces.size(); i++) {
+  flat.pieces.extend(pieces), flat.piece_info.extend(pieces), flat.chords.extend(chords), flat.chord_info.extend(chords);
+  flat.tangents.extend(tangents), st.touches.extend(touches);
+  threads().run(int(parts.size()), 1, [&](int k, int) {
+    const Part<S> &p = parts[k];
+    const Start at = starts[k];
+    auto put = [](const auto &to, const auto &from, uint32_t i) {
+      if (from.size()) std::memcpy(static_cast<void *>(to.begin() + i), from.begin(), from.size() * sizeof(*from.begin()));
+    };
+    put(flat.pieces, p.flat.pieces, at.piece), put(flat.piece_info, p.flat.piece_info, at.piece);
+    put(flat.chords, p.flat.chords, at.chord), put(flat.chord_info, p.flat.chord_info, at.chord), put(flat.tangents, p.flat.tangents, at.chord);
+    put(st.touches, p.touches, at.touch);
+    for (size_t i = at.piece; i < at.piece + p.flat.pieces.size(); i++) {
       PieceInfo &info = flat.piece_info[i];
-      info.first_chord += c0, info.end_chord += c0;
-      st.piece_stroke[i] = info.stroke, st.piece_first[info.stroke + 1]++;
+      info.first_chord += at.chord, info.end_chord += at.chord;
+      st.piece_stroke[i] = info.stroke;
     }
-    for (size_t i = c0; i < flat.chords.size(); i++) flat.chord_info[i].piece += p0;
-    for (size_t i = t0; i < st.touches.size(); i++) st.touches[i].first += c0, st.touches[i].last += c0, st.touches[i].piece += p0;
-  }
-  for (size_t i = 0; i < count; i++) st.piece_first[i + 1] += st.piece_first[i];
+    for (size_t i = at.chord; i < at.chord + p.flat.chords.size(); i++) flat.chord_info[i].piece += at.piece;
+    for (size_t i = at.touch; i < at.touch + p.touches.size(); i++)
+      st.touches[i].first += at.chord, st.touches[i].last += at.chord, st.touches[i].piece += at.piece;
+  });
 }
 
 // Entries by tile, there in the order of strokes (a counting sort), and in that order a slot for every piece that an entry may meet.
@@ -229,18 +240,22 @@ template <class S> void prepare(State<S> &st) {
   J.background_pixel = in.background_pixel;
   const size_t count = size_t(in.views) * in.strokes, chunks = (count + CHUNK - 1) / CHUNK;
   st.reach = Buffer<S>(count + 1), st.scale = Buffer<double>(count + 1);
+  st.piece_first = Buffer<uint32_t>(count + 1), st.touch_first = Buffer<uint32_t>(count + 1);
   std::vector<Part<S>> &parts = parts_of<S>(chunks);
   std::vector<std::unique_ptr<Binner>> binners(threads().size());
   threads().run(int(chunks), 1, [&](int k, int id) {
     if (!binners[id]) binners[id] = std::make_unique<Binner>(size_t(J.tiles_x) * J.tiles_y);
     Flattener flattener(in.height, in.width, in.strata > 0);
     for (size_t i = size_t(k) * CHUNK; i < std::min(count, size_t(k + 1) * CHUNK); i++) {
-      const uint32_t first_chord = uint32_t(parts[k].flat.chords.size());
-      flatten_stroke(st, flattener, i, parts[k]);
-      bin_stroke(st, i, first_chord, *binners[id], parts[k]);
+      Part<S> &part = parts[k];
+      const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), touches = part.touches.size();
+      flatten_stroke(st, flattener, i, part);
+      bin_stroke(st, i, uint32_t(chords), *binners[id], part);
+      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces), st.touch_first[i + 1] = uint32_t(part.touches.size() - touches);
     }
   });
   join_parts(st, parts);
+  add_up(st.piece_first, count), add_up(st.touch_first, count);
   sort_touches(st);
   J.pieces = st.flat.pieces.begin(), J.piece_stroke = st.piece_stroke.get();
   J.chords = st.flat.chords.begin(), J.chord_info = st.flat.chord_info.begin();
@@ -350,12 +365,6 @@ template <class S> Images<S> forward(State<S> &st, bool save) {
   st.arenas.resize(threads().size());
   auto &memory = scratch<S>();
   threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().forward(J, t, memory[id], st.arenas[id]); });
-  // Where each stroke's touches start, for the backward.
-  const size_t count = size_t(J.views) * J.strokes;
-  st.touch_first = Buffer<uint32_t>(count + 1);
-  std::fill_n(st.touch_first.get(), count + 1, 0);
-  for (auto &t : st.touches) st.touch_first[t.stroke + 1]++;
-  for (size_t i = 0; i < count; i++) st.touch_first[i + 1] += st.touch_first[i];
   return images;
 }
 
