@@ -11,7 +11,8 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.tasks.views import ViewsOptions, fit_views
+from diff3ds.tasks.plan import ViewsOptions
+from diff3ds.tasks.views import fit_views
 
 FRAMES, TURN = 45, 45
 folder = Path(sys.argv[1])

@@ -13,7 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
 from diff3ds.fit import Step
-from diff3ds.tasks.views import ViewsOptions, fit_views
+from diff3ds.tasks.plan import ViewsOptions
+from diff3ds.tasks.views import fit_views
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
 FAULT, STOPPED = 1, 130

@@ -5,7 +5,6 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -15,12 +14,14 @@ from diff3ds.camera import Cameras
 from diff3ds.checkpoint import read_checkpoint
 from diff3ds.fit import FitConfig, Objective, Rates, Step, fit
 from diff3ds.library.demo import demo_cameras, demo_sketch
-from diff3ds.losses import color_loss, ink_loss, psnr
-from diff3ds.refine import NoiseDeletion, Refinement, SupportPruning
+from diff3ds.losses import ink_loss
+from diff3ds.refine import Refinement, SupportPruning
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.frame import Frame, frame_of
-from diff3ds.tasks.posed import PosedPictures, Target, find_transforms, load_posed
+from diff3ds.tasks.color import color_scores, plan_color
+from diff3ds.tasks.frame import frame_of
+from diff3ds.tasks.plan import Plan, ViewsOptions
+from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
 from diff3ds.tasks.pyramid import Pyramid, build_pyramid
 from diff3ds.tasks.results import RunInfo, write_results
 from diff3ds.tasks.store import Store, store_of
@@ -35,48 +36,6 @@ AGREEMENT = 5
 LEAST_SUPPORT = 0.15
 REPLACE = (0.125, 0.25, 0.3125, 0.375, 0.4375, 0.5, 0.5625, 0.625)
 DROP = (0.75, 0.9, 1.0)
-# The paper's deletion threshold is a fifteenth of the radius of its ball.
-DELETION = NoiseDeletion(length=0.1 / 1.5)
-
-
-@dataclass(frozen=True)
-class ViewsOptions:
-    """Options of `diff3ds views`.
-
-    Attributes:
-        target: edges (edge maps, line drawings) or color; found by itself if not given.
-        strokes: strokes at the start; by default 128 for edges, 1024 for colour.
-        steps: gradient steps; by default 1200 for edges, 2400 for colour.
-        batch: views of a step; by default 10 for edges, 5 for colour.
-        size: larger pictures are reduced to this many pixels along the longer side.
-        seed: of all random draws.
-        resume: go on from the checkpoint in the output folder.
-    """
-
-    target: Target | None = None
-    strokes: int | None = None
-    steps: int | None = None
-    batch: int | None = None
-    size: int = 512
-    seed: int = 0
-    resume: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("strokes", "steps", "batch", "size"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ValueError(f"{name} must be positive, got {value}")
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """All that the fit of one set of pictures needs, in its frame."""
-
-    frame: Frame
-    start: Sketch
-    objective: Objective
-    pyramid: Pyramid
-    config: FitConfig
 
 
 def fit_views(
@@ -105,7 +64,7 @@ def fit_views(
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
     pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size, out)
-    plan = _plan(pictures, options, out / CHECKPOINT)
+    plan = (_plan if pictures.target == "edges" else plan_color)(pictures, options, out / CHECKPOINT)
     read = time.perf_counter()
     sketch, stopped = _fitted(plan, report)
     world = plan.frame.to_world(sketch)
@@ -116,7 +75,7 @@ def fit_views(
         {"target": pictures.target, "steps": plan.config.steps, "strokes": len(plan.start)},
         seconds,
         losses,
-        _scores(world, pictures, path),
+        {} if pictures.target == "edges" else color_scores(world, pictures, path),
         stopped,
     )
     write_results(out, world, pictures, info)
@@ -133,16 +92,15 @@ def demo_pictures() -> PosedPictures:
 
 
 def _plan(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> Plan:
+    """How edge maps and line drawings are fitted."""
     frame = frame_of(pictures.cameras, pictures.store)
     cameras = frame.cameras(pictures.cameras)
-    edges = pictures.target == "edges"
-    steps = options.steps or (1200 if edges else 2400)
-    count = options.strokes or (128 if edges else 1024)
-    pyramid = build_pyramid(cameras, pictures.store, steps, options.batch or (10 if edges else 5), options.seed)
-    fresh = _black_strokes(_line_width(pictures.store)) if edges else _colored_strokes(pictures)
+    steps, count = options.steps or 1200, options.strokes or 128
+    pyramid = build_pyramid(cameras, pictures.store, steps, options.batch or 10, options.seed)
+    fresh = _black_strokes(_line_width(pictures.store))
     config = FitConfig(
         steps=steps,
-        rates=Rates(points=0.012) if edges else Rates(points=0.012, width=5e-4, color=0.02, opacity=0.02),
+        rates=Rates(points=0.012),
         final_rate=0.06,
         blur=pyramid.blur,
         refinements=_refinements(cameras, pictures, fresh, count),
@@ -151,7 +109,7 @@ def _plan(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> P
         resume=options.resume,
     )
     start = fresh(count, torch.Generator().manual_seed(options.seed))
-    return Plan(frame, start, _ink_objective(pyramid) if edges else _color_objective(pyramid), pyramid, config)
+    return Plan(frame, start, _ink_objective(pyramid), pyramid, config)
 
 
 def _ink_objective(pyramid: Pyramid) -> Objective:
@@ -162,19 +120,9 @@ def _ink_objective(pyramid: Pyramid) -> Objective:
     return objective
 
 
-def _color_objective(pyramid: Pyramid) -> Objective:
-    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
-        target = pyramid.targets(step)
-        return color_loss(rendering.color, target.images, target.known)
-
-    return objective
-
-
 def _refinements(
     cameras: Cameras, pictures: PosedPictures, fresh: Callable[[int, torch.Generator], Sketch], count: int
 ) -> list[Refinement]:
-    if pictures.target != "edges":
-        return [DELETION]
     ink = pictures.batch(range(len(pictures))).alpha
     thick = torch.nn.functional.max_pool2d(ink[:, None], AGREEMENT, 1, AGREEMENT // 2)[:, 0]
     return [SupportPruning(cameras, thick, LEAST_SUPPORT, SHORTEST, REPLACE, DROP, fresh, count)]
@@ -198,22 +146,6 @@ def _black_strokes(width: float) -> Callable[[int, torch.Generator], Sketch]:
     return lambda count, generator: Sketch.random(count, generator=generator, radius=1.0, extent=EXTENT, width=width)
 
 
-def _colored_strokes(pictures: PosedPictures) -> Callable[[int, torch.Generator], Sketch]:
-    """Random strokes in the mean colour of what the pictures show."""
-    total, color = torch.zeros(()), torch.zeros(3)
-    for views in pictures.store.chunks():
-        batch = pictures.batch(views)
-        total += batch.alpha.sum()
-        color += (batch.images * batch.alpha[..., None]).sum((0, 1, 2))
-    mean = color / total
-
-    def fresh(count: int, generator: torch.Generator) -> Sketch:
-        sketch = Sketch.random(count, generator=generator, radius=1.0, extent=EXTENT, width=0.02)
-        return dataclasses.replace(sketch, color=mean.expand(count, 3), opacity=torch.full((count,), 0.7))
-
-    return fresh
-
-
 def _fitted(plan: Plan, report: Callable[[Step, int], None]) -> tuple[Sketch, bool]:
     """The last complete sketch, and whether Ctrl-C came before the end."""
     checkpoint = plan.config.checkpoint
@@ -226,22 +158,3 @@ def _fitted(plan: Plan, report: Callable[[Step, int], None]) -> tuple[Sketch, bo
         except KeyboardInterrupt:
             stopped = True
     return read_checkpoint(checkpoint).sketch, stopped
-
-
-def _scores(sketch: Sketch, pictures: PosedPictures, path: Path | None) -> dict[str, float]:
-    """PSNR of coloured pictures, on those of the fit and on held-out ones if the folder has some."""
-    if pictures.target == "edges":
-        return {}
-    scores = {"psnr": _psnr(sketch, pictures)}
-    held_out = path.parent / "transforms_test.json" if path is not None else None
-    if held_out is not None and held_out.is_file() and held_out != path:
-        scores["psnr_test"] = _psnr(sketch, load_posed(held_out, "color", max(pictures.cameras.size)))
-    return scores
-
-
-def _psnr(sketch: Sketch, pictures: PosedPictures) -> float:
-    total = 0.0
-    for view in range(len(pictures)):
-        target = pictures.batch([view])
-        total += psnr(render(sketch, pictures.cameras[view]).color, target.images, target.known)
-    return total / len(pictures)

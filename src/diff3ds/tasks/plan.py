@@ -1,0 +1,49 @@
+"""Options of `diff3ds views`, and what a fit of one set of pictures needs."""
+
+from dataclasses import dataclass
+
+from diff3ds.fit import FitConfig, Objective
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.frame import Frame
+from diff3ds.tasks.posed import Target
+from diff3ds.tasks.pyramid import Pyramid
+
+
+@dataclass(frozen=True)
+class ViewsOptions:
+    """Options of `diff3ds views`.
+
+    Attributes:
+        target: edges (edge maps, line drawings) or color; found by itself if not given.
+        strokes: strokes at the start; by default 128 for edges, 1024 for colour.
+        steps: gradient steps; by default 1200 for edges, 2400 for colour.
+        batch: views of a step; by default 10 for edges, 5 for colour.
+        size: larger pictures are reduced to this many pixels along the longer side.
+        seed: of all random draws.
+        resume: go on from the checkpoint in the output folder.
+    """
+
+    target: Target | None = None
+    strokes: int | None = None
+    steps: int | None = None
+    batch: int | None = None
+    size: int = 512
+    seed: int = 0
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("strokes", "steps", "batch", "size"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"{name} must be positive, got {value}")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All that the fit of one set of pictures needs, in its frame."""
+
+    frame: Frame
+    start: Sketch
+    objective: Objective
+    pyramid: Pyramid
+    config: FitConfig
