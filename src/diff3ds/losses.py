@@ -33,6 +33,30 @@ def color_loss(
     return _mean((color - target).square().mean(-1), known)
 
 
+def composite_loss(
+    color: Float[Tensor, "V H W 3"],
+    alpha: Float[Tensor, "V H W"],
+    target: Float[Tensor, "V H W 4"],
+    background: Float[Tensor, " 3"] | None = None,
+    known: Bool[Tensor, "V H W"] | None = None,
+) -> Float[Tensor, ""]:
+    """Mean squared difference of drawings and pictures with alpha, both put over a background.
+
+    With c the difference of colours times alpha, and a that of alpha, it is (c - a b)^2 over the background b.
+
+    Args:
+        color: drawn over black: colour times alpha.
+        alpha: drawn.
+        target: RGB times alpha, and alpha.
+        background: colour; None for the expectation over all, which fits alpha as well: values that are uniform in
+            [0, 1] have the mean 1/2 and the variance 1/12.
+        known: pixels that count; default all.
+    """
+    c, a = color - target[..., :3], (alpha - target[..., 3])[..., None]
+    error = (c - a / 2).square() + a.square() / 12 if background is None else (c - a * background).square()
+    return _mean(error.mean(-1), known)
+
+
 def psnr(
     color: Float[Tensor, "V H W 3"], target: Float[Tensor, "V H W 3"], known: Bool[Tensor, "V H W"] | None = None
 ) -> float:

@@ -1,5 +1,7 @@
 """Structural similarity against closed forms and against a computation by scipy's filters."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -54,8 +56,7 @@ def test_only_windows_of_known_pixels_count(generator):
     known[0] = False
     assert ssim(wrong, image, known) == pytest.approx(1, abs=1e-12)
     known[1] = False
-    with pytest.raises(ValueError, match="no window of 11x11 known pixels"):
-        ssim(wrong, image, known)
+    assert math.isnan(ssim(wrong, image, known))
 
 
 def test_images_smaller_than_the_window_are_refused():

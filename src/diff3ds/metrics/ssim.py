@@ -1,5 +1,7 @@
 """Structural similarity of images (Wang, Bovik, Sheikh and Simoncelli, IEEE Trans. Image Processing 13(4), 2004)."""
 
+import math
+
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
@@ -21,8 +23,11 @@ def ssim(
         target: what they should be.
         known: pixels that count; default all. A window counts if all of its pixels do; views without one are left out.
 
+    Returns:
+        NaN if no view has a window that counts.
+
     Raises:
-        ValueError: images smaller than the window, or no window that counts.
+        ValueError: images smaller than the window.
     """
     if min(color.shape[1:3]) < WINDOW:
         raise ValueError(f"images must have at least {WINDOW}x{WINDOW} pixels, got {tuple(color.shape[1:3])}")
@@ -33,9 +38,7 @@ def ssim(
         kept = similarity.flatten() if mask is None else similarity[mask]
         if len(kept):
             values.append(float(kept.mean()))
-    if not values:
-        raise ValueError(f"no window of {WINDOW}x{WINDOW} known pixels in any view")
-    return sum(values) / len(values)
+    return sum(values) / len(values) if values else math.nan
 
 
 def _similarity(a: Float[Tensor, "C H W"], b: Float[Tensor, "C H W"]) -> Float[Tensor, "C h w"]:

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+from diff3ds._shapes import Tensor
 from diff3ds.fit import FitConfig, Objective
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.background import parse_background
 from diff3ds.tasks.frame import Frame
-from diff3ds.tasks.posed import Target
+from diff3ds.tasks.posed import PosedPictures, Target
 from diff3ds.tasks.pyramid import Pyramid
 
 
@@ -15,9 +17,12 @@ class ViewsOptions:
 
     Attributes:
         target: edges (edge maps, line drawings) or color; found by itself if not given.
-        strokes: strokes at the start; by default 128 for edges, 1024 for colour.
-        steps: gradient steps; by default 1200 for edges, 2400 for colour.
+        strokes: strokes at the start of edges, by default 128; strokes of a coloured sketch, by default as many, from
+            64 to 1024, as its details need.
+        steps: gradient steps; by default 1200.
         batch: views of a step; by default 10 for edges, 5 for colour.
+        background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1. By
+            default their alpha says where nothing is, or else the colour that nearly all of their borders have.
         size: larger pictures are reduced to this many pixels along the longer side.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
@@ -27,6 +32,7 @@ class ViewsOptions:
     strokes: int | None = None
     steps: int | None = None
     batch: int | None = None
+    background: str | None = None
     size: int = 512
     seed: int = 0
     resume: bool = False
@@ -36,14 +42,21 @@ class ViewsOptions:
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"{name} must be positive, got {value}")
+        if self.background is not None:
+            parse_background(self.background)
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """All that the fit of one set of pictures needs, in its frame."""
+    """All that the fit of one set of pictures needs, in its frame.
 
+    `background` lies behind the pictures' alpha, where that is not their own.
+    """
+
+    pictures: PosedPictures
     frame: Frame
     start: Sketch
     objective: Objective
     pyramid: Pyramid
     config: FitConfig
+    background: Tensor | None = None

@@ -75,10 +75,10 @@ def fit_views(
         {"target": pictures.target, "steps": plan.config.steps, "strokes": len(plan.start)},
         seconds,
         losses,
-        {} if pictures.target == "edges" else color_scores(world, pictures, path),
+        {} if pictures.target == "edges" else color_scores(world, plan, path),
         stopped,
     )
-    write_results(out, world, pictures, info)
+    write_results(out, world, plan.pictures, info)
     if stopped:
         raise KeyboardInterrupt
     return world
@@ -109,7 +109,7 @@ def _plan(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> P
         resume=options.resume,
     )
     start = fresh(count, torch.Generator().manual_seed(options.seed))
-    return Plan(frame, start, _ink_objective(pyramid), pyramid, config)
+    return Plan(pictures, frame, start, _ink_objective(pyramid), pyramid, config)
 
 
 def _ink_objective(pyramid: Pyramid) -> Objective:
