@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from diff3ds.losses import color_loss, ink_loss, psnr
+from diff3ds.losses import color_loss, composite_loss, ink_loss, psnr
 
 
 def test_extra_ink_counts_less_than_missing_ink():
@@ -41,3 +41,27 @@ def test_only_known_pixels_count():
     expected = (-10 * math.log10(0.01) - 10 * math.log10((0.04 + 0.09) / 2)) / 2
     assert psnr(color, torch.zeros(2, 1, 2, 3), known) == pytest.approx(expected, rel=1e-5)
     assert float(color_loss(color, torch.zeros(2, 1, 2, 3), torch.zeros(2, 1, 2, dtype=torch.bool))) == 0
+
+
+def test_composite_loss_over_a_background_is_that_of_composited_images(generator):
+    drawn, target = (torch.rand(2, 5, 6, 4, generator=generator, dtype=torch.float64) for _ in range(2))
+    background = torch.tensor([0.2, 0.9, 0.5], dtype=torch.float64)
+    over = [x[..., :3] + (1 - x[..., 3:]) * background for x in (drawn, target)]
+    loss = composite_loss(drawn[..., :3], drawn[..., 3], target, background)
+    torch.testing.assert_close(loss, color_loss(*over))
+    known = torch.rand(2, 5, 6, generator=generator) < 0.5
+    loss = composite_loss(drawn[..., :3], drawn[..., 3], target, background, known)
+    torch.testing.assert_close(loss, color_loss(*over, known))
+
+
+def test_composite_loss_is_the_expectation_over_backgrounds(generator):
+    """Gauss's two nodes are exact: the loss is quadratic in the background."""
+    drawn, target = (torch.rand(2, 5, 6, 4, generator=generator, dtype=torch.float64) for _ in range(2))
+    losses = [
+        composite_loss(drawn[..., :3], drawn[..., 3], target, torch.full((3,), 0.5 + side / math.sqrt(12)).double())
+        for side in (-1, 1)
+    ]
+    # The nodes are known to float32 only.
+    torch.testing.assert_close(
+        composite_loss(drawn[..., :3], drawn[..., 3], target), sum(losses) / 2, rtol=1e-6, atol=0
+    )

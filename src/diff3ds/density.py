@@ -48,7 +48,7 @@ class Density:
     start: float = 0.15
     end: float = 0.75
     every: float = 0.05
-    growth: float = 1.3
+    growth: float = 1.5
 
     def __call__(self, step: int, steps: int, sketch: Sketch, generator: torch.Generator) -> Edit | None:
         """The strokes to keep and the halves to add after this step, or None."""

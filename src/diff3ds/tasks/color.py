@@ -20,6 +20,7 @@ from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.posed import PosedPictures, load_posed
 from diff3ds.tasks.pyramid import Pyramid, build_pyramid
 from diff3ds.tasks.results import spread
+from diff3ds.tasks.store import Store, is_all_known
 
 STEPS, BATCH = 1200, 5
 # A number of strokes that is not given is found between these; a given one is reached from a quarter of it, so that
@@ -33,8 +34,8 @@ ASPECT, OPACITY = 5.0, 0.7
 POINTS, WIDTH, COLOR, FINAL = 0.02, 0.05, 0.02, 0.06
 # Refinements look at so many views, in images of at most this many pixels along the longer side.
 LOOKED_AT, LOOKED_SIZE = 24, 200
-# The hull is carved in images of about this size: a cell of its grid is then a pixel or two.
-HULL_SIZE = 100
+# The hull is carved by so many views, in images of about this size: a cell of its grid is then a pixel or two.
+HULL_VIEWS, HULL_SIZE = 100, 100
 
 
 def plan_color(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path | None) -> Plan:
@@ -117,7 +118,9 @@ def view_scores(sketch: Sketch, pictures: PosedPictures, background: Tensor) -> 
 
 def _start(pyramid: Pyramid, count: int, seed: int) -> Sketch:
     level = min(pyramid.levels, key=lambda x: abs(math.log(max(x.cameras.size) / HULL_SIZE)))
-    hull = visual_hull(level.cameras, level.store)
+    views = spread(len(level.cameras), HULL_VIEWS)
+    known = level.store.known if is_all_known(level.store.known) else level.store.known[views]
+    hull = visual_hull(level.cameras[views], Store(level.store.pixels[views], known[: len(views)]))
     return strokes_on(hull, count, torch.Generator().manual_seed(seed))
 
 

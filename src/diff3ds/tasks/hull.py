@@ -1,5 +1,6 @@
 """The visual hull: where in space the pictures leave room for something, and in which colour."""
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -15,6 +16,8 @@ SIDE = 64
 # A cell is empty where more than this share of the views that contain it show no content there: one or two pictures
 # with a wrong camera or mask carve nothing.
 OUTVOTED = 0.03
+# Cells beside an empty one make a layer |n_x| + |n_y| + |n_z| cells thick across a plane of normal n, 3/2 on average.
+THICKNESS = 1.5
 # Content is more than this alpha.
 CONTENT = 0.3
 
@@ -62,7 +65,7 @@ def visual_hull(cameras: Cameras, store: Store, side: int = SIDE) -> Hull:
     carved = bool(surface.any()) and bool((inner & ~solid).any())
     chosen = (surface if carved else inner).flatten()
     points = grid[chosen]
-    area = float(surface.sum()) * spacing**2 if carved else 4 * torch.pi
+    area = float(surface.sum()) * spacing**2 / THICKNESS if carved else 4 * math.pi
     picked = normals.reshape(-1, 3)[chosen] * carved
     return Hull(points, picked, _colors(points, cameras, store), spacing, area)
 

@@ -1,0 +1,68 @@
+"""Backgrounds: named, told by alpha, or found along the borders of pictures."""
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.tasks.background import parse_background, with_alpha
+from diff3ds.tasks.posed import PosedPictures
+from diff3ds.tasks.store import store_of
+
+
+def pictures(pixels):
+    cameras = ds.orbit([90.0 * i for i in range(len(pixels))], size=pixels.shape[1])
+    return PosedPictures(cameras, "color", store_of(pixels), tuple("abcd"[: len(pixels)]))
+
+
+def opaque(color):
+    """Two pictures of a red square in the middle, on a background."""
+    pixels = torch.ones(2, 20, 20, 4)
+    pixels[..., :3] = torch.tensor(color)
+    pixels[:, 6:14, 6:14, :3] = torch.tensor([1.0, 0.0, 0.0])
+    return pixels
+
+
+@pytest.mark.parametrize(
+    ("text", "color"),
+    [("white", [1, 1, 1]), ("black", [0, 0, 0]), ("0.5,0,1", [0.5, 0, 1]), ("1, 0.25, 0", [1, 0.25, 0])],
+)
+def test_colors_by_name_and_number(text, color):
+    assert parse_background(text).tolist() == color
+
+
+@pytest.mark.parametrize("text", ["pink", "", "1,2,3", "0.5", "0,0,0,0", "nan,0,0", "0,,1"])
+def test_what_names_no_color_is_refused(text):
+    with pytest.raises(ValueError, match="background must be white, black or R,G,B with numbers from 0 to 1, got"):
+        parse_background(text)
+
+
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("color", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.2, 0.6, 0.4)])
+def test_a_plain_background_becomes_transparent(color, given):
+    before = pictures(opaque(color))
+    after, background = with_alpha(before, torch.tensor(color) if given else None)
+    torch.testing.assert_close(background, torch.tensor(color), rtol=0, atol=1e-6)
+    expected = torch.zeros(2, 20, 20, 4)
+    expected[:, 6:14, 6:14] = torch.tensor([1.0, 0.0, 0.0, 1.0])
+    assert torch.equal(after.batch([0, 1]).pixels, expected)
+    # What was given is left as it was.
+    assert before.batch([0, 1]).alpha.min() == 1
+
+
+def test_pictures_with_alpha_stay_as_they_are():
+    pixels = opaque((0.0, 0.0, 0.0))
+    pixels[0, 0, 0] = 0
+    before = pictures(pixels)
+    after, background = with_alpha(before, None)
+    assert after is before
+    assert background is None
+    wanted = torch.tensor([0.1, 0.2, 0.3])
+    assert with_alpha(before, wanted)[1] is wanted
+
+
+def test_photographs_stay_opaque(generator):
+    pixels = torch.rand(2, 20, 20, 4, generator=generator)
+    pixels[..., 3] = 1
+    after, background = with_alpha(pictures(pixels), None)
+    assert background is None
+    assert after.batch([0, 1]).alpha.min() == 1
