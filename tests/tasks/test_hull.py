@@ -53,7 +53,7 @@ def test_one_wrong_picture_carves_nothing(cameras):
     pixels[7] = 0
     hull = visual_hull(cameras, store(pixels))
     assert (hull.points.norm(dim=1) - 0.8).abs().max() < depth_of_layer(cameras, hull)
-    # Where nothing is known nothing is carved, however many views there are.
+    # Where nothing is known nothing is carved, by however many views.
     known = torch.ones(pixels.shape[:3], dtype=torch.bool)
     pixels[10:20], known[10:20] = 0, False
     hull = visual_hull(cameras, store(pixels, known))

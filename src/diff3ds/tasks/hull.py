@@ -13,9 +13,9 @@ from diff3ds.tasks.store import Store
 REACH = 1.25
 # Cells along its side: about 1.5 px of a picture of 100 px.
 SIDE = 64
-# A cell is empty where more than this share of the views that contain it show no content there: one or two pictures
-# with a wrong camera or mask carve nothing.
-OUTVOTED = 0.03
+# A cell is empty where more than this share of the views that contain it show no content there: one picture of twenty
+# with a wrong camera or mask carves nothing.
+OUTVOTED = 0.05
 # Cells beside an empty one make a layer |n_x| + |n_y| + |n_z| cells thick across a plane of normal n, 3/2 on average.
 THICKNESS = 1.5
 # Content is more than this alpha.
