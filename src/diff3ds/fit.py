@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -184,12 +185,12 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
 
 
 def _drawn(sketch: Sketch, views: Cameras, index: int, config: FitConfig, generator: torch.Generator) -> Rendering:
-    background, antialiasing, samples = config.background, config.antialiasing, config.samples
     blur = config.blur(index) if callable(config.blur) else config.blur
-    options = {"background": background, "antialiasing": antialiasing, "blur": blur, "samples": samples}
+    options: dict[str, Any] = {name: getattr(config, name) for name in ("background", "antialiasing", "samples")}
+    options |= {"blur": blur, "generator": generator}
     if config.project is None:
-        return render(sketch, views, **options, generator=generator)
-    return rasterize(config.project(sketch, views, index), views.size, **options, generator=generator)
+        return render(sketch, views, **options)
+    return rasterize(config.project(sketch, views, index), views.size, **options)
 
 
 def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:
