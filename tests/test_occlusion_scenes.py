@@ -32,11 +32,13 @@ def test_the_later_stroke_covers_the_earlier_whatever_their_depth(first):
     assert middle[1].tolist() == list(BLUE if first == "near" else RED)
 
 
-def test_a_single_stroke_looks_the_same_in_both_orders():
+def test_strokes_apart_look_the_same_in_both_orders():
     """Exactly so where all of it has one depth, which a camera straight ahead sees."""
     cameras = ds.orbit(0.0, 0.0, 3.0, size=64)
     bent = stroke((0.2, -0.6, 0.0), (0.2, 0.0, 0.9), (0.2, 0.6, -0.3))
-    alpha = [rasterize(drawn(bent, cameras), 64).alpha for drawn in (project, by_creation)]
+    outside = stroke((0.0, 9.0, 0.0), (0.0, 9.0, 1.0))
+    sketch = ds.Sketch.concatenate([bent, outside])
+    alpha = [rasterize(drawn(sketch, cameras), 64).alpha for drawn in (project, by_creation)]
     assert alpha[0].sum() > 100
     torch.testing.assert_close(alpha[1], alpha[0], rtol=0, atol=1e-4)
 
