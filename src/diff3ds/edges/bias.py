@@ -15,14 +15,15 @@ from diff3ds._shapes import Float
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.ridges import Array, Ridges
+from diff3ds.edges.support import agreement, crowded, samples
 
-# Samples along a curve, rounds of reweighting, and the residual in pixels that counts half.
-SAMPLES, ROUNDS, SCATTER = 12, 6, 0.5
+# Rounds of reweighting, and the residuals in pixels that count half in the first and the last of them. Few fit at the
+# end: an edge beside an outline, taken for it, always lies on its inner side.
+ROUNDS, FIRST_SCATTER, SCATTER = 25, 1.0, 0.15
 # Ridges within this distance of the filled drawing's border are outline, pixels, and so far a drawing is closed.
 OUTLINE, CLOSED = 7.0, 3
 # Pull of a sample towards its place, in units of one view's: along the curve it cannot be seen at all. Empirical.
-ALONG, ACROSS = 0.1, 0.1
-NEAR, SLANT = 2.5, 0.35
+ALONG, ACROSS = 0.1, 0.01
 
 
 @dataclass(frozen=True)
@@ -64,19 +65,11 @@ def estimate_bias(views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -
         sides: `outline_sides` of all ridge points.
         curves: near the edges.
     """
-    import torch
-
-    t = (torch.arange(SAMPLES) + 0.5) / SAMPLES
-    x = curves.at(t).double().numpy()
-    tangent = np.gradient(x, axis=1).reshape(-1, 3)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-12
-    x = x.reshape(-1, 3)
+    x, tangent = samples(curves)
     match = views.match(x)
     normal = views.normals[match.ridge]
     offset = ((views.points[match.ridge] - match.pixel) * normal).sum(-1)
-    ahead = views.project(x + 0.1 * views.pixel * tangent)[0] - match.pixel
-    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12
-    agree = (match.distance < NEAR) & (np.abs((ahead * normal).sum(-1)) < SLANT)
+    agree = agreement(views, x, tangent) & ~crowded(views, x, tangent)
     # The offset along the normal is explained by the bias and by a displacement of the sample.
     explained = np.concatenate([normal, sides[match.ridge][..., None]], -1)
     moved = views.planes[match.ridge][..., :3] * (views.focal[:, None] / np.maximum(match.depth, 1e-9))[..., None]
@@ -89,9 +82,10 @@ def _solved(offset: Array, explained: Array, moved: Array, agree: NDArray[np.boo
     bias = np.zeros(explained.shape[-1])
     shift = np.zeros_like(tangent)
     pull = ALONG * np.einsum("mi,mj->mij", tangent, tangent) + ACROSS * np.eye(3)
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         residual = offset - explained @ bias - np.einsum("vmk,mk->vm", moved, shift)
-        weight = agree / (1 + (residual / SCATTER) ** 2)
+        scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** (turn / (ROUNDS - 1))
+        weight = agree / (1 + (residual / scatter) ** 2)
         own = np.linalg.inv(np.einsum("vm,vmi,vmj->mij", weight, moved, moved) + pull)
         mixed = np.einsum("vm,vmi,vmk->mik", weight, moved, explained)
         right = np.einsum("vm,vmi,vm->mi", weight, moved, offset)

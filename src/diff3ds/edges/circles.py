@@ -17,9 +17,7 @@ LEAST_RADIUS, SECTORS, COVERED = 3.0, 24, 0.75
 MOST_RADIUS = 1.5
 
 
-def find_circles(
-    found: EdgePoints, arcs: list[Primitive], pixel: float
-) -> tuple[list[list[Primitive]], EdgePoints]:
+def find_circles(found: EdgePoints, arcs: list[Primitive], pixel: float) -> tuple[list[list[Primitive]], EdgePoints]:
     """Circles, as two halves each, and the points that belong to none.
 
     Args:
@@ -42,14 +40,18 @@ def find_circles(
 
 def _on(arc: Primitive) -> Float[Array, "S 3"]:
     """Points on a rational arc."""
-    from diff3ds.edges.curves import curves_of
     import torch
+
+    from diff3ds.edges.curves import curves_of
 
     return curves_of([arc]).at(torch.linspace(0, 1, 9))[0].double().numpy()
 
 
 def _grown(
-    found: EdgePoints, free: Bool[NDArray[np.bool_], " M"], circle: tuple[Array, Array, Array, float, Array], pixel: float
+    found: EdgePoints,
+    free: Bool[NDArray[np.bool_], " M"],
+    circle: tuple[Array, Array, Array, float, Array],
+    pixel: float,
 ) -> tuple[tuple[Array, Array, Array, float, Array], Bool[NDArray[np.bool_], " M"]] | None:
     """The circle of least squares through the points around it, and these; None if they do not go all around."""
     for _ in range(ROUNDS):

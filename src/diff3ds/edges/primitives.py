@@ -76,7 +76,10 @@ def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primi
     angle = np.unwrap(np.arctan2(flat @ v, flat @ u))
     start, stop = angle[0], angle[-1]
     sweep = stop - start
-    if radius * (1 - np.cos(min(abs(sweep), np.pi) / 2)) < max(least_rise, 1e-6) or np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
+    if (
+        radius * (1 - np.cos(min(abs(sweep), np.pi) / 2)) < max(least_rise, 1e-6)
+        or np.ptp(angle) > 1.1 * abs(sweep) + 0.1
+    ):
         return []
     if abs(sweep) > CLOSED:
         stop = start + 2 * np.pi

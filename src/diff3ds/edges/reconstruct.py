@@ -33,8 +33,8 @@ FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
 # The scores of points are weighted views, and the parts of a curve are shown in fewer views than its best ones.
 # The second look asks for fewer: what the first has explained can no longer come together by chance.
 SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
-# A bias smaller than this is not worth a second start, pixels.
-BIAS = 0.1
+# A bias smaller than this is not worth another start, pixels; and so many starts at most.
+BIAS, CALIBRATIONS = 0.07, 2
 STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
 
 
@@ -60,10 +60,15 @@ def reconstruct(
     enough = confirming(len(views))
     curves = first_curves(views, enough)
     report("calibrate")
-    bias = estimate_bias(views, np.concatenate(sides), curves)
-    if max(abs(bias.dx), abs(bias.dy), abs(bias.outward)) > BIAS:
-        ridges = corrected(ridges, sides, bias)
-        views = edge_views(cameras, ridges)
+    bias = Bias(0.0, 0.0, 0.0)
+    for _ in range(CALIBRATIONS):
+        # Outlines of smooth surfaces lie outside of where they meet, as if the detector had put them there.
+        edges = curves[~smooth_outlines(views, curves)]
+        left = estimate_bias(views, np.concatenate(sides), edges)
+        if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
+            break
+        bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
+        views = edge_views(cameras, ridges := corrected(ridges, sides, left))
         curves = first_curves(views, enough)
     report("refine")
     curves = pruned(refined(curves, cameras, views, STEPS, RATE, seed), views, SUPPORT * enough, SHORTEST)

@@ -11,7 +11,7 @@ from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.camera import Cameras
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
-from diff3ds.edges.support import PARTS, part_support
+from diff3ds.edges.support import PARTS, clear_support
 from diff3ds.fit import FitConfig, Rates, fit
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
@@ -41,7 +41,7 @@ class _Shown:
         """All parts of the curves; those that a view does not show have no width there."""
         points, weights = self.curves.constrained(sketch.points)
         if step % RECHECK == 0:
-            self.parts = part_support(self.views, self.curves.moved(sketch.points.detach()))
+            self.parts = clear_support(self.views, self.curves.moved(sketch.points.detach()))
         whole = project(Sketch(points, weights, sketch.width), cameras)
         cuts = torch.linspace(0, 1, PARTS + 1, dtype=torch.float64)
         cut = subcurve_matrix(cuts[:-1], cuts[1:], 3)

@@ -1,7 +1,7 @@
 """Ridges of images at subpixel precision (Steger 1998): the centre lines of drawn edges, or of colour gradients."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +10,21 @@ from diff3ds._shapes import Float
 
 Array = NDArray[np.float64]
 
-# Edge maps: standard deviation of the Gaussian derivatives in pixels, least value and curvature of a ridge. Empirical
+# Edge maps: standard deviation of the Gaussian derivatives in pixels, and least value of a ridge. Empirical
 # on the maps of two detectors, PiDiNet (thick lines) and DexiNed (thin ones).
-MAP_SIGMA, MAP_VALUE, MAP_CURVATURE = 1.0, 0.18, 0.02
+MAP_SIGMA, MAP_VALUE = 1.0, 0.18
 # Colour: of the gradient's own Gaussian and of its ridges. The logarithm makes weak and strong edges comparable;
 # GRADIENT_NOISE is the gradient per pixel that counts as noise. Empirical.
 GRADIENT_SIGMA, GRADIENT_NOISE = 1.0, 0.02
-COLOR_SIGMA, COLOR_VALUE, COLOR_CURVATURE = 0.6, 0.35, 0.05
+COLOR_SIGMA, COLOR_VALUE = 0.6, 0.35
 # Share of the median value below which a ridge is faint. Empirical, between the borders of rounded edges and real ones.
 FAINT = 0.4
+# Least curvature of a ridge across, relative to the value (a line whose profile has the standard deviation s pixels has
+# 1 / s²), and largest slope along it that is not the flank of another, per pixel.
+CURVATURE, FLANK = 0.15, 0.3
+# Curvature is that of a parabola through the neighbours within so many pixels that run the same way (cosine); it
+# moves a ridge by no more than this, pixels. Empirical.
+AROUND, NEIGHBOURS, FEWEST, SAME_WAY, MOST_PULL = 4.5, 16, 6, 0.6, 0.3
 # A ridge belongs to the pixel that holds its top; a little overlap leaves no gaps between neighbours.
 WITHIN = 0.6
 # Filters see no true neighbours this close to the border.
@@ -48,7 +54,7 @@ class Ridges:
 
 def map_ridges(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
     """Centre lines of an edge map or line drawing, ink in [0, 1]."""
-    return find_ridges(ink, MAP_SIGMA, MAP_VALUE, MAP_CURVATURE)
+    return find_ridges(ink, MAP_SIGMA, MAP_VALUE)
 
 
 def without_faint(ridges: Sequence[Ridges]) -> list[Ridges]:
@@ -60,7 +66,7 @@ def without_faint(ridges: Sequence[Ridges]) -> list[Ridges]:
 
 def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:
     """Where colour or transparency changes fastest, colours straight, all in [0, 1]."""
-    return find_ridges(color_gradient(rgba), COLOR_SIGMA, COLOR_VALUE, COLOR_CURVATURE)
+    return find_ridges(color_gradient(rgba), COLOR_SIGMA, COLOR_VALUE)
 
 
 def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"]:
@@ -77,19 +83,16 @@ def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[n
     return np.log1p(np.sqrt(square) / GRADIENT_NOISE)
 
 
-def find_ridges(
-    image: Float[NDArray[np.float32], "H W"], sigma: float, least_value: float, least_curvature: float
-) -> Ridges:
+def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_value: float) -> Ridges:
     """Points where the image is largest across the direction of its strongest curvature.
 
-    The second-order Taylor polynomial of the smoothed image has its top across the ridge at t n, n the eigenvector
-    of the most negative eigenvalue l of the Hessian, t = -(gradient . n) / l; the pixel holds a ridge point if that lies
+    The second-order Taylor polynomial of the smoothed image has its top across the ridge at t n, n the eigenvector of
+    the most negative eigenvalue l of the Hessian, t = -(gradient . n) / l; the pixel holds a ridge point if that lies
     within it.
 
     Args:
         sigma: of the Gaussian derivatives, pixels.
         least_value: of the smoothed image.
-        least_curvature: -l.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -101,12 +104,49 @@ def find_ridges(
     least = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
     nx, ny = _eigenvector(xx, xy, yy, least)
     top = -(gx * nx + gy * ny) / np.minimum(least, -1e-9)
-    ridge = (least < -least_curvature) & (value > least_value)
+    # On the flank of a bent line the image bends down along the line, a little, and falls off beside it.
+    flank = np.abs(gx * ny - gy * nx) > FLANK * value
+    ridge = (least < -CURVATURE * value) & (xx + yy < 0) & (value > least_value) & ~flank
     ridge &= (np.abs(top * nx) <= WITHIN) & (np.abs(top * ny) <= WITHIN)
     ridge[:BORDER] = ridge[-BORDER:] = ridge[:, :BORDER] = ridge[:, -BORDER:] = False
     y, x = np.nonzero(ridge)
     points = np.stack([x + 0.5 + (top * nx)[ridge], y + 0.5 + (top * ny)[ridge]], 1)
-    return Ridges(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge])
+    return _unshrunk(Ridges(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge]), sigma)
+
+
+def _unshrunk(ridges: Ridges, sigma: float) -> Ridges:
+    """The ridges where they would be without the smoothing, which pulls bent lines to the inside.
+
+    The Gaussian is heat flow over the time sigma² / 2; in polar coordinates around the centre of curvature its equation
+    I_t = I_rr + k I_r moves a line inwards at the speed of its curvature k, by k sigma² / 2 in all.
+    """
+    pull = np.clip(_curvature(ridges) * sigma**2 / 2, -MOST_PULL, MOST_PULL)
+    # Towards the side of the normal is inwards where the curvature is positive.
+    return replace(ridges, points=ridges.points - pull[:, None] * ridges.normals)
+
+
+def _curvature(ridges: Ridges) -> Float[Array, " M"]:
+    """Curvature of the ridges in the image, positive where they bend to the side of the normal, 1 / pixels."""
+    from scipy.spatial import cKDTree
+
+    if len(ridges) < FEWEST:
+        return np.zeros(len(ridges))
+    tree = cKDTree(ridges.points)
+    distance, near = tree.query(ridges.points, k=min(NEIGHBOURS, len(ridges)), distance_upper_bound=AROUND)
+    near = np.where(np.isfinite(distance), near, 0)
+    offset = ridges.points[near] - ridges.points[:, None]
+    normal = ridges.normals[:, None]
+    across = (offset * normal).sum(-1)
+    along = offset[..., 0] * normal[..., 1] - offset[..., 1] * normal[..., 0]
+    same = np.abs((ridges.normals[near] * normal).sum(-1)) > SAME_WAY
+    weight = (np.isfinite(distance) & same & (np.abs(across) < 0.5 + 0.5 * np.abs(along))).astype(np.float64)
+    basis = np.stack([np.ones_like(along), along, along**2 / 2], -1)
+    matrix = np.einsum("mk,mki,mkj->mij", weight, basis, basis)
+    right = np.einsum("mk,mki,mk->mi", weight, basis, across)
+    solid = (weight.sum(1) >= FEWEST) & ((weight * np.abs(along)).max(1) > AROUND / 2)
+    matrix[~solid] = np.eye(3)
+    bend = np.linalg.solve(matrix + 1e-6 * np.eye(3), right[..., None])[:, 2, 0]
+    return np.where(solid, bend, 0.0)
 
 
 def _eigenvector(xx: Array, xy: Array, yy: Array, value: Array) -> tuple[Array, Array]:

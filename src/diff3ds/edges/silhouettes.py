@@ -14,7 +14,7 @@ from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.ridges import Array
-from diff3ds.edges.support import PARTS, SAMPLES, agreement
+from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
 
 # The section's radius that tells an outline, pixels, and how many standard deviations it has to be from zero: between
 # those of 396 edges and 55 outlines of generated objects, as is the spread below.
@@ -23,10 +23,10 @@ RADIUS, CERTAIN = 2.8, 5.0
 SHARP = 1.2
 # Ratio of the normals' scatter along two directions. Views spread evenly over ± a about one direction give
 # (1 - s) / (1 + s), s = sin 2a / 2a: .22 over the quarter turn that shows a square inner edge, less where a part of
-# those views is blocked.
-SPREAD = 0.13
+# those views is blocked. Short pieces of less come together by chance; long ones, in pixels, hardly do.
+SPREAD, LEAST_SPREAD, CHANCE = 0.13, 0.07, 15.0
 # Views of a part that say anything, residual in pixels that counts half, rounds of reweighting.
-FEWEST, SCATTER, ROUNDS = 10, 0.5, 5
+FEWEST, SCATTER, ROUNDS = 10, 0.5, 8
 
 
 def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bool[Tensor, " N"]:
@@ -35,52 +35,72 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     Args:
         doubt: take what may be either for an outline.
     """
-    count = PARTS * SAMPLES
-    t = (torch.arange(count) + 0.5) / count
-    x = curves.at(t).double().numpy()
-    tangents = np.gradient(x, axis=1)
-    tangents /= np.linalg.norm(tangents, axis=2, keepdims=True) + 1e-12
-    return torch.tensor([_is_outline(views, *curve, doubt) for curve in zip(x, tangents, strict=True)], dtype=torch.bool)
-
-
-def _is_outline(views: EdgeViews, x: Float[Array, "S 3"], tangents: Float[Array, "S 3"], doubt: bool) -> bool:
+    x, tangents = samples(curves)
     shown = agreement(views, x, tangents)
     planes = views.planes[views.match(x).ridge]
     normals = planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True) + 1e-12
     offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
+    count = PARTS * SAMPLES
+    each = [slice(i * count, (i + 1) * count) for i in range(len(curves))]
+    found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
+    # Where an edge beside it disturbs the ridges, an edge may look like an outline.
+    clear = shown & ~crowded(views, x, tangents, by=np.repeat(~found, count))
+    found &= [_wanders(clear[:, i], normals[:, i], offsets[:, i], doubt) for i in each]
+    length = np.linalg.norm(np.diff(x.reshape(-1, count, 3), axis=1), axis=2).sum(1) / views.pixel
+    narrow = [_spread(shown[:, i], normals[:, i]) for i in each]
+    return torch.from_numpy(found | (np.array(narrow) < np.where(length < CHANCE, SPREAD, LEAST_SPREAD)))
+
+
+def _parts(shown: Bool[NDArray[np.bool_], "V S"]) -> list[tuple[slice, Bool[NDArray[np.bool_], "V P"]]]:
+    """Slices of the parts that enough views show, and these views."""
     parts = [slice(i * SAMPLES, (i + 1) * SAMPLES) for i in range(PARTS)]
-    seen = [_part(normals[:, p][shown[:, p]], offsets[:, p][shown[:, p]]) for p in parts]
-    told = [part for part in seen if part is not None]
+    return [(p, shown[:, p]) for p in parts if shown[:, p].sum() >= FEWEST]
+
+
+def _spread(shown: Bool[NDArray[np.bool_], "V S"], normals: Float[Array, "V S 3"]) -> float:
+    """Ratio of the normals' scatter in two directions, mean over the parts; 1 if nothing is known."""
+    spreads = []
+    for part, views in _parts(shown):
+        seen = normals[:, part][views]
+        values = np.linalg.eigvalsh(seen.T @ seen)
+        spreads.append(values[1] / values[2])
+    return float(np.mean(spreads)) if spreads else 1.0
+
+
+def _wanders(
+    shown: Bool[NDArray[np.bool_], "V S"], normals: Float[Array, "V S 3"], offsets: Float[Array, "V S"], doubt: bool
+) -> bool:
+    """Whether the ridges move as a surface's outline does; in doubt, whether it is not certain that they do not."""
+    told = [_without_displacement(normals[:, part][views], offsets[:, part][views]) for part, views in _parts(shown)]
     if not told:
         return doubt
-    radius, deviation = _radius(np.concatenate([p[0] for p in told]), np.concatenate([p[1] for p in told]))
-    if abs(radius) + 2 * deviation < SHARP:
-        return False
-    wanders = abs(radius) > RADIUS and abs(radius) > CERTAIN * deviation
-    return doubt or wanders or bool(np.mean([p[2] for p in told]) < SPREAD)
+    radius, deviation = _radius(*(np.concatenate(values) for values in zip(*told, strict=True)))
+    if doubt:
+        return abs(radius) + 2 * deviation >= SHARP
+    return abs(radius) > RADIUS and abs(radius) > CERTAIN * deviation
 
 
-def _part(normals: Float[Array, "M 3"], offsets: Float[Array, " M"]) -> tuple[Array, Array, float] | None:
-    """What the displacement leaves of a constant and of the offsets, and the spread of the normals."""
-    if len(normals) < FEWEST:
-        return None
-    values, vectors = np.linalg.eigh(normals.T @ normals)
+def _without_displacement(normals: Float[Array, "M 3"], offsets: Float[Array, " M"]) -> tuple[Array, Array]:
+    """What a displacement of the curve leaves of a constant and of the offsets."""
+    _, vectors = np.linalg.eigh(normals.T @ normals)
     main, side = normals @ vectors[:, 2], normals @ vectors[:, 1]
     # The sign of a normal is open: those of an outline point out of the surface.
     sign = np.where(main < 0, -1.0, 1.0)
     basis = np.linalg.qr(np.stack([main * sign, side * sign], 1))[0]
     constant, left = (v - basis @ (basis.T @ v) for v in (np.ones(len(normals)), offsets * sign))
-    return constant, left, float(values[1] / values[2])
+    return constant, left
 
 
 def _radius(constant: Float[Array, " M"], left: Float[Array, " M"]) -> tuple[float, float]:
     """The radius of least squares, reweighted, and its standard deviation; samples of a part count as one."""
     weights: NDArray[np.float64] = np.ones(len(left))
     radius, residual = 0.0, left
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         radius = float((weights * constant * left).sum() / ((weights * constant**2).sum() + 1e-12))
         residual = left - radius * constant
-        weights = 1 / (1 + (residual / SCATTER) ** 2)
+        far = (residual / SCATTER) ** 2
+        # At last, what does not fit says nothing: other lines, close to this one, where it is seen from the side.
+        weights = 1 / (1 + far) if turn < ROUNDS // 2 else np.exp(-far / 2)
     variance = (weights * residual**2).sum() / weights.sum()
     return radius, float(np.sqrt(variance / ((weights * constant**2).sum() + 1e-12) * SAMPLES))

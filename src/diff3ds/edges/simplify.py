@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float
 from diff3ds.edges.chains import resampled
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.lookup import EdgeViews

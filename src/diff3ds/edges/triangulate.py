@@ -1,4 +1,4 @@
-"""3D points on edges: each ridge point spans a plane with its camera, and an edge is where many planes meet in a line."""
+"""3D points on edges: a ridge point and its camera span a plane, and an edge is where many planes meet in a line."""
 
 from dataclasses import dataclass
 
