@@ -1,7 +1,7 @@
 """The command line: `diff3ds COMMAND`, each command a function of `diff3ds.tasks` with a dataclass of options."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +9,12 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bars
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
-from diff3ds.fit import Step
 from diff3ds.tasks.plan import ViewsOptions
+from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.views import fit_views
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
@@ -68,29 +69,35 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 @contextmanager
-def _progress(console: Console) -> Iterator[Callable[[Step, int], None]]:
-    """A progress bar with rate, time left, loss and strokes; yields what reports a step to it."""
+def _progress(console: Console) -> Iterator[Report]:
+    """A progress bar with the stage, rate, time left, loss and strokes; yields what reports to it."""
     columns = (
-        TextColumn("fit"),
+        TextColumn("{task.description}"),
         BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[steps]}"),
         TimeRemainingColumn(),
-        TextColumn("loss {task.fields[loss]:.5f}  strokes {task.fields[strokes]}"),
+        TextColumn("{task.fields[about]}"),
     )
-    with Progress(*columns, console=console, disable=console.quiet) as progress:
-        task = progress.add_task("fit", total=None, visible=False, loss=0.0, strokes=0, rate="")
+    with Bars(*columns, console=console, disable=console.quiet) as bars:
+        task = None
+        stage = ""
 
-        def report(step: Step, steps: int) -> None:
-            speed = progress.tasks[0].speed
-            progress.update(
+        def report(progress: Progress) -> None:
+            nonlocal task, stage
+            if task is None or progress.stage != stage:
+                if task is not None:
+                    bars.update(task, total=bars.tasks[-1].completed, steps="", about="")
+                stage = progress.stage
+                task = bars.add_task(stage, total=progress.total, steps="", about="")
+            speed = bars.tasks[-1].speed
+            loss = "" if progress.loss is None else f"loss {progress.loss:.5g}  "
+            steps = f"{progress.done}/{progress.total}" if progress.total else ""
+            bars.update(
                 task,
-                visible=True,
-                total=steps,
-                completed=step.index + 1,
-                loss=step.loss,
-                strokes=len(step.sketch),
-                rate=f"{speed:.0f} steps/s" if speed else "",
+                total=progress.total,
+                completed=progress.done,
+                steps=steps + (f"  {speed:.0f} steps/s" if speed else ""),
+                about=f"{loss}{progress.strokes} strokes" if progress.strokes else "",
             )
 
         yield report

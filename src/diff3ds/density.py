@@ -18,15 +18,30 @@ CHUNK = 8
 
 
 @dataclass(frozen=True, eq=False)
+class Observation:
+    """Views in which errors are measured; small images of some of all views do.
+
+    Attributes:
+        cameras: of the views.
+        targets: RGB times alpha, and alpha, that they should show.
+        known: pixels that count.
+        blur: that the targets carry, pixels.
+    """
+
+    cameras: Cameras
+    targets: Float[Tensor, "V H W 4"]
+    known: Bool[Tensor, "V H W"]
+    blur: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Density:
     """A refinement: strokes that hardly show are dropped; those with the greatest errors are halved, up to a limit.
 
     It has no state: a resumed run goes on as one that never stopped. The schedule and the thresholds are empirical.
 
     Attributes:
-        cameras: views in which errors are measured; small images of some of all views do.
-        targets: RGB times alpha, and alpha, that they should show.
-        known: pixels that count.
+        observed: what a step should show, as coarse as what the fit follows then: what it does not see yet is no error.
         least: halving goes on up to this many strokes, however small their errors.
         most: strokes never get more than this.
         project: what is drawn; see `FitConfig.project`.
@@ -37,13 +52,11 @@ class Density:
         growth: the number of strokes grows at most by this factor in a change.
     """
 
-    cameras: Cameras
-    targets: Float[Tensor, "V H W 4"]
-    known: Bool[Tensor, "V H W"]
+    observed: Callable[[int], Observation]
     least: int
     most: int
     project: Callable[[Sketch, Cameras], Strokes2D] = project
-    tolerance: float = 0.04
+    tolerance: float = 0.05
     unseen: float = 0.02
     start: float = 0.15
     end: float = 0.75
@@ -54,7 +67,7 @@ class Density:
         """The strokes to keep and the halves to add after this step, or None."""
         if not self.due(step, steps):
             return None
-        shown, error = self.footprints(sketch)
+        shown, error = footprints(sketch, self.observed(step), self.project)
         # The one that shows most stays in any case: a sketch never becomes empty.
         alive = (shown > self.unseen * shown.mean()) | (shown == shown.max())
         count = int(alive.sum())
@@ -73,22 +86,26 @@ class Density:
         done, period = step + 1, max(1, round(self.every * steps))
         return round(self.start * steps) <= done <= round(self.end * steps) and done % period == 0
 
-    def footprints(self, sketch: Sketch) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
-        """What each stroke shows, in pixels, and the squared error in what it shows; sums over all views.
 
-        The derivative of a rendering with respect to a stroke's colour is the stroke's share in each pixel, behind all
-        that is before it. Weighted by one in one channel, and by the error in another, both sums come from one pass.
-        """
-        total = sketch.color.new_zeros(len(sketch), 3)
-        for views in _chunks(len(self.cameras)):
-            color = sketch.color.detach().clone().requires_grad_()
-            strokes = self.project(replace(sketch, color=color), self.cameras[views])
-            drawn = rasterize(strokes, self.cameras.size, background=0.0)
-            wrong = torch.cat([drawn.color, drawn.alpha[..., None]], -1).detach() - self.targets[views]
-            seen = self.known[views].to(color.dtype)
-            error = wrong.square().mean(-1) * seen
-            total += torch.autograd.grad(drawn.color, color, torch.stack([seen, error, torch.zeros_like(seen)], -1))[0]
-        return total[:, 0], total[:, 1]
+def footprints(
+    sketch: Sketch, observed: Observation, project: Callable[[Sketch, Cameras], Strokes2D] = project
+) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
+    """What each stroke shows, in pixels, and the squared error in what it shows; sums over all views.
+
+    The derivative of a rendering with respect to a stroke's colour is the stroke's share in each pixel, behind all
+    that is before it. Weighted by one in one channel, and by the error in another, both sums come from one pass.
+    """
+    total = sketch.color.new_zeros(len(sketch), 3)
+    cameras = observed.cameras
+    for views in _chunks(len(cameras)):
+        color = sketch.color.detach().clone().requires_grad_()
+        strokes = project(replace(sketch, color=color), cameras[views])
+        drawn = rasterize(strokes, cameras.size, background=0.0, blur=observed.blur)
+        wrong = torch.cat([drawn.color, drawn.alpha[..., None]], -1).detach() - observed.targets[views]
+        seen = observed.known[views].to(color.dtype)
+        error = wrong.square().mean(-1) * seen
+        total += torch.autograd.grad(drawn.color, color, torch.stack([seen, error, torch.zeros_like(seen)], -1))[0]
+    return total[:, 0], total[:, 1]
 
 
 def halves(sketch: Sketch, chosen: Int[Tensor, " M"]) -> Sketch:

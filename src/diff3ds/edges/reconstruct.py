@@ -1,6 +1,7 @@
 """Ridges of posed views to a clean set of 3D curves: the steps in their order."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -13,7 +14,7 @@ from diff3ds.edges.circles import find_circles
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.refine import refined
-from diff3ds.edges.ridges import Ridges, without_faint
+from diff3ds.edges.ridges import Array, Ridges, without_faint
 from diff3ds.edges.segment import segmented
 from diff3ds.edges.silhouettes import smooth_outlines
 from diff3ds.edges.simplify import joined, pruned
@@ -36,6 +37,10 @@ SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
 # A bias smaller than this is not worth another start, pixels; and so many starts at most.
 BIAS, CALIBRATIONS = 0.07, 2
 STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
+NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
+
+# Called with the name of a stage, the steps done, the loss and the number of curves.
+Report = Callable[[str, int, float | None, int], None]
 
 
 def confirming(views: int) -> float:
@@ -43,44 +48,113 @@ def confirming(views: int) -> float:
     return max(FEWEST, FACTOR * views**POWER)
 
 
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What is reached after a stage: 0 nothing, 1 the first curves and the bias, 2 refined ones, 3 the end."""
+
+    stage: int
+    curves: Curves
+    bias: Bias
+
+
 def reconstruct(
-    cameras: Cameras, ridges: Sequence[Ridges], report: Callable[[str], None] = lambda stage: None, seed: int = 0
-) -> tuple[Curves, Bias]:
+    cameras: Cameras,
+    ridges: Sequence[Ridges],
+    *,
+    start: Curves | None = None,
+    reached: Result | None = None,
+    save: Callable[[Result], None] = lambda result: None,
+    report: Report = lambda stage, step, loss, curves: None,
+    seed: int = 0,
+) -> Result:
     """The curves that the views show, and the bias found in their ridges.
 
     Args:
         cameras: in a frame where what they show fills the unit ball.
         ridges: of every view.
-        report: called with the name of each step.
+        start: curves to refine instead of those found by carving.
+        reached: the result of a stage, to go on from.
+        save: called with the result of every stage.
+        report: called with the stage, and the step, loss and curves of a refinement.
+
+    Raises:
+        ValueError: the views show no edges that agree.
     """
-    report("carve")
     ridges = without_faint(ridges)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
+    enough = confirming(len(ridges))
+    if reached is None:
+        report("first curves", 0, None, 0)
+        reached = _started(cameras, ridges, sides, start, enough)
+        save(reached)
+    ridges = corrected(ridges, sides, reached.bias)
+    scene = _Scene(cameras, edge_views(cameras, ridges), ridges, enough, seed, report)
+    for after, stage in ((1, _refined), (2, _finished)):
+        if reached.stage == after:
+            curves = stage(scene, reached.curves, carving=start is None)
+            if not len(curves):
+                raise ValueError(NOTHING)
+            reached = Result(after + 1, curves, reached.bias)
+            save(reached)
+    return reached
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What all stages look at."""
+
+    cameras: Cameras
+    views: EdgeViews
+    ridges: Sequence[Ridges]
+    enough: float
+    seed: int
+    report: Report
+
+    def refined(self, name: str, curves: Curves, rate: float) -> Curves:
+        return refined(
+            curves,
+            self.cameras,
+            self.views,
+            STEPS,
+            rate,
+            self.seed,
+            lambda s, loss: self.report(name, s, loss, len(curves)),
+        )
+
+
+def _started(
+    cameras: Cameras, ridges: Sequence[Ridges], sides: Sequence[Array], start: Curves | None, enough: float
+) -> Result:
+    """The first curves, again after each calibration."""
     views = edge_views(cameras, ridges)
-    enough = confirming(len(views))
-    curves = first_curves(views, enough)
-    report("calibrate")
+    curves = start or first_curves(views, enough)
     bias = Bias(0.0, 0.0, 0.0)
     for _ in range(CALIBRATIONS):
+        if not len(curves):
+            raise ValueError(NOTHING)
         # Outlines of smooth surfaces lie outside of where they meet, as if the detector had put them there.
         edges = curves[~smooth_outlines(views, curves)]
         left = estimate_bias(views, np.concatenate(sides), edges)
         if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
             break
         bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
-        views = edge_views(cameras, ridges := corrected(ridges, sides, left))
-        curves = first_curves(views, enough)
-    report("refine")
-    curves = pruned(refined(curves, cameras, views, STEPS, RATE, seed), views, SUPPORT * enough, SHORTEST)
-    outline = smooth_outlines(views, curves)
-    report("second look")
-    hidden = second_look(curves, cameras, views, ridges, enough, seed)
-    curves = concatenated(curves[~outline], hidden)
-    report("join and weld")
-    curves = welded(joined(curves, views.pixel), views.pixel)
-    curves = refined(curves, cameras, views, STEPS, SECOND_RATE, seed)
-    curves = pruned(curves, views, SECOND * SUPPORT * enough, SHORTEST)
-    return curves[~smooth_outlines(views, curves)], bias
+        views = edge_views(cameras, corrected(ridges, sides, bias))
+        curves = start or first_curves(views, enough)
+    return Result(1, curves, bias)
+
+
+def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+    curves = scene.refined("refine", curves, RATE)
+    curves = pruned(curves, scene.views, SUPPORT * scene.enough, SHORTEST)
+    edges = curves[~smooth_outlines(scene.views, curves)]
+    return concatenated(edges, second_look(scene, curves)) if carving else edges
+
+
+def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+    pixel = scene.views.pixel
+    curves = scene.refined("join and weld", welded(joined(curves, pixel), pixel), SECOND_RATE)
+    curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
+    return curves[~smooth_outlines(scene.views, curves)]
 
 
 def first_curves(views: EdgeViews, enough: float) -> Curves:
@@ -95,17 +169,14 @@ def first_curves(views: EdgeViews, enough: float) -> Curves:
     return curves_of(pieces, circles)
 
 
-def second_look(
-    curves: Curves, cameras: Cameras, views: EdgeViews, ridges: Sequence[Ridges], enough: float, seed: int
-) -> Curves:
+def second_look(scene: _Scene, curves: Curves) -> Curves:
     """Curves that fewer views show, through the ridges that the first curves leave unexplained."""
-    fewer = max(FEWEST, SECOND * enough)
-    rest = edge_views(cameras, unexplained(views, ridges, curves))
+    fewer = max(FEWEST, SECOND * scene.enough)
+    rest = edge_views(scene.cameras, unexplained(scene.views, scene.ridges, curves))
     found = first_curves(rest, fewer)
     if not len(found):
         return found
-    found = refined(found, cameras, views, STEPS, RATE, seed)
-    found = pruned(found, rest, SUPPORT * fewer, SHORTEST_HIDDEN)
+    found = pruned(scene.refined("second look", found, RATE), rest, SUPPORT * fewer, SHORTEST_HIDDEN)
     return found[~smooth_outlines(rest, found, doubt=True)]
 
 

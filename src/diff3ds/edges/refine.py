@@ -1,5 +1,6 @@
 """Refinement of curves through the renderer: in each view only the parts that it shows are drawn."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,8 +25,8 @@ REACH = 0.8
 BATCH = 10
 # Steps after which it is asked again what the views show.
 RECHECK = 25
-# Learning rates in pixels a step, at the first and relative at the last; empirical.
-RATE, FINAL_RATE = 0.09, 0.1
+# Learning rate of the last step, relative to the first; empirical.
+FINAL_RATE = 0.1
 
 
 @dataclass(eq=False)
@@ -57,34 +58,33 @@ class _Shown:
         )
 
     def batch(self, step: int) -> Tensor:
-        """The views of a step."""
-        return _batch(self.order, step)
-
-
-def _batch(order: Tensor, step: int) -> Tensor:
-    batches = max(1, order.shape[1] // BATCH)
-    epoch, turn = divmod(step, batches)
-    return order[epoch % len(order), turn * BATCH : (turn + 1) * BATCH]
+        """The views of a step: every view comes once before any comes again."""
+        epoch, turn = divmod(step, max(1, self.order.shape[1] // BATCH))
+        return self.order[epoch, turn * BATCH : (turn + 1) * BATCH]
 
 
 def refined(
-    curves: Curves, cameras: Cameras, views: EdgeViews, steps: int, rate: float = RATE, seed: int = 0
+    curves: Curves,
+    cameras: Cameras,
+    views: EdgeViews,
+    steps: int,
+    rate: float,
+    seed: int = 0,
+    report: Callable[[int, float], None] = lambda step, loss: None,
 ) -> Curves:
     """Curves moved so that their renderings meet the ridges of all views.
 
     Args:
         cameras: those of the views.
         rate: of the first step, pixels.
+        report: called with the steps done and the loss.
     """
-    generator = torch.Generator().manual_seed(seed)
-    order = torch.stack(
-        [torch.randperm(len(views), generator=generator) for _ in range(-(-steps * BATCH // len(views)) + 1)]
-    )
-    targets = torch.stack([torch.from_numpy(draw_ridges(views, v)) for v in range(len(views))])
-    shown = _Shown(views, curves, order)
+    shown = _Shown(views, curves, _orders(len(views), steps, seed))
+    targets = torch.stack([_as_bytes(draw_ridges(views, view)) for view in range(len(views))])
 
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
-        return (rendering.alpha - targets[shown.batch(step)]).square().sum((1, 2)).mean()
+        target = targets[shown.batch(step)].to(rendering.alpha.dtype) / 255
+        return (rendering.alpha - target).square().sum((1, 2)).mean()
 
     config = FitConfig(
         steps=steps, rates=Rates(points=rate * views.pixel), final_rate=FINAL_RATE, project=shown.strokes, seed=seed
@@ -92,7 +92,19 @@ def refined(
     sketch = curves.sketch(0.0)
     for done in fit(sketch, objective, lambda step, generator: cameras[shown.batch(step)], config):
         sketch = done.sketch
+        report(done.index + 1, done.loss)
     return curves.moved(sketch.points)
+
+
+def _orders(views: int, steps: int, seed: int) -> Tensor:
+    """A random order of all views for every epoch."""
+    generator = torch.Generator().manual_seed(seed)
+    epochs = -(-steps // max(1, views // BATCH))
+    return torch.stack([torch.randperm(views, generator=generator) for _ in range(epochs)])
+
+
+def _as_bytes(image: NDArray[np.float32]) -> Tensor:
+    return torch.from_numpy(np.rint(image * 255).astype(np.uint8))
 
 
 def draw_ridges(views: EdgeViews, view: int) -> Float[NDArray[np.float32], "H W"]:

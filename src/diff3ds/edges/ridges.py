@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Bool, Float
 
 Array = NDArray[np.float64]
 
@@ -65,22 +65,29 @@ def without_faint(ridges: Sequence[Ridges]) -> list[Ridges]:
 
 
 def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:
-    """Where colour or transparency changes fastest, colours straight, all in [0, 1]."""
+    """Where colour or transparency changes fastest; colours times alpha, and alpha, in [0, 1]."""
     return find_ridges(color_gradient(rgba), COLOR_SIGMA, COLOR_VALUE)
 
 
 def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"]:
-    """log(1 + gradient / noise) of the premultiplied colours and of alpha."""
+    """log(1 + gradient / noise) of colours times alpha and of alpha."""
     from scipy.ndimage import gaussian_filter
 
-    alpha = rgba[..., 3]
+    square = np.zeros_like(rgba[..., 3])
     # Three channels of colour count as much as the outline.
-    channels = [(rgba[..., k] * alpha, 1 / 3) for k in range(3)] + [(alpha, 1.0)]
-    square = np.zeros_like(alpha)
-    for channel, share in channels:
+    for channel, share in zip(np.moveaxis(rgba, -1, 0), (1 / 3, 1 / 3, 1 / 3, 1.0), strict=True):
         for order in ((0, 1), (1, 0)):
             square += share * gaussian_filter(channel, GRADIENT_SIGMA, order=order) ** 2
     return np.log1p(np.sqrt(square) / GRADIENT_NOISE)
+
+
+def within(ridges: Ridges, known: Bool[NDArray[np.bool_], "H W"]) -> Ridges:
+    """The ridges whose surroundings are known."""
+    from scipy.ndimage import binary_erosion
+
+    safe = binary_erosion(known, np.ones((3, 3), bool), iterations=BORDER)
+    column, row = np.floor(ridges.points).astype(int).T
+    return ridges[safe[row, column]]
 
 
 def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_value: float) -> Ridges:

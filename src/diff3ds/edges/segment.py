@@ -4,7 +4,7 @@ import numpy as np
 
 from diff3ds._shapes import Float
 from diff3ds.edges.chains import resampled
-from diff3ds.edges.primitives import FREEDOM, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds.edges.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.ridges import Array
 
 # Lengths in pixels. Scatter of points on a chain, at which one counts fully, and beyond which it counts no more: a
@@ -60,7 +60,7 @@ def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
             part = points[places[start] : places[stop] + 1]
             if len(part) < 3 and start > 0:
                 continue
-            primitive, price = _best(part, pixel) if len(part) >= 4 else (fit_line(part), float(FREEDOM[0]))
+            primitive, price = _best(part, pixel) if len(part) >= 4 else (fit_line(part), float(FREEDOM[Kind.LINE]))
             if cost[start] + price < cost[stop]:
                 cost[stop] = cost[start] + price
                 last[stop] = (start, primitive)

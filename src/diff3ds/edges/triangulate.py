@@ -1,6 +1,7 @@
 """3D points on edges: a ridge point and its camera span a plane, and an edge is where many planes meet in a line."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ class EdgePoints:
     def __len__(self) -> int:
         return len(self.points)
 
-    def __getitem__(self, index: Array) -> "EdgePoints":
+    def __getitem__(self, index: NDArray[Any]) -> "EdgePoints":
         return EdgePoints(self.points[index], self.directions[index], self.scores[index])
 
     def best_first(self) -> "EdgePoints":

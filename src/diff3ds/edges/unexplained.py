@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
@@ -36,7 +37,7 @@ def _longest(curves: Curves) -> float:
     return float((polyline[:, 1:] - polyline[:, :-1]).norm(dim=2).sum(1).max())
 
 
-def _passed(ridge: Ridges, pixel: Array, ahead: Array) -> Array:
+def _passed(ridge: Ridges, pixel: Array, ahead: Array) -> NDArray[np.bool_]:
     """Whether a curve's samples pass each ridge point: of the nearest few, one that runs the same way."""
     from scipy.spatial import cKDTree
 

@@ -7,7 +7,7 @@ import torch
 
 from diff3ds._shapes import Tensor
 from diff3ds.camera import Cameras
-from diff3ds.density import Density
+from diff3ds.density import Density, Observation
 from diff3ds.fit import FitConfig, Objective, Rates
 from diff3ds.losses import composite_loss, psnr
 from diff3ds.metrics.ssim import WINDOW, ssim
@@ -125,10 +125,16 @@ def _start(pyramid: Pyramid, count: int, seed: int) -> Sketch:
 
 
 def _density(pyramid: Pyramid, least: int, most: int) -> Density:
-    level = next((x for x in reversed(pyramid.levels) if max(x.cameras.size) <= LOOKED_SIZE), pyramid.levels[0])
-    views = spread(len(level.cameras), LOOKED_AT)
-    batch = level.store.batch(views)
-    return Density(level.cameras[views], batch.pixels, batch.known, least=least, most=most)
+    views = spread(len(pyramid.levels[0].cameras), LOOKED_AT)
+    small = [x for x in pyramid.levels if max(x.cameras.size) <= LOOKED_SIZE] or [pyramid.levels[0]]
+
+    def observed(step: int) -> Observation:
+        level = pyramid.level(step)
+        level = level if level in small else small[-1]
+        batch = level.store.batch(views)
+        return Observation(level.cameras[views], batch.pixels, batch.known, level.blur)
+
+    return Density(observed, least=least, most=most)
 
 
 def _objective(pyramid: Pyramid, background: Tensor | None) -> Objective:

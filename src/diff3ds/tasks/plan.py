@@ -1,6 +1,7 @@
 """Options of `diff3ds views`, and what a fit of one set of pictures needs."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from diff3ds._shapes import Tensor
 from diff3ds.fit import FitConfig, Objective
@@ -10,17 +11,21 @@ from diff3ds.tasks.frame import Frame
 from diff3ds.tasks.posed import PosedPictures, Target
 from diff3ds.tasks.pyramid import Pyramid
 
+Init = Literal["carve", "random"]
+
 
 @dataclass(frozen=True)
 class ViewsOptions:
     """Options of `diff3ds views`.
 
     Attributes:
-        target: edges (edge maps, line drawings) or color; found by itself if not given.
-        strokes: strokes at the start of edges, by default 128; strokes of a coloured sketch, by default as many, from
-            64 to 1024, as its details need.
-        steps: gradient steps; by default 1200.
-        batch: views of a step; by default 10 for edges, 5 for colour.
+        target: edges (edge maps, line drawings), color, or color-edges (the edges of coloured pictures); edges or color
+            is found by itself if not given.
+        init: where edges start: carve (curves through 3D points on which the views agree), or random curves.
+        strokes: strokes of a coloured sketch, by default as many, from 64 to 1024, as its details need; random curves
+            for edges, by default 128.
+        steps: gradient steps from random curves or for colour; by default 1200.
+        batch: views of such a step; by default 10 for edges, 5 for colour.
         background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1. By
             default their alpha says where nothing is, or else the colour that nearly all of their borders have.
         size: larger pictures are reduced to this many pixels along the longer side.
@@ -29,6 +34,7 @@ class ViewsOptions:
     """
 
     target: Target | None = None
+    init: Init = "carve"
     strokes: int | None = None
     steps: int | None = None
     batch: int | None = None

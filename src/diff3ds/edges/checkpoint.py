@@ -1,0 +1,73 @@
+"""The file that keeps what a reconstruction has reached: safetensors, so that reading one runs no code."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._files import replacing
+from diff3ds.edges.bias import Bias
+from diff3ds.edges.curves import Curves
+from diff3ds.edges.reconstruct import Result
+
+VERSION = 1
+MAX_BYTES = 1 << 28
+FIELDS = ("points", "kind", "vertex", "other")
+
+
+def write_result(path: Path, result: Result, settings: dict[str, Any]) -> None:
+    """Writes a result, whole or not at all; `settings` are what a resumed run must share."""
+    from safetensors.torch import save_file
+
+    about = {"version": VERSION, "stage": result.stage, "bias": asdict(result.bias), "settings": settings}
+    tensors = {name: getattr(result.curves, name).clone().contiguous() for name in FIELDS}
+    with replacing(path) as temporary:
+        save_file(tensors, temporary, {"diff3ds edges": json.dumps(about)})
+
+
+def read_result(path: Path, settings: dict[str, Any]) -> Result:
+    """The result in a file.
+
+    Raises:
+        FileNotFoundError: it is missing.
+        ValueError: it is no such file of this version, is damaged, or belongs to a run with other settings.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path}: larger than any checkpoint ({MAX_BYTES} bytes)")
+    try:
+        with safe_open(path, "pt") as file:
+            about = json.loads((file.metadata() or {})["diff3ds edges"])
+            tensors = {name: file.get_tensor(name) for name in FIELDS}
+        if about["version"] != VERSION:
+            raise ValueError(f"version {about['version']}")
+        curves = _checked(Curves(**tensors))
+        result = Result(int(about["stage"]), curves, Bias(**{k: float(v) for k, v in about["bias"].items()}))
+        theirs = dict(about["settings"])
+    except (SafetensorError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"{path}: not a checkpoint of this version ({error}); delete it to start anew") from error
+    for name, value in settings.items():
+        if theirs.get(name) != value:
+            was = theirs.get(name)
+            raise ValueError(
+                f"{path}: the run to resume had {name}={was}, not {value}: give the same, or start a new run"
+            )
+    return result
+
+
+def _checked(curves: Curves) -> Curves:
+    """The curves, if their tensors fit together."""
+    count = len(curves)
+    shapes = {"points": (count, 4, 3), "kind": (count,), "vertex": (count, 2), "other": (count,)}
+    for name, shape in shapes.items():
+        value = getattr(curves, name)
+        if value.shape != shape or (name != "points" and value.dtype != torch.int64):
+            raise ValueError(f"{name} has shape {tuple(value.shape)} and dtype {value.dtype}")
+    inside = (curves.vertex >= 0) & (curves.vertex < 2 * count)
+    paired = (curves.other >= -1) & (curves.other < count)
+    if not bool(curves.points.isfinite().all() & inside.all() & paired.all()):
+        raise ValueError("values out of range")
+    return curves

@@ -1,0 +1,50 @@
+"""What a running task tells, and what it hands over at its end."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.posed import PosedPictures
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a task is.
+
+    Attributes:
+        stage: its name.
+        done, total: steps of this stage; total None where nobody knows.
+        loss: of the last step.
+        strokes: of the sketch so far.
+    """
+
+    stage: str
+    done: int
+    total: int | None
+    loss: float | None
+    strokes: int
+
+
+Report = Callable[[Progress], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The end of a fit.
+
+    Attributes:
+        sketch: in the world of the cameras.
+        pictures: that it shows.
+        chosen: what was found out or filled in, for run.json.
+        losses: of every step.
+        scores: of the sketch.
+        stopped: whether Ctrl-C came before the end.
+    """
+
+    sketch: Sketch
+    pictures: PosedPictures
+    chosen: dict[str, Any]
+    losses: list[float]
+    scores: dict[str, float]
+    stopped: bool
