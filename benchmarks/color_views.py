@@ -10,14 +10,14 @@ over each other in the order of their creation, as by renderers of flat drawings
 import argparse
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import torch
 from occlusion_scenes import caged_ball, linked_rings, pictures_of
-from report import environment, show, write_json
+from report import environment, say, show, write_json
 
 import diff3ds as ds
 from diff3ds.fit import fit
@@ -85,9 +85,8 @@ def drawings(sketch: ds.Sketch, cameras: ds.Cameras, order: str) -> torch.Tensor
     return torch.cat(views).clamp(0, 1)
 
 
-def run(options: argparse.Namespace) -> list[dict[str, Any]]:
+def run(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One row for every scene, number of strokes and order."""
-    rows = []
     for name, (pictures, held_out) in scenes(options.scenes).items():
         for count in options.strokes:
             shown = []
@@ -100,14 +99,12 @@ def run(options: argparse.Namespace) -> list[dict[str, Any]]:
                 target = held_out.batch(range(len(held_out))).images
                 row = {"scene": name, "strokes": len(sketch), "order": order, "seconds": round(planned + seconds, 1)}
                 row |= {"psnr": round(psnr(images, target), 3), "ssim": round(ssim(images, target), 4)}
-                rows.append({**row, "steps": plan.config.steps})
-                print(rows[-1], flush=True)
+                yield {**row, "steps": plan.config.steps}
                 shown.append(images)
             if options.pictures:
                 some = torch.arange(4) * len(held_out) // 4
-                rows_shown = torch.cat([target[some], *(images[some] for images in shown)])
-                save_png(options.pictures / f"{name}-{count}.png", tile_images(rows_shown, columns=4))
-    return rows
+                tiles = torch.cat([target[some], *(images[some] for images in shown)])
+                save_png(options.pictures / f"{name}-{count}.png", tile_images(tiles, columns=4))
 
 
 def main() -> None:
@@ -124,10 +121,14 @@ def main() -> None:
         ds.set_num_threads(options.threads)
         torch.set_num_threads(options.threads)
     about = environment() | {"threads": ds.get_num_threads()}
-    rows = run(options)
+    rows = []
+    for row in run(options):
+        rows.append(row)
+        say(str(row))
+        # After every row: a run takes long, and may be broken off.
+        write_json(options.out, about, {"rows": rows})
     names = ("scene", "strokes", "order", "seconds", "psnr", "ssim")
     show("Held-out views", names, [[row[name] for name in names] for row in rows])
-    write_json(options.out, about, {"rows": rows})
 
 
 if __name__ == "__main__":

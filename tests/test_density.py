@@ -1,11 +1,14 @@
 """Which strokes of a coloured sketch are dropped and halved: scenes in which the answer is known."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.density import Density, halves
+from diff3ds.density import Density, Observation, footprints, halves
 from diff3ds.project import project
+from diff3ds.render import rasterize
 
 SIZE = 48
 # Shares of the steps: changes after steps 50, 100, ... of 1000, of which 49, counted from 0, is the first.
@@ -18,13 +21,17 @@ def bar(y, z=0.0, *, x=0.0, color=(1.0, 0.0, 0.0), length=1.0, **fields):
     return ds.Sketch(torch.tensor(ends), width=fields.pop("width", 0.2), color=color, width_space="world", **fields)
 
 
-def density(truth, cameras, known=None, **fields):
-    """A refinement that wants the pictures of this sketch."""
-    drawn = ds.render(truth, cameras, background=0.0)
+def seen(truth, cameras, known=None, blur=0.0):
+    """The pictures of this sketch."""
+    drawn = ds.render(truth, cameras, background=0.0, blur=blur)
     targets = torch.cat([drawn.color, drawn.alpha[..., None]], -1)
-    known = torch.ones(targets.shape[:3], dtype=torch.bool) if known is None else known
-    options = {"least": 1, "most": 100, "start": 0.0, "growth": 10.0} | fields
-    return Density(cameras, targets, known, **options)
+    return Observation(cameras, targets, torch.ones(targets.shape[:3], dtype=torch.bool) if known is None else known)
+
+
+def density(truth, cameras, **fields):
+    """A refinement that wants the pictures of this sketch."""
+    observed = seen(truth, cameras)
+    return Density(lambda step: observed, **({"least": 1, "most": 100, "start": 0.0, "growth": 10.0} | fields))
 
 
 @pytest.fixture
@@ -37,18 +44,17 @@ def test_footprints_are_shares_of_pixels(front):
     before, behind = bar(0.0, x=0.5, opacity=0.5), bar(0.0, x=-0.5, length=0.6, width=0.1)
     alone = float(ds.render(bar(0.0, x=0.5), front).alpha.sum())
     hidden = float(ds.render(behind, front).alpha.sum())
-    refine = density(behind, front)
-    shown, _ = refine.footprints(ds.Sketch.concatenate([behind, before]))
+    shown, _ = footprints(ds.Sketch.concatenate([behind, before]), seen(behind, front))
     assert shown.tolist() == pytest.approx([0.5 * hidden, 0.5 * alone], rel=1e-4)
     opaque = ds.Sketch.concatenate([behind, bar(0.0, x=0.5)])
-    assert refine.footprints(opaque)[0][0] == pytest.approx(0, abs=1e-4)
+    assert footprints(opaque, seen(behind, front))[0][0] == pytest.approx(0, abs=1e-4)
 
 
 def test_errors_count_where_a_stroke_shows(front):
     """A red stroke over blue paint errs by 1 in two of four channels: a half in each of its pixels."""
     red, blue, right = bar(0.0, 0.5), bar(0.0, 0.5, color=(0.0, 0.0, 1.0)), bar(0.0, -0.5)
-    refine = density(ds.Sketch.concatenate([blue, right]), front)
-    shown, error = refine.footprints(ds.Sketch.concatenate([red, right]))
+    observed = seen(ds.Sketch.concatenate([blue, right]), front)
+    shown, error = footprints(ds.Sketch.concatenate([red, right]), observed)
     # Where its edge covers a share a of a pixel, the square of the error is a^2 / 2, and the stroke's share a.
     alpha = ds.render(red, front).alpha
     assert float(error[0]) == pytest.approx(float((alpha**3).sum()) / 2, rel=1e-4)
@@ -61,9 +67,8 @@ def test_views_in_many_parts_and_unknown_pixels(generator):
     sketch = ds.Sketch.random(6, generator=generator, radius=0.8, width=0.05)
     known = torch.ones(11, SIZE, SIZE, dtype=torch.bool)
     known[4:] = False
-    refine = density(bar(0.0), cameras, known)
-    part = density(bar(0.0), cameras[:4])
-    for a, b in zip(refine.footprints(sketch), part.footprints(sketch), strict=True):
+    whole = footprints(sketch, seen(bar(0.0), cameras, known))
+    for a, b in zip(whole, footprints(sketch, seen(bar(0.0), cameras[:4])), strict=True):
         torch.testing.assert_close(a, b)
 
 
@@ -121,13 +126,28 @@ def test_halves_draw_the_same(front):
     torch.testing.assert_close(after, before, rtol=0, atol=1e-4)
 
 
-def test_changes_come_at_even_shares_of_the_steps():
-    refine = Density(ds.orbit([0.0]), torch.zeros(1, 1, 1, 4), torch.ones(1, 1, 1, dtype=torch.bool), least=1, most=1)
+def test_changes_come_at_even_shares_of_the_steps(front):
+    refine = density(bar(0.0), front, start=0.15)
     due = [step + 1 for step in range(1000) if refine.due(step, 1000)]
     assert due == list(range(150, 751, 50))
 
 
-def test_another_way_to_draw_is_used(front):
+def test_blurred_targets_are_met_by_blurred_drawings(front):
+    observed = seen(bar(0.0), front, blur=1.5)
+    assert float(footprints(bar(0.0), observed)[1]) > 1
+    assert float(footprints(bar(0.0), replace(observed, blur=1.5))[1]) == pytest.approx(0, abs=1e-9)
+
+
+def test_errors_are_those_of_the_step(front, generator):
+    """What a coarse step cannot see is no reason to halve a stroke."""
+    red, blue = bar(0.0), bar(0.0, color=(0.0, 0.0, 1.0))
+    pictures = [seen(red, front), seen(blue, front)]
+    refine = Density(lambda step: pictures[step >= 200], least=1, most=9, start=0.0)
+    assert refine(DUE, STEPS, red, generator) is None
+    assert refine(DUE + 200, STEPS, red, generator) is not None
+
+
+def test_another_way_to_draw_is_used(front, generator):
     """With the depth order turned round, the wall shows nothing and the bar behind it shows."""
 
     def turned(sketch, cameras):
@@ -136,9 +156,14 @@ def test_another_way_to_draw_is_used(front):
         flipped[..., 3] = strokes.cubics[..., 2] ** 2
         return type(strokes)(flipped, strokes.half_width, strokes.color, strokes.opacity)
 
-    wall, behind = bar(0.0, x=1.0, width=0.3), bar(0.0, x=0.0, width=0.3)
+    wall, behind = bar(0.0, x=1.0, width=0.3), bar(0.0, x=0.0, width=0.3, color=(0.0, 0.0, 1.0))
     sketch = ds.Sketch.concatenate([wall, behind])
-    seen = density(wall, front).footprints(sketch)[0]
-    other = density(wall, front, project=turned).footprints(sketch)[0]
-    assert seen[0] > seen[1]
+    shown = footprints(sketch, seen(wall, front))[0]
+    other = footprints(sketch, seen(wall, front), turned)[0]
+    assert shown[0] > shown[1]
     assert other[1] > other[0]
+    drawn = rasterize(turned(sketch, front), SIZE, background=0.0)
+    observed = replace(seen(wall, front), targets=torch.cat([drawn.color, drawn.alpha[..., None]], -1))
+    refine = Density(lambda step: observed, least=1, most=9, start=0.0, project=turned)
+    assert refine(DUE, STEPS, sketch, generator) is None
+    assert replace(refine, project=project)(DUE, STEPS, sketch, generator) is not None
