@@ -137,13 +137,14 @@ def fit_cubic(points: Float[Array, "M 3"]) -> Primitive:
     """A cubic through the first and last region of the points, by least squares with improved parameters."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     t = length / max(length[-1], 1e-12)
-    even: Array = line_control(points[0], points[-1])
+    even = line_control(points[0], points[-1])
     pull = EVEN * len(points)
-    control: Array = even
+    control = even
     for _ in range(CUBIC_ROUNDS):
         basis = bernstein(t)
-        control = np.linalg.solve(basis.T @ basis + pull * np.eye(4), basis.T @ points + pull * even)
-        t = np.asarray(np.clip(_newton(control, points, t), 0, 1), np.float64)
+        solved = np.linalg.solve(basis.T @ basis + pull * np.eye(4), basis.T @ points + pull * even)
+        control = np.asarray(solved, np.float64)
+        t = np.clip(_newton(control, points, t), 0, 1)
         t[0], t[-1] = 0, 1
     return Primitive(Kind.FREE, control, np.linalg.norm(bernstein(t) @ control - points, axis=1))
 

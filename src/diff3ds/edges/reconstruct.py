@@ -35,7 +35,7 @@ FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
 # The second look asks for fewer: what the first has explained can no longer come together by chance.
 SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
 # A bias smaller than this is not worth another start, pixels; and so many starts at most.
-BIAS, CALIBRATIONS = 0.07, 2
+BIAS, CALIBRATIONS = 0.07, 3
 STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 
