@@ -10,6 +10,7 @@ over each other in the order of their creation, as by renderers of flat drawings
 import argparse
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -75,7 +76,7 @@ def fitted(plan: Plan, order: str) -> tuple[ds.Sketch, float]:
     refinements = [replace(refine, project=drawn) for refine in plan.config.refinements]
     config = replace(plan.config, project=lambda sketch, cameras, step: drawn(sketch, cameras), refinements=refinements)
     begun = time.perf_counter()
-    *_, last = fit(plan.start, plan.objective, plan.pyramid.cameras, config)
+    (last,) = deque(fit(plan.start, plan.objective, plan.pyramid.cameras, config), maxlen=1)
     return last.sketch, time.perf_counter() - begun
 
 
