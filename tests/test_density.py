@@ -31,7 +31,9 @@ def seen(truth, cameras, known=None, blur=0.0):
 def density(truth, cameras, **fields):
     """A refinement that wants the pictures of this sketch."""
     observed = seen(truth, cameras)
-    return Density(lambda step: observed, **({"least": 1, "most": 100, "start": 0.0, "growth": 10.0} | fields))
+    return Density(
+        observed, lambda step: observed, **({"least": 1, "most": 100, "start": 0.0, "growth": 10.0} | fields)
+    )
 
 
 @pytest.fixture
@@ -142,7 +144,7 @@ def test_errors_are_those_of_the_step(front, generator):
     """What a coarse step cannot see is no reason to halve a stroke."""
     red, blue = bar(0.0), bar(0.0, color=(0.0, 0.0, 1.0))
     pictures = [seen(red, front), seen(blue, front)]
-    refine = Density(lambda step: pictures[step >= 200], least=1, most=9, start=0.0)
+    refine = Density(pictures[1], lambda step: pictures[step >= 200], least=1, most=9, start=0.0)
     assert refine(DUE, STEPS, red, generator) is None
     assert refine(DUE + 200, STEPS, red, generator) is not None
 
@@ -164,6 +166,6 @@ def test_another_way_to_draw_is_used(front, generator):
     assert other[1] > other[0]
     drawn = rasterize(turned(sketch, front), SIZE, background=0.0)
     observed = replace(seen(wall, front), targets=torch.cat([drawn.color, drawn.alpha[..., None]], -1))
-    refine = Density(lambda step: observed, least=1, most=9, start=0.0, project=turned)
+    refine = Density(observed, lambda step: observed, least=1, most=9, start=0.0, project=turned)
     assert refine(DUE, STEPS, sketch, generator) is None
     assert replace(refine, project=project)(DUE, STEPS, sketch, generator) is not None

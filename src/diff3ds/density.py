@@ -41,17 +41,19 @@ class Density:
     It has no state: a resumed run goes on as one that never stopped. The schedule and the thresholds are empirical.
 
     Attributes:
-        observed: what a step should show, as coarse as what the fit follows then: what it does not see yet is no error.
+        details: what the sketch should show in the end; the strokes that err most in it are halved first.
+        observed: what a step should show, as coarse as what the fit follows then, where nothing else is an error yet.
         least: halving goes on up to this many strokes, however small their errors.
         most: strokes never get more than this.
         project: what is drawn; see `FitConfig.project`.
-        tolerance: root mean square error in a stroke's pixels, from which on it is halved if there is room.
+        tolerance: root mean square error in what a step observes of a stroke, from which on it may be halved.
         unseen: a stroke goes that shows less than this share of what the mean stroke shows.
         start, end: shares of the steps before the first change and up to the last one.
         every: share of the steps between changes.
         growth: the number of strokes grows at most by this factor in a change.
     """
 
+    details: Observation
     observed: Callable[[int], Observation]
     least: int
     most: int
@@ -67,15 +69,16 @@ class Density:
         """The strokes to keep and the halves to add after this step, or None."""
         if not self.due(step, steps):
             return None
-        shown, error = footprints(sketch, self.observed(step), self.project)
+        shown, detail = footprints(sketch, self.details, self.project)
         # The one that shows most stays in any case: a sketch never becomes empty.
         alive = (shown > self.unseen * shown.mean()) | (shown == shown.max())
         count = int(alive.sum())
+        seen, error = footprints(sketch, self.observed(step), self.project)
+        wrong = alive & (error > self.tolerance**2 * seen)
         room = min(self.most, int(self.growth * len(sketch)) + 1) - count
-        wrong = int((alive & (error > self.tolerance**2 * shown)).sum())
-        wanted = max(wrong, self.least - count)
-        worst = (error * alive).argsort(descending=True, stable=True)
-        halved = worst[: max(0, min(room, wanted, count))]
+        # Those that are wrong come first, and then, if there must be more strokes, the others.
+        worst = (alive * (detail + wrong * detail.sum())).argsort(descending=True, stable=True)
+        halved = worst[: max(0, min(room, max(int(wrong.sum()), self.least - count), count))]
         alive[halved] = False
         if bool(alive.all()):
             return None

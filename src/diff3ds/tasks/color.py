@@ -18,7 +18,7 @@ from diff3ds.tasks.frame import frame_of
 from diff3ds.tasks.hull import Hull, visual_hull
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.posed import PosedPictures, load_posed
-from diff3ds.tasks.pyramid import Pyramid, build_pyramid
+from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import spread
 from diff3ds.tasks.store import Store, is_all_known
 
@@ -128,13 +128,15 @@ def _density(pyramid: Pyramid, least: int, most: int) -> Density:
     views = spread(len(pyramid.levels[0].cameras), LOOKED_AT)
     small = [x for x in pyramid.levels if max(x.cameras.size) <= LOOKED_SIZE] or [pyramid.levels[0]]
 
-    def observed(step: int) -> Observation:
-        level = pyramid.level(step)
-        level = level if level in small else small[-1]
+    def observation(level: Level) -> Observation:
         batch = level.store.batch(views)
         return Observation(level.cameras[views], batch.pixels, batch.known, level.blur)
 
-    return Density(observed, least=least, most=most)
+    def observed(step: int) -> Observation:
+        level = pyramid.level(step)
+        return observation(level if level in small else small[-1])
+
+    return Density(observation(small[-1]), observed, least=least, most=most)
 
 
 def _objective(pyramid: Pyramid, background: Tensor | None) -> Objective:
