@@ -149,6 +149,22 @@ def test_errors_are_those_of_the_step(front, generator):
     assert refine(DUE + 200, STEPS, red, generator) is not None
 
 
+def test_what_errs_most_in_the_details_comes_first(front, generator):
+    """Both strokes are wrong in what the step observes, the first more so; in the details the second is."""
+    sketch = ds.Sketch.concatenate([bar(0.0, 0.5), bar(0.0, -0.5)])
+    much, little = (0.0, 0.0, 1.0), (0.8, 0.0, 0.0)
+    coarse, fine = (
+        seen(ds.Sketch.concatenate([bar(0.0, 0.5, color=a), bar(0.0, -0.5, color=b)]), front)
+        for a, b in ((much, little), (little, much))
+    )
+    refine = Density(fine, lambda step: coarse, least=1, most=3, start=0.0)
+    assert refine(DUE, STEPS, sketch, generator).kept.tolist() == [0]
+    assert replace(refine, details=coarse)(DUE, STEPS, sketch, generator).kept.tolist() == [1]
+    # One that the step sees nothing wrong with waits.
+    right = seen(ds.Sketch.concatenate([bar(0.0, 0.5, color=much), bar(0.0, -0.5)]), front)
+    assert replace(refine, observed=lambda step: right)(DUE, STEPS, sketch, generator).kept.tolist() == [1]
+
+
 def test_another_way_to_draw_is_used(front, generator):
     """With the depth order turned round, the wall shows nothing and the bar behind it shows."""
 

@@ -77,7 +77,7 @@ class Density:
         wrong = alive & (error > self.tolerance**2 * seen)
         room = min(self.most, int(self.growth * len(sketch)) + 1) - count
         # Those that are wrong come first, and then, if there must be more strokes, the others.
-        worst = (alive * (detail + wrong * detail.sum())).argsort(descending=True, stable=True)
+        worst = (detail + wrong * detail.sum()).masked_fill(~alive, -1).argsort(descending=True, stable=True)
         halved = worst[: max(0, min(room, max(int(wrong.sum()), self.least - count), count))]
         alive[halved] = False
         if bool(alive.all()):
