@@ -51,7 +51,7 @@ class EdgeViews:
     centers: Float[Array, "V 3"]
     points: Float[Array, "R 2"]
     normals: Float[Array, "R 2"]
-    start: Int[NDArray[np.int64], " W"]
+    start: Int[NDArray[np.int64], " S"]
     planes: Float[Array, "R 4"]
     nearest: Int[NDArray[np.int32], "V H W"]
 

@@ -25,8 +25,9 @@ CURVATURE, FLANK = 0.15, 0.3
 # Curvature is that of a parabola through the neighbours within so many pixels that run the same way (cosine); it
 # moves a ridge by no more than this, pixels. Empirical.
 AROUND, NEIGHBOURS, FEWEST, SAME_WAY, MOST_PULL = 4.5, 16, 6, 0.6, 0.3
-# A ridge belongs to the pixel that holds its top; a little overlap leaves no gaps between neighbours.
-WITHIN = 0.6
+# A ridge belongs to the pixel that holds its top. The polynomial of a line half a pixel away has its top at up to
+# 0.5 / (1 - 0.25 / sigma²), sigma 1 or more in all: less would lose lines that run right between two pixels.
+WITHIN = 0.67
 # Filters see no true neighbours this close to the border.
 BORDER = 6
 

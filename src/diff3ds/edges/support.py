@@ -92,7 +92,10 @@ def crowded(
         pairs = seen[cKDTree(pixel[view][seen]).query_pairs(CROWDED, output_type="ndarray")].T
         first, second = pairs[0], pairs[1]
         turned = heading[view, first, 0] * heading[view, second, 1] - heading[view, first, 1] * heading[view, second, 0]
-        two = np.linalg.norm(x[first] - x[second], axis=1) > APART * views.pixel
+        # Across the line: a line seen from its end is no other line.
+        step = x[first] - x[second]
+        step = step - (step * tangents[first]).sum(1, keepdims=True) * tangents[first]
+        two = np.linalg.norm(step, axis=1) > APART * views.pixel
         beside = (np.abs(turned) < SLANT) & two
         found[view, first[beside & by[second]]] = True
         found[view, second[beside & by[first]]] = True

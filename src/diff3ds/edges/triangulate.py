@@ -167,7 +167,7 @@ def thinned(found: EdgePoints, apart: float, flank: float) -> EdgePoints:
 SAME_WAY, MUCH_WORSE = 0.9, 0.6
 
 
-def _flanking(found: EdgePoints, i: int, others: Array) -> Array:
+def _flanking(found: EdgePoints, i: int, others: NDArray[np.int64]) -> NDArray[np.int64]:
     apart = found.points[others] - found.points[i]
     along = np.abs(apart @ found.directions[i])
     across = np.sqrt(np.maximum((apart**2).sum(1) - along**2, 0))
