@@ -4,7 +4,7 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.tasks.background import parse_background, with_alpha
+from diff3ds.tasks.background import WINDOW, parse_background, with_alpha
 from diff3ds.tasks.posed import PosedPictures
 from diff3ds.tasks.store import store_of
 
@@ -66,3 +66,19 @@ def test_photographs_stay_opaque(generator):
     after, background = with_alpha(pictures(pixels), None)
     assert background is None
     assert after.batch([0, 1]).alpha.min() == 1
+
+
+@pytest.mark.parametrize("color", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.3, 0.5, 0.4)])
+def test_noise_on_a_plain_background_is_no_content(color, generator):
+    """A tenth of the range, clipped as in pictures; hardly any of the background stays, and all of the square."""
+    pixels = opaque(color).repeat_interleave(4, 1).repeat_interleave(4, 2)
+    square = (pixels[..., :3] == torch.tensor([1.0, 0.0, 0.0])).all(-1)
+    pixels[..., :3] = (pixels[..., :3] + 0.1 * torch.randn(pixels[..., :3].shape, generator=generator)).clamp(0, 1)
+    after, background = with_alpha(pictures(pixels), None)
+    # What clips noise moves its mean by .04.
+    torch.testing.assert_close(background, torch.tensor(color), rtol=0, atol=0.05)
+    alpha = after.batch([0, 1]).alpha
+    assert alpha[square].mean() > 0.999
+    # Half a window around the square lies within its reach.
+    near = torch.nn.functional.max_pool2d(square[:, None].float(), WINDOW, 1, WINDOW // 2)[:, 0] > 0
+    assert alpha[~near].mean() < 0.01
