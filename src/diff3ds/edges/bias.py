@@ -97,7 +97,7 @@ def _solved(offset: Array, explained: Array, moved: Array, agree: NDArray[np.boo
     return bias
 
 
-def corrected(ridges: Sequence[Ridges], sides: Sequence[Float[Array, " M"]], bias: Bias) -> list[Ridges]:
+def corrected(ridges: Sequence[Ridges], sides: Sequence[Float[Array, " _"]], bias: Bias) -> list[Ridges]:
     """The ridges where they would be without the bias."""
     shift = np.array([bias.dx, bias.dy])
     return [

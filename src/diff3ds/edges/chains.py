@@ -22,7 +22,7 @@ SAMPLED = 0.4
 LEAST_POINTS = 4
 
 
-def follow_chains(found: EdgePoints, pixel: float, shortest: float) -> list[Float[Array, "M 3"]]:
+def follow_chains(found: EdgePoints, pixel: float, shortest: float) -> list[Float[Array, "_ 3"]]:
     """Polylines along the edges; every point is used once.
 
     Args:

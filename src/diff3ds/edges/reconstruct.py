@@ -14,7 +14,7 @@ from diff3ds.edges.circles import find_circles
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.refine import refined
-from diff3ds.edges.ridges import Array, Ridges, without_faint
+from diff3ds.edges.ridges import Array, Ridges
 from diff3ds.edges.segment import segmented
 from diff3ds.edges.silhouettes import smooth_outlines
 from diff3ds.edges.simplify import joined, pruned
@@ -80,7 +80,6 @@ def reconstruct(
     Raises:
         ValueError: the views show no edges that agree.
     """
-    ridges = without_faint(ridges)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
     enough = confirming(len(ridges))
     if reached is None:

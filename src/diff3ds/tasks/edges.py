@@ -9,7 +9,7 @@ from diff3ds.edges.checkpoint import read_result, write_result
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.primitives import Kind
 from diff3ds.edges.reconstruct import STEPS, Result, reconstruct
-from diff3ds.edges.ridges import Ridges, color_ridges, map_ridges, within
+from diff3ds.edges.ridges import Ridges, color_ridges, map_ridges, within, without_faint
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.frame import Frame, frame_of
 from diff3ds.tasks.linewidth import line_width
@@ -80,7 +80,8 @@ def ridges_of(pictures: PosedPictures, views: Int[Tensor, " B"]) -> list[Ridges]
         pixels = batch.pixels[0].numpy()
         ridges = map_ridges(pixels[..., 0]) if pixels.shape[-1] == 1 else color_ridges(pixels)
         found.append(ridges if is_all_known(pictures.store.known) else within(ridges, batch.known[0].numpy()))
-    return found
+    # The logarithm of a gradient says nothing about doubt.
+    return without_faint(found) if pictures.target == "edges" else found
 
 
 def _free(start: Sketch) -> Curves:
