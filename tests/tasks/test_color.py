@@ -106,3 +106,17 @@ def test_a_broken_run_goes_on_as_if_unbroken(pictures, tmp_path):
     assert len(resumed) == 24
     for name, value in whole.tensors().items():
         assert torch.equal(value, getattr(resumed, name)), name
+
+
+def test_the_background_is_an_option(pictures):
+    with pytest.raises(ValueError, match="background must be white, black or R,G,B"):
+        ViewsOptions(background="pink")
+    plan = plan_color(pictures, ViewsOptions(strokes=8, steps=2, background="0,0.5,1"), None)
+    assert plan.background.tolist() == [0.0, 0.5, 1.0]
+    # Pictures with an alpha of their own keep it, and are fitted and scored over the colour.
+    assert plan.pictures is pictures
+    blank = replace(plan.start[:1], opacity=torch.zeros(1))
+    scores = color_scores(blank, plan, None)
+    wanted = pictures.batch(range(20))
+    error = wanted.pixels[..., :3] - wanted.alpha[..., None] * plan.background
+    assert scores["psnr"] == pytest.approx(float((-10 * error.square().mean((1, 2, 3)).log10()).mean()), rel=1e-5)
