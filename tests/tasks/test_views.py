@@ -9,14 +9,16 @@ import time
 
 import pytest
 import torch
+from PIL import Image
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
-from diff3ds.library.demo import demo_cameras, demo_sketch
+from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.refine import chord_lengths
 
-FILES = ["checkpoint.safetensors", "preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
+RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
+FILES, EDGE_FILES = ["checkpoint.safetensors", *RESULTS], ["edges.safetensors", *RESULTS]
 
 
 def distances(a: ds.Sketch, b: ds.Sketch):
@@ -34,20 +36,49 @@ def demo(tmp_path_factory):
 
 
 def test_the_demo_finds_the_stool(demo):
-    assert sorted(p.name for p in demo.iterdir()) == FILES
+    assert sorted(p.name for p in demo.iterdir()) == EDGE_FILES
     found, truth = ds.load(demo / "sketch.json"), demo_sketch()
-    # The stool is two high. Nearly all of it is found, and little else.
-    assert (distances(truth, found) < 0.02).float().mean() > 0.95
-    assert (distances(found, truth) < 0.02).float().mean() > 0.9
+    # Eight lines, and three circles of two arcs each; the stool is two high.
+    assert len(found) == 14
+    assert distances(truth, found).max() < 0.01
+    assert distances(found, truth).max() < 0.01
+    straight = (found.weights == 1).all(1)
+    assert straight.sum() == 8
+    thirds = found.points[straight][:, 0, None].lerp(
+        found.points[straight][:, 3, None], torch.linspace(0, 1, 4)[:, None]
+    )
+    torch.testing.assert_close(found.points[straight], thirds, rtol=0, atol=1e-5)
+
+
+def test_circles_of_the_demo_are_circles(demo):
+    found = ds.load(demo / "sketch.json")
+    arcs = found[(found.weights != 1).any(1)]
+    on = ds.bezier.evaluate(arcs.points, arcs.weights, torch.linspace(0, 1, 21))
+    # Both halves end at both ends of one diameter.
+    centers = (on[:, 0] + on[:, -1]) / 2
+    radii = (on - centers[:, None]).norm(dim=2)
+    assert ((radii.amax(1) - radii.amin(1)) / radii.mean(1)).max() < 1e-4
+    truth = sorted([SEAT_RADIUS, SEAT_RADIUS, ring_radius()] * 2)
+    torch.testing.assert_close(radii.mean(1).sort().values, torch.tensor(truth), rtol=0.005, atol=0)
+
+
+def ring_radius():
+    """Of the ring that joins the legs."""
+    share = (SEAT_BOTTOM - RING) / (SEAT_BOTTOM - FOOT)
+    return 0.8 * SEAT_RADIUS + share * (FOOT_RADIUS - 0.8 * SEAT_RADIUS)
 
 
 def test_what_the_demo_writes(demo):
     run = json.loads((demo / "run.json").read_text())
     found = ds.load(demo / "sketch.json")
     assert run["target"] == "edges"
-    assert run["steps_done"] == run["steps"] == 1200
-    assert run["strokes_left"] == len(found)
-    assert run["loss"]["values"][-1] < 0.1 * run["loss"]["values"][0]
+    assert run["curves"] == {"line": 8, "arc": 6, "free": 0}
+    assert run["strokes_left"] == len(found) == 14
+    # Both ends of the circles' halves are shared.
+    assert run["vertices"] == 8 * 2 + 3 * 2
+    assert run["steps_done"] == len(run["loss"]["values"]) * run["loss"]["every"]
+    assert run["loss"]["values"][-1] < run["loss"]["values"][0]
+    assert all(abs(value) < 0.1 for value in run["bias_pixels"].values())
     assert not run["stopped_early"]
     picture = load_image(demo / "preview.png")
     assert picture.shape == (4 * 256, 4 * 256, 3)
@@ -97,22 +128,133 @@ def test_one_seed_gives_one_file(colored):
     assert files[0] == files[1]
 
 
-def test_ctrl_c_leaves_a_result_and_resume_ends_where_an_unbroken_run_does(colored):
-    options = [str(colored), "--strokes", "20", "--steps", "800", "--quiet"]
-    command = [sys.executable, "-m", "diff3ds.cli", "views", *options, "-o", str(colored / "broken")]
+def interrupted(options, out, checkpoint):
+    """The exit code and messages of a run that gets Ctrl-C once its checkpoint is there."""
+    command = [sys.executable, "-m", "diff3ds.cli", "views", *options, "-o", str(out)]
     run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "TERM": "dumb"})
-    checkpoint = colored / "broken" / "checkpoint.safetensors"
-    while not checkpoint.exists() and run.poll() is None:
+    while not (out / checkpoint).exists() and run.poll() is None:
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
     _, messages = run.communicate(timeout=120)
-    assert run.returncode == STOPPED, messages
-    assert sorted(p.name for p in (colored / "broken").iterdir()) == FILES
-    assert json.loads((colored / "broken" / "run.json").read_text())["stopped_early"]
-    main(["views", *options, "-o", str(colored / "broken"), "--resume"])
-    main(["views", *options, "-o", str(colored / "whole")])
+    return run.returncode, messages
+
+
+def assert_resumed_ends_as_unbroken(folder, options, files):
+    code, messages = interrupted(options, folder / "broken", files[0])
+    assert code == STOPPED, messages
+    assert sorted(p.name for p in (folder / "broken").iterdir()) == files
+    assert json.loads((folder / "broken" / "run.json").read_text())["stopped_early"]
+    main(["views", *options, "-o", str(folder / "broken"), "--resume"])
+    main(["views", *options, "-o", str(folder / "whole")])
     for name in ("sketch.json", "sketch.step"):
-        assert (colored / "broken" / name).read_bytes() == (colored / "whole" / name).read_bytes()
+        assert (folder / "broken" / name).read_bytes() == (folder / "whole" / name).read_bytes()
+
+
+def test_ctrl_c_leaves_a_result_and_resume_ends_where_an_unbroken_run_does(colored):
+    assert_resumed_ends_as_unbroken(colored, [str(colored), "--strokes", "20", "--steps", "800", "--quiet"], FILES)
+
+
+# Two lines that meet, and a circle.
+ENDS = torch.tensor([[[-0.6, -0.5, -0.4], [0.6, -0.4, -0.5]], [[0.6, -0.4, -0.5], [0.5, 0.6, 0.3]]])
+
+
+@pytest.fixture
+def drawings(tmp_path):
+    """Line drawings on disk, seen from all around, and their sketch."""
+    circle = ds.Sketch(*ds.bezier.circle((-0.2, 0.1, 0.4), 0.4, (0, 0.3, 1), dtype=torch.float32))
+    sketch = ds.Sketch.concatenate([ds.Sketch(ENDS), circle])
+    cameras = ds.orbit(list(range(0, 360, 18)), [(-20.0, 10.0, 45.0)[i % 3] for i in range(20)], 2.6, fov=45, size=96)
+    pictures = [f"{i}.png" for i in range(20)]
+    thick = ds.Sketch(sketch.points, sketch.weights, width=2 / 96)
+    for picture, image in zip(pictures, ds.render(thick, cameras).color, strict=True):
+        save_png(tmp_path / picture, image)
+    ds.save_transforms(tmp_path / "transforms.json", cameras, pictures)
+    return tmp_path, sketch
+
+
+def test_drawings_stopped_and_resumed(drawings):
+    folder, truth = drawings
+    assert_resumed_ends_as_unbroken(folder, [str(folder), "--quiet"], EDGE_FILES)
+    found = ds.load(folder / "whole" / "sketch.json")
+    # The circle as two arcs.
+    assert len(found) == 4
+    assert distances(truth, found).max() < 0.02
+    assert distances(found, truth).max() < 0.02
+    # A finished run has nothing left to do, and other settings are another run.
+    main(["views", str(folder), "-o", str(folder / "whole"), "--resume", "--quiet"])
+    assert (folder / "broken" / "sketch.json").read_bytes() == (folder / "whole" / "sketch.json").read_bytes()
+
+
+def test_resume_refuses_another_run(drawings, capsys):
+    folder, _ = drawings
+    assert interrupted([str(folder), "--quiet"], folder / "out", "edges.safetensors")[0] == STOPPED
+    before = (folder / "out" / "sketch.json").read_bytes()
+    with pytest.raises(SystemExit) as stopped:
+        main(["views", str(folder), "-o", str(folder / "out"), "--resume", "--seed", "5"])
+    assert stopped.value.code == FAULT
+    assert "had seed=0, not 5" in capsys.readouterr().err
+    assert (folder / "out" / "sketch.json").read_bytes() == before
+
+
+def test_random_curves_find_the_drawing(drawings):
+    folder, truth = drawings
+    options = ["--init", "random", "--strokes", "24", "--steps", "300", "--quiet"]
+    main(["views", str(folder), "-o", str(folder / "out"), *options])
+    assert sorted(p.name for p in (folder / "out").iterdir()) == sorted([*FILES, *EDGE_FILES[:1]])
+    run = json.loads((folder / "out" / "run.json").read_text())
+    assert run["steps"] == 300
+    assert run["strokes"] == 24
+    # The gradient steps, then those of two refinements.
+    assert run["steps_done"] > 300
+    found = ds.load(folder / "out" / "sketch.json")
+    assert (distances(truth, found) < 0.03).float().mean() > 0.9
+    assert (distances(found, truth) < 0.03).float().mean() > 0.9
+
+
+def box_pictures(folder, half, turn):
+    """Pictures of a cuboid, each face in its own colour on nothing, by its intersection with rays."""
+    cameras = ds.orbit(list(range(0, 360, 18)), [(-30.0, 10.0, 45.0)[i % 3] for i in range(20)], 2.6, fov=45, size=96)
+    colors = torch.tensor(
+        [[0.8, 0.2, 0.2], [0.2, 0.7, 0.3], [0.3, 0.3, 0.9], [0.9, 0.8, 0.2], [0.6, 0.2, 0.7], [0.3, 0.8, 0.8]]
+    )
+    fine = (torch.arange(3 * 96) + 0.5) / 3
+    pixels = torch.stack([*torch.meshgrid(fine, fine, indexing="xy"), torch.ones(288, 288)], -1)
+    for i in range(20):
+        rotation, center = cameras.world_to_camera[i, :3, :3], cameras.centers[i]
+        rays = pixels @ (turn.T @ rotation.T @ cameras.intrinsics[i].inverse()).T
+        sides = torch.stack([(s * half - turn.T @ center) / rays for s in (-1, 1)])
+        enter, leave = sides.amin(0).max(-1), sides.amax(0).amin(-1)
+        positive = rays.gather(-1, enter.indices[..., None])[..., 0] > 0
+        hit = (enter.values < leave).float()[..., None]
+        rgba = torch.cat([colors[2 * enter.indices + positive] * hit, hit], -1)
+        rgba = rgba.reshape(96, 3, 96, 3, 4).mean((1, 3))
+        rgba[..., :3] /= rgba[..., 3:].clamp(min=1e-6)
+        Image.fromarray((rgba * 255).round().to(torch.uint8).numpy()).save(folder / f"{i}.png")
+    ds.save_transforms(folder / "transforms.json", cameras, [f"{i}.png" for i in range(20)])
+
+
+def test_edges_of_coloured_pictures(tmp_path):
+    half = torch.tensor([0.5, 0.35, 0.45])
+    turn = torch.linalg.qr(torch.tensor([[1.0, 0.2, 0.1], [-0.3, 1, 0.2], [0.1, 0.4, 1]])).Q
+    box_pictures(tmp_path, half, turn)
+    main(["views", str(tmp_path), "--target", "color-edges", "-o", str(tmp_path / "out"), "--quiet"])
+    run = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert run["target"] == "color-edges"
+    corners = torch.tensor([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half @ turn.T
+    pairs = [(i, j) for i in range(8) for j in range(i) if (i ^ j) in (1, 2, 4)]
+    truth = ds.Sketch(torch.stack([torch.stack([corners[i], corners[j]]) for i, j in pairs]))
+    found = ds.load(tmp_path / "out" / "sketch.json")
+    # A pixel is 0.02 wide.
+    assert (distances(truth, found) < 0.02).float().mean() > 0.97
+    assert (distances(found, truth) < 0.02).float().mean() > 0.97
+    assert 12 <= len(found) <= 15
+
+
+def test_random_curves_want_drawings(colored, capsys):
+    with pytest.raises(SystemExit):
+        main(["views", str(colored), "--target", "color-edges", "--init", "random", "-o", str(colored / "out")])
+    assert "leave --init out" in capsys.readouterr().err
+    assert not (colored / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
     clear = shown & ~crowded(views, x, tangents, by=np.repeat(~found, count))
-    found &= [_wanders(clear[:, i], normals[:, i], offsets[:, i], doubt) for i in each]
+    found &= np.array([_wanders(clear[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     length = np.linalg.norm(np.diff(x.reshape(-1, count, 3), axis=1), axis=2).sum(1) / views.pixel
     narrow = [_spread(shown[:, i], normals[:, i]) for i in each]
     return torch.from_numpy(found | (np.array(narrow) < np.where(length < CHANCE, SPREAD, LEAST_SPREAD)))

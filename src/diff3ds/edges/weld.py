@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from diff3ds._shapes import Float
 from diff3ds.edges.curves import Curves
@@ -33,7 +34,7 @@ def welded(curves: Curves, pixel: float) -> Curves:
     return replace(curves, points=moved, vertex=torch.from_numpy(vertex.reshape(-1, 2)))
 
 
-def _groups(curves: Curves, samples: Array, pixel: float) -> Array:
+def _groups(curves: Curves, samples: Array, pixel: float) -> NDArray[np.int64]:
     """The group of every end, nearest pairs first; no curve gets both its ends into one."""
     from scipy.spatial import cKDTree
 
