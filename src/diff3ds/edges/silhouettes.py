@@ -20,7 +20,7 @@ from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
 # those of 396 edges and 55 outlines of generated objects, as is the spread below.
 RADIUS, CERTAIN = 2.8, 5.0
 # A radius certain to be below this, pixels, is that of an edge.
-SHARP = 1.2
+SHARP = 2.5
 # Ratio of the normals' scatter along two directions. Views spread evenly over ± a about one direction give
 # (1 - s) / (1 + s), s = sin 2a / 2a: .22 over the quarter turn that shows a square inner edge, less where a part of
 # those views is blocked. Short pieces of less come together by chance; long ones, in pixels, hardly do.
