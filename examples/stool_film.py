@@ -12,20 +12,18 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.views import fit_views
+from diff3ds.tasks.random_edges import plan_random_edges
+from diff3ds.tasks.views import demo_pictures
 
 FRAMES, TURN = 45, 45
 folder = Path(sys.argv[1])
 sketches: list[ds.Sketch] = []
-
-
-def watch(step: ds.Step, steps: int) -> None:
-    """Keeps frames of the fit, more of the beginning, where more happens."""
-    if step.index + 1 >= steps * (len(sketches) / FRAMES) ** 2:
-        sketches.append(step.sketch)
-
-
-fit_views(None, folder / "stool", ViewsOptions(), watch)
+folder.mkdir(parents=True, exist_ok=True)
+plan = plan_random_edges(demo_pictures(), ViewsOptions(), folder / "checkpoint.safetensors")
+for step in ds.fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config):
+    # More frames of the beginning, where more happens.
+    if step.index + 1 >= plan.config.steps * (len(sketches) / FRAMES) ** 2:
+        sketches.append(plan.frame.to_world(step.sketch))
 sketches += [sketches[-1]] * TURN
 azimuth = [30 + 180 * max(0, i - FRAMES) / TURN + 4 * min(i, FRAMES) for i in range(len(sketches))]
 frames = []

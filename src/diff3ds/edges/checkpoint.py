@@ -10,6 +10,7 @@ import torch
 from diff3ds._files import replacing
 from diff3ds.edges.bias import Bias
 from diff3ds.edges.curves import Curves
+from diff3ds.edges.primitives import Kind
 from diff3ds.edges.reconstruct import Result
 
 VERSION = 1
@@ -64,10 +65,11 @@ def _checked(curves: Curves) -> Curves:
     shapes = {"points": (count, 4, 3), "kind": (count,), "vertex": (count, 2), "other": (count,)}
     for name, shape in shapes.items():
         value = getattr(curves, name)
-        if value.shape != shape or (name != "points" and value.dtype != torch.int64):
+        if value.shape != shape or value.dtype != (torch.float32 if name == "points" else torch.int64):
             raise ValueError(f"{name} has shape {tuple(value.shape)} and dtype {value.dtype}")
     inside = (curves.vertex >= 0) & (curves.vertex < 2 * count)
     paired = (curves.other >= -1) & (curves.other < count)
-    if not bool(curves.points.isfinite().all() & inside.all() & paired.all()):
+    known = (curves.kind >= min(Kind)) & (curves.kind <= max(Kind))
+    if not bool(curves.points.isfinite().all() & known.all() & inside.all() & paired.all()):
         raise ValueError("values out of range")
     return curves
