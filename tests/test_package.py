@@ -42,8 +42,8 @@ ALLOWED = {
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera"} | HELPERS,
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
-    "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint", "refine",
-              "density", "render", "project", "transforms"} | SCENE,
+    "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
+              "refine", "density", "render", "project", "transforms"} | SCENE,
     "cli": {"tasks", "fit"},
 }  # fmt: skip
 
