@@ -14,6 +14,7 @@ from diff3ds.edges.primitives import Kind
 from diff3ds.edges.reconstruct import Result
 
 VERSION = 1
+STAGES = (1, 2, 3)
 MAX_BYTES = 1 << 28
 FIELDS = ("points", "kind", "vertex", "other")
 
@@ -47,6 +48,8 @@ def read_result(path: Path, settings: dict[str, Any]) -> Result:
             raise ValueError(f"version {about['version']}")
         curves = _checked(Curves(**tensors))
         result = Result(int(about["stage"]), curves, Bias(**{k: float(v) for k, v in about["bias"].items()}))
+        if result.stage not in STAGES:
+            raise ValueError(f"stage {result.stage}")
         theirs = dict(about["settings"])
     except (SafetensorError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"{path}: not a checkpoint of this version ({error}); delete it to start anew") from error

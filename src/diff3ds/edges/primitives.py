@@ -82,7 +82,7 @@ def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primi
     ):
         return []
     if abs(sweep) > CLOSED:
-        stop = start + 2 * np.pi
+        stop = start + np.copysign(2 * np.pi, sweep)
     strokes = 1 if abs(stop - start) <= MOST_SWEEP else 2
     cuts = np.linspace(start, stop, strokes + 1)
     return [

@@ -19,6 +19,8 @@ OWN, FARTHEST = 0.05, 4.5
 
 def welded(curves: Curves, pixel: float) -> Curves:
     """Curves whose ends share vertices where they lie together; vertices move to where the tangents meet."""
+    if not len(curves):
+        return curves
     samples = sampled(curves)
     group = _groups(curves, samples, pixel)
     ends = np.stack([samples[:, 0], samples[:, -1]], 1).reshape(-1, 3)
