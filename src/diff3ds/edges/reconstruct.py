@@ -12,6 +12,7 @@ from diff3ds.edges.carve import carve
 from diff3ds.edges.chains import follow_chains
 from diff3ds.edges.circles import find_circles
 from diff3ds.edges.curves import Curves, curves_of
+from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.refine import refined
 from diff3ds.edges.ridges import Array, Ridges
@@ -153,7 +154,7 @@ def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     pixel = scene.views.pixel
     curves = scene.refined("join and weld", welded(joined(curves, pixel), pixel), SECOND_RATE)
     curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
-    return curves[~smooth_outlines(scene.views, curves)]
+    return with_fillets(curves[~smooth_outlines(scene.views, curves)], pixel)
 
 
 def first_curves(views: EdgeViews, enough: float) -> Curves:
