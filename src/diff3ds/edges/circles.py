@@ -1,10 +1,12 @@
 """Whole circles among edge points: grown from arcs, for chains break up where a circle turns fast."""
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Bool, Float
-from diff3ds.edges.primitives import Kind, Primitive, arc_control, fit_circle
+from diff3ds.edges.curves import curves_of
+from diff3ds.edges.primitives import Circle, Kind, Primitive, arc_control, fit_circle
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.triangulate import EdgePoints
 
@@ -13,8 +15,6 @@ NEAR, ALONG = 1.2, 0.85
 ROUNDS = 6
 # Smallest radius, sectors of a circle, and the share of them that have to hold points.
 LEAST_RADIUS, SECTORS, COVERED = 3.0, 24, 0.75
-# An arc with a larger radius than the edge's points reach says little.
-MOST_RADIUS = 1.5
 
 
 def find_circles(found: EdgePoints, arcs: list[Primitive], pixel: float) -> tuple[list[list[Primitive]], EdgePoints]:
@@ -25,8 +25,8 @@ def find_circles(found: EdgePoints, arcs: list[Primitive], pixel: float) -> tupl
     """
     free = np.ones(len(found), bool)
     circles = []
-    starts = [fit_circle(np.asarray(_on(arc))) for arc in arcs if arc.kind == Kind.ARC]
-    for start in sorted((s for s in starts if s is not None), key=lambda s: -s[3]):
+    starts = [fit_circle(_on(arc)) for arc in arcs if arc.kind == Kind.ARC]
+    for start in sorted((s for s in starts if s is not None), key=lambda s: -s.radius):
         grown = _grown(found, free, start, pixel)
         if grown is None:
             continue
@@ -40,26 +40,22 @@ def find_circles(found: EdgePoints, arcs: list[Primitive], pixel: float) -> tupl
 
 def _on(arc: Primitive) -> Float[Array, "S 3"]:
     """Points on a rational arc."""
-    import torch
-
-    from diff3ds.edges.curves import curves_of
-
     return curves_of([arc]).at(torch.linspace(0, 1, 9))[0].double().numpy()
 
 
 def _grown(
     found: EdgePoints,
     free: Bool[NDArray[np.bool_], " M"],
-    circle: tuple[Array, Array, Array, float, Array],
+    circle: Circle,
     pixel: float,
-) -> tuple[tuple[Array, Array, Array, float, Array], Bool[NDArray[np.bool_], " M"]] | None:
+) -> tuple[Circle, Bool[NDArray[np.bool_], " M"]] | None:
     """The circle of least squares through the points around it, and these; None if they do not go all around."""
     for _ in range(ROUNDS):
         members = free & _members(found, circle, pixel)
         if members.sum() < SECTORS * COVERED / 2:
             return None
         fitted = fit_circle(found.points[members])
-        if fitted is None or fitted[3] < LEAST_RADIUS * pixel:
+        if fitted is None or fitted.radius < LEAST_RADIUS * pixel:
             return None
         circle = fitted
     members = free & _members(found, circle, pixel)
@@ -71,9 +67,7 @@ def _grown(
     return (circle, members) if covered >= COVERED else None
 
 
-def _members(
-    found: EdgePoints, circle: tuple[Array, Array, Array, float, Array], pixel: float
-) -> Bool[NDArray[np.bool_], " M"]:
+def _members(found: EdgePoints, circle: Circle, pixel: float) -> Bool[NDArray[np.bool_], " M"]:
     center, u, v, radius, _ = circle
     flat = found.points - center
     x, y, z = flat @ u, flat @ v, flat @ np.cross(u, v)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,8 +91,18 @@ def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primi
     ]
 
 
-def fit_circle(points: Float[Array, "M 3"]) -> tuple[Array, Array, Array, float, Array] | None:
-    """Centre, two orthogonal directions of the plane, radius, and distances of the points from the circle."""
+class Circle(NamedTuple):
+    """A circle fitted to points: centre, two orthogonal unit vectors of its plane, radius, distances of the points."""
+
+    center: Float[Array, " 3"]
+    u: Float[Array, " 3"]
+    v: Float[Array, " 3"]
+    radius: float
+    distances: Float[Array, " M"]
+
+
+def fit_circle(points: Float[Array, "M 3"]) -> Circle | None:
+    """The circle of least squares; None if the points lie on a line."""
     middle = points.mean(0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2]
     if len(axes) < 3:
@@ -114,7 +125,7 @@ def fit_circle(points: Float[Array, "M 3"]) -> tuple[Array, Array, Array, float,
     if not (np.isfinite(radius) and radius > 0):
         return None
     distances = np.hypot(np.hypot(x - cx, y - cy) - radius, z)
-    return middle + cx * u + cy * v, u, v, float(radius), distances
+    return Circle(middle + cx * u + cy * v, u, v, float(radius), distances)
 
 
 def arc_control(center: Array, u: Array, v: Array, start: float, stop: float) -> Float[Array, "4 3"]:
