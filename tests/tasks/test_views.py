@@ -1,5 +1,6 @@
 """`diff3ds views` on scenes with known answers, through the command line."""
 
+import functools
 import json
 import os
 import signal
@@ -131,7 +132,10 @@ def test_one_seed_gives_one_file(colored):
 def interrupted(options, out, checkpoint):
     """The exit code and messages of a run that gets Ctrl-C once its checkpoint is there."""
     command = [sys.executable, "-m", "diff3ds.cli", "views", *options, "-o", str(out)]
-    run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "TERM": "dumb"})
+    # Shells start background jobs with Ctrl-C ignored, and the tests may run in one.
+    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    environment = {**os.environ, "TERM": "dumb"}
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=heed)
     while not (out / checkpoint).exists() and run.poll() is None:
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
