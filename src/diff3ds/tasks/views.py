@@ -46,6 +46,8 @@ def fit_views(
         FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `frame_of`, `fit` and `reconstruct`.
     """
     options = options or ViewsOptions()
+    if source is None and options.target not in (None, "edges"):
+        raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
     pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size, out)
