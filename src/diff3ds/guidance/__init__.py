@@ -1,0 +1,1 @@
+"""Diffusion priors and score distillation. Sees images and cameras, never strokes."""

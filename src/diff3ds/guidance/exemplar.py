@@ -1,0 +1,111 @@
+"""A prior whose score is known exactly: it has seen a finite set of objects, from every side, and nothing else."""
+
+from collections.abc import Callable, Sequence
+
+import torch
+
+from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds.camera import Cameras, orbit
+from diff3ds.guidance import distill
+from diff3ds.guidance.denoiser import Branch, check_groups
+from diff3ds.guidance.schedule import NoiseSchedule
+
+# Draws all M members as V cameras see them.
+Draw = Callable[[Cameras], Float[Tensor, "M V H W 3"]]
+
+# Views whose pixels give the mean and the spread of what the members look like: the paper's range of cameras.
+TYPICAL_VIEWS, TYPICAL_ELEVATION, TYPICAL_DISTANCE = 8, 15.0, 1.9
+
+
+class ExemplarDenoiser:
+    """The exact posterior mean over the renderings of a finite set of members, in pixel space.
+
+    The best possible denoiser of a finite set of images weighs them by how likely each is to have become the noisy one:
+    ẑ₀ = Σ pᵢ xᵢ, pᵢ ∝ exp(-|z_t - √ᾱ xᵢ|² / (2 (1 - ᾱ))). Here xᵢ is what all cameras of a group see of member i, so
+    views are consistent by construction. Conditional: over the members that fit; unconditional: over all.
+    Latents are pixels brought to mean 0 and variance 1.
+
+    Attributes:
+        schedule: of the noise.
+        size: of the images, pixels.
+        group: views of an object.
+    """
+
+    def __init__(self, draw: Draw, fitting: Bool[Tensor, " M"], size: int = 64, group: int = 4) -> None:
+        """Takes a set of members.
+
+        Args:
+            draw: renders all members; called with the cameras of every step, resized to `size`.
+            fitting: members that the phrase describes.
+            size: of the images, pixels.
+            group: views of an object.
+
+        Raises:
+            ValueError: no member fits.
+        """
+        if not bool(fitting.any()):
+            raise ValueError("none of the members fits: a conditional prior needs at least one")
+        self.schedule = NoiseSchedule.scaled_linear()
+        self.size = size
+        self.group = group
+        self._draw = draw
+        self._fitting = fitting
+        azimuths = [360 * i / TYPICAL_VIEWS for i in range(TYPICAL_VIEWS)]
+        typical = draw(orbit(azimuths, TYPICAL_ELEVATION, TYPICAL_DISTANCE, size=size))
+        self._mean, self._spread = float(typical.mean()), float(typical.std())
+        self._seen: tuple[Cameras, Tensor] | None = None
+
+    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 3 h w"]:
+        """Pixels, standardised, with gradients; images of another size are resampled."""
+        latents = (images.movedim(-1, 1).float() - self._mean) / self._spread
+        if latents.shape[-2:] == (self.size, self.size):
+            return latents
+        size = (self.size, self.size)
+        return torch.nn.functional.interpolate(latents, size, mode="bilinear", antialias=True)
+
+    def decode(self, latents: Float[Tensor, "B 3 h w"]) -> Float[Tensor, "B H W 3"]:
+        """Images in [0, 1]."""
+        return (latents * self._spread + self._mean).movedim(1, -1).clamp(0, 1)
+
+    def predict(
+        self,
+        noisy: Float[Tensor, "B 3 h w"],
+        timesteps: Int[Tensor, " B"],
+        cameras: Cameras,
+        branches: Sequence[Branch],
+    ) -> Float[Tensor, "R B 3 h w"]:
+        """The exact noise of every branch; the negative one is the unconditional one.
+
+        Raises:
+            ValueError: the number of views is no multiple of the group.
+        """
+        check_groups(len(noisy), self.group)
+        members = self._members(cameras)
+        kept = self.schedule.alpha_bar(timesteps, noisy)
+        likely = self.likelihood(noisy, kept, members)
+        predictions = []
+        for branch in branches:
+            fits = likely.masked_fill(~self._fitting, -torch.inf) if branch == "conditional" else likely
+            mean = torch.einsum("gm,mgvchw->gvchw", fits.softmax(1), members).reshape(noisy.shape)
+            predictions.append(distill.epsilon_from_clean(mean, noisy, kept))
+        return torch.stack(predictions)
+
+    def likelihood(
+        self, noisy: Float[Tensor, "B 3 h w"], kept: Float[Tensor, "B 1 1 1"], members: Float[Tensor, "M G V 3 h w"]
+    ) -> Float[Tensor, "G M"]:
+        """Logarithm of how likely each group of views is a noisy version of each member, up to a constant."""
+        found = []
+        for group in range(members.shape[1]):
+            rows = slice(group * self.group, (group + 1) * self.group)
+            difference = noisy[rows] - kept[rows].sqrt() * members[:, group]
+            found.append(-(difference.square() / (2 * (1 - kept[rows]))).flatten(1).sum(1))
+        return torch.stack(found)
+
+    def _members(self, cameras: Cameras) -> Float[Tensor, "M G V 3 h w"]:
+        """What the members look like; kept for the next call, because most methods ask several times in a step."""
+        if self._seen is None or self._seen[0] is not cameras:
+            with torch.no_grad():
+                drawn = self._draw(cameras.resize(self.size))
+            latents = (drawn.movedim(-1, 2) - self._mean) / self._spread
+            self._seen = (cameras, latents.unflatten(1, (-1, self.group)))
+        return self._seen[1]

@@ -1,0 +1,97 @@
+"""Score distillation as an objective of `fit`: a prior looks at the renderings of every step."""
+
+from dataclasses import dataclass, field
+from typing import Protocol, get_args
+
+import numpy as np
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.guidance import distill
+from diff3ds.guidance.denoiser import Denoiser, check_groups, draw_timesteps
+from diff3ds.guidance.methods import Look, Method, judge
+from diff3ds.guidance.schedule import TimeAnnealing
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a prior moves a sketch.
+
+    Attributes:
+        method: reconstruction (MVDream's form of SDS), sds, or a later one: csd, nfsd, asd, ism, sdi.
+        guidance: weight λ of classifier-free guidance. The paper: 50 for a phrase, 7.5 for a picture.
+        rescale: share of the contrast that reconstruction restores, in [0, 1].
+        weighting: w(t) of the methods that have one: sds is 1 - ᾱ.
+        clip: entries of the gradient with respect to the latents are limited to ± this; None does not limit them.
+        annealing: timesteps that are drawn.
+    """
+
+    method: Method = "reconstruction"
+    guidance: float = 50.0
+    rescale: float = 0.5
+    weighting: distill.Weighting = "sds"
+    clip: float | None = None
+    annealing: TimeAnnealing = field(default_factory=TimeAnnealing)
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("method", get_args(Method)), ("weighting", get_args(distill.Weighting))):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}")
+        if not 0 <= self.rescale <= 1:
+            raise ValueError(f"rescale must lie in [0, 1], got {self.rescale}")
+        if self.clip is not None and not self.clip > 0:
+            raise ValueError(f"clip must be positive, got {self.clip}")
+        if not abs(self.guidance) < float("inf"):
+            raise ValueError(f"guidance must be finite, got {self.guidance}")
+
+
+class Pictures(Protocol):
+    """What is seen of a rendering: its colours (B, H, W, 3)."""
+
+    @property
+    def color(self) -> Tensor:
+        """Colours over the background, in [0, 1]."""
+        ...
+
+
+class ScoreDistillation:
+    """An objective for `fit`: the loss whose gradient is what a prior says about the renderings.
+
+    All that is random in a step is drawn from the seed and the step's index, so that a resumed run goes on as one that
+    never stopped. `latest` keeps the last verdict, for pictures of the progress.
+    """
+
+    def __init__(self, denoiser: Denoiser, recipe: Recipe, steps: int, seed: int = 0) -> None:
+        self.denoiser = denoiser
+        self.recipe = recipe
+        self.steps = steps
+        self.seed = seed
+        self.latest: Float[Tensor, "B C H W"] | None = None
+
+    def __call__(self, rendering: Pictures, cameras: Cameras, step: int) -> Float[Tensor, ""]:
+        """The loss of a step's rendering.
+
+        Raises:
+            ValueError: the number of views is no multiple of the prior's group.
+        """
+        check_groups(len(cameras), self.denoiser.group)
+        generator = step_generator(self.seed, step)
+        latents = self.denoiser.encode(rendering.color, generator)
+        low, high = self.recipe.annealing.bounds(step, self.steps)
+        timesteps = draw_timesteps(low, high, len(cameras), self.denoiser.group, generator)
+        guidance, rescale = self.recipe.guidance, self.recipe.rescale
+        look = Look(self.denoiser, latents.detach(), timesteps, low, cameras, guidance, rescale, generator)
+        with torch.no_grad():
+            verdict = judge(self.recipe.method, look)
+            gradient = verdict.gradient
+            if verdict.weighted:
+                gradient = distill.weighted(look.alpha_bar(timesteps), self.recipe.weighting) * gradient
+        self.latest = verdict.clean
+        return distill.loss_of(latents, gradient, self.recipe.clip).to(rendering.color.device)
+
+
+def step_generator(seed: int, step: int) -> torch.Generator:
+    """The generator of a step. torch keeps 32 bits of a seed, so both numbers are mixed into as many."""
+    (mixed,) = np.random.SeedSequence([seed, step]).generate_state(1)
+    return torch.Generator().manual_seed(int(mixed))
