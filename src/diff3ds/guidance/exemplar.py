@@ -107,5 +107,5 @@ class ExemplarDenoiser:
             with torch.no_grad():
                 drawn = self._draw(cameras.resize(self.size))
             latents = (drawn.movedim(-1, 2) - self._mean) / self._spread
-            self._seen = (cameras, latents.unflatten(1, (-1, self.group)))
+            self._seen = (cameras, latents.reshape(len(latents), -1, self.group, *latents.shape[2:]))
         return self._seen[1]

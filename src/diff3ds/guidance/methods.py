@@ -1,5 +1,6 @@
 """The ways of score distillation: which predictions a prior is asked for, and what gradient they make."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -135,7 +136,7 @@ def nfsd(look: Look) -> Verdict:
     noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
     predictions = look.predict(noisy, look.timesteps, "conditional", "unconditional", "negative")
     late = (look.timesteps < LATE).to(noisy)
-    gradient = distill.noise_free(*predictions, guidance=look.guidance, late=late)
+    gradient = distill.noise_free(predictions[0], predictions[1], predictions[2], look.guidance, late)
     epsilon = distill.guided(predictions[0], predictions[1], look.guidance)
     return Verdict(gradient, distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
 
@@ -170,11 +171,11 @@ def ism(look: Look) -> Verdict:
 
 
 def sdi(look: Look) -> Verdict:
-    """Score distillation via inversion (Lukoianov et al. 2024): towards what the prior makes of the inverted latents."""
+    """Score distillation via inversion (Lukoianov et al. 2024): towards what the prior makes of inverted latents."""
     count = max(1, math.ceil(int(look.timesteps.max()) / INVERTED_STEP))
     grid = [look.timesteps * i // count for i in range(count + 1)]
     noisy = look.latents
-    for now, then in zip(grid[:-1], grid[1:], strict=True):
+    for now, then in itertools.pairwise(grid):
         epsilon = look.guided(noisy, now, INVERTED_GUIDANCE)
         start, end = look.alpha_bar(now), look.alpha_bar(then)
         # Song et al. 2021, eq. 16, for a step from less to more noise.
