@@ -69,9 +69,10 @@ class TimeAnnealing:
     def bounds(self, step: int, steps: int) -> tuple[int, int]:
         """Lowest and highest timestep of this step (counted from 0) of so many, both inclusive.
 
-        Rounded: truncation would give 99 for 0.10, which is 0.0999... after the interpolation.
+        Rounded, twice so that the error of the interpolation does not count: 0.10 comes as 0.0999..., of which
+        truncation would make 99.
         """
         done = min(1.0, step / (self.share * steps)) if self.share else 1.0
         ends = ((self.low, self.final_low), (self.high, self.final_high))
-        low, high = (round(TIMESTEPS * (first + (last - first) * done)) for first, last in ends)
+        low, high = (round(round(TIMESTEPS * (first + (last - first) * done), 6)) for first, last in ends)
         return low, high
