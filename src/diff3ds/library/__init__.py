@@ -1,1 +1,7 @@
-"""Procedural 3D sketches: scenes with known answers."""
+"""Procedural 3D sketches: scenes with known answers, and members of some forty categories of things, with captions."""
+
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.category import Attribute, Category
+from diff3ds.library.members import Member, member
+
+__all__ = ["CATEGORIES", "Attribute", "Category", "Member", "member"]

@@ -1,0 +1,44 @@
+"""Lamps: a shade over a turned foot on a table, on a tall pole, on an arm with joints or on a cord."""
+
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import Strokes, between, curve, lathe, line, move, polyline, ring, turn
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    wide, narrow, tall = vary(0.5, 0.62), vary(0.26, 0.36), vary(0.5, 0.65)
+    belly, foot = vary(0.24, 0.34), vary(0.26, 0.34)
+    shade = lathe(line((wide, 0, 0), (narrow, 0, tall)), [(wide, 0), (narrow, tall)], meridians=6)
+    if "hanging" in attributes:
+        return [shade, line((0, 0, tall), (0, 0, tall + 1.1)), ring((0, 0, tall + 1.1), 0.15), ring((0, 0, 0.02), 0.13)]
+    if "desk" in attributes:
+        elbow, tip = (-0.75, 0, 0.75), (0.25, 0, 1.5)
+        arm = [polyline((0, 0, 0.06), elbow, tip), ring(elbow, 0.07, "y")]
+        base = between(ring((0, 0, 0), 0.42), ring((0, 0, 0.06), 0.42))
+        head = lathe(
+            curve((0.42, 0, -0.5), (0.4, 0, -0.2), (0.15, 0, -0.1), (0.12, 0, 0.05)), [(0.42, -0.5), (0.12, 0.05)]
+        )
+        return [*arm, base, move(turn(head, 35, "y"), tip)]
+    if "floor" in attributes:
+        base = between(ring((0, 0, 0), foot), ring((0, 0, 0.06), foot))
+        return [base, line((0, 0, 0.06), (0, 0, 2.6)), move(shade, (0, 0, 2.1))]
+    vase = curve((foot, 0, 0), (2 * belly, 0, 0.35), (0.02, 0, 0.5), (0.05, 0, 0.9))
+    return [
+        lathe(vase, [(foot, 0)]),
+        line((0, 0, 0.9), (0, 0, 1.05)),
+        ring((0, 0, 0.9), 0.05),
+        move(shade, (0, 0, 0.95)),
+    ]
+
+
+CATEGORY = Category(
+    "lamp",
+    _make,
+    synonyms=("light",),
+    attributes=(
+        Attribute("floor", ("floor", "standing"), excludes=("desk", "hanging")),
+        Attribute("desk", ("desk", "with a jointed arm"), excludes=("hanging",)),
+        Attribute("hanging", ("hanging", "ceiling"), nouns=("pendant light",)),
+    ),
+)

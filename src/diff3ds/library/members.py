@@ -1,0 +1,94 @@
+"""Members of the categories: seeded 3D sketches that fill the unit ball, with captions."""
+
+import difflib
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import torch
+
+from diff3ds.bezier import bounding_box, evaluate
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.category import Category
+from diff3ds.library.shapes import Strokes, join
+from diff3ds.sketch import Sketch
+
+# Distance of the farthest point from the origin.
+RADIUS = 0.95
+# Points on a stroke when that distance is measured. A half circle's farthest point can lie half a step of a 32nd of it
+# away from one: short by 1 - cos(180 / 64 degrees) = .0012 of its radius at most.
+_SAMPLES = 33
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A sketch of one thing.
+
+    Attributes:
+        sketch: float32 cubics, black, of the default width, in the unit ball: the middle of the bounding box is at the
+            origin, the farthest point .95 away from it. The front is on +x, z is up.
+        category: name of what it is.
+        attributes: names of what it has, in the category's order.
+        captions: ways to call it, the usual one first.
+    """
+
+    sketch: Sketch
+    category: str
+    attributes: tuple[str, ...]
+    captions: tuple[str, ...]
+
+    @property
+    def caption(self) -> str:
+        """The usual way to call it: "a chair with armrests"."""
+        return self.captions[0]
+
+
+def member(category: str, generator: torch.Generator, attributes: Collection[str] = ()) -> Member:
+    """Draws a member of a category; the generator (on the CPU) varies its proportions.
+
+    Raises:
+        ValueError: no such category, no such attribute of it, or attributes that exclude each other; the message says
+            what there is.
+    """
+    kind = _find(category)
+    names = _check(kind, attributes)
+
+    def vary(low: float, high: float) -> float:
+        return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
+
+    return Member(_fill_ball(join(*kind.make(vary, names))), kind.name, names, kind.captions(names))
+
+
+def _find(category: str) -> Category:
+    if category not in CATEGORIES:
+        raise ValueError(f"no category is named {category!r}{_nearest(category, CATEGORIES)}")
+    return CATEGORIES[category]
+
+
+def _check(category: Category, attributes: Collection[str]) -> tuple[str, ...]:
+    """The attributes in the category's order."""
+    if isinstance(attributes, str):
+        raise ValueError(f"attributes must be a collection of names, got the string {attributes!r}")
+    known = [attribute.name for attribute in category.attributes]
+    for name in attributes:
+        if name not in known:
+            raise ValueError(f"{category.name} has no attribute {name!r}{_nearest(name, known)}")
+    chosen = tuple(name for name in known if name in attributes)
+    if chosen not in category.combinations():
+        raise ValueError(f"no {category.name} has all of {', '.join(chosen)}: some of these exclude each other")
+    return chosen
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    names = list(known)
+    near = difflib.get_close_matches(word, names, n=3)
+    return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names) or 'none'}"
+
+
+def _fill_ball(strokes: Strokes) -> Sketch:
+    weights = strokes[..., 3]
+    points = strokes[..., :3] / weights[..., None]
+    low, high = bounding_box(points, weights)
+    points = points - (low.amin(0) + high.amax(0)) / 2
+    on = evaluate(points, weights, torch.linspace(0, 1, _SAMPLES, dtype=torch.float64))
+    points = points * (RADIUS / torch.linalg.vector_norm(on, dim=-1).max())
+    return Sketch(points.float(), weights.float())

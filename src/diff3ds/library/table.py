@@ -1,0 +1,38 @@
+"""Tables: a top, rectangular unless said otherwise, on four legs; folding ones stand on crossed legs."""
+
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import Strokes, between, box, line, mirror, ring
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    half, deep, height = vary(0.95, 1.15), vary(0.5, 0.62), vary(0.85, 1.05)
+    thick, inset = 0.09, 0.07
+    if "square" in attributes:
+        half = deep = 0.75
+    if "round" in attributes:
+        half = deep = vary(0.75, 0.9)
+        inset = 0.42 * half
+        parts = [between(ring((0, 0, height), half), ring((0, 0, height - thick), half))]
+    else:
+        parts = [box((0, 0, height - thick / 2), (2 * deep, 2 * half, thick))]
+    x, y, z = deep - inset, half - inset, height - thick
+    if "folding" in attributes:
+        parts.append(mirror(line((x, y, z), (x, -y, 0)), "y", "x"))
+        parts.append(mirror(line((x, y, 0), (-x, y, 0))))
+    else:
+        parts.append(mirror(line((x, y, z), (x, y, 0)), "x", "y"))
+    return parts
+
+
+CATEGORY = Category(
+    "table",
+    _make,
+    synonyms=("desk",),
+    attributes=(
+        Attribute("round", ("round", "circular"), excludes=("square",)),
+        Attribute("square", ("square",)),
+        Attribute("folding", ("folding", "with crossed legs")),
+    ),
+)
