@@ -55,6 +55,16 @@ def test_arcs_all_around_become_a_circle():
     assert np.diff(angle).max() < 0.1
 
 
+def test_small_circles_stay_and_small_arcs_close():
+    # Of 4 pixels radius: four pixels along it turn it by 57 degrees.
+    u, v = 0.04 * U, 0.04 * V
+    halves = [circular_arc(CENTER, u, v, a, a + math.pi) for a in (0, math.pi)]
+    for curves in (curves_of([], [halves]), curves_of(halves)):
+        kept = joined(curves, PIXEL)
+        assert kept.other.tolist() == [1, 0]
+        np.testing.assert_allclose(np.linalg.norm(sampled(kept) - CENTER, axis=2), 0.04, rtol=1e-3)
+
+
 def test_arcs_of_half_a_circle_become_one_arc():
     curves = joined(curves_of(circle_pieces(0, 60, 110, 170)), PIXEL)
     assert curves.kind.tolist() == [Kind.ARC]

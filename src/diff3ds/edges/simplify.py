@@ -83,13 +83,7 @@ class _Joint:
 
 def joined(curves: Curves, pixel: float) -> Curves:
     """Curves that continue each other become one, best fits first, until none does; arcs may close to circles."""
-    none = np.zeros(0)
-    control = curves.constrained(curves.points)[0].double().numpy()
-    pieces = []
-    for i, samples in enumerate(sampled(curves)):
-        points = resampled(samples, DENSE * pixel)
-        strokes = simplest(points, pixel) or [Primitive(Kind(int(curves.kind[i])), control[i], none)]
-        pieces.append(_Piece(strokes, points))
+    pieces = _pieces(curves, pixel)
     alive = set(range(len(pieces)))
     joints = [j for i in alive for k in range(i) if (j := _joint(pieces, i, k, pixel)) is not None]
     while joints:
@@ -101,6 +95,21 @@ def joined(curves: Curves, pixel: float) -> Curves:
         joints += [j for k in sorted(alive) if (j := _joint(pieces, new, k, pixel)) is not None]
         alive.add(new)
     return _curves([pieces[i] for i in sorted(alive)])
+
+
+def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
+    """One piece for every curve, as simple as it can be; the two halves of a circle are one, and stay a circle."""
+    control = curves.constrained(curves.points)[0].double().numpy()
+    strokes = [Primitive(Kind(int(k)), c, np.zeros(0)) for k, c in zip(curves.kind, control, strict=True)]
+    pieces = []
+    for i, samples in enumerate(sampled(curves)):
+        other = int(curves.other[i])
+        points = resampled(samples, DENSE * pixel)
+        if other < 0:
+            pieces.append(_Piece(simplest(points, pixel) or [strokes[i]], points))
+        elif i < other:
+            pieces.append(_Piece([strokes[i], strokes[other]], points))
+    return pieces
 
 
 def _curves(pieces: list[_Piece]) -> Curves:
@@ -146,6 +155,8 @@ def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:
 
 
 def _end_tangent(points: Array) -> Float[Array, " 3"]:
-    """Unit tangent at the first point, pointing into the curve."""
-    step = points[min(len(points) - 1, 4)] - points[0]
+    """Unit tangent at the first point, pointing into the curve: that of the parabola through three points."""
+    half = min((len(points) - 1) // 2, 2)
+    step = 4 * (points[half] - points[0]) - (points[2 * half] - points[0])
+    step = step if half else points[-1] - points[0]
     return step / (np.linalg.norm(step) + 1e-12)
