@@ -1,0 +1,161 @@
+"""What latent diffusion models share: pictures to latents and back, the noise schedule in a file, and ε of a UNet."""
+
+from typing import Any, Literal
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.guidance import distill
+from diff3ds.guidance.denoiser import gaussian
+from diff3ds.guidance.device import free_memory, require_memory
+from diff3ds.guidance.loading import load_part
+from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.weights import Checkpoint
+
+Prediction = Literal["epsilon", "v_prediction"]
+
+# Pixels to a latent along a side, of all autoencoders here.
+FACTOR = 8
+# Bytes a pixel and image that a backward pass through the encoder of Stable Diffusion keeps in float32, measured; and
+# those of a thrifty one, to which comes one block of one image.
+KEPT, KEPT_THRIFTY, ONE_BLOCK = 12_200, 900, 6_000
+# Bytes a pixel and image of a UNet's forward pass in 16 bits, twice that in 32; a generous guess.
+UNET_PASS = 6_000
+
+
+class Autoencoder:
+    """The autoencoder of a latent diffusion model, with gradients to the pictures that are encoded.
+
+    It computes in float32 or bfloat16: gradients through it would overflow in float16.
+
+    Attributes:
+        size: height and width of the pictures that it takes, pixels.
+        scale: latents are this times those of the network.
+        thrifty: encodes picture by picture and recomputes on the way back, for a quarter more time and a tenth of the
+            memory.
+    """
+
+    def __init__(self, network: Any, size: int, thrifty: bool = False) -> None:
+        """Takes a diffusers.AutoencoderKL.
+
+        Raises:
+            ValueError: it is in float16, shifts its latents, or the size is no multiple of 8.
+        """
+        if network.dtype == torch.float16:
+            raise ValueError("the autoencoder must compute in float32 or bfloat16: float16 gradients overflow")
+        if size < FACTOR or size % FACTOR:
+            raise ValueError(f"size must be a positive multiple of {FACTOR}, got {size}")
+        if getattr(network.config, "shift_factor", None):
+            raise ValueError("this autoencoder shifts its latents, which the models here do not")
+        self.size = size
+        self.scale = float(network.config.scaling_factor)
+        self.thrifty = thrifty
+        self._network = network.eval().requires_grad_(False)
+        if thrifty:
+            network.enable_gradient_checkpointing()
+            network.enable_slicing()
+
+    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
+        """Scaled latents of pictures in [0, 1] of any size, drawn from what the encoder gives, float32."""
+        posteriors = self._posteriors(images)
+        mean = torch.cat([p.mean for p in posteriors]).float()
+        deviation = torch.cat([p.std for p in posteriors]).float()
+        return self.scale * (mean + deviation * gaussian(mean, generator))
+
+    def mode(self, images: Float[Tensor, "B H W 3"]) -> Float[Tensor, "B 4 h w"]:
+        """The most likely latents of pictures in [0, 1], **not** scaled, float32, without gradients.
+
+        What Zero-1-to-3 takes beside the noisy latents.
+        """
+        with torch.no_grad():
+            return torch.cat([p.mode() for p in self._posteriors(images)]).float()
+
+    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
+        """Pictures in [0, 1] of scaled latents, on the CPU, without gradients."""
+        weight = next(self._network.parameters())
+        with torch.no_grad():
+            decoded = [self._network.decode(z[None].to(weight) / self.scale).sample for z in latents]
+        return (torch.cat(decoded).float().cpu().movedim(1, -1) / 2 + 0.5).clamp(0, 1)
+
+    def _posteriors(self, images: Tensor) -> list[Any]:
+        """Distributions of unscaled latents; one, or one an image."""
+        weight = next(self._network.parameters())
+        pixels = 2 * images.movedim(-1, 1).to(weight.device, torch.float32) - 1
+        if pixels.shape[-2:] != (self.size, self.size):
+            pixels = torch.nn.functional.interpolate(pixels, (self.size, self.size), mode="bilinear")
+        pixels = pixels.to(weight.dtype)
+        batches = torch.split(pixels, 1) if self.thrifty else [pixels]
+        return [self._network.encode(batch).latent_dist for batch in batches]
+
+
+def load_autoencoder(
+    checkpoint: Checkpoint, size: int, dtype: torch.dtype, device: torch.device, views: int
+) -> Autoencoder:
+    """The autoencoder of a checkpoint, thrifty if the device's memory is short. Load the UNet before it.
+
+    Args:
+        dtype: of the UNet; the autoencoder is in bfloat16 if that is, else in float32.
+        views: pictures of a step.
+
+    Raises:
+        ValueError: weights that do not fit, or not even enough memory for a thrifty one.
+    """
+    import diffusers
+
+    dtype = torch.bfloat16 if dtype == torch.bfloat16 else torch.float32
+    network = load_part(diffusers.AutoencoderKL, checkpoint, "vae", dtype)
+    return place_autoencoder(network, size, device, views)
+
+
+def place_autoencoder(network: Any, size: int, device: torch.device, views: int) -> Autoencoder:
+    """An autoencoder brought to a device, as `load_autoencoder`."""
+    share = network.dtype.itemsize / 4
+    weights = sum(p.numel() for p in network.parameters()) * network.dtype.itemsize
+    passing = UNET_PASS * size**2 * views * share
+    kept = weights + passing + KEPT * size**2 * views * share
+    thrifty = weights + passing + (KEPT_THRIFTY * views + ONE_BLOCK) * size**2 * share
+    free = free_memory(device)
+    short = free is not None and free < kept
+    require_memory(device, int(thrifty), f"a step of {views} pictures of {size} pixels")
+    return Autoencoder(network.to(device), size, thrifty=short)
+
+
+def read_schedule(checkpoint: Checkpoint) -> tuple[NoiseSchedule, Prediction]:
+    """The noise schedule of a checkpoint, and what its network predicts.
+
+    Read from the file's numbers. The scheduler classes of diffusers would fill in what a file does not say, each with
+    values of its own.
+
+    Raises:
+        ValueError: a schedule that the models here do not have.
+    """
+    config = checkpoint.config("scheduler")
+    where = checkpoint.path / "scheduler"
+    kind, first, last = (config.get(name) for name in ("beta_schedule", "beta_start", "beta_end"))
+    if kind != "scaled_linear" or not isinstance(first, float) or not isinstance(last, float):
+        raise ValueError(
+            f"{where}: expected a scaled_linear schedule from beta_start to beta_end, got {kind}, {first}, {last}"
+        )
+    if (
+        config.get("num_train_timesteps", 1000) != 1000
+        or config.get("trained_betas")
+        or config.get("rescale_betas_zero_snr")
+    ):
+        raise ValueError(f"{where}: expected 1000 timesteps, betas that are neither listed nor rescaled")
+    # Every scheduler of diffusers means ε where its file is silent.
+    prediction: Prediction = config.get("prediction_type", "epsilon")
+    if prediction not in ("epsilon", "v_prediction"):
+        raise ValueError(f"{where}: prediction_type must be epsilon or v_prediction, got {prediction}")
+    return NoiseSchedule.scaled_linear(first, last), prediction
+
+
+def predicted_noise(
+    output: Float[Tensor, "B 4 h w"],
+    noisy: Float[Tensor, "B 4 h w"],
+    alpha_bar: Float[Tensor, "B 1 1 1"],
+    prediction: Prediction,
+) -> Float[Tensor, "B 4 h w"]:
+    """ε in float32 of what a network put out."""
+    if prediction == "epsilon":
+        return output.float()
+    return distill.epsilon_from_v(output.float(), noisy.float(), alpha_bar)

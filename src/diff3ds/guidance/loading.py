@@ -1,0 +1,122 @@
+"""Loading weights whole or not at all: every tensor of the file into its place, none missing, none left over.
+
+Only safetensors are read; the one exception is a single file that the user trusts by name (`Source.trust_pickle`).
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Tensor
+from diff3ds.guidance.weights import Checkpoint
+
+# As many names of keys are shown in an error.
+SHOWN = 5
+
+
+def load_part(kind: type[Any], checkpoint: Checkpoint, part: str, dtype: torch.dtype) -> Any:
+    """A model of diffusers or transformers with the weights of a part, frozen and in evaluation mode, on the CPU.
+
+    Args:
+        kind: its class, such as diffusers.AutoencoderKL.
+
+    Raises:
+        ValueError: weights that the model does not know, lacks or has in another shape; it names them.
+    """
+    name = checkpoint.file(part).name
+    variant = name.split(".")[1] if name.count(".") > 1 else None
+    # diffusers' old and transformers' new spelling: the other one warns.
+    spelling = "torch_dtype" if kind.__module__.startswith("diffusers") else "dtype"
+    settings = {spelling: dtype, "variant": variant, "use_safetensors": True, "local_files_only": True}
+    where = checkpoint.path / checkpoint.part(part)
+    try:
+        model, info = kind.from_pretrained(str(where), output_loading_info=True, **settings)
+    except (RuntimeError, ValueError) as error:
+        raise ValueError(f"{where}: these weights do not fit {kind.__name__}: {error}") from error
+    complain(str(where), info["missing_keys"], info["unexpected_keys"])
+    for key in ("mismatched_keys", "error_msgs"):
+        if info.get(key):
+            raise ValueError(f"{where}: these weights do not fit {kind.__name__}: {list(info[key])[:SHOWN]}")
+    return model.eval().requires_grad_(False)
+
+
+def load_tensors(model: torch.nn.Module, tensors: dict[str, Tensor], dtype: torch.dtype, what: str) -> None:
+    """Gives a model (one on the meta device too) exactly these weights, frozen and in evaluation mode.
+
+    Raises:
+        ValueError: weights that the model does not know, lacks or has in another shape; it names them.
+    """
+    own = model.state_dict()
+    complain(what, own.keys() - tensors.keys(), tensors.keys() - own.keys())
+    for name, tensor in tensors.items():
+        if tensor.shape != own[name].shape:
+            raise ValueError(f"{what}: {name} must have shape {tuple(own[name].shape)}, got {tuple(tensor.shape)}")
+    model.load_state_dict({name: tensor.to(dtype) for name, tensor in tensors.items()}, strict=True, assign=True)
+    model.eval().requires_grad_(False)
+
+
+def complain(what: str, missing: Iterable[str], foreign: Iterable[str]) -> None:
+    """Raises ValueError that names the keys, if there are any."""
+    faults = []
+    for label, keys in (("lacks", sorted(missing)), ("has foreign", sorted(foreign))):
+        if keys:
+            more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+            faults.append(f"{label} {', '.join(keys[:SHOWN])}{more}")
+    if faults:
+        raise ValueError(f"{what}: not the weights of this model: it {'; it '.join(faults)}")
+
+
+def read_tensors(path: Path, trust_pickle: bool = False) -> dict[str, Tensor]:
+    """The tensors of a file, on the CPU.
+
+    Raises:
+        ValueError: a pickle that is not trusted, or a file that cannot be read as what it claims to be.
+    """
+    import safetensors
+    import safetensors.torch
+
+    if path.suffix == ".safetensors":
+        try:
+            return safetensors.torch.load_file(path)
+        except safetensors.SafetensorError as error:
+            raise ValueError(f"{path}: not a safetensors file ({error})") from error
+    if not trust_pickle:
+        raise ValueError(
+            f"{path} is not safetensors but a pickle, which can run code of whoever made it as you. Only tensors would "
+            "be unpickled (torch's weights_only), which makes that hard, not impossible. If you trust where this file "
+            "comes from: --trust-pickle"
+        )
+    return unpickle(path)
+
+
+def unpickle(path: Path) -> dict[str, Tensor]:
+    """The tensors of a pickle that the user trusts; the only place where one is read, and only its tensors.
+
+    Raises:
+        ValueError: it holds anything else.
+    """
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # whatever a foreign file makes the reader stumble over
+        raise ValueError(f"{path}: not a file of tensors alone ({str(error).splitlines()[0]})") from error
+    content = content.get("state_dict", content) if isinstance(content, dict) else None
+    if not content or not all(isinstance(k, str) and isinstance(v, Tensor) for k, v in content.items()):
+        raise ValueError(f"{path}: expected a dictionary of tensors")
+    return dict(content)
+
+
+def header(path: Path) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of the tensors in a safetensors file, without reading them.
+
+    Raises:
+        ValueError: not such a file.
+    """
+    import safetensors
+
+    try:
+        with safetensors.safe_open(path, "pt") as file:
+            return {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118
+    except safetensors.SafetensorError as error:
+        raise ValueError(f"{path}: not a safetensors file ({error})") from error

@@ -1,0 +1,206 @@
+"""Finding the weights of a prior on this disk.
+
+Nothing here downloads. Weights are looked for in a folder that the user names or in the cache of the Hugging Face hub,
+in the layout of diffusers: a folder for each part. Loading them is the business of `loading`.
+"""
+
+import importlib.util
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from diff3ds._files import read_json
+from diff3ds.guidance.known import KNOWN
+
+# Packages of the extra; peft, which only one method needs, is asked for there.
+EXTRA = ("diffusers", "transformers", "accelerate", "huggingface_hub")
+# Names of files with weights, without what follows; parts that are not listed here are diffusers models.
+STEMS = {"text_encoder": "model", "image_encoder": "model"}
+WITHOUT_WEIGHTS = {"scheduler": ("scheduler_config.json",), "tokenizer": ("tokenizer.json", "vocab.json")}
+HUB_NAME = re.compile(r"[\w.-]+/[\w.-]+")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a user says that weights are.
+
+    Attributes:
+        place: a folder, a single file, or a repository of the hub, owner/name.
+        revision: commit, tag or branch of a repository; None is "main".
+        variant: of the files, such as "fp16" in `model.fp16.safetensors`; None takes what there is.
+        trust_pickle: allows a single file that is a pickle, which can run code of whoever made it.
+    """
+
+    place: str
+    revision: str | None = None
+    variant: str | None = None
+    trust_pickle: bool = False
+
+    @classmethod
+    def parse(cls, text: str, variant: str | None = None, trust_pickle: bool = False) -> "Source":
+        """A source from a path or "owner/name" or "owner/name@revision"; a path that exists is a path.
+
+        Raises:
+            ValueError: it is none of these.
+        """
+        name, _, revision = text.partition("@")
+        if not Path(text).expanduser().exists() and HUB_NAME.fullmatch(name):
+            return cls(name, revision or None, variant, trust_pickle)
+        if not Path(text).expanduser().exists():
+            raise ValueError(f"weights must be a folder or file that exists or owner/name[@revision], got {text!r}")
+        return cls(text, None, variant, trust_pickle)
+
+    def __str__(self) -> str:
+        return f"{self.place}@{self.revision}" if self.revision else self.place
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Weights that are on this disk.
+
+    Attributes:
+        path: a folder with a folder for each part, or a single file.
+        variant: as `Source.variant`.
+        trust_pickle: as `Source.trust_pickle`.
+    """
+
+    path: Path
+    variant: str | None = None
+    trust_pickle: bool = False
+
+    def part(self, name: str) -> str:
+        """The folder of a part; of "a|b" the first that is there."""
+        names = name.split("|")
+        return next((n for n in names if (self.path / n).is_dir()), names[0])
+
+    def config(self, part: str) -> dict[str, Any]:
+        """The configuration of a part.
+
+        Raises:
+            FileNotFoundError, ValueError: there is none, or it is no JSON object.
+        """
+        name = "scheduler_config.json" if part == "scheduler" else "config.json"
+        content = read_json(self.path / self.part(part) / name)
+        if not isinstance(content, dict):
+            raise ValueError(f"{self.path / part / name}: expected a JSON object")
+        return content
+
+    def file(self, part: str) -> Path:
+        """The file with the weights of a part.
+
+        Raises:
+            FileNotFoundError: there is none.
+        """
+        folder = self.path / self.part(part)
+        for name in weight_names(part, self.variant):
+            if (folder / name).is_file():
+                return folder / name
+        raise FileNotFoundError(f"{folder} has no {weight_names(part, self.variant)[0]}")
+
+
+def weight_names(part: str, variant: str | None = None) -> list[str]:
+    """Names that a part's weights may have, the best first: those of the variant, else plain ones, else fp16."""
+    stem = STEMS.get(part.split("|")[0], "diffusion_pytorch_model")
+    return [f"{stem}{v}.safetensors" for v in ([f".{variant}"] if variant else ["", ".fp16"])]
+
+
+def lacking(names: Iterable[str], parts: Iterable[str], variant: str | None = None) -> list[str]:
+    """What a repository or folder with these files (as "part/name") lacks; empty if it has all that is needed."""
+    present, missing = set(names), []
+    for part in parts:
+        here = [p for p in part.split("|") if any(name.startswith(f"{p}/") for name in present)]
+        if not here:
+            missing.append(f"{part.replace('|', '/ or ')}/")
+            continue
+        folder = here[0]
+        if folder in WITHOUT_WEIGHTS:
+            wanted = [WITHOUT_WEIGHTS[folder]]
+        else:
+            wanted = [("config.json",), tuple(weight_names(part, variant))]
+        for either in wanted:
+            if not any(f"{folder}/{name}" in present for name in either):
+                pickled = (
+                    " (only a pickle)"
+                    if any(n.startswith(f"{folder}/") and n.endswith(".bin") for n in present)
+                    else ""
+                )
+                missing.append(f"{folder}/{either[0]}{pickled}")
+    return missing
+
+
+def needed(names: Iterable[str], parts: Iterable[str], variant: str | None = None) -> list[str]:
+    """Which files of a repository to download: every part's settings, and one file of weights each.
+
+    Args:
+        variant: as `Source.variant`; None prefers fp16, which is half as large.
+    """
+    present, wanted = sorted(names), []
+    for part in (p for either in parts for p in either.split("|")):
+        wanted += [
+            n for n in present if n.startswith(f"{part}/") and n.endswith((".json", ".txt")) and ".index" not in n
+        ]
+        order = weight_names(part, variant) if variant else weight_names(part)[::-1]
+        wanted += [f"{part}/{n}" for n in order if part not in WITHOUT_WEIGHTS and f"{part}/{n}" in present][:1]
+    return wanted
+
+
+def cached(name: str, revision: str | None = None) -> Path | None:
+    """The folder of a repository in the hub's cache, complete or not; None if it was never downloaded."""
+    from huggingface_hub import constants
+
+    folder = Path(constants.HF_HUB_CACHE) / f"models--{name.replace('/', '--')}"
+    commit = revision or "main"
+    reference = folder / "refs" / commit
+    if reference.is_file():
+        commit = reference.read_text(encoding="utf-8").strip()
+    snapshot = folder / "snapshots" / commit
+    return snapshot if snapshot.is_dir() else None
+
+
+def locate(source: Source) -> Checkpoint | None:
+    """The folder or file of a source, or None if it is not on this disk."""
+    path: Path | None = Path(source.place).expanduser()
+    if path is not None and not path.exists():
+        path = cached(source.place, source.revision)
+    return None if path is None else Checkpoint(path, source.variant, source.trust_pickle)
+
+
+def find(prior: str, source: Source | None = None) -> Checkpoint:
+    """The weights of a prior: those that the user names, or the first that is complete of those that are known.
+
+    A single file is returned as it is; whoever reads it checks what it holds.
+
+    Raises:
+        ImportError: the extra is not installed.
+        FileNotFoundError: there are none; it says what is missing where, and the command that gets it.
+    """
+    require_extra()
+    known, tried = KNOWN[prior], []
+    sources = [source] if source else [Source(r.id, r.revision) for r in known.repositories]
+    for candidate in sources:
+        found = locate(candidate)
+        if found is None:
+            tried.append(f"{candidate}: not on this disk")
+            continue
+        missing = [] if found.path.is_file() else lacking(_listing(found.path), known.parts, candidate.variant)
+        if not missing:
+            return found
+        tried.append(f"{candidate}: {found.path} lacks {', '.join(missing)}")
+    get = f"diff3ds fetch {prior}" + (f" --weights {source}" if source else "")
+    raise FileNotFoundError(
+        f"no weights for {prior}:\n  " + "\n  ".join(tried) + f"\nGet them ({known.download} GB): {get}\n"
+        "or name a folder in the layout of diffusers, with safetensors, by --weights"
+    )
+
+
+def _listing(folder: Path) -> list[str]:
+    return [f"{p.parent.name}/{p.name}" for p in folder.glob("*/*") if p.is_file()]
+
+
+def require_extra(packages: Iterable[str] = EXTRA) -> None:
+    """Raises ImportError if a package of the extra is not installed."""
+    absent = [name for name in packages if importlib.util.find_spec(name) is None]
+    if absent:
+        raise ImportError(f'diffusion priors need {", ".join(absent)}: pip install "diff3ds[diffusion]"')
