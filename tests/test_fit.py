@@ -11,7 +11,7 @@ from diff3ds.checkpoint import read_checkpoint
 from diff3ds.fit import BETA1, BETA2, EPSILON
 from diff3ds.refine import Edit
 
-ALL_RATES = ds.Rates(points=0.01, weights=0.01, width=1e-4, color=0.01, opacity=0.01)
+ALL_RATES = ds.Rates(points=0.01, weights=0.01, width=0.01, color=0.01, opacity=0.01)
 
 
 @pytest.fixture

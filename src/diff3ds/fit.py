@@ -1,7 +1,7 @@
 """The optimisation loop: a sketch follows the gradient of any objective through the renderer."""
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,9 @@ from diff3ds.sketch import Sketch
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
 
 
+# Fields that Adam moves as logarithms, because they are positive.
+LOGARITHMIC = ("weights", "width")
+
 # Maps a sketch, the cameras of a step and its index to what is drawn.
 Projection = Callable[[Sketch, Cameras, int], Strokes2D]
 
@@ -33,7 +36,8 @@ class Rates:
     Attributes:
         points: world units a step.
         weights: of the weights' logarithms, so that they stay positive.
-        width: in units of `Sketch.width`; widths stay at or above 0.
+        width: of the widths' logarithms, so that thin and thick strokes change alike and none vanishes for good; widths
+            stay within `FitConfig.width_range`.
         color: colours stay in [0, 1].
         opacity: opacities stay in [0, 1].
     """
@@ -54,6 +58,7 @@ class FitConfig:
         rates: learning rates at the first step.
         final_rate: learning rates fall exponentially, to this share of their start.
         blur: of the renderings, pixels: a number, or a function of the step's index.
+        width_range: least and greatest width, in units of `Sketch.width`, if widths have a rate.
         background: of the renderings, as for `render`.
         antialiasing: as for `render`.
         samples: as for `render`.
@@ -65,12 +70,14 @@ class FitConfig:
             left early by an exception, Ctrl-C included.
         checkpoint_every: steps.
         resume: go on from the checkpoint if it exists; the run continues as if it had never stopped.
+        identity: what else a run must share to go on from a checkpoint, as JSON knows it.
     """
 
     steps: int = 1000
     rates: Rates = field(default_factory=Rates)
     final_rate: float = 0.1
     blur: float | Callable[[int], float] = 0.0
+    width_range: tuple[float, float] = (0.0, math.inf)
     background: Background = 1.0
     antialiasing: Antialiasing = "analytic"
     samples: int = 4
@@ -80,6 +87,7 @@ class FitConfig:
     checkpoint: Path | None = None
     checkpoint_every: int = 100
     resume: bool = False
+    identity: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("steps", "checkpoint_every"):
@@ -90,6 +98,9 @@ class FitConfig:
                 raise ValueError(f"{name} must be a finite rate, not negative, got {rate}")
         if not any(asdict(self.rates).values()):
             raise ValueError("all learning rates are 0: nothing would change")
+        least, most = self.width_range
+        if not 0 <= least <= most:
+            raise ValueError(f"width_range must be (least, greatest), not negative, got {self.width_range}")
         if self.resume and self.checkpoint is None:
             raise ValueError("resume needs a checkpoint file: give checkpoint=")
 
@@ -136,6 +147,8 @@ def fit(
     config = config or FitConfig()
     if not len(sketch):
         raise ValueError("the sketch has no strokes to fit")
+    if config.rates.width and not bool((sketch.width > 0).all()):
+        raise ValueError("a stroke of width 0 cannot grow: give all strokes a width to fit widths")
     state = start(sketch.detach(), config.seed)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
         state = read_checkpoint(config.checkpoint, _settings(config))
@@ -149,7 +162,7 @@ def _always(cameras: Cameras) -> CameraSampler:
 def _settings(config: FitConfig) -> dict[str, object]:
     """What must be the same for a run to go on from a checkpoint."""
     names = ("steps", "final_rate", "antialiasing", "samples", "seed")
-    return {**asdict(config.rates), **{name: getattr(config, name) for name in names}}
+    return {**asdict(config.rates), **{name: getattr(config, name) for name in names}, **config.identity}
 
 
 def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
@@ -174,7 +187,7 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
     loss = objective(rendering, views, state.index)
     gradients = _gradients(loss, leaves, state.index)
     decay = config.final_rate ** (state.index / config.steps)
-    state = _descended(state, leaves, gradients, config.rates, decay)
+    state = _descended(state, leaves, gradients, config, decay)
     for refine in config.refinements:
         edit = refine(state.index, config.steps, state.sketch, generator)
         if edit is not None:
@@ -196,16 +209,13 @@ def _drawn(sketch: Sketch, views: Cameras, index: int, config: FitConfig, genera
 def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:
     """The values that Adam moves, by field."""
     moved = {name: value for name, value in sketch.tensors().items() if getattr(rates, name)}
-    if "weights" in moved:
-        moved["weights"] = moved["weights"].log()
-    return {name: value.detach().clone().requires_grad_() for name, value in moved.items()}
+    values = {name: value.log() if name in LOGARITHMIC else value for name, value in moved.items()}
+    return {name: value.detach().clone().requires_grad_() for name, value in values.items()}
 
 
 def _assembled(sketch: Sketch, leaves: dict[str, Tensor]) -> Sketch:
-    fields = {**sketch.tensors(), **leaves}
-    if "weights" in leaves:
-        fields["weights"] = leaves["weights"].exp()
-    return Sketch(**fields, width_space=sketch.width_space)
+    moved = {name: value.exp() if name in LOGARITHMIC else value for name, value in leaves.items()}
+    return Sketch(**{**sketch.tensors(), **moved}, width_space=sketch.width_space)
 
 
 def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> dict[str, Tensor]:
@@ -224,7 +234,7 @@ def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> dict[str,
 
 
 def _descended(
-    state: State, leaves: dict[str, Tensor], gradients: dict[str, Tensor], rates: Rates, decay: float
+    state: State, leaves: dict[str, Tensor], gradients: dict[str, Tensor], config: FitConfig, decay: float
 ) -> State:
     """Adam (Kingma and Ba 2015, algorithm 1) with an age for every stroke, because strokes come and go."""
     age = state.age + 1
@@ -235,7 +245,9 @@ def _descended(
         shape = (-1, *[1] * (gradient.ndim - 1))
         mean = first[name] / (1 - BETA1**age).reshape(shape)
         spread = (second[name] / (1 - BETA2**age).reshape(shape)).sqrt()
-        moved[name] = leaves[name].detach() - decay * getattr(rates, name) * mean / (spread + EPSILON)
-    limits = {"width": (0.0, None), "color": (0.0, 1.0), "opacity": (0.0, 1.0)}
+        moved[name] = leaves[name].detach() - decay * getattr(config.rates, name) * mean / (spread + EPSILON)
+    # Of logarithms, for the widths.
+    widths = [math.log(bound) if bound else -math.inf for bound in config.width_range]
+    limits = {"width": widths, "color": (0.0, 1.0), "opacity": (0.0, 1.0)}
     kept_in = {name: value.clamp(*limits[name]) if name in limits else value for name, value in moved.items()}
     return replace(state, sketch=_assembled(state.sketch, kept_in), first=first, second=second, age=age)

@@ -1,7 +1,7 @@
 """What every diffusion prior offers: encode, predict the noise, decode."""
 
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import torch
 
@@ -14,6 +14,7 @@ from diff3ds.guidance.schedule import NoiseSchedule
 Branch = Literal["conditional", "unconditional", "negative"]
 
 
+@runtime_checkable
 class Denoiser(Protocol):
     """A diffusion prior that looks at B images from B cameras.
 

@@ -1,7 +1,7 @@
 """Score distillation as an objective of `fit`: a prior looks at the renderings of every step."""
 
 from dataclasses import dataclass, field
-from typing import Protocol, get_args
+from typing import Protocol, get_args, runtime_checkable
 
 import numpy as np
 import torch
@@ -46,6 +46,7 @@ class Recipe:
             raise ValueError(f"guidance must be finite, got {self.guidance}")
 
 
+@runtime_checkable
 class Pictures(Protocol):
     """What is seen of a rendering: its colours (B, H, W, 3)."""
 

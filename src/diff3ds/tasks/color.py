@@ -29,7 +29,7 @@ LEAST, MOST = 64, 1024
 FIRST = 0.25
 # Strokes at the start: length by width, and opacity. Empirical.
 ASPECT, OPACITY = 5.0, 0.7
-# Learning rates; that of the width is relative to the width at the start. Tried on photographs of one object, with 256
+# Learning rates. Tried on photographs of one object, with 256
 # strokes: half or twice as much loses up to .3 dB.
 POINTS, WIDTH, COLOR, FINAL = 0.02, 0.05, 0.02, 0.06
 # Refinements look at so many views, in images of at most this many pixels along the longer side.
@@ -53,7 +53,7 @@ def plan_color(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path 
     start = _start(pyramid, max(1, round(FIRST * options.strokes)) if options.strokes else LEAST, options.seed)
     config = FitConfig(
         steps=steps,
-        rates=Rates(points=POINTS, width=WIDTH * float(start.width[0]), color=COLOR, opacity=COLOR),
+        rates=Rates(points=POINTS, width=WIDTH, color=COLOR, opacity=COLOR),
         final_rate=FINAL,
         blur=pyramid.blur,
         background=0.0,
