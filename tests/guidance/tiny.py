@@ -7,9 +7,8 @@ from pathlib import Path
 import torch
 
 # Weights of attention are enlarged by this: as drawn they give all tokens nearly the same attention, and what is
-# attended to makes no difference that a test could see.
-ATTENTION_GAIN = 12.0
-VIEWS = 4
+# attended to makes no difference that a test could see. (At 12 times the networks are chaotic: the last bit shows.)
+ATTENTION_GAIN = 4.0
 
 
 def save_tokenizer(folder: Path, pad: str = "!"):

@@ -1,10 +1,12 @@
 """What latent diffusion models share: pictures to latents and back, the noise schedule in a file, and ε of a UNet."""
 
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import gaussian
 from diff3ds.guidance.device import free_memory, require_memory
@@ -19,8 +21,10 @@ FACTOR = 8
 # Bytes a pixel and image that a backward pass through the encoder of Stable Diffusion keeps in float32, measured; and
 # those of a thrifty one, to which comes one block of one image.
 KEPT, KEPT_THRIFTY, ONE_BLOCK = 12_200, 900, 6_000
-# Bytes a pixel and image of a UNet's forward pass in 16 bits, twice that in 32; a generous guess.
-UNET_PASS = 6_000
+# Bytes a pixel and image of a UNet's forward pass under two conditions; an estimate from its widest layers.
+UNET_PASS = 1_500
+# Weights of Stable Diffusion's autoencoder, which all priors here share.
+VAE_WEIGHTS = 83_653_863
 
 
 class Autoencoder:
@@ -91,33 +95,56 @@ class Autoencoder:
 def load_autoencoder(
     checkpoint: Checkpoint, size: int, dtype: torch.dtype, device: torch.device, views: int
 ) -> Autoencoder:
-    """The autoencoder of a checkpoint, thrifty if the device's memory is short. Load the UNet before it.
+    """The autoencoder of a checkpoint, thrifty if the device's memory is short. Place the UNet before it.
 
     Args:
         dtype: of the UNet; the autoencoder is in bfloat16 if that is, else in float32.
         views: pictures of a step.
 
     Raises:
-        ValueError: weights that do not fit, or not even enough memory for a thrifty one.
+        ValueError: weights that do not fit.
     """
     import diffusers
 
-    dtype = torch.bfloat16 if dtype == torch.bfloat16 else torch.float32
-    network = load_part(diffusers.AutoencoderKL, checkpoint, "vae", dtype)
-    return place_autoencoder(network, size, device, views)
+    return place_autoencoder(
+        load_part(diffusers.AutoencoderKL, checkpoint, "vae", vae_dtype(dtype)), size, device, views
+    )
 
 
 def place_autoencoder(network: Any, size: int, device: torch.device, views: int) -> Autoencoder:
     """An autoencoder brought to a device, as `load_autoencoder`."""
-    share = network.dtype.itemsize / 4
-    weights = sum(p.numel() for p in network.parameters()) * network.dtype.itemsize
-    passing = UNET_PASS * size**2 * views * share
-    kept = weights + passing + KEPT * size**2 * views * share
-    thrifty = weights + passing + (KEPT_THRIFTY * views + ONE_BLOCK) * size**2 * share
-    free = free_memory(device)
-    short = free is not None and free < kept
-    require_memory(device, int(thrifty), f"a step of {views} pictures of {size} pixels")
-    return Autoencoder(network.to(device), size, thrifty=short)
+    free, network = free_memory(device), network.to(device)
+    wanted = sum(p.numel() for p in network.parameters()) * network.dtype.itemsize + step_memory(
+        size, views, network.dtype
+    )
+    return Autoencoder(network, size, thrifty=free is not None and free < wanted)
+
+
+def vae_dtype(dtype: torch.dtype) -> torch.dtype:
+    """What an autoencoder computes in beside a UNet of this dtype: never float16."""
+    return torch.bfloat16 if dtype == torch.bfloat16 else torch.float32
+
+
+def step_memory(size: int, views: int, dtype: torch.dtype, thrifty: bool = False) -> int:
+    """Bytes that a step takes beside the weights; an estimate.
+
+    Args:
+        size: of the pictures, pixels.
+        views: pictures of a step.
+        dtype: of the autoencoder.
+        thrifty: as in `Autoencoder`.
+    """
+    kept = KEPT_THRIFTY * views + ONE_BLOCK if thrifty else KEPT * views
+    return int((kept * dtype.itemsize / 4 + UNET_PASS * views) * size**2)
+
+
+def check_memory(
+    unet: Iterable[tuple[int, ...]], size: int, views: int, dtype: torch.dtype, device: torch.device
+) -> None:
+    """Raises ValueError if a device cannot hold a UNet with weights of these shapes, and a thrifty step."""
+    weights = sum(math.prod(shape) for shape in unet) * dtype.itemsize + VAE_WEIGHTS * vae_dtype(dtype).itemsize
+    step = step_memory(size, views, vae_dtype(dtype), thrifty=True)
+    require_memory(device, weights + step, f"a step of {views} pictures of {size} pixels")
 
 
 def read_schedule(checkpoint: Checkpoint) -> tuple[NoiseSchedule, Prediction]:
@@ -147,6 +174,37 @@ def read_schedule(checkpoint: Checkpoint) -> tuple[NoiseSchedule, Prediction]:
     if prediction not in ("epsilon", "v_prediction"):
         raise ValueError(f"{where}: prediction_type must be epsilon or v_prediction, got {prediction}")
     return NoiseSchedule.scaled_linear(first, last), prediction
+
+
+def predict_noise(
+    unet: Any,
+    noisy: Float[Tensor, "B 4 h w"],
+    timesteps: Int[Tensor, " B"],
+    contexts: Sequence[Float[Tensor, "B L D"]],
+    schedule: NoiseSchedule,
+    prediction: Prediction,
+    *,
+    labels: Float[Tensor, "B E"] | None = None,
+    beside: Sequence[Float[Tensor, "B 4 h w"]] = (),
+) -> Float[Tensor, "R B 4 h w"]:
+    """ε that a UNet predicts under R conditions, in one pass, float32, without gradients.
+
+    Args:
+        contexts: what the attention sees, one a condition.
+        labels: class labels, the same under all conditions.
+        beside: channels that follow the noisy ones, one a condition.
+    """
+    weight, rows = unet.conv_in.weight, len(contexts)
+    latents = noisy.repeat(rows, 1, 1, 1)
+    if beside:
+        latents = torch.cat([latents, torch.cat(list(beside)).to(latents)], 1)
+    # Labels in another format than the weights are an error there.
+    more = {} if labels is None else {"class_labels": labels.repeat(rows, 1).to(weight)}
+    context, times = torch.cat(list(contexts)).to(weight), timesteps.repeat(rows).to(weight.device)
+    with torch.no_grad():
+        output = unet(latents.to(weight), times, encoder_hidden_states=context, **more).sample
+    kept = schedule.alpha_bar(timesteps, noisy)
+    return torch.stack([predicted_noise(part, noisy, kept, prediction) for part in output.chunk(rows)])
 
 
 def predicted_noise(

@@ -1,0 +1,157 @@
+"""Stable Diffusion 2.1 as a prior: it sees each view by itself, and is told from where by words."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.guidance import distill, prompts
+from diff3ds.guidance.denoiser import Branch
+from diff3ds.guidance.device import Precision, pick_device, pick_dtype
+from diff3ds.guidance.latent import (
+    FACTOR,
+    Autoencoder,
+    Prediction,
+    check_memory,
+    load_autoencoder,
+    predict_noise,
+    read_schedule,
+)
+from diff3ds.guidance.loading import header, load_part
+from diff3ds.guidance.poses import spherical
+from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.weights import Source, find
+
+
+class StableDiffusion:
+    """A `Denoiser` made of Stable Diffusion's UNet and autoencoder.
+
+    The conditional branch is the phrase with "front view", "side view", "back view" or "overhead view", whichever the
+    camera has; the front is on +x.
+
+    Attributes:
+        schedule, size, group: as in `Denoiser`; group is 1.
+    """
+
+    group = 1
+
+    def __init__(
+        self,
+        unet: Any,
+        autoencoder: Autoencoder,
+        texts: Float[Tensor, "6 L D"],
+        schedule: NoiseSchedule,
+        prediction: Prediction,
+        perp_neg: bool = False,
+    ) -> None:
+        """Takes the parts; `load_stable_diffusion` has them from a checkpoint.
+
+        Args:
+            unet: a diffusers.UNet2DConditionModel.
+            texts: encodings of the phrase from each of `prompts.DIRECTIONS`, the empty phrase, and the negative one.
+            perp_neg: turns the conditional branch away from the directions that the camera does not have, which keeps
+                faces from the back of a head; for twice the time. Guidance must then start from the negative branch.
+        """
+        self.schedule = schedule
+        self.size = autoencoder.size
+        self.perp_neg = perp_neg
+        self._unet = unet
+        self._autoencoder = autoencoder
+        self._texts = texts.to(unet.device)
+        self._prediction = prediction
+
+    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
+        """Latents of images in [0, 1]; see `Denoiser`."""
+        return self._autoencoder.encode(images, generator)
+
+    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
+        """Images in [0, 1]; see `Denoiser`."""
+        return self._autoencoder.decode(latents)
+
+    def predict(
+        self,
+        noisy: Float[Tensor, "B 4 h w"],
+        timesteps: Int[Tensor, " B"],
+        cameras: Cameras,
+        branches: Sequence[Branch],
+    ) -> Float[Tensor, "R B 4 h w"]:
+        """The noise as each branch predicts it; see `Denoiser`."""
+        azimuth, elevation, _ = spherical(cameras)
+        seen, empty, negative = self._texts[:-2], self._texts[-2], self._texts[-1]
+        count = (len(noisy), -1, -1)
+        contexts = {"unconditional": empty.expand(count), "negative": negative.expand(count)}
+        contexts["conditional"] = seen[prompts.directions(azimuth, elevation)]
+        asked: dict[str, None] = dict.fromkeys(branches)
+        if self.perp_neg and "conditional" in asked:
+            plan = prompts.turned(azimuth, elevation)
+            contexts["conditional"] = torch.einsum("bv,vld->bld", plan.positive.to(seen), seen)
+            contexts |= {"away 0": seen[plan.negative[0]], "away 1": seen[plan.negative[1]]}
+            asked |= dict.fromkeys(("negative", "away 0", "away 1"))
+        wanted = [contexts[name] for name in asked]
+        found = predict_noise(self._unet, noisy, timesteps, wanted, self.schedule, self._prediction)
+        epsilon = dict(zip(asked, found, strict=True))
+        if "away 0" in epsilon:
+            away = torch.stack([epsilon["away 0"], epsilon["away 1"]])
+            epsilon["conditional"] = distill.perp_neg(
+                epsilon["conditional"], epsilon["negative"], away, plan.weights.to(noisy)
+            )
+        return torch.stack([epsilon[branch] for branch in branches])
+
+
+def load_stable_diffusion(
+    phrase: str,
+    negative: str = "",
+    source: Source | None = None,
+    *,
+    prior: str = "stable-diffusion",
+    perp_neg: bool = False,
+    device: str = "auto",
+    precision: Precision = "auto",
+    views: int = 4,
+) -> StableDiffusion:
+    """Stable Diffusion 2.1 for a phrase.
+
+    Args:
+        negative: what not to draw; the baseline of guidance.
+        source: of the weights, 2.1 or 2.1-base; None looks for those known by `prior`.
+        prior: "stable-diffusion" (512 pixels) or "stable-diffusion-768".
+        perp_neg: as in `StableDiffusion`.
+        device: as in `pick_device`.
+        precision: of the UNet, as in `pick_dtype`.
+        views: pictures of a step, for the memory that it takes.
+
+    Raises:
+        ImportError: the extra is not installed.
+        FileNotFoundError: weights are missing; it says which, and how to get them.
+        ValueError: an empty or too long phrase, weights of another model, too little memory.
+    """
+    import diffusers
+
+    phrases = [*prompts.seen_from(prompts.check_phrase(phrase)), "", negative]
+    checkpoint, place = find(prior, source), pick_device(device)
+    if not checkpoint.path.is_dir():
+        raise ValueError(f"{checkpoint.path}: Stable Diffusion is read from a folder in the layout of diffusers")
+    schedule, prediction = read_schedule(checkpoint)
+    config = checkpoint.config("unet")
+    check_unet(config, str(checkpoint.path))
+    size = FACTOR * int(config["sample_size"])
+    dtype = pick_dtype(precision, place, bool(config.get("upcast_attention")))
+    check_memory(header(checkpoint.file("unet")).values(), size, views, dtype, place)
+    texts = prompts.encode_phrases(checkpoint, phrases, int(config["cross_attention_dim"]))
+    unet = load_part(diffusers.UNet2DConditionModel, checkpoint, "unet", dtype).to(place)
+    autoencoder = load_autoencoder(checkpoint, size, dtype, place, views)
+    return StableDiffusion(unet, autoencoder, texts, schedule, prediction, perp_neg)
+
+
+def check_unet(config: dict[str, Any], where: str) -> None:
+    """Raises ValueError if a UNet's configuration is not that of a stock text-to-image model of 4 latent channels."""
+    kind = config.get("_class_name")
+    if kind != "UNet2DConditionModel" or "camera_dim" in config or config.get("class_embed_type"):
+        raise ValueError(f"{where}: its UNet is a {kind} with a camera, not that of Stable Diffusion; is it MVDream?")
+    if config.get("in_channels") != 4 or not isinstance(config.get("cross_attention_dim"), int):
+        raise ValueError(
+            f"{where}: expected a UNet with 4 channels and one width of text, got {config.get('in_channels')} channels "
+            f"and {config.get('cross_attention_dim')}; inpainting, depth and picture models are none"
+        )

@@ -1,0 +1,148 @@
+"""What phrases become: directions, perpendicular negatives, tokens."""
+
+import math
+
+import pytest
+import torch
+
+from diff3ds.guidance import prompts
+from diff3ds.guidance.weights import Checkpoint
+
+pytest.importorskip("transformers")
+import tiny
+
+
+def degrees(*values: float) -> torch.Tensor:
+    return torch.tensor(values, dtype=torch.float64)
+
+
+@pytest.fixture
+def tokenizer(tmp_path):
+    tiny.save_tokenizer(tmp_path / "tokenizer")
+    return prompts.load_tokenizer(Checkpoint(tmp_path))
+
+
+# Directions
+
+
+def test_directions_around_the_object():
+    azimuth = degrees(0, 44.9, -44.9, 45, -45, 90, 135, -135, 135.1, -135.1, 180, -180)
+    found = prompts.directions(azimuth, torch.zeros_like(azimuth))
+    names = [prompts.DIRECTIONS[i] for i in found.tolist()]
+    assert names == ["front"] * 3 + ["side"] * 5 + ["back"] * 4
+
+
+def test_overhead_overrides_the_others():
+    assert prompts.directions(degrees(0, 0, 180), degrees(60, 60.1, 80)).tolist() == [
+        prompts.FRONT,
+        prompts.OVERHEAD,
+        prompts.OVERHEAD,
+    ]
+
+
+def test_phrases_name_their_direction():
+    assert prompts.seen_from("a chair") == [
+        "a chair, front view",
+        "a chair, side view",
+        "a chair, back view",
+        "a chair, overhead view",
+    ]
+
+
+# Perpendicular negatives. The expected numbers are the published a exp(-b r) + c written out.
+
+
+def falling(a, b, c, r):
+    return a * math.exp(-b * r) + c
+
+
+def ahead(r):
+    """Weights between front (r = 1) and side (r = 0)."""
+    return [-falling(4, 0.5, -2.426, r), -falling(4, 0.5, -2.426, 1 - r)]
+
+
+def behind(r):
+    """Weights between side (r = 1) and back (r = 0)."""
+    return [-falling(1, 0.5, -0.606, r), -falling(1, 0.5, 0.967, r)]
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "positive", "negative", "weights"),
+    [
+        (0, [1, 0, 0, 0], ["front", "side"], ahead(1)),
+        (30, [2 / 3, 1 / 3, 0, 0], ["front", "side"], ahead(2 / 3)),
+        (-30, [2 / 3, 1 / 3, 0, 0], ["front", "side"], ahead(2 / 3)),
+        (90, [0, 1, 0, 0], ["side", "front"], behind(1)),
+        (135, [0, 0.5, 0.5, 0], ["side", "front"], behind(0.5)),
+        (180, [0, 0, 1, 0], ["side", "front"], behind(0)),
+    ],
+)
+def test_perpendicular_negatives(azimuth, positive, negative, weights):
+    plan = prompts.turned(degrees(azimuth), degrees(10))
+    assert torch.allclose(plan.positive[0], torch.tensor(positive, dtype=torch.float32), atol=1e-6)
+    assert [prompts.DIRECTIONS[i] for i in plan.negative[:, 0].tolist()] == negative
+    assert torch.allclose(plan.weights[:, 0], torch.tensor(weights), atol=1e-6)
+
+
+def test_perpendicular_negatives_golden_values():
+    """At the front the side is pushed away by 4 - 2.426, the front itself by nothing that counts."""
+    assert torch.allclose(prompts.turned(degrees(0), degrees(0)).weights[:, 0], torch.tensor([0.0, -1.574]), atol=2e-4)
+    behind = prompts.turned(degrees(180), degrees(0)).weights[:, 0]
+    assert torch.allclose(behind, torch.tensor([-0.394, -1.967]), atol=1e-5)
+
+
+def test_nothing_is_negative_from_overhead():
+    plan = prompts.turned(degrees(0, 120), degrees(70, 80))
+    assert plan.positive.tolist() == [[0, 0, 0, 1], [0, 0, 0, 1]]
+    assert not plan.weights.any()
+
+
+# Tokens
+
+
+def test_tokens_are_padded_with_exclamation_marks(tokenizer):
+    (row,) = prompts.tokens(tokenizer, ["ab c"]).tolist()
+    end = row.index(tokenizer.eos_token_id)
+    assert len(row) == 77
+    assert row[0] == tokenizer.bos_token_id
+    assert end == 4
+    assert row[end + 1 :] == [0] * (77 - end - 1)
+
+
+def test_a_tokenizer_that_pads_otherwise_is_refused(tmp_path):
+    tiny.save_tokenizer(tmp_path / "tokenizer", pad="<|endoftext|>")
+    with pytest.raises(ValueError, match=r"pads with token 189 .* not the tokenizer of Stable Diffusion 2"):
+        prompts.load_tokenizer(Checkpoint(tmp_path))
+
+
+def test_a_phrase_that_just_fits_and_one_that_does_not(tokenizer):
+    """Every letter is a token here, and one token stands at each end."""
+    assert prompts.tokens(tokenizer, ["a" * 75]).shape == (1, 77)
+    with pytest.raises(ValueError, match="78 tokens, 77 are read: it would end after '" + "a" * 75 + "'; shorten"):
+        prompts.tokens(tokenizer, ["fine", "a" * 75 + "b"])
+
+
+@pytest.mark.parametrize("phrase", ["", "  \n"])
+def test_an_empty_phrase_is_refused(phrase):
+    with pytest.raises(ValueError, match="the phrase is empty"):
+        prompts.check_phrase(phrase)
+
+
+def test_phrases_are_encoded_by_the_last_hidden_layer(tmp_path):
+    import transformers
+
+    folder = tiny.save_stable_diffusion(tmp_path / "model")
+    phrases = ["a cat", ""]
+    found = prompts.encode_phrases(Checkpoint(folder), phrases, 32)
+    tokenizer = transformers.CLIPTokenizer.from_pretrained(folder / "tokenizer")
+    ids = tokenizer(phrases, padding="max_length", max_length=77, truncation=True, return_tensors="pt").input_ids
+    with torch.no_grad():
+        expected = transformers.CLIPTextModel.from_pretrained(folder / "text_encoder")(ids).last_hidden_state
+    assert found.shape == (2, 77, 32)
+    assert torch.equal(found, expected)
+
+
+def test_a_text_encoder_of_another_model_is_refused(tmp_path):
+    folder = tiny.save_stable_diffusion(tmp_path / "model")
+    with pytest.raises(ValueError, match="takes texts of width 1024, the text encoder gives 32"):
+        prompts.encode_phrases(Checkpoint(folder), ["a"], 1024)
