@@ -77,5 +77,5 @@ class Category:
     def _caption(self, noun: str, phrases: tuple[str, ...]) -> str:
         behind = [phrase for phrase in phrases if phrase.startswith(("with ", "without "))]
         words = " ".join([*(phrase for phrase in phrases if phrase not in behind), noun])
-        article = "a pair of" if self.pair else "an" if words[0] in "aeiou" else "a"
+        article = "a pair of" if self.pair else "an" if words[0] in "aeiou" and words[:3] != "uni" else "a"
         return " ".join([article, words, " and ".join(behind)]).strip()

@@ -32,7 +32,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "house",
     _make,
-    synonyms=("home", "cottage"),
+    synonyms=("home",),
     attributes=(
         Attribute("chimney", ("with a chimney",)),
         Attribute("two floors", ("with two floors", "two-storey", "two-story")),

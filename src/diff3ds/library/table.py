@@ -29,7 +29,6 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "table",
     _make,
-    synonyms=("desk",),
     attributes=(
         Attribute("round", ("round", "circular"), excludes=("square",)),
         Attribute("square", ("square",)),

@@ -1,0 +1,62 @@
+"""Churches: a nave under a gable roof and a tower with a spire and a cross before it."""
+
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import (
+    Strokes,
+    box,
+    extrude,
+    join,
+    line,
+    mirror,
+    move,
+    polyline,
+    ring,
+)
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    half, long, eaves, ridge = vary(0.5, 0.6), vary(1.3, 1.6), vary(0.75, 0.9), vary(1.25, 1.45)
+    wide, tower, spire = vary(0.24, 0.3), vary(1.6, 1.85), vary(0.9, 1.2)
+    gable = polyline((0, -half, 0), (0, half, 0), (0, half, eaves), (0, 0, ridge), (0, -half, eaves), closed=True)
+    parts = [extrude(gable, (-long, 0, 0))]
+    steeple = [box((0, 0, tower / 2), (2 * wide, 2 * wide, tower))]
+    if "dome" in attributes:
+        steeple += [
+            ring((0, 0, tower), wide),
+            ring((0, 0, tower), wide, "x", 0, 180),
+            ring((0, 0, tower), wide, "y", 0, 180),
+        ]
+        peak = tower + wide
+    else:
+        steeple.append(mirror(line((wide, wide, tower), (0, 0, tower + spire)), "x", "y"))
+        peak = tower + spire
+    steeple += [line((0, 0, peak), (0, 0, peak + 0.36)), line((0, -0.12, peak + 0.24), (0, 0.12, peak + 0.24))]
+    if "clock" in attributes:
+        z = tower - 0.3
+        steeple += [ring((wide, 0, z), 0.17, "x"), polyline((wide, 0, z + 0.13), (wide, 0, z), (wide, 0.08, z))]
+    if "two towers" in attributes:
+        parts.append(mirror(move(join(*steeple), (0.1, half, 0))))
+        front = 0.0
+    else:
+        parts.append(move(join(*steeple), (wide, 0, 0)))
+        front = 2 * wide
+    parts.append(polyline((front, -0.13, 0), (front, -0.13, 0.4)))
+    parts += [ring((front, 0, 0.4), 0.13, "x", 180, 0), line((front, 0.13, 0.4), (front, 0.13, 0))]
+    for x in (-0.3 * long, -0.7 * long):
+        parts += [mirror(line((x + dx, half, 0.25), (x + dx, half, 0.5))) for dx in (-0.09, 0.09)]
+        parts.append(mirror(ring((x, half, 0.5), 0.09, "y", 0, 180)))
+    return parts
+
+
+CATEGORY = Category(
+    "church",
+    _make,
+    attributes=(
+        Attribute("dome", ("with a dome", "domed")),
+        Attribute("two towers", ("with two towers",), nouns=("cathedral",)),
+        Attribute("clock", ("with a clock",)),
+    ),
+    mirror=None,
+)

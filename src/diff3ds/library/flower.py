@@ -1,0 +1,54 @@
+"""Flowers: petals around a disc on a stem with two leaves."""
+
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import (
+    Strokes,
+    around,
+    curve,
+    join,
+    lathe,
+    line,
+    move,
+    reflect,
+    ring,
+    smooth,
+    turn,
+)
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    tall, petal, disc, tilt = vary(1.2, 1.4), vary(0.46, 0.56), vary(0.15, 0.2), vary(40, 60)
+    top = (0.1, 0, tall)
+    parts = [curve((0, 0, 0), (-0.1, 0, 0.4), (-0.1, 0, 0.9), top)]
+    for low in (0.15, 0.35):
+        out, up = 0.55, low + 0.45
+        parts.append(curve((-0.03, 0, low), (0, 0.25, low + 0.02), (0.05, out, up - 0.2), (0.05, out, up)))
+        parts.append(curve((-0.03, 0, low), (0, 0.02, up - 0.1), (0.05, 0.3, up), (0.05, out, up)))
+        if low == 0.15:
+            parts[-2:] = [reflect(part) for part in parts[-2:]]
+    if "tulip" in attributes:
+        side = curve((0, 0, 0), (0.55, 0, 0), (0.2, 0, 0.5), (0.42, 0, 0.72))
+        edge = curve((0.42, 0, 0.72), (0.27, 0.2, 0.4), (0.2, 0.27, 0.4), (0, 0.42, 0.72))
+        parts.append(move(around(join(side, edge), 4), top))
+    else:
+        blade = smooth((disc, -0.04, 0), (disc + petal, -0.1, 0), (disc + petal, 0.1, 0), (disc, 0.04, 0))
+        head = join(around(blade, 8), ring((0, 0, 0), disc), ring((0, 0, 0), 0.5 * disc))
+        parts.append(move(turn(head, -tilt, "y"), top))
+    if "pot" in attributes:
+        rim = lathe(line((0.3, 0, -0.55), (0.42, 0, 0)), [(0.3, -0.55), (0.42, 0)], 4, 45)
+        parts.append(rim)
+    return parts
+
+
+CATEGORY = Category(
+    "flower",
+    _make,
+    synonyms=("blossom",),
+    attributes=(
+        Attribute("tulip", ("cup-shaped",), nouns=("tulip",)),
+        Attribute("pot", ("with a pot", "potted")),
+    ),
+    mirror=None,
+)

@@ -1,0 +1,50 @@
+"""Umbrellas: eight ribs under a scalloped canopy and a shaft with a crook."""
+
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import (
+    Strokes,
+    around,
+    curve,
+    ellipse,
+    join,
+    line,
+    polyline,
+    ring,
+)
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    wide, rise, tall, crook = vary(0.9, 1.0), vary(0.5, 0.62), vary(1.5, 1.7), vary(0.12, 0.16)
+    rim = tall - rise
+    shaft = [line((0, 0, 0), (0, 0, tall + 0.12)), ring((crook, 0, 0), crook, "y", 180, 360)]
+    if "beach" in attributes:
+        wide, rim = 1.2 * wide, tall - 0.7 * rise
+        shaft = [line((0, 0, -0.5), (0, 0, tall + 0.12))]
+    if "closed" in attributes:
+        folds = curve((0.04, 0, 0.35), (0.3, 0, 0.5), (0.1, 0, 0.9), (0.02, 0, tall))
+        return [*shaft, around(folds, 6), around(polyline((0.04, 0, 0.35), (0.07, 0.12, 0.45), (0.02, 0.035, 0.35)), 6)]
+    rib = ellipse((0, 0, rim), (wide, 0, 0), (0, 0, tall - rim), 0, 90)
+    side = wide * 0.5**0.5
+    edge = curve(
+        (wide, 0, rim),
+        (0.9 * wide, 0.2 * wide, rim + 0.09),
+        (side + 0.08 * wide, 0.49 * wide, rim + 0.09),
+        (side, side, rim),
+    )
+    parts = [*shaft, around(join(rib, edge), 8)]
+    if "stripes" in attributes:
+        parts += [ring((0, 0, rim + (tall - rim) * (1 - share**2) ** 0.5), share * wide) for share in (0.45, 0.8)]
+    return parts
+
+
+CATEGORY = Category(
+    "umbrella",
+    _make,
+    attributes=(
+        Attribute("closed", ("closed", "folded"), excludes=("beach", "stripes")),
+        Attribute("beach", ("beach", "with a straight pole"), nouns=("parasol",)),
+        Attribute("stripes", ("with stripes", "striped")),
+    ),
+)

@@ -1,0 +1,56 @@
+"""Windmills: a tower with a cap and four sails; wind turbines have three blades."""
+
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import (
+    Strokes,
+    around,
+    box,
+    curve,
+    join,
+    lathe,
+    line,
+    mirror,
+    polyline,
+    ring,
+    smooth,
+    turn,
+)
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    foot, head, height = vary(0.46, 0.54), vary(0.3, 0.34), vary(1.5, 1.75)
+    sail, hub = vary(0.95, 1.1), height + 0.1
+    if "turbine" in attributes:
+        at = (0.22, 0, 2.2)
+        blade = smooth(at, (0.22, 0.1, 2.45), (0.22, 0.0, 3.3), (0.22, -0.03, 2.45), closed=True)
+        tower = lathe(line((0.09, 0, 0), (0.05, 0, 2.1)), [(0.09, 0), (0.05, 2.1)])
+        return [around(blade, 3, "x", at), ring(at, 0.07, "x"), tower, box((0, 0, 2.2), (0.4, 0.16, 0.16))]
+    cap = curve((head, 0, height), (head, 0, height + 0.25), (0.2, 0, height + 0.38), (0, 0, height + 0.4))
+    parts = [lathe(join(line((foot, 0, 0), (head, 0, height)), cap), [(foot, 0), (head, height)], 4, 45)]
+    x = head + 0.12
+    parts.append(line((0, 0, hub), (x, 0, hub)))
+    # One sail, pointing up: a spar and a frame on both of its sides.
+    frame = polyline((x, 0, hub + 0.3), (x, 0.15, hub + 0.3), (x, 0.15, hub + sail), (x, 0, hub + sail))
+    blade = join(line((x, 0, hub), (x, 0, hub + sail)), mirror(frame))
+    if "lattice" in attributes:
+        bars = [hub + 0.3 + (sail - 0.3) * i / 4 for i in (1, 2, 3)]
+        blade = join(blade, *(line((x, -0.15, z), (x, 0.15, z)) for z in bars))
+    parts.append(turn(around(blade, 4, "x", (0, 0, hub)), 45, "x", (0, 0, hub)))
+    if "gallery" in attributes:
+        parts += [ring((0, 0, z), 0.75) for z in (0.5, 0.7)]
+        parts.append(around(line((0.75, 0, 0.5), (0.75, 0, 0.7)), 8))
+    return parts
+
+
+CATEGORY = Category(
+    "windmill",
+    _make,
+    synonyms=("mill",),
+    attributes=(
+        Attribute("turbine", ("modern", "with three blades"), nouns=("wind turbine",), excludes=("lattice", "gallery")),
+        Attribute("lattice", ("with lattice sails",)),
+        Attribute("gallery", ("with a gallery", "with a balcony")),
+    ),
+)
