@@ -97,7 +97,7 @@ def _progress(console: Console) -> Iterator[Report]:
                 total=progress.total,
                 completed=progress.done,
                 steps=steps + (f"  {speed:.0f} steps/s" if speed else ""),
-                about=f"{loss}{progress.strokes} strokes" if progress.strokes else "",
+                about=f"{loss}{progress.strokes} strokes  {progress.note}" if progress.strokes else "",
             )
 
         yield report

@@ -17,6 +17,7 @@ class Progress:
         done, total: steps of this stage; total None where nobody knows.
         loss: of the last step.
         strokes: of the sketch so far.
+        note: what else to say of this step.
     """
 
     stage: str
@@ -24,6 +25,7 @@ class Progress:
     total: int | None
     loss: float | None
     strokes: int
+    note: str = ""
 
 
 Report = Callable[[Progress], None]

@@ -2,6 +2,7 @@
 
 import json
 import platform
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,13 @@ import torch
 import diff3ds
 from diff3ds._files import write_text
 from diff3ds._shapes import Float, Int, Tensor
-from diff3ds.formats import save, save_png, tile_images
-from diff3ds.render import render
+from diff3ds.camera import Cameras
+from diff3ds.formats import save, save_png
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.posed import PosedPictures
 
-PREVIEWS = 8
 SVG_VIEWS = 4
+# Bytes that a run writes at most: checkpoints and results of some thousand strokes, pictures of the progress.
+ROOM = 1 << 26
 # Losses in run.json: enough for a plot.
 MOST_LOSSES = 500
 
@@ -43,12 +44,17 @@ class RunInfo:
     stopped: bool
 
 
-def write_results(out: Path, sketch: Sketch, pictures: PosedPictures, info: RunInfo) -> None:
-    """Writes all files of a run, each whole or not at all."""
+def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Tensor, "H W 3"], info: RunInfo) -> None:
+    """Writes all files of a run, each whole or not at all.
+
+    Args:
+        cameras: some of which the SVG file shows.
+        preview: the picture in preview.png.
+    """
     save(out / "sketch.json", sketch)
     save(out / "sketch.step", sketch)
-    save(out / "sketch.svg", sketch, pictures.cameras[spread(len(pictures), SVG_VIEWS)])
-    save_png(out / "preview.png", preview(sketch, pictures))
+    save(out / "sketch.svg", sketch, cameras[spread(len(cameras), SVG_VIEWS)])
+    save_png(out / "preview.png", preview)
     every = -(-len(info.losses) // MOST_LOSSES) or 1
     content = {
         "options": {k: str(v) if isinstance(v, Path) else v for k, v in info.options.items()},
@@ -71,12 +77,24 @@ def write_results(out: Path, sketch: Sketch, pictures: PosedPictures, info: RunI
     write_text(out / "run.json", json.dumps(content, indent=1))
 
 
-def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
-    """Eight views, each target beside the rendering of the sketch."""
-    views = spread(len(pictures), PREVIEWS)
-    drawn = render(sketch, pictures.cameras[views]).color
-    pairs = torch.cat([pictures.batch(views).images, drawn.clamp(0, 1)], 2)
-    return tile_images(pairs, columns=2)
+def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool) -> None:
+    """Makes the folder of a run, before any work.
+
+    Raises:
+        ValueError: it holds a run that is neither to be resumed nor overwritten; there is nothing to resume.
+        OSError: it cannot be made, or there is no room for results.
+    """
+    if resume and not checkpoint.exists():
+        raise ValueError(f"{out} has no checkpoint to resume from: leave --resume out to start a run")
+    held = [path for path in (checkpoint, out / "run.json") if path.exists()]
+    if held and not resume and not overwrite:
+        raise ValueError(f"{out} holds a run: give another folder (-o), --resume to go on, or --overwrite")
+    out.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(out).free
+    if free < ROOM:
+        raise OSError(
+            f"{out}: {free >> 20} MiB are free, and a run may need {ROOM >> 20}: make room or give another -o"
+        )
 
 
 def spread(count: int, wanted: int) -> Int[Tensor, " M"]:

@@ -5,8 +5,12 @@ import time
 from contextlib import closing
 from pathlib import Path
 
+import torch
+
+from diff3ds._shapes import Float, Tensor
 from diff3ds.checkpoint import read_checkpoint
 from diff3ds.fit import fit
+from diff3ds.formats import tile_images
 from diff3ds.library.demo import demo_cameras, demo_sketch
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
@@ -16,11 +20,12 @@ from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
 from diff3ds.tasks.progress import Fitted, Progress, Report
 from diff3ds.tasks.random_edges import plan_random_edges
-from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.results import RunInfo, spread, write_results
 from diff3ds.tasks.store import store_of
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
+PREVIEWS = 8
 
 
 def fit_views(
@@ -66,10 +71,18 @@ def fit_views(
         fitted.scores,
         fitted.stopped,
     )
-    write_results(out, fitted.sketch, fitted.pictures, info)
+    write_results(out, fitted.sketch, fitted.pictures.cameras, preview(fitted.sketch, fitted.pictures), info)
     if fitted.stopped:
         raise KeyboardInterrupt
     return fitted.sketch
+
+
+def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
+    """Eight views, each target beside the rendering of the sketch."""
+    views = spread(len(pictures), PREVIEWS)
+    drawn = render(sketch, pictures.cameras[views]).color
+    pairs = torch.cat([pictures.batch(views).images, drawn.clamp(0, 1)], 2)
+    return tile_images(pairs, columns=2)
 
 
 def demo_pictures() -> PosedPictures:

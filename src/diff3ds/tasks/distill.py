@@ -1,0 +1,177 @@
+"""Score distillation of a sketch: what `diff3ds text` and `diff3ds image` do once they have a prior."""
+
+import time
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras, orbit
+from diff3ds.checkpoint import read_checkpoint
+from diff3ds.fit import FitConfig, Objective, Rates, Step, fit
+from diff3ds.formats import save_png, tile_images
+from diff3ds.guidance.denoiser import Denoiser
+from diff3ds.guidance.objective import Recipe, ScoreDistillation
+from diff3ds.guidance.orbits import Orbits
+from diff3ds.refine import NoiseDeletion
+from diff3ds.render import Rendering, render
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.results import RunInfo, write_results
+
+CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
+# What a preview shows: all around, seen a little from above.
+PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A view that is known: the picture of `diff3ds image`.
+
+    Attributes:
+        picture: on white.
+        cameras: one view, of its size.
+        weight: of its mean squared difference against the prior's loss; 0 leaves it out.
+    """
+
+    picture: Float[Tensor, "H W 3"]
+    cameras: Cameras
+    weight: float
+
+
+def distill(
+    denoiser: Denoiser,
+    options: DistillOptions,
+    out: Path,
+    *,
+    guidance: float,
+    about: Mapping[str, object],
+    report: Report = lambda progress: None,
+    reference: Reference | None = None,
+) -> Sketch:
+    """Makes a sketch that a prior likes and writes the folder of the run.
+
+    Ctrl-C ends it early; what was reached is written, then KeyboardInterrupt goes on.
+
+    Args:
+        denoiser: the prior, conditioned on a phrase or picture.
+        out: a folder that `claim` has made ready.
+        guidance: weight of classifier-free guidance where the options have none.
+        about: what the run is: its subject and prior; a resumed run must have the same.
+        report: called after every step.
+        reference: the picture of `diff3ds image`.
+    """
+    begun = time.perf_counter()
+    orbits = _orbits(denoiser, options)
+    recipe = options.recipe(guidance, denoiser.group)
+    judge = ScoreDistillation(denoiser, recipe, options.steps, options.seed)
+    config = _config(options, out, {**about, **_identity(options, recipe)})
+    objective, cameras = (judge, orbits) if reference is None else _with_reference(judge, orbits, reference)
+    stopped = False
+    with closing(fit(_start(options), objective, cameras, config)) as steps:
+        try:
+            for step in steps:
+                low, high = recipe.annealing.bounds(step.index, options.steps)
+                note = f"t {low}-{high}"
+                report(Progress("distill", step.index + 1, options.steps, step.loss, len(step.sketch), note))
+                if options.sheet_every and (step.index + 1) % options.sheet_every == 0:
+                    save_png(out / SHEETS / f"step_{step.index + 1:05d}.png", contact_sheet(step, judge))
+        except KeyboardInterrupt:
+            stopped = True
+    state = read_checkpoint(out / CHECKPOINT)
+    seconds = time.perf_counter() - begun
+    info = RunInfo({**about, **asdict(options)}, asdict(recipe), {"distill": seconds}, list(state.losses), {}, stopped)
+    around = turntable()
+    write_results(out, state.sketch, around, tile_images(render(state.sketch, around).color, columns=4), info)
+    if stopped:
+        raise KeyboardInterrupt
+    return state.sketch
+
+
+def turntable() -> Cameras:
+    """Eight views all around."""
+    azimuths = [360 * i / PREVIEWS for i in range(PREVIEWS)]
+    return orbit(azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
+
+
+def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"]:
+    """The renderings of a step above what the prior sees in them."""
+    assert judge.latest is not None
+    seen = judge.denoiser.decode(judge.latest)
+    drawn = step.rendering.color[: len(seen)].movedim(-1, 1)
+    resized = torch.nn.functional.interpolate(drawn, seen.shape[1:3], mode="bilinear", antialias=True)
+    return tile_images(torch.cat([resized.movedim(1, -1).clamp(0, 1), seen]), columns=len(seen))
+
+
+def _start(options: DistillOptions) -> Sketch:
+    generator = torch.Generator().manual_seed(options.seed)
+    return Sketch.random(options.strokes, radius=options.radius, width=options.width, generator=generator)
+
+
+def _orbits(denoiser: Denoiser, options: DistillOptions) -> Orbits:
+    size = options.size or denoiser.size
+    return Orbits(options.batch, denoiser.group, size, options.distance, options.elevation, options.fov)
+
+
+def _config(options: DistillOptions, out: Path, identity: Mapping[str, object]) -> FitConfig:
+    wanted = {
+        "points": ("position", options.rate),
+        "color": ("color", options.color_rate),
+        "opacity": ("alpha", options.alpha_rate),
+        "width": ("width", options.width_rate),
+    }
+    rates = {name: rate for name, (parameter, rate) in wanted.items() if parameter in options.optimize}
+    deletion = NoiseDeletion(options.delete_length, options.delete_from, options.delete_every)
+    return FitConfig(
+        steps=options.steps,
+        rates=Rates(**{"points": 0.0, **rates}),
+        final_rate=options.final_rate,
+        blur=options.blur,
+        width_range=options.width_range,
+        refinements=[deletion] if options.delete_length else [],
+        seed=options.seed,
+        checkpoint=out / CHECKPOINT,
+        resume=options.resume,
+        identity=identity,
+    )
+
+
+def _identity(options: DistillOptions, recipe: Recipe) -> dict[str, object]:
+    """Options beyond those of `fit` that a resumed run must share, in the types of JSON."""
+    names = ("strokes", "batch", "size", "width", "radius", "blur", "fov", "delete_length", "delete_from")
+    pairs = {name: list(getattr(options, name)) for name in ("distance", "elevation", "width_range", "optimize")}
+    return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(recipe)}
+
+
+def _with_reference(judge: ScoreDistillation, orbits: Orbits, reference: Reference) -> tuple[Objective, "_OneMoreView"]:
+    """The known view is drawn behind those of the prior, and compared with the picture."""
+    count, size = orbits.batch, (orbits.size, orbits.size)
+    picture = reference.picture.movedim(-1, 0)[None]
+    picture = torch.nn.functional.interpolate(picture, size, mode="bilinear", antialias=True)[0].movedim(0, -1)
+
+    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
+        prior = Rendering(rendering.color[:count], rendering.alpha[:count], rendering.depth[:count])
+        difference = (rendering.color[count] - picture).square().mean()
+        return judge(prior, cameras[:count], step) + reference.weight * difference
+
+    return objective, _OneMoreView(orbits, reference.cameras.resize(orbits.size))
+
+
+@dataclass(frozen=True, eq=False)
+class _OneMoreView:
+    """The cameras of a step and, behind them, the reference's."""
+
+    orbits: Orbits
+    last: Cameras
+
+    def __call__(self, step: int, generator: torch.Generator) -> Cameras:
+        drawn = self.orbits(step, generator)
+        return replace(
+            drawn,
+            world_to_camera=torch.cat([drawn.world_to_camera, self.last.world_to_camera]),
+            intrinsics=torch.cat([drawn.intrinsics, self.last.intrinsics]),
+        )

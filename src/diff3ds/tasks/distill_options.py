@@ -1,0 +1,119 @@
+"""Options that `diff3ds text` and `diff3ds image` share. The defaults are the paper's."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from diff3ds.guidance.distill import Weighting
+from diff3ds.guidance.methods import Method
+from diff3ds.guidance.objective import Recipe
+from diff3ds.guidance.schedule import TimeAnnealing
+from diff3ds.sketch import DEFAULT_WIDTH
+
+Parameter = Literal["position", "color", "alpha", "width"]
+
+
+@dataclass(frozen=True)
+class DistillOptions:
+    """How a prior makes a sketch.
+
+    Attributes:
+        steps: gradient steps.
+        strokes: at the start.
+        batch: views a step; a multiple of 4 for priors that see four views of an object at once.
+        size: of the renderings, pixels; by default what the prior was trained on.
+        optimize: what is optimised: position, color, alpha, width.
+        rate: learning rate of control points, world units a step.
+        color_rate: of colours, a step.
+        alpha_rate: of opacities, a step.
+        width_rate: of the logarithms of widths, a step.
+        final_rate: learning rates fall exponentially to this share; 1 keeps them.
+        width: of the strokes at the start, as a fraction of the image height.
+        width_range: between which widths stay.
+        radius: of the ball in which strokes start; more than 1 lies partly outside the pictures.
+        blur: of the renderings, pixels: gives gradients beside the strokes.
+        distance: least and greatest, of the cameras from the middle.
+        elevation: lowest and highest, of the cameras, degrees.
+        fov: field of view, degrees.
+        guidance: weight of classifier-free guidance; by default 50 for a phrase, 7.5 for a picture.
+        method: sds, reconstruction (sds with restored contrast), or csd, nfsd, asd, ism, sdi; by default reconstruction
+            for priors that see several views at once, else sds.
+        rescale: share of the contrast that reconstruction restores.
+        weighting: w(t) of the methods that have one: sds (1 - ᾱ), uniform, fantasia3d, ratio.
+        clip: entries of the gradient at the prior are limited to ± this.
+        t_high: highest timestep, share of all, at the first step and after the annealing.
+        t_low: lowest timestep, at the first step and after the annealing.
+        anneal_share: share of the steps that the annealing takes.
+        delete_length: strokes shorter than this are deleted, world units; 0 deletes none.
+        delete_from: share of the steps before the first deletion.
+        delete_every: share of the steps between deletions.
+        sheet_every: steps between contact sheets (renderings above what the prior sees in them); 0 makes none.
+        seed: of all random draws.
+        resume: go on from the checkpoint in the output folder.
+        overwrite: the run in the output folder may be lost.
+    """
+
+    steps: int = 4000
+    strokes: int = 56
+    batch: int = 4
+    size: int | None = None
+    optimize: tuple[Parameter, ...] = ("position",)
+    rate: float = 0.002
+    color_rate: float = 0.01
+    alpha_rate: float = 0.01
+    width_rate: float = 0.01
+    final_rate: float = 1.0
+    width: float = DEFAULT_WIDTH
+    width_range: tuple[float, float] = (0.001, 0.1)
+    radius: float = 1.5
+    blur: float = 0.0
+    distance: tuple[float, float] = (1.8, 2.0)
+    elevation: tuple[float, float] = (0.0, 30.0)
+    fov: float = 60.0
+    guidance: float | None = None
+    method: Method | None = None
+    rescale: float = 0.5
+    weighting: Weighting = "sds"
+    clip: float | None = None
+    t_high: tuple[float, float] = (0.85, 0.30)
+    t_low: tuple[float, float] = (0.85, 0.10)
+    anneal_share: float = 0.9
+    delete_length: float = 0.1
+    delete_from: float = 0.5
+    delete_every: float = 0.025
+    sheet_every: int = 500
+    seed: int = 0
+    resume: bool = False
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "strokes", "batch", "size"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"{name} must be positive, got {value}")
+        for name in ("radius", "width", "final_rate"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if not self.optimize:
+            raise ValueError("optimize must name something: position, color, alpha, width")
+        if "width" in self.optimize and not self.width_range[0] <= self.width <= self.width_range[1]:
+            raise ValueError(f"width must lie in width_range {self.width_range}, got {self.width}")
+        if self.sheet_every < 0 or self.delete_length < 0:
+            raise ValueError("sheet_every and delete_length must not be negative; 0 turns them off")
+        if not (0 <= self.delete_from <= 1 and 0 < self.delete_every <= 1):
+            raise ValueError("delete_from must lie in [0, 1] and delete_every in (0, 1]: they are shares of the steps")
+        self.annealing()
+
+    def annealing(self) -> TimeAnnealing:
+        """The timesteps that are drawn."""
+        return TimeAnnealing(self.t_low[0], self.t_high[0], self.t_low[1], self.t_high[1], self.anneal_share)
+
+    def recipe(self, guidance: float, group: int) -> Recipe:
+        """How the prior moves the sketch.
+
+        Args:
+            guidance: the default.
+            group: views that the prior sees at once.
+        """
+        method = self.method or ("reconstruction" if group > 1 else "sds")
+        weight = guidance if self.guidance is None else self.guidance
+        return Recipe(method, weight, self.rescale, self.weighting, self.clip, self.annealing())
