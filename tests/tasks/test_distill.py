@@ -1,0 +1,191 @@
+"""The run of a distillation: its folder, resuming, deletion, the reference view, parameters."""
+
+import json
+from dataclasses import replace
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.formats import load_image
+from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.tasks import distill as task
+from diff3ds.tasks.distill import Reference, distill, turntable
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.results import claim
+
+SIZE = 16
+QUICK = DistillOptions(steps=12, strokes=6, width=0.1, rate=0.02, radius=0.7, sheet_every=0, delete_length=0.0)
+
+
+def bar(*ends: float) -> ds.Sketch:
+    return ds.Sketch(torch.tensor([[[-ends[0], 0, ends[1]], [ends[0], 0, ends[1]]]]), width=0.1)
+
+
+@pytest.fixture
+def prior() -> ExemplarDenoiser:
+    """It knows a low bar and a high one, and is asked for the high one."""
+    members = [bar(0.6, -0.4), bar(0.6, 0.4)]
+
+    def draw(cameras: ds.Cameras) -> torch.Tensor:
+        return torch.stack([ds.render(member, cameras).color for member in members])
+
+    return ExemplarDenoiser(draw, torch.tensor([False, True]), SIZE)
+
+
+def run(prior, out, options=QUICK, **other):
+    return distill(prior, options, out, guidance=7.5, about={"phrase": "a bar"}, **other)
+
+
+def same(one: ds.Sketch, other: ds.Sketch) -> bool:
+    pairs = zip(one.tensors().values(), other.tensors().values(), strict=True)
+    return all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_a_run_leaves_its_folder(prior, tmp_path):
+    seen = []
+    sketch = run(prior, tmp_path, replace(QUICK, sheet_every=5), report=seen.append)
+    names = {path.name for path in tmp_path.iterdir()}
+    written = {"sketch.json", "sketch.step", "sketch.svg", "preview.png", "run.json"}
+    assert names == written | {task.CHECKPOINT, task.SHEETS}
+    assert same(ds.load(tmp_path / "sketch.json"), sketch)
+    info = json.loads((tmp_path / "run.json").read_text())
+    assert info["options"]["phrase"] == "a bar"
+    assert info["steps_done"] == 12
+    assert info["method"] == "reconstruction"
+    assert [progress.done for progress in seen] == list(range(1, 13))
+    assert seen[0].note == "t 850-850"
+    assert seen[-1].note == "t 100-300"
+    sheets = sorted(path.name for path in (tmp_path / "progress").iterdir())
+    assert sheets == ["step_00005.png", "step_00010.png"]
+    # Four renderings above four predictions.
+    assert load_image(tmp_path / "progress" / sheets[0]).shape == (2 * SIZE, 4 * SIZE, 3)
+
+
+def test_a_run_that_was_stopped_ends_like_one_that_was_not(prior, tmp_path):
+    whole = run(prior, tmp_path / "whole")
+
+    def stop(progress):
+        if progress.done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(prior, tmp_path / "part", report=stop)
+    assert json.loads((tmp_path / "part" / "run.json").read_text())["stopped_early"]
+    assert not same(ds.load(tmp_path / "part" / "sketch.json"), whole)
+    assert same(run(prior, tmp_path / "part", replace(QUICK, resume=True)), whole)
+
+
+@pytest.mark.parametrize(
+    "change", [{"radius": 0.5}, {"guidance": 3.0}, {"seed": 1}, {"method": "sds"}, {"t_high": (0.9, 0.3)}]
+)
+def test_only_the_same_run_is_resumed(prior, tmp_path, change):
+    run(prior, tmp_path)
+    with pytest.raises(ValueError, match=r"the run to resume had"):
+        run(prior, tmp_path, replace(QUICK, resume=True, **change))
+    with pytest.raises(ValueError, match=r"the run to resume had phrase=a bar, not two bars"):
+        distill(prior, replace(QUICK, resume=True), tmp_path, guidance=7.5, about={"phrase": "two bars"})
+
+
+def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path):
+    """Measured by the points along its strokes that lie near the bar."""
+    options = replace(QUICK, steps=150, blur=1.0, final_rate=0.1, delete_length=0.1)
+    sketch = run(prior, tmp_path, options)
+
+    def share_near(sketch: ds.Sketch) -> float:
+        points = ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 21)).reshape(1, -1, 3)
+        truth = bar(0.6, 0.4)
+        return float((ds.bezier.closest_point(truth.points, truth.weights, points).distance < 0.15).float().mean())
+
+    assert share_near(task._start(options)) < 0.1
+    assert share_near(sketch) > 0.8
+
+
+def test_short_strokes_are_deleted_from_half_way_on(prior, tmp_path):
+    counts = []
+    options = replace(QUICK, delete_length=0.5, delete_every=0.1)
+    run(prior, tmp_path, options, report=lambda progress: counts.append(progress.strokes))
+    assert counts[:5] == [6] * 5
+    assert counts[-1] < 6
+
+
+@pytest.mark.parametrize(
+    ("parameters", "moved"),
+    [
+        (("position",), {"points"}),
+        (("color",), {"color"}),
+        (("position", "alpha", "color"), {"points", "opacity", "color"}),
+        (("width",), {"width"}),
+    ],
+)
+def test_only_the_chosen_parameters_move(prior, tmp_path, parameters, moved):
+    options = replace(QUICK, optimize=parameters, steps=4)
+    found = run(prior, tmp_path, options).tensors()
+    start = task._start(options).tensors()
+    assert {name for name in found if not torch.equal(found[name], start[name])} == moved
+
+
+def test_widths_stay_in_their_range_whatever_the_rate(prior, tmp_path):
+    options = replace(QUICK, optimize=("width",), width_rate=2.0, width_range=(0.05, 0.15))
+    widths = run(prior, tmp_path, options).width
+    assert float(widths.min()) > 0.0499
+    assert float(widths.max()) < 0.1501
+
+
+def test_the_reference_view_is_matched(prior, tmp_path):
+    """The prior says nothing here (no guidance towards anything new), the picture says where."""
+    cameras = ds.orbit([0.0], 10.0, size=32)
+    wanted = bar(0.5, 0.1).transform(torch.tensor([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    picture = ds.render(wanted, cameras).color[0]
+    differences = []
+    for weight in (0.0, 1e6):
+        sketch = run(
+            prior, tmp_path / str(weight), replace(QUICK, steps=40), reference=Reference(picture, cameras, weight)
+        )
+        differences.append(float((ds.render(sketch, cameras).color[0] - picture).square().mean()))
+    assert differences[1] < 0.6 * differences[0]
+
+
+def test_a_folder_with_a_run_is_kept(prior, tmp_path):
+    checkpoint = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(ValueError, match="no checkpoint to resume from"):
+        claim(tmp_path, checkpoint, resume=True, overwrite=False)
+    claim(tmp_path / "new", tmp_path / "new" / "checkpoint.safetensors", resume=False, overwrite=False)
+    assert (tmp_path / "new").is_dir()
+    run(prior, tmp_path)
+    with pytest.raises(ValueError, match="holds a run: give another folder"):
+        claim(tmp_path, checkpoint, resume=False, overwrite=False)
+    claim(tmp_path, checkpoint, resume=False, overwrite=True)
+    claim(tmp_path, checkpoint, resume=True, overwrite=False)
+
+
+def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 1 << 20}))
+    with pytest.raises(OSError, match="1 MiB are free, and a run may need 64"):
+        claim(tmp_path, tmp_path / "checkpoint.safetensors", resume=False, overwrite=False)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"steps": 0}, "steps must be positive"),
+        ({"radius": 0.0}, "radius must be positive"),
+        ({"optimize": ()}, "optimize must name something"),
+        ({"optimize": ("width",), "width": 0.5}, "width must lie in width_range"),
+        ({"t_low": (0.9, 0.1)}, "0 < low <= high < 1"),
+        ({"delete_from": 2.0}, "delete_from must lie in"),
+        ({"sheet_every": -1}, "must not be negative"),
+    ],
+)
+def test_options_that_make_no_sense(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        replace(QUICK, **wrong)
+
+
+def test_a_batch_must_fill_the_groups_of_the_prior(prior, tmp_path):
+    with pytest.raises(ValueError, match="batch must be a multiple of 4, the views of this prior, got 6"):
+        run(prior, tmp_path, replace(QUICK, batch=6))
+
+
+def test_the_turntable_goes_all_around():
+    assert len(turntable()) == 8
