@@ -33,7 +33,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     if "arrow" in attributes:
         end, head = string, string - 1.5
         parts.append(line((0, end, 0), (0, head, 0)))
-        parts.append(mirror(polyline((0, head + 0.18, 0.07), (0, head, 0), (0, head + 0.18, -0.07)), "z"))
+        parts.append(polyline((0, head + 0.18, 0.07), (0, head, 0), (0, head + 0.18, -0.07)))
         for y in (end - 0.05, end - 0.2):
             parts.append(mirror(line((0, y - 0.1, 0), (0, y, 0.1)), "z"))
     return parts

@@ -22,13 +22,13 @@ from diff3ds.library.shapes import (
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     tall, thick = vary(1.7, 1.95), vary(0.24, 0.29)
     if "pads" in attributes:
-        size = 1.6 * thick
+        size, left, right = 1.6 * thick, vary(30, 45), vary(30, 45)
         pads = [
             (size, 0.0, 0.0, 0, 0),
-            (0.7 * size, 0.75 * size, 2.0 * size, 35, 15),
-            (0.75 * size, -0.75 * size, 1.9 * size, -45, -15),
+            (0.7 * size, 0.75 * size, 2.0 * size, right, 15),
+            (0.75 * size, -0.75 * size, 1.9 * size, -left, -15),
         ]
-        pads += [(0.55 * size, 0.1 * size, 2.7 * size, 3, 0), (0.5 * size, -1.9 * size, 3.1 * size, -5, 20)]
+        pads += [(0.55 * size, 0.1 * size, 2.7 * size, 3, 0), (0.5 * size, -1.75 * size, 3.1 * size, -5, 20)]
         parts, top = [_pad(*pad) for pad in pads], 4.15 * size
     else:
         top = tall + thick

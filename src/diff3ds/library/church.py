@@ -6,6 +6,7 @@ from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
     Strokes,
     box,
+    ellipse,
     extrude,
     join,
     line,
@@ -35,18 +36,16 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     steeple += [line((0, 0, peak), (0, 0, peak + 0.36)), line((0, -0.12, peak + 0.24), (0, 0.12, peak + 0.24))]
     if "clock" in attributes:
         z = tower - 0.3
-        steeple += [ring((wide, 0, z), 0.17, "x"), polyline((wide, 0, z + 0.13), (wide, 0, z), (wide, 0.08, z))]
+        steeple += [ring((wide, 0, z), 0.17, "x"), line((wide, 0, z - 0.08), (wide, 0, z + 0.13))]
     if "two towers" in attributes:
         parts.append(mirror(move(join(*steeple), (0.1, half, 0))))
         front = 0.0
     else:
         parts.append(move(join(*steeple), (wide, 0, 0)))
         front = 2 * wide
-    parts.append(polyline((front, -0.13, 0), (front, -0.13, 0.4)))
-    parts += [ring((front, 0, 0.4), 0.13, "x", 180, 0), line((front, 0.13, 0.4), (front, 0.13, 0))]
+    parts.append(ellipse((front, 0, 0), (0, 0.15, 0), (0, 0, 0.6), 0, 180))
     for x in (-0.3 * long, -0.7 * long):
-        parts += [mirror(line((x + dx, half, 0.25), (x + dx, half, 0.5))) for dx in (-0.09, 0.09)]
-        parts.append(mirror(ring((x, half, 0.5), 0.09, "y", 0, 180)))
+        parts.append(mirror(ellipse((x, half, 0.2), (0.1, 0, 0), (0, 0, 0.4), 0, 180)))
     return parts
 
 
@@ -58,5 +57,4 @@ CATEGORY = Category(
         Attribute("two towers", ("with two towers",), nouns=("cathedral",)),
         Attribute("clock", ("with a clock",)),
     ),
-    mirror=None,
 )

@@ -13,7 +13,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     if "hanging" in attributes:
         return [shade, line((0, 0, tall), (0, 0, tall + 1.1)), ring((0, 0, tall + 1.1), 0.15), ring((0, 0, 0.02), 0.13)]
     if "desk" in attributes:
-        elbow, tip = (-0.75, 0, 0.75), (0.25, 0, 1.5)
+        elbow, tip = (-vary(0.65, 0.85), 0, vary(0.7, 0.85)), (vary(0.15, 0.35), 0, vary(1.4, 1.6))
         arm = [polyline((0, 0, 0.06), elbow, tip), ring(elbow, 0.07, "y")]
         base = between(ring((0, 0, 0), 0.42), ring((0, 0, 0.06), 0.42))
         head = lathe(

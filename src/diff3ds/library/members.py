@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
-from diff3ds.bezier import bounding_box, evaluate
+from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
 from diff3ds.library.shapes import Strokes, join
@@ -14,9 +14,9 @@ from diff3ds.sketch import Sketch
 
 # Distance of the farthest point from the origin.
 RADIUS = 0.95
-# Points on a stroke when that distance is measured. A half circle's farthest point can lie half a step of a 32nd of it
-# away from one: short by 1 - cos(180 / 64 degrees) = .0012 of its radius at most.
-_SAMPLES = 33
+# Points on a stroke where extents are measured. A half circle's extreme can lie half a step, a 128th of it, away from
+# the nearest: short by 1 - cos(180 / 128 degrees) = .0003 of its radius.
+_SAMPLES = 65
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,7 @@ def _nearest(word: str, known: Iterable[str]) -> str:
 def _fill_ball(strokes: Strokes) -> Sketch:
     weights = strokes[..., 3]
     points = strokes[..., :3] / weights[..., None]
-    low, high = bounding_box(points, weights)
-    points = points - (low.amin(0) + high.amax(0)) / 2
-    on = evaluate(points, weights, torch.linspace(0, 1, _SAMPLES, dtype=torch.float64))
-    points = points * (RADIUS / torch.linalg.vector_norm(on, dim=-1).max())
-    return Sketch(points.float(), weights.float())
+    on = evaluate(points, weights, torch.linspace(0, 1, _SAMPLES, dtype=torch.float64)).flatten(0, 1)
+    center = (on.amin(0) + on.amax(0)) / 2
+    scale = RADIUS / torch.linalg.vector_norm(on - center, dim=1).max()
+    return Sketch(((points - center) * scale).float(), weights.float())

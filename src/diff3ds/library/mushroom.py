@@ -55,5 +55,5 @@ CATEGORY = Category(
         Attribute("pointed", ("pointed", "with a pointed cap")),
         Attribute("ring", ("with a ring",)),
     ),
-    mirror=None,
+    mirror="x",
 )

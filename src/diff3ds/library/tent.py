@@ -30,7 +30,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
         arcs = [turn(ellipse((0, 0, 0), (wide, 0, 0), (0, 0, z), 0, 180), angle) for angle in (45, -45)]
         hoop = ellipse((0, 0, 0), (0, wide, 0), (0, 0, z), 0, 180)
         door = ellipse((0.88 * wide, 0, 0), (0, 0.3, 0), (-0.4, 0, 0.65 * z), 0, 180)
-        parts = [*arcs, hoop, ring((0, 0, 0), wide), door]
+        pegs = turn(around(line((wide, 0, 0), (1.15 * wide, 0, -0.05)), 4), 45)
+        parts = [*arcs, hoop, ring((0, 0, 0), wide), door, pegs]
     else:
         front = polyline((long, -half, 0), (long, half, 0), (long, 0, height), closed=True)
         parts = [extrude(front, (-2 * long, 0, 0))]

@@ -21,14 +21,13 @@ from diff3ds.library.shapes import (
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     trunk, tall, crown = vary(0.11, 0.15), vary(0.9, 1.1), vary(0.65, 0.78)
     if "palm" in attributes:
-        top = 1.7
+        top, rise, droop = 1.4 + tall / 3, vary(0.5, 0.7), vary(0.25, 0.45)
         stem = lathe(
             curve((0.15, 0, 0), (0.08, 0, 0.5), (0.08, 0, 1.2), (0.07, 0, top)), [(0.15, 0), (0.11, 0.6), (0.08, 1.2)]
         )
-        leaf = join(
-            curve((0.05, 0, top), (0.4, 0.1, top + 0.6), (0.9, 0.2, top + 0.35), (1.1, 0, top - 0.35)),
-            curve((0.05, 0, top), (0.4, -0.1, top + 0.4), (0.9, -0.2, top + 0.1), (1.1, 0, top - 0.35)),
-        )
+        rib = curve((0.05, 0, top), (0.4, 0, top + rise), (0.9, 0, top + 0.4), (1.1, 0, top - droop))
+        edge = curve((0.05, 0, top), (0.4, 0.2, top + rise - 0.2), (0.9, 0.2, top + 0.1), (1.1, 0, top - droop))
+        leaf = join(rib, mirror(edge))
         return [stem, around(leaf, 6)]
     if "fir" in attributes:
         parts = [lathe(line((trunk, 0, 0), (trunk, 0, 0.35)), [(trunk, 0)])]
@@ -62,7 +61,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     outline = move(join(*bumps), (0, 0, middle))
     parts += [outline, turn(outline, 90)]
     if "apples" in attributes:
-        for x, y, z in ((0.45, 0.3, 0.1), (0.25, 0.35, -0.45), (0.35, 0, 0.5), (-0.4, 0.3, 0.25)):
+        for x, y, z in ((0.45, 0.3, 0.1), (0.25, 0.35, -0.45), (0.35, 0.15, 0.5), (-0.4, 0.3, 0.25)):
             parts.append(mirror(ring((x * crown, y * crown, middle + z * crown), 0.08, "x")))
     return parts
 

@@ -1,5 +1,6 @@
 """Umbrellas: eight ribs under a scalloped canopy and a shaft with a crook."""
 
+import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
@@ -12,6 +13,7 @@ from diff3ds.library.shapes import (
     line,
     polyline,
     ring,
+    turn,
 )
 
 
@@ -26,13 +28,10 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
         folds = curve((0.04, 0, 0.35), (0.3, 0, 0.5), (0.1, 0, 0.9), (0.02, 0, tall))
         return [*shaft, around(folds, 6), around(polyline((0.04, 0, 0.35), (0.07, 0.12, 0.45), (0.02, 0.035, 0.35)), 6)]
     rib = ellipse((0, 0, rim), (wide, 0, 0), (0, 0, tall - rim), 0, 90)
-    side = wide * 0.5**0.5
-    edge = curve(
-        (wide, 0, rim),
-        (0.9 * wide, 0.2 * wide, rim + 0.09),
-        (side + 0.08 * wide, 0.49 * wide, rim + 0.09),
-        (side, side, rim),
-    )
+    # The edge hangs between two ribs, 45 degrees apart, and is drawn in the plane of the middle between them.
+    x, y = wide * math.cos(math.pi / 8), wide * math.sin(math.pi / 8)
+    edge = curve((x, -y, rim), (0.93 * x, -y / 3, rim + 0.1), (0.93 * x, y / 3, rim + 0.1), (x, y, rim))
+    edge = turn(edge, 22.5)
     parts = [*shaft, around(join(rib, edge), 8)]
     if "stripes" in attributes:
         parts += [ring((0, 0, rim + (tall - rim) * (1 - share**2) ** 0.5), share * wide) for share in (0.45, 0.8)]

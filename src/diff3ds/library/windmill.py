@@ -14,7 +14,6 @@ from diff3ds.library.shapes import (
     mirror,
     polyline,
     ring,
-    smooth,
     turn,
 )
 
@@ -23,10 +22,12 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     foot, head, height = vary(0.46, 0.54), vary(0.3, 0.34), vary(1.5, 1.75)
     sail, hub = vary(0.95, 1.1), height + 0.1
     if "turbine" in attributes:
-        at = (0.22, 0, 2.2)
-        blade = smooth(at, (0.22, 0.1, 2.45), (0.22, 0.0, 3.3), (0.22, -0.03, 2.45), closed=True)
-        tower = lathe(line((0.09, 0, 0), (0.05, 0, 2.1)), [(0.09, 0), (0.05, 2.1)])
-        return [around(blade, 3, "x", at), ring(at, 0.07, "x"), tower, box((0, 0, 2.2), (0.4, 0.16, 0.16))]
+        hub, wide, long = 1.3 * height, vary(0.09, 0.12), vary(0.9, 1.2)
+        at, x = (0.22, 0, hub), 0.22
+        edge = curve(at, (x, 1.5 * wide, hub + 0.15), (x, wide, hub + 0.3), (x, 0, hub + long))
+        blade = mirror(edge)
+        tower = lathe(line((0.09, 0, 0), (0.05, 0, hub - 0.08)), [(0.09, 0), (0.05, hub - 0.08)])
+        return [around(blade, 3, "x", at), ring(at, 0.07, "x"), tower, box((0, 0, hub), (0.4, 0.16, 0.16))]
     cap = curve((head, 0, height), (head, 0, height + 0.25), (0.2, 0, height + 0.38), (0, 0, height + 0.4))
     parts = [lathe(join(line((foot, 0, 0), (head, 0, height)), cap), [(foot, 0), (head, height)], 4, 45)]
     x = head + 0.12

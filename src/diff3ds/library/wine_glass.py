@@ -43,7 +43,7 @@ CATEGORY = Category(
         Attribute("flute", ("tall", "slender"), nouns=("champagne flute", "champagne glass")),
         Attribute(
             "cocktail",
-            ("with a conical bowl", "cocktail"),
+            ("with a conical bowl",),
             nouns=("cocktail glass", "martini glass"),
             excludes=("flute",),
         ),

@@ -1,0 +1,144 @@
+"""Members of the library: in the ball, repeatable, symmetric as declared, all different, every attribute visible."""
+
+import functools
+import importlib
+import itertools
+import pkgutil
+
+import pytest
+import torch
+
+from diff3ds import library
+from diff3ds.bezier import evaluate, length
+from diff3ds.library import CATEGORIES, member
+
+ONE_EACH = [(name, a) for name, c in CATEGORIES.items() for a in ((), *((a.name,) for a in c.attributes))]
+SEEDS = range(3)
+# Few enough to draw and to distil, enough to tell what it is.
+STROKES = (8, 64)
+
+
+@functools.cache
+def drawn(name, attributes=(), seed=0):
+    return member(name, torch.Generator().manual_seed(seed), attributes)
+
+
+@functools.cache
+def on(name, attributes=(), seed=0):
+    """Points along the strokes of a member, (N, 33, 3)."""
+    sketch = drawn(name, attributes, seed).sketch
+    return evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 33))
+
+
+def hausdorff(a, b):
+    """Largest distance from a point of one drawing to the nearest of the other."""
+    distance = torch.cdist(a.reshape(-1, 3), b.reshape(-1, 3))
+    return float(torch.maximum(distance.amin(0).max(), distance.amin(1).max()))
+
+
+def both_ways(sketch):
+    """Every stroke as a row of numbers, forwards and backwards: (2, N, 16)."""
+    strokes = torch.cat([sketch.points, sketch.weights[..., None]], -1)
+    return torch.stack([strokes.flatten(1), strokes.flip(1).flatten(1)])
+
+
+def test_there_are_at_least_thirty_two():
+    assert len(CATEGORIES) >= 32
+    assert all(name == category.name for name, category in CATEGORIES.items())
+
+
+def test_no_file_is_left_off_the_list():
+    modules = [importlib.import_module(f"diff3ds.library.{m.name}") for m in pkgutil.iter_modules(library.__path__)]
+    found = {id(module.CATEGORY) for module in modules if hasattr(module, "CATEGORY")}
+    assert found == {id(category) for category in CATEGORIES.values()}
+
+
+@pytest.mark.parametrize(("name", "attributes"), ONE_EACH)
+def test_members_fill_the_unit_ball(name, attributes):
+    for seed in SEEDS:
+        sketch, points = drawn(name, attributes, seed).sketch, on(name, attributes, seed)
+        assert bool(points.isfinite().all())
+        farthest = float(points.norm(dim=-1).max())
+        assert 0.94 < farthest < 0.952
+        # The extents are measured at 65 points of a stroke: both ends to .0003 of the size.
+        low, high = points.flatten(0, 1).amin(0), points.flatten(0, 1).amax(0)
+        torch.testing.assert_close(low, -high, atol=2e-3, rtol=0)
+        assert STROKES[0] <= len(sketch) <= STROKES[1]
+        assert sketch.points.shape[1:] == (4, 3)
+        assert float(length(sketch.points, sketch.weights).min()) > 0.005
+
+
+@pytest.mark.parametrize("name", CATEGORIES)
+def test_all_attributes_that_go_together_can_be_drawn(name):
+    for attributes in CATEGORIES[name].combinations():
+        assert 0.94 < float(on(name, attributes).norm(dim=-1).max()) < 0.952
+        assert drawn(name, attributes).attributes == attributes
+
+
+@pytest.mark.parametrize(("name", "attributes"), ONE_EACH)
+def test_one_seed_gives_the_same_bytes_and_another_other_proportions(name, attributes):
+    first = drawn(name, attributes, 7).sketch
+    again = member(name, torch.Generator().manual_seed(7), attributes).sketch
+    assert all(torch.equal(value, again.tensors()[key]) for key, value in first.tensors().items())
+    assert hausdorff(on(name, attributes, 7), on(name, attributes, 8)) > 0.005
+
+
+@pytest.mark.parametrize(("name", "attributes"), ONE_EACH)
+def test_no_stroke_is_drawn_twice(name, attributes):
+    forwards, backwards = both_ways(drawn(name, attributes).sketch)
+    same = torch.minimum(torch.cdist(forwards, forwards), torch.cdist(forwards, backwards)).triu(1)
+    assert int((same < 1e-4).sum()) == len(same) * (len(same) + 1) // 2
+
+
+@pytest.mark.parametrize(("name", "attributes"), [(n, a) for n, a in ONE_EACH if CATEGORIES[n].mirror])
+def test_members_are_symmetric_where_declared(name, attributes):
+    sign = torch.ones(3)
+    sign["xy".index(CATEGORIES[name].mirror)] = -1
+    for seed in SEEDS:
+        sketch = drawn(name, attributes, seed).sketch
+        strokes = both_ways(sketch)
+        mirrored = strokes[0] * torch.cat([sign, torch.ones(1)]).repeat(4)
+        distance = (mirrored[:, None] - strokes.flatten(0, 1)[None]).abs().amax(-1)
+        assert float(distance.amin(1).max()) < 1e-5
+
+
+def test_most_categories_are_symmetric():
+    assert sum(category.mirror is not None for category in CATEGORIES.values()) >= 0.75 * len(CATEGORIES)
+
+
+@pytest.mark.parametrize(("name", "count"), [("mug", 3), ("lamp", 4), ("wine glass", 2), ("clock", 3), ("car", 8)])
+def test_circles_are_exact(name, count):
+    sketch, points = drawn(name).sketch, on(name)
+    halves = (sketch.weights - torch.tensor([1, 1 / 3, 1 / 3, 1])).abs().amax(1) < 1e-6
+    assert int(halves.sum()) == 2 * count
+    for circle in points[halves]:
+        middle = (circle[0] + circle[-1]) / 2
+        distance = (circle - middle).norm(dim=-1)
+        assert float(distance.max() - distance.min()) < 1e-6
+
+
+@pytest.mark.parametrize(("name", "attributes"), [(n, a) for n, a in ONE_EACH if a])
+def test_every_attribute_is_seen(name, attributes):
+    # A pixel in the 64 that the coarsest prior sees; a bar across a windmill's sail is the finest.
+    for seed in SEEDS:
+        assert hausdorff(on(name, (), seed), on(name, attributes, seed)) > 0.03
+
+
+def test_categories_differ_from_each_other():
+    for a, b in itertools.combinations(CATEGORIES, 2):
+        assert hausdorff(on(a)[:, ::4], on(b)[:, ::4]) > 0.15, (a, b)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_is_unknown_is_refused_with_what_is_known():
+    generator = torch.Generator()
+    with pytest.raises(ValueError, match="no category is named 'char'; did you mean chair"):
+        member("char", generator)
+    with pytest.raises(ValueError, match="chair has no attribute 'arm rests'; did you mean armrests"):
+        member("chair", generator, ("arm rests",))
+    with pytest.raises(ValueError, match="chair has no attribute 'zzz'; there are armrests, high back"):
+        member("chair", generator, ("zzz",))
+    with pytest.raises(ValueError, match="no table has all of round, square"):
+        member("table", generator, ("square", "round"))
+    with pytest.raises(ValueError, match="must be a collection of names, got the string 'round'"):
+        member("table", generator, "round")

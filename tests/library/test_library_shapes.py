@@ -1,0 +1,123 @@
+"""The strokes that the library's categories are made from, against what geometry says of them."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diff3ds.bezier import evaluate
+from diff3ds.library import shapes
+
+T = torch.linspace(0, 1, 21, dtype=torch.float64)
+ANGLES = st.floats(-720, 720)
+
+
+def on(strokes):
+    """Points along the strokes, (N, 21, 3)."""
+    return evaluate(strokes[..., :3] / strokes[..., 3:], strokes[..., 3].contiguous(), T)
+
+
+def ends(strokes):
+    """Start and end points, (N, 2, 3)."""
+    points = strokes[..., :3] / strokes[..., 3:]
+    return points[:, [0, 3]]
+
+
+@given(start=ANGLES, span=st.floats(1, 360), radius=st.floats(0.01, 100))
+def test_arcs_of_circles_are_exact(start, span, radius):
+    arc = shapes.ring((0.5, -1.0, 2.0), radius, "z", start, start + span)
+    assert len(arc) == math.ceil((start + span - start) / 180)
+    assert bool((arc[..., 3] > 0).all())
+    center = torch.tensor([0.5, -1.0, 2.0], dtype=torch.float64)
+    torch.testing.assert_close(
+        (on(arc) - center).norm(dim=-1), torch.full((len(arc), 21), radius, dtype=torch.float64), rtol=1e-12, atol=1e-12
+    )
+    for at, angle in ((ends(arc)[0, 0], start), (ends(arc)[-1, 1], start + span)):
+        turned = torch.tensor([math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0], dtype=torch.float64)
+        torch.testing.assert_close(at, center + radius * turned, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(ends(arc)[1:, 0], ends(arc)[:-1, 1])
+
+
+@pytest.mark.parametrize(
+    ("axis", "zero", "ninety"), [("x", (0, 1, 0), (0, 0, 1)), ("y", (1, 0, 0), (0, 0, 1)), ("z", (1, 0, 0), (0, 1, 0))]
+)
+def test_angles_and_turns_have_one_sense(axis, zero, ninety):
+    arc = ends(shapes.ring((0, 0, 0), 1.0, axis, 0, 90))[0]
+    torch.testing.assert_close(arc, torch.tensor([zero, ninety], dtype=torch.float64))
+    turned = shapes.turn(shapes.line((0, 0, 0), zero), 90, axis)
+    torch.testing.assert_close(ends(turned)[0, 1], torch.tensor(ninety, dtype=torch.float64))
+
+
+def test_a_turn_about_a_point_leaves_the_point():
+    turned = shapes.turn(shapes.line((1, 2, 3), (2, 2, 3)), 180, "z", (1, 2, 3))
+    torch.testing.assert_close(ends(turned)[0], torch.tensor([[1, 2, 3], [0, 2, 3]], dtype=torch.float64))
+
+
+def test_an_ellipse_satisfies_its_equation():
+    points = on(shapes.ellipse((1, 0, 0), (3, 0, 0), (0, 0, 0.5)))
+    equation = ((points[..., 0] - 1) / 3) ** 2 + (points[..., 2] / 0.5) ** 2
+    torch.testing.assert_close(equation, torch.ones_like(equation), rtol=0, atol=1e-12)
+    assert float(points[..., 1].abs().max()) == 0
+
+
+def test_lines_are_straight_and_of_constant_speed():
+    points = on(shapes.line((0, 0, 0), (2, -4, 6)))[0]
+    torch.testing.assert_close(points, T[:, None] * torch.tensor([2, -4, 6], dtype=torch.float64))
+
+
+def test_a_box_has_twelve_edges_along_its_sides():
+    box = shapes.box((1, 2, 3), (2, 4, 6))
+    assert len(box) == 12
+    sides = (ends(box)[:, 1] - ends(box)[:, 0]).abs()
+    for axis, length in enumerate((2, 4, 6)):
+        along = sides[:, axis] > 1e-9
+        assert int(along.sum()) == 4
+        torch.testing.assert_close(sides[along].sum(1), torch.full((4,), length).double())
+    corners = ends(box).reshape(-1, 3)
+    torch.testing.assert_close(corners.amin(0), torch.tensor([0, 0, 0]).double())
+    torch.testing.assert_close(corners.amax(0), torch.tensor([2, 4, 6]).double())
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_smooth_passes_through_its_points_without_a_kink(closed):
+    through = torch.tensor([[0, 0, 0], [1, 1, 0], [2, 0, 1], [1, -1, 0.5]], dtype=torch.float64)
+    strokes = shapes.smooth(*through.tolist(), closed=closed)
+    assert len(strokes) == (4 if closed else 3)
+    torch.testing.assert_close(ends(strokes)[:, 0], through[: len(strokes)])
+    points = strokes[..., :3]
+    leaving, arriving = points[:, 1] - points[:, 0], points[:, 3] - points[:, 2]
+    torch.testing.assert_close(leaving[1:], arriving[:-1])
+    if closed:
+        torch.testing.assert_close(leaving[0], arriving[-1])
+
+
+def test_extruded_outlines_join_corner_to_corner():
+    prism = shapes.extrude(shapes.polyline((0, 0, 0), (1, 0, 0), (0, 1, 0), closed=True), (0, 0, 5))
+    assert len(prism) == 9
+    posts = ends(prism[6:])
+    torch.testing.assert_close(posts[:, 1] - posts[:, 0], torch.tensor([[0, 0, 5]] * 3).double())
+
+
+def test_a_lathe_turns_its_profile_evenly():
+    cylinder = shapes.lathe(shapes.line((2, 0, 0), (2, 0, 3)), [(2, 0), (2, 3)], meridians=3, start=30)
+    assert len(cylinder) == 3 + 4
+    torch.testing.assert_close(on(cylinder)[..., :2].norm(dim=-1), torch.full((7, 21), 2).double())
+    feet = ends(cylinder)[:3, 0]
+    angles = torch.rad2deg(torch.atan2(feet[:, 1], feet[:, 0]))
+    torch.testing.assert_close(angles, torch.tensor([30, 150, -90]).double())
+
+
+def test_mirrors_in_two_planes_make_four():
+    legs = shapes.mirror(shapes.line((1, 2, 0), (1, 2, 3)), "x", "y")
+    feet = {tuple(p) for p in ends(legs)[:, 0].tolist()}
+    assert feet == {(1, 2, 0), (-1, 2, 0), (1, -2, 0), (-1, -2, 0)}
+
+
+def test_circles_stay_exact_when_stretched_and_moved():
+    strokes = shapes.move(shapes.stretch(shapes.ring((0, 0, 0), 1.0), (2, 1, 1)), (0, 0, 4))
+    points = on(strokes)
+    equation = (points[..., 0] / 2) ** 2 + points[..., 1] ** 2
+    torch.testing.assert_close(equation, torch.ones_like(equation), rtol=0, atol=1e-12)
+    torch.testing.assert_close(points[..., 2], torch.full((2, 21), 4).double())
