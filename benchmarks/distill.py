@@ -35,7 +35,7 @@ SHAPES = ("chair", "table", "house", "mug", "lamp", "car", "bottle", "rocket")
 SIZE, WIDTH, GUIDANCE = 64, 0.03, 50.0
 # Points on a stroke, and points of a sketch that are compared.
 SAMPLES, POINTS = 200, 20_000
-PAPER = DistillOptions(width=WIDTH, sheet_every=0)
+PAPER = DistillOptions("paper", width=WIDTH, sheet_every=0)
 # The paper's recipe with one thing changed.
 ABLATIONS: dict[str, dict[str, Any]] = {
     "the paper's recipe": {},
@@ -66,7 +66,6 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "sdi, guidance 8.5": {"method": "sdi", "guidance": 8.5},
     "blur 1 px": {"blur": 1.0},
     "rate 0.01 to 0.002": {"rate": 0.01, "final_rate": 0.2},
-    "sharp": {"radius": 0.8, "blur": 1.0, "rate": 0.01, "final_rate": 0.2, "guidance": 7.5},
 }
 
 

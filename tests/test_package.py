@@ -45,7 +45,7 @@ ALLOWED = {
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
     "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
               "refine", "density", "render", "project", "transforms"} | SCENE,
-    "cli": {"tasks", "fit"},
+    "cli": {"tasks", "fit", "sketch"},
 }  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """The command line: `diff3ds COMMAND`, each command a function of `diff3ds.tasks` with a dataclass of options."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +13,14 @@ from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.image import ImageOptions, image_to_sketch
+from diff3ds.tasks.picture import PictureOptions
 from diff3ds.tasks.plan import ViewsOptions
+from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.text import TextOptions, text_to_sketch
 from diff3ds.tasks.views import fit_views
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
@@ -46,13 +52,70 @@ class Views:
         console = Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_views(self.source, self.out, self.fit, report)
-        console.print(f"{len(sketch)} strokes: {self.out / 'sketch.json'}, .svg, .step, preview.png")
+        _written(console, sketch, self.out)
+
+
+@dataclass(frozen=True)
+class Text:
+    """Make a 3D sketch of a phrase, by score distillation from a diffusion prior.
+
+    Priors: mvdream (knows several views at once; the best), stable-diffusion, stable-diffusion-768. Weights are fetched
+    once by "diff3ds fetch PRIOR"; "diff3ds doctor" says what is there. Writes sketch.json, sketch.svg, sketch.step,
+    preview.png, run.json, and pictures of the progress. Ctrl-C ends the run early and writes what was reached; --resume
+    goes on from there.
+    """
+
+    text: OmitArgPrefixes[TextOptions]
+    model: OmitArgPrefixes[PriorOptions]
+    distill: OmitArgPrefixes[DistillOptions]
+    # What to draw, such as "a chair".
+    phrase: Positional[str]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        console = Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            sketch = text_to_sketch(self.phrase, self.out, self.text, self.model, self.distill, report, _sayer(console))
+        _written(console, sketch, self.out)
+
+
+@dataclass(frozen=True)
+class Image:
+    """Make a 3D sketch of the object in a picture, by score distillation from a prior that knows other views of it.
+
+    Priors: zero123 (Zero123-XL), stable-zero123 (weights for non-commercial research only). The picture has alpha, or a
+    --mask, or a plain background. Writes what "diff3ds text" writes.
+    """
+
+    image: OmitArgPrefixes[ImageOptions]
+    cut: OmitArgPrefixes[PictureOptions]
+    model: OmitArgPrefixes[PriorOptions]
+    distill: OmitArgPrefixes[DistillOptions]
+    # A photograph or drawing of one object.
+    picture: Positional[Path]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        console = Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            sketch = image_to_sketch(
+                self.picture, self.out, self.image, self.cut, self.model, self.distill, report, _sayer(console)
+            )
+        _written(console, sketch, self.out)
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command `diff3ds`."""
     command = tyro.extras.subcommand_cli_from_dict(
-        {"views": Views},
+        {"text": Text, "image": Image, "views": Views},
         prog="diff3ds",
         description="3D sketches of rational Bézier strokes.",
         args=arguments,
@@ -66,6 +129,14 @@ def main(arguments: list[str] | None = None) -> None:
     except (ValueError, OSError, ImportError, FloatingPointError) as error:
         Console(stderr=True).print(f"diff3ds: {error}", markup=False, highlight=False, soft_wrap=True)
         sys.exit(FAULT)
+
+
+def _written(console: Console, sketch: Sketch, out: Path) -> None:
+    console.print(f"{len(sketch)} strokes: {out / 'sketch.json'}, .svg, .step, preview.png")
+
+
+def _sayer(console: Console) -> Callable[[str], None]:
+    return lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
 @contextmanager

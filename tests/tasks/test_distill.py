@@ -97,7 +97,7 @@ def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path
         truth = bar(0.6, 0.4)
         return float((ds.bezier.closest_point(truth.points, truth.weights, points).distance < 0.15).float().mean())
 
-    assert share_near(task._start(options)) < 0.1
+    assert share_near(task._start(options, options.values())) < 0.1
     assert share_near(sketch) > 0.8
 
 
@@ -121,7 +121,7 @@ def test_short_strokes_are_deleted_from_half_way_on(prior, tmp_path):
 def test_only_the_chosen_parameters_move(prior, tmp_path, parameters, moved):
     options = replace(QUICK, optimize=parameters, steps=4)
     found = run(prior, tmp_path, options).tensors()
-    start = task._start(options).tensors()
+    start = task._start(options, options.values()).tensors()
     assert {name for name in found if not torch.equal(found[name], start[name])} == moved
 
 
@@ -151,7 +151,10 @@ def test_a_folder_with_a_run_is_kept(prior, tmp_path):
     with pytest.raises(ValueError, match="no checkpoint to resume from"):
         claim(tmp_path, checkpoint, resume=True, overwrite=False)
     claim(tmp_path / "new", tmp_path / "new" / "checkpoint.safetensors", resume=False, overwrite=False)
-    assert (tmp_path / "new").is_dir()
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file is a file, not a folder for results"):
+        claim(tmp_path / "file" / "run", tmp_path / "file" / "run" / "c", resume=False, overwrite=False)
     run(prior, tmp_path)
     with pytest.raises(ValueError, match="holds a run: give another folder"):
         claim(tmp_path, checkpoint, resume=False, overwrite=False)
@@ -180,6 +183,13 @@ def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
 def test_options_that_make_no_sense(wrong, message):
     with pytest.raises(ValueError, match=message):
         replace(QUICK, **wrong)
+
+
+def test_options_come_before_the_preset():
+    assert DistillOptions().values().steps == 4000
+    assert DistillOptions().values("swift").steps == 400
+    assert DistillOptions(preset="paper", rate=0.5).values("swift").rate == 0.5
+    assert DistillOptions(preset="paper", rate=0.5).values("swift").radius == 1.5
 
 
 def test_a_batch_must_fill_the_groups_of_the_prior(prior, tmp_path):

@@ -19,7 +19,7 @@ from diff3ds.guidance.orbits import Orbits
 from diff3ds.refine import NoiseDeletion
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.distill_options import DistillOptions, Preset, PresetName
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, write_results
 
@@ -50,6 +50,7 @@ def distill(
     *,
     guidance: float,
     about: Mapping[str, object],
+    preset: PresetName = "paper",
     report: Report = lambda progress: None,
     reference: Reference | None = None,
 ) -> Sketch:
@@ -60,31 +61,40 @@ def distill(
     Args:
         denoiser: the prior, conditioned on a phrase or picture.
         out: a folder that `claim` has made ready.
-        guidance: weight of classifier-free guidance where the options have none.
+        guidance: weight of classifier-free guidance where neither options nor preset have one.
         about: what the run is: its subject and prior; a resumed run must have the same.
+        preset: where the options name none.
         report: called after every step.
         reference: the picture of `diff3ds image`.
     """
     begun = time.perf_counter()
+    values = options.values(preset)
     orbits = _orbits(denoiser, options)
-    recipe = options.recipe(guidance, denoiser.group)
-    judge = ScoreDistillation(denoiser, recipe, options.steps, options.seed)
-    config = _config(options, out, {**about, **_identity(options, recipe)})
+    recipe = options.recipe(guidance if values.guidance is None else values.guidance, denoiser.group)
+    judge = ScoreDistillation(denoiser, recipe, values.steps, options.seed)
+    config = _config(options, values, out, {**about, **_identity(options, values, recipe)})
     objective, cameras = (judge, orbits) if reference is None else _with_reference(judge, orbits, reference)
     stopped = False
-    with closing(fit(_start(options), objective, cameras, config)) as steps:
+    with closing(fit(_start(options, values), objective, cameras, config)) as steps:
         try:
             for step in steps:
-                low, high = recipe.annealing.bounds(step.index, options.steps)
+                low, high = recipe.annealing.bounds(step.index, values.steps)
                 note = f"t {low}-{high}"
-                report(Progress("distill", step.index + 1, options.steps, step.loss, len(step.sketch), note))
+                report(Progress("distill", step.index + 1, values.steps, step.loss, len(step.sketch), note))
                 if options.sheet_every and (step.index + 1) % options.sheet_every == 0:
                     save_png(out / SHEETS / f"step_{step.index + 1:05d}.png", contact_sheet(step, judge))
         except KeyboardInterrupt:
             stopped = True
     state = read_checkpoint(out / CHECKPOINT)
     seconds = time.perf_counter() - begun
-    info = RunInfo({**about, **asdict(options)}, asdict(recipe), {"distill": seconds}, list(state.losses), {}, stopped)
+    info = RunInfo(
+        {**about, **asdict(options)},
+        {**asdict(values), **asdict(recipe)},
+        {"distill": seconds},
+        list(state.losses),
+        {},
+        stopped,
+    )
     around = turntable()
     write_results(out, state.sketch, around, tile_images(render(state.sketch, around).color, columns=4), info)
     if stopped:
@@ -107,9 +117,9 @@ def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"
     return tile_images(torch.cat([resized.movedim(1, -1).clamp(0, 1), seen]), columns=len(seen))
 
 
-def _start(options: DistillOptions) -> Sketch:
+def _start(options: DistillOptions, values: Preset) -> Sketch:
     generator = torch.Generator().manual_seed(options.seed)
-    return Sketch.random(options.strokes, radius=options.radius, width=options.width, generator=generator)
+    return Sketch.random(options.strokes, radius=values.radius, width=values.width, generator=generator)
 
 
 def _orbits(denoiser: Denoiser, options: DistillOptions) -> Orbits:
@@ -117,9 +127,9 @@ def _orbits(denoiser: Denoiser, options: DistillOptions) -> Orbits:
     return Orbits(options.batch, denoiser.group, size, options.distance, options.elevation, options.fov)
 
 
-def _config(options: DistillOptions, out: Path, identity: Mapping[str, object]) -> FitConfig:
+def _config(options: DistillOptions, values: Preset, out: Path, identity: Mapping[str, object]) -> FitConfig:
     wanted = {
-        "points": ("position", options.rate),
+        "points": ("position", values.rate),
         "color": ("color", options.color_rate),
         "opacity": ("alpha", options.alpha_rate),
         "width": ("width", options.width_rate),
@@ -127,10 +137,10 @@ def _config(options: DistillOptions, out: Path, identity: Mapping[str, object]) 
     rates = {name: rate for name, (parameter, rate) in wanted.items() if parameter in options.optimize}
     deletion = NoiseDeletion(options.delete_length, options.delete_from, options.delete_every)
     return FitConfig(
-        steps=options.steps,
+        steps=values.steps,
         rates=Rates(**{"points": 0.0, **rates}),
-        final_rate=options.final_rate,
-        blur=options.blur,
+        final_rate=values.final_rate,
+        blur=values.blur,
         width_range=options.width_range,
         refinements=[deletion] if options.delete_length else [],
         seed=options.seed,
@@ -140,11 +150,11 @@ def _config(options: DistillOptions, out: Path, identity: Mapping[str, object]) 
     )
 
 
-def _identity(options: DistillOptions, recipe: Recipe) -> dict[str, object]:
-    """Options beyond those of `fit` that a resumed run must share, in the types of JSON."""
-    names = ("strokes", "batch", "size", "width", "radius", "blur", "fov", "delete_length", "delete_from")
+def _identity(options: DistillOptions, values: Preset, recipe: Recipe) -> dict[str, object]:
+    """What else than `fit` knows of a resumed run must share, in the types of JSON."""
+    names = ("strokes", "batch", "size", "fov", "delete_length", "delete_from", "delete_every")
     pairs = {name: list(getattr(options, name)) for name in ("distance", "elevation", "width_range", "optimize")}
-    return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(recipe)}
+    return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(values), **asdict(recipe)}
 
 
 def _with_reference(judge: ScoreDistillation, orbits: Orbits, reference: Reference) -> tuple[Objective, "_OneMoreView"]:

@@ -78,19 +78,21 @@ def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Te
 
 
 def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool) -> None:
-    """Makes the folder of a run, before any work.
+    """Sees that a run may have this folder, before any work.
 
     Raises:
         ValueError: it holds a run that is neither to be resumed nor overwritten; there is nothing to resume.
-        OSError: it cannot be made, or there is no room for results.
+        OSError: it cannot be a folder, or there is no room for results.
     """
     if resume and not checkpoint.exists():
         raise ValueError(f"{out} has no checkpoint to resume from: leave --resume out to start a run")
     held = [path for path in (checkpoint, out / "run.json") if path.exists()]
     if held and not resume and not overwrite:
         raise ValueError(f"{out} holds a run: give another folder (-o), --resume to go on, or --overwrite")
-    out.mkdir(parents=True, exist_ok=True)
-    free = shutil.disk_usage(out).free
+    there = next(path for path in (out, *out.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise OSError(f"{there} is a file, not a folder for results: give another -o")
+    free = shutil.disk_usage(there).free
     if free < ROOM:
         raise OSError(
             f"{out}: {free >> 20} MiB are free, and a run may need {ROOM >> 20}: make room or give another -o"

@@ -1,0 +1,136 @@
+"""Which prior a run has: known ones by name, others by what their weights are."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.guidance.denoiser import Denoiser
+from diff3ds.guidance.device import Precision, pick_device
+from diff3ds.guidance.known import KNOWN
+from diff3ds.guidance.mvdream import load_mvdream
+from diff3ds.guidance.stable_diffusion import load_stable_diffusion
+from diff3ds.guidance.stable_zero123 import load_stable_zero123
+from diff3ds.guidance.weights import Source, find, locate
+from diff3ds.guidance.zero123 import ReferencePose, load_zero123
+
+BUILT_IN = ("exemplar",)
+FOR_PHRASES = ("mvdream", "stable-diffusion", "stable-diffusion-768")
+FOR_PICTURES = ("zero123", "stable-zero123")
+# Channels of the UNet of a prior that takes the picture's latents beside the noisy ones.
+PICTURE_CHANNELS = 8
+
+
+@dataclass(frozen=True)
+class PriorOptions:
+    """Which prior looks at the sketch, and where it computes.
+
+    Attributes:
+        prior: a name (see the command's help), or weights: a folder in the layout of diffusers, or a repository of the
+            Hugging Face hub that was fetched, owner/name or owner/name@revision.
+        weights: other weights for the prior of that name.
+        variant: of the files of weights, such as fp16.
+        allow_pickle: read the weights from this single file although it is a pickle. Pickles can run code of whoever
+            made them; it is read in a mode that admits tensors only.
+        device: auto (the first of cuda, mps, cpu), cpu, cuda, cuda:1, mps.
+        precision: of the network: auto, float16, bfloat16, float32.
+    """
+
+    prior: str | None = None
+    weights: str | None = None
+    variant: str | None = None
+    allow_pickle: bool = False
+    device: str = "auto"
+    precision: Precision = "auto"
+
+    def source(self) -> Source | None:
+        """The weights that are named, or None for those that are known."""
+        place = self.weights or (self.prior if self.prior and _is_place(self.prior) else None)
+        return Source.parse(place, self.variant, self.allow_pickle) if place else None
+
+
+def named_prior(options: PriorOptions, names: tuple[str, ...]) -> str:
+    """The name of the prior, of `names`; of weights that are named alone, what they are.
+
+    Raises:
+        ValueError: no such prior, or one of another kind; weights that are none of them.
+        FileNotFoundError: weights that are not on this disk.
+    """
+    assert options.prior is not None
+    name = kind_of(options) if _is_place(options.prior) else options.prior
+    if name not in names:
+        other = "this command needs" if name in (*KNOWN, *BUILT_IN) else "prior must be"
+        raise ValueError(
+            f"{other} one of {', '.join(names)}, or a folder or fetched repository with weights of one; got {name!r}"
+        )
+    return name
+
+
+def kind_of(options: PriorOptions) -> str:
+    """Which prior weights belong to, by their configuration. A single file is MVDream's."""
+    source = options.source()
+    assert source is not None
+    found = locate(source)
+    if found is None:
+        raise FileNotFoundError(f"{source} is not on this disk: diff3ds fetch mvdream --weights {source}")
+    if found.path.is_file():
+        return "mvdream"
+    config = found.config("unet")
+    if config.get("in_channels") == PICTURE_CHANNELS:
+        return "zero123"
+    camera = config.get("_class_name") != "UNet2DConditionModel" or config.get("class_embed_type")
+    return "mvdream" if camera or (found.path / "camera_proj").is_dir() else "stable-diffusion"
+
+
+def has_weights(name: str) -> bool:
+    """Whether the known weights of a prior are on this disk and can be loaded."""
+    try:
+        find(name)
+    except (ImportError, FileNotFoundError):
+        return False
+    return True
+
+
+def best_for_phrases() -> tuple[str, str]:
+    """The prior of a phrase for which none was named, and why it is this one."""
+    if pick_device("auto").type == "cpu":
+        return "exemplar", "the built-in prior, because there is no GPU for MVDream"
+    if not has_weights("mvdream"):
+        return "exemplar", "the built-in prior, because MVDream's weights are not here (diff3ds fetch mvdream)"
+    return "mvdream", "MVDream, whose weights and a GPU are here"
+
+
+def load_for_phrase(
+    name: str, phrase: str, negative: str, perp_neg: bool, options: PriorOptions, views: int
+) -> Denoiser:
+    """A network that knows phrases.
+
+    Raises:
+        ImportError, FileNotFoundError, ValueError: as its loader.
+    """
+    source, where = options.source(), (options.device, options.precision)
+    if name == "mvdream":
+        if perp_neg:
+            raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
+        return load_mvdream(phrase, negative, source, device=where[0], precision=where[1], views=views)
+    return load_stable_diffusion(
+        phrase, negative, source, prior=name, perp_neg=perp_neg, device=where[0], precision=where[1], views=views
+    )
+
+
+def load_for_picture(
+    name: str, picture: Float[Tensor, "S S 3"], pose: ReferencePose, options: PriorOptions, views: int
+) -> Denoiser:
+    """A network that knows how a picture looks from elsewhere.
+
+    Raises:
+        ImportError, FileNotFoundError, ValueError: as its loader.
+    """
+    load = load_stable_zero123 if name == "stable-zero123" else load_zero123
+    picture = picture.to(torch.float32)
+    return load(picture, pose, options.source(), device=options.device, precision=options.precision, views=views)
+
+
+def _is_place(text: str) -> bool:
+    return "/" in text or Path(text).exists()

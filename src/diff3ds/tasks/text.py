@@ -1,0 +1,64 @@
+"""A phrase to a 3D sketch: what `diff3ds text` does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.distill import CHECKPOINT, distill
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
+from diff3ds.tasks.progress import Report
+from diff3ds.tasks.results import claim
+
+# The paper's weight of guidance for phrases.
+GUIDANCE = 50.0
+
+
+@dataclass(frozen=True)
+class TextOptions:
+    """Options of `diff3ds text` that `diff3ds image` lacks.
+
+    Attributes:
+        negative: a phrase for what the sketch should not look like.
+        perp_neg: keep stable-diffusion from drawing the front on every side, for twice the time.
+    """
+
+    negative: str = ""
+    perp_neg: bool = False
+
+
+def text_to_sketch(
+    phrase: str,
+    out: Path,
+    options: TextOptions | None = None,
+    prior: PriorOptions | None = None,
+    settings: DistillOptions | None = None,
+    report: Report = lambda progress: None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Sketch:
+    """Makes a sketch of a phrase and writes the folder of the run.
+
+    Args:
+        phrase: such as "a chair".
+        out: folder of the results and of the checkpoint.
+        options, prior, settings: defaults as in their classes.
+        report: called after every step.
+        say: told which prior is taken and why, and its licence.
+
+    Raises:
+        ValueError, OSError: as `claim`, the prior's loader, and `distill`.
+    """
+    options, prior, settings = options or TextOptions(), prior or PriorOptions(), settings or DistillOptions()
+    claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
+    if prior.prior is None:
+        name, reason = best_for_phrases()
+        say(f"prior: {reason}")
+    else:
+        name = named_prior(prior, (*FOR_PHRASES, *BUILT_IN))
+    if name in BUILT_IN:
+        raise NotImplementedError
+    denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.batch)
+    about = {"phrase": phrase, "negative": options.negative, "perp_neg": options.perp_neg, "prior": name}
+    about["weights"] = prior.weights
+    return distill(denoiser, settings, out, guidance=GUIDANCE, about=about, report=report)
