@@ -209,6 +209,8 @@ def assemble(
 
     if picture.ndim != 3 or picture.shape[0] != picture.shape[1] or picture.shape[2] != 3:
         raise ValueError(f"picture must have shape (S, S, 3), got {tuple(picture.shape)}")
+    if not checkpoint.path.is_dir():
+        raise ValueError(f"{checkpoint.path}: Zero-1-to-3 is read from a folder in the layout of diffusers")
     schedule, prediction = read_schedule(checkpoint)
     projection, config = read_projection(checkpoint), checkpoint.config("unet")
     _check(checkpoint, config, projection)
