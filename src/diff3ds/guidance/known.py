@@ -30,7 +30,7 @@ class Known:
 
     Attributes:
         repositories: that hold them, the best first.
-        parts: folders that are needed; "a|b" is either.
+        parts: folders that are needed; "a|b" is either, "a?" is taken where there is one.
         download: gigabytes of the files that are needed, with half precision where that is published.
         memory: gigabytes of a GPU that a step of 4 images takes, the UNet in half precision, thrifty.
         licence: name, and where the weights' own page says it.
@@ -75,7 +75,8 @@ KNOWN: dict[str, Known] = {
             Repository("dylanebert/mvdream"),
             Repository("dylanebert/multi-view-diffusion"),
         ),
-        PHRASE_PARTS,
+        # One port has the layers for the camera in a folder of their own.
+        (*PHRASE_PARTS, "camera_proj?"),
         2.6,
         4.0,
         "CreativeML Open RAIL-M",

@@ -53,7 +53,9 @@ def load_tensors(model: torch.nn.Module, tensors: dict[str, Tensor], dtype: torc
     for name, tensor in tensors.items():
         if tensor.shape != own[name].shape:
             raise ValueError(f"{what}: {name} must have shape {tuple(own[name].shape)}, got {tuple(tensor.shape)}")
-    model.load_state_dict({name: tensor.to(dtype) for name, tensor in tensors.items()}, strict=True, assign=True)
+    # Copies: parts of a mapped file start anywhere, and matrices that are aligned otherwise are multiplied otherwise.
+    copies = {name: tensor.to(dtype, copy=True) for name, tensor in tensors.items()}
+    model.load_state_dict(copies, strict=True, assign=True)
     model.eval().requires_grad_(False)
 
 

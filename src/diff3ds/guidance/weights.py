@@ -110,6 +110,8 @@ def lacking(names: Iterable[str], parts: Iterable[str], variant: str | None = No
     """What a repository or folder with these files (as "part/name") lacks; empty if it has all that is needed."""
     present, missing = set(names), []
     for part in parts:
+        if part.endswith("?"):
+            continue
         here = [p for p in part.split("|") if any(name.startswith(f"{p}/") for name in present)]
         if not here:
             missing.append(f"{part.replace('|', '/ or ')}/")
@@ -119,14 +121,10 @@ def lacking(names: Iterable[str], parts: Iterable[str], variant: str | None = No
             wanted = [WITHOUT_WEIGHTS[folder]]
         else:
             wanted = [("config.json",), tuple(weight_names(part, variant))]
+        pickled = any(name.startswith(f"{folder}/") and name.endswith(".bin") for name in present)
         for either in wanted:
             if not any(f"{folder}/{name}" in present for name in either):
-                pickled = (
-                    " (only a pickle)"
-                    if any(n.startswith(f"{folder}/") and n.endswith(".bin") for n in present)
-                    else ""
-                )
-                missing.append(f"{folder}/{either[0]}{pickled}")
+                missing.append(f"{folder}/{either[0]}" + " (only a pickle)" * pickled)
     return missing
 
 
@@ -137,7 +135,7 @@ def needed(names: Iterable[str], parts: Iterable[str], variant: str | None = Non
         variant: as `Source.variant`; None prefers fp16, which is half as large.
     """
     present, wanted = sorted(names), []
-    for part in (p for either in parts for p in either.split("|")):
+    for part in (p for either in parts for p in either.removesuffix("?").split("|")):
         wanted += [
             n for n in present if n.startswith(f"{part}/") and n.endswith((".json", ".txt")) and ".index" not in n
         ]
@@ -167,10 +165,13 @@ def locate(source: Source) -> Checkpoint | None:
     return None if path is None else Checkpoint(path, source.variant, source.trust_pickle)
 
 
-def find(prior: str, source: Source | None = None) -> Checkpoint:
+def find(prior: str, source: Source | None = None, parts: tuple[str, ...] | None = None) -> Checkpoint:
     """The weights of a prior: those that the user names, or the first that is complete of those that are known.
 
     A single file is returned as it is; whoever reads it checks what it holds.
+
+    Args:
+        parts: that are needed; None needs all of the prior's.
 
     Raises:
         ImportError: the extra is not installed.
@@ -184,7 +185,7 @@ def find(prior: str, source: Source | None = None) -> Checkpoint:
         if found is None:
             tried.append(f"{candidate}: not on this disk")
             continue
-        missing = [] if found.path.is_file() else lacking(_listing(found.path), known.parts, candidate.variant)
+        missing = [] if found.path.is_file() else lacking(_listing(found.path), parts or known.parts, candidate.variant)
         if not missing:
             return found
         tried.append(f"{candidate}: {found.path} lacks {', '.join(missing)}")

@@ -1,0 +1,211 @@
+"""MVDream as a prior: Stable Diffusion's UNet that sees four views of an object at once, and their cameras."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.guidance import convert, prompts
+from diff3ds.guidance.denoiser import Branch, check_groups
+from diff3ds.guidance.device import Precision, pick_device, pick_dtype
+from diff3ds.guidance.latent import (
+    FACTOR,
+    Autoencoder,
+    check_memory,
+    load_autoencoder,
+    place_autoencoder,
+    predict_noise,
+    read_schedule,
+    vae_dtype,
+)
+from diff3ds.guidance.loading import load_tensors, read_tensors
+from diff3ds.guidance.multiview_attention import check_joined, join_views
+from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.weights import Checkpoint, Source, find
+
+VIEWS = 4
+# Where a checkpoint does not say: latents of a side, and channels of an attention head.
+LATENT_SIZE, HEAD_CHANNELS = 32, 64
+# Of the original checkpoint's single file.
+UNET_PREFIX, VAE_PREFIX = "model.diffusion_model.", "first_stage_model."
+# Added to the length of a camera's position before dividing by it, as in training.
+TINY = 1e-8
+# The negative phrase of MVDream's own text to 3D.
+NEGATIVE = (
+    "ugly, bad anatomy, blurry, pixelated obscure, unnatural colors, poor lighting, dull, and unclear, cropped, "
+    "lowres, low quality, artifacts, duplicate, morbid, mutilated, poorly drawn face, deformed, dehydrated, "
+    "bad proportions"
+)
+
+
+def camera_vectors(cameras: Cameras) -> Float[Tensor, "B 16"]:
+    """What MVDream is told of cameras: camera to world, row by row, float32.
+
+    Axes of the camera as in OpenGL (x right, y up, looking along -z), world z up, its position brought to the unit
+    sphere: neither distance nor field of view is seen.
+    """
+    to_camera = cameras.world_to_camera.detach().double().cpu()
+    to_world = torch.eye(4, dtype=torch.float64).repeat(len(cameras), 1, 1)
+    to_world[:, :3, :3] = to_camera[:, :3, :3].mT * torch.tensor([1.0, -1.0, -1.0])
+    centers = cameras.centers.detach().double().cpu()
+    to_world[:, :3, 3] = centers / (centers.norm(dim=1, keepdim=True) + TINY)
+    return to_world.flatten(1).float()
+
+
+class MVDream:
+    """A `Denoiser` of four consecutive views of an object.
+
+    Attributes:
+        schedule, size, group: as in `Denoiser`; group is 4.
+    """
+
+    group = VIEWS
+
+    def __init__(
+        self, unet: Any, autoencoder: Autoencoder, texts: Float[Tensor, "3 L D"], schedule: NoiseSchedule
+    ) -> None:
+        """Takes the parts; `load_mvdream` has them from a checkpoint.
+
+        Args:
+            unet: a diffusers.UNet2DConditionModel with the camera as class embedding; its views get joined.
+            texts: encodings of the phrase, the empty phrase, and the negative one.
+        """
+        join_views(unet, VIEWS)
+        self.schedule = schedule
+        self.size = autoencoder.size
+        self._unet = unet
+        self._autoencoder = autoencoder
+        self._texts: dict[Branch, Tensor] = {
+            "conditional": texts[0].to(unet.device),
+            "unconditional": texts[1].to(unet.device),
+            "negative": texts[2].to(unet.device),
+        }
+
+    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
+        """Latents of images in [0, 1]; see `Denoiser`."""
+        return self._autoencoder.encode(images, generator)
+
+    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
+        """Images in [0, 1]; see `Denoiser`."""
+        return self._autoencoder.decode(latents)
+
+    def predict(
+        self,
+        noisy: Float[Tensor, "B 4 h w"],
+        timesteps: Int[Tensor, " B"],
+        cameras: Cameras,
+        branches: Sequence[Branch],
+    ) -> Float[Tensor, "R B 4 h w"]:
+        """The noise as each branch predicts it; see `Denoiser`.
+
+        Raises:
+            ValueError: B is no multiple of 4, or timesteps differ within a group.
+        """
+        check_groups(len(noisy), VIEWS)
+        check_joined(self._unet)
+        if not bool((timesteps.reshape(-1, VIEWS) == timesteps[::VIEWS, None]).all()):
+            raise ValueError(f"the {VIEWS} views of an object must have one timestep, got {timesteps.tolist()}")
+        contexts = [self._texts[branch].expand(len(noisy), -1, -1) for branch in branches]
+        # The same cameras on every branch: there is no null camera.
+        labels = camera_vectors(cameras)
+        return predict_noise(self._unet, noisy, timesteps, contexts, self.schedule, "epsilon", labels=labels)
+
+
+def load_mvdream(
+    phrase: str,
+    negative: str = NEGATIVE,
+    source: Source | None = None,
+    *,
+    text_source: Source | None = None,
+    device: str = "auto",
+    precision: Precision = "auto",
+    views: int = VIEWS,
+) -> MVDream:
+    """MVDream for a phrase.
+
+    Args:
+        negative: what not to draw; the baseline of guidance.
+        source: of the weights: the port of ashawkey or lzq49, one with the names of diffusers throughout, or the
+            original sd-v2.1-base-4view as a single file; None looks for those known.
+        text_source: of text encoder and tokenizer for a single file, which has them in another form: any Stable
+            Diffusion 2.1; None looks for those known.
+        device: as in `pick_device`.
+        precision: of the UNet, as in `pick_dtype`.
+        views: pictures of a step, for the memory that it takes.
+
+    Raises:
+        ImportError: the extra is not installed.
+        FileNotFoundError: weights are missing; it says which, and how to get them.
+        ValueError: an empty or too long phrase, weights of another model, a pickle that is not trusted, too little
+            memory.
+    """
+    phrases = [prompts.check_phrase(phrase), "", negative]
+    checkpoint, place = find("mvdream", source), pick_device(device)
+    dtype = pick_dtype(precision, place)
+    single = checkpoint.path.is_file()
+    words = find("stable-diffusion", text_source, ("text_encoder", "tokenizer")) if single else checkpoint
+    schedule = NoiseSchedule.scaled_linear()
+    if not single:
+        schedule, prediction = read_schedule(checkpoint)
+        if prediction != "epsilon":
+            raise ValueError(f"{checkpoint.path}: MVDream predicts epsilon, this scheduler says {prediction}")
+    tensors, config, rest = _read_single(checkpoint) if single else _read_folder(checkpoint)
+    size = FACTOR * int(config["sample_size"])
+    check_memory((tuple(t.shape) for t in tensors.values()), size, views, dtype, place)
+    texts = prompts.encode_phrases(words, phrases, int(config["cross_attention_dim"]))
+    unet = _build("UNet2DConditionModel", config, tensors, dtype, f"{checkpoint.path}: UNet").to(place)
+    if single:
+        vae = convert.vae_to_diffusers(rest)
+        network = _build("AutoencoderKL", convert.vae_config(vae), vae, vae_dtype(dtype), f"{checkpoint.path}: VAE")
+        return MVDream(unet, place_autoencoder(network, size, place, views), texts, schedule)
+    return MVDream(unet, load_autoencoder(checkpoint, size, dtype, place, views), texts, schedule)
+
+
+def _read_folder(checkpoint: Checkpoint) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, Tensor]]:
+    """A UNet's weights, named as in diffusers, and its configuration, from any port; and nothing more.
+
+    The class of diffusers is never given a port's own configuration: it would skip what it does not know, and keep
+    random weights.
+    """
+    said = checkpoint.config("unet")
+    tensors = convert.to_diffusers(read_tensors(checkpoint.file("unet")))
+    if (checkpoint.path / "camera_proj").is_dir():
+        camera = read_tensors(checkpoint.file("camera_proj"))
+        tensors |= {f"class_embedding.{name}": tensor for name, tensor in camera.items()}
+    config = _config(tensors, said.get("num_head_channels", HEAD_CHANNELS), f"{checkpoint.path}: UNet")
+    if "attention_head_dim" in said:
+        config["attention_head_dim"] = said["attention_head_dim"]
+    return tensors, config | {"sample_size": said.get("sample_size", said.get("image_size", LATENT_SIZE))}, {}
+
+
+def _read_single(checkpoint: Checkpoint) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, Tensor]]:
+    """A UNet's weights, named as in diffusers, its configuration, and the weights of the autoencoder as they are."""
+    found = read_tensors(checkpoint.path, checkpoint.trust_pickle)
+    own, vae = (
+        {name.removeprefix(prefix): tensor for name, tensor in found.items() if name.startswith(prefix)}
+        for prefix in (UNET_PREFIX, VAE_PREFIX)
+    )
+    tensors = convert.to_diffusers(own)
+    return tensors, _config(tensors, HEAD_CHANNELS, f"{checkpoint.path}: UNet") | {"sample_size": LATENT_SIZE}, vae
+
+
+def _config(tensors: dict[str, Tensor], head_channels: int, what: str) -> dict[str, Any]:
+    try:
+        config = convert.unet_config(tensors)
+    except ValueError as error:
+        raise ValueError(f"{what}: {error}") from error
+    # diffusers calls the number of heads so.
+    heads = [max(1, channels // head_channels) for channels in config["block_out_channels"]]
+    return config | {"attention_head_dim": heads}
+
+
+def _build(kind: str, config: dict[str, Any], tensors: dict[str, Tensor], dtype: torch.dtype, what: str) -> Any:
+    """A model of diffusers with exactly these weights."""
+    import diffusers
+
+    with torch.device("meta"):
+        model = getattr(diffusers, kind).from_config(config)
+    load_tensors(model, tensors, dtype, what)
+    return model
