@@ -9,7 +9,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.device import Precision, pick_device
 from diff3ds.guidance.known import KNOWN
-from diff3ds.guidance.mvdream import load_mvdream
+from diff3ds.guidance.mvdream import NEGATIVE, load_mvdream
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
 from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.weights import Source, find, locate
@@ -102,7 +102,7 @@ def best_for_phrases() -> tuple[str, str]:
 
 
 def load_for_phrase(
-    name: str, phrase: str, negative: str, perp_neg: bool, options: PriorOptions, views: int
+    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, views: int
 ) -> Denoiser:
     """A network that knows phrases.
 
@@ -113,9 +113,10 @@ def load_for_phrase(
     if name == "mvdream":
         if perp_neg:
             raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
+        negative = NEGATIVE if negative is None else negative
         return load_mvdream(phrase, negative, source, device=where[0], precision=where[1], views=views)
     return load_stable_diffusion(
-        phrase, negative, source, prior=name, perp_neg=perp_neg, device=where[0], precision=where[1], views=views
+        phrase, negative or "", source, prior=name, perp_neg=perp_neg, device=where[0], precision=where[1], views=views
     )
 
 

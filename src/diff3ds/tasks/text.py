@@ -20,11 +20,11 @@ class TextOptions:
     """Options of `diff3ds text` that `diff3ds image` lacks.
 
     Attributes:
-        negative: a phrase for what the sketch should not look like.
+        negative: a phrase for what the sketch should not look like; by default MVDream's own, and none for others.
         perp_neg: keep stable-diffusion from drawing the front on every side, for twice the time.
     """
 
-    negative: str = ""
+    negative: str | None = None
     perp_neg: bool = False
 
 

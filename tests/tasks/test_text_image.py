@@ -1,0 +1,164 @@
+"""`diff3ds text` and `diff3ds image` end to end, through the command line, on tiny random checkpoints."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.tasks import distill as task
+from diff3ds.tasks.picture import read_reference
+
+pytest.importorskip("diffusers")
+pytest.importorskip("transformers")
+sys.path.insert(0, str(Path(__file__).parents[1] / "guidance"))
+from tiny import save_mvdream, save_stable_diffusion
+from tiny_zero123 import save_zero123
+
+STEPS = 6
+QUICK = ["--steps", str(STEPS), "--strokes", "5", "--width", "0.05", "--radius", "0.7", "--sheet-every", "3", "--quiet"]
+
+
+@pytest.fixture(scope="module")
+def checkpoints(tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("checkpoints")
+    return {
+        "stable-diffusion": save_stable_diffusion(folder / "sd"),
+        "stable-diffusion-768": save_stable_diffusion(folder / "sdv", "v_prediction"),
+        "mvdream": save_mvdream(folder / "mv", "ashawkey"),
+        "zero123": save_zero123(folder / "z"),
+        "stable-zero123": save_zero123(folder / "sz", "cc_projection", "projection"),
+    }
+
+
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory) -> Path:
+    """A dark cross on white."""
+    pixels = torch.full((90, 120, 3), 255, dtype=torch.uint8)
+    pixels[20:70, 55:65] = 30
+    pixels[40:50, 30:90] = 30
+    path = tmp_path_factory.mktemp("drawing") / "cross.png"
+    Image.fromarray(pixels.numpy()).save(path)
+    return path
+
+
+def command(prior: str, checkpoints, drawing, out: Path, *more: str) -> list[str]:
+    picture = prior.endswith("zero123")
+    subject = ["image", str(drawing)] if picture else ["text", "a chair"]
+    return [*subject, "--prior", prior, "--weights", str(checkpoints[prior]), "-o", str(out), *QUICK, *more]
+
+
+def fails(arguments: list[str], capsys) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == FAULT
+    return " ".join(capsys.readouterr().err.split())
+
+
+def same(one: Path, other: Path) -> bool:
+    return (one / "sketch.json").read_bytes() == (other / "sketch.json").read_bytes()
+
+
+PRIORS = ["stable-diffusion", "stable-diffusion-768", "mvdream", "zero123", "stable-zero123"]
+
+
+@pytest.mark.parametrize("prior", PRIORS)
+def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, checkpoints, drawing, tmp_path, monkeypatch):
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    main(command(prior, checkpoints, drawing, whole))
+    info = json.loads((whole / "run.json").read_text())
+    assert info["options"]["prior"] == prior
+    assert info["steps_done"] == STEPS
+    assert info["guidance"] == (7.5 if prior.endswith("zero123") else 50.0)
+    assert info["method"] == ("reconstruction" if prior == "mvdream" else "sds")
+    assert len(list((whole / "progress").iterdir())) == 2
+    names = {"sketch.json", "sketch.step", "sketch.svg", "preview.png", "run.json", "checkpoint.safetensors"}
+    assert names <= {path.name for path in whole.iterdir()}
+    start = ds.Sketch.random(5, radius=0.7, width=0.05, generator=torch.Generator().manual_seed(0))
+    assert not torch.equal(ds.load(whole / "sketch.json").points, start.points)
+
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        # Comes after step 3.
+        patch.setattr(task, "contact_sheet", interrupt)
+        with pytest.raises(SystemExit) as ended:
+            main(command(prior, checkpoints, drawing, part))
+    assert ended.value.code == STOPPED
+    assert json.loads((part / "run.json").read_text())["steps_done"] == 3
+    assert not same(whole, part)
+    main(command(prior, checkpoints, drawing, part, "--resume"))
+    assert same(whole, part)
+
+
+@pytest.mark.parametrize(("prior", "found"), [("mvdream", "mvdream"), ("stable-diffusion", "stable-diffusion")])
+def test_weights_alone_say_which_prior_they_are(prior, found, checkpoints, tmp_path):
+    main(["text", "a chair", "--prior", str(checkpoints[prior]), "-o", str(tmp_path / "named"), *QUICK])
+    assert json.loads((tmp_path / "named" / "run.json").read_text())["options"]["prior"] == found
+    main(command(prior, checkpoints, None, tmp_path / "both"))
+    assert same(tmp_path / "named", tmp_path / "both")
+
+
+@pytest.mark.parametrize("method", ["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi"])
+def test_every_method_runs(method, checkpoints, drawing, tmp_path):
+    main(command("mvdream", checkpoints, drawing, tmp_path, "--method", method, "--steps", "2"))
+    assert json.loads((tmp_path / "run.json").read_text())["method"] == method
+
+
+def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
+    main(command("stable-diffusion", checkpoints, drawing, tmp_path / "sd", "--perp-neg", "--steps", "2"))
+    wrong = command("mvdream", checkpoints, drawing, tmp_path / "mv", "--perp-neg")
+    assert "perp_neg is for stable-diffusion" in fails(wrong, capsys)
+
+
+def test_the_picture_that_was_taken_is_kept(checkpoints, drawing, tmp_path):
+    main(command("zero123", checkpoints, drawing, tmp_path, "--steps", "2", "--reference-loss", "100"))
+    kept = ds.formats.load_image(tmp_path / "reference.png")
+    assert torch.allclose(kept, read_reference(drawing).image, atol=1 / 255)
+
+
+def test_what_is_known_of_a_licence_is_said(checkpoints, drawing, tmp_path, capsys):
+    arguments = command("stable-zero123", checkpoints, drawing, tmp_path, "--steps", "1")
+    arguments.remove("--quiet")
+    main(arguments)
+    assert "non-commercial" in capsys.readouterr().err
+
+
+def test_wrong_input_is_refused_before_any_file_is_written(checkpoints, drawing, tmp_path, capsys):
+    out = tmp_path / "out"
+    clear = tmp_path / "clear.png"
+    Image.new("RGBA", (64, 64)).save(clear)
+    text = tmp_path / "text.png"
+    text.write_text("no picture")
+    for arguments, message in [
+        (["text", " ", *command("mvdream", checkpoints, drawing, out)[2:]], "phrase"),
+        (["text", "chair " * 60, *command("mvdream", checkpoints, drawing, out)[2:]], "77"),
+        (["image", str(clear), *command("zero123", checkpoints, drawing, out)[2:]], "nothing"),
+        (["image", str(text), *command("zero123", checkpoints, drawing, out)[2:]], "cannot be read as a picture"),
+        (["image", str(tmp_path / "none.png"), *command("zero123", checkpoints, drawing, out)[2:]], "none.png"),
+        (command("zero123", checkpoints, drawing, out, "--prior", "mvdream"), "this command needs one of zero123"),
+        (command("mvdream", checkpoints, drawing, out, "--prior", "dall-e"), "prior must be one of mvdream"),
+        (command("mvdream", checkpoints, drawing, out, "--batch", "6"), "batch must be a multiple of 4"),
+        (command("mvdream", checkpoints, drawing, out, "--device", "tpu"), "no device 'tpu' here"),
+        (command("mvdream", checkpoints, drawing, out, "--resume"), "no checkpoint to resume from"),
+        (command("stable-zero123", checkpoints, drawing, out, "--distance", "1.5", "2"), "sees from 2.0 only"),
+        (["text", "a chair", "--prior", str(checkpoints["zero123"]), "-o", str(out)], "this command needs one of"),
+        (["text", "a chair", "--prior", "nobody/nothing", "-o", str(out)], "nobody/nothing is not on this disk"),
+    ]:
+        assert message in fails(arguments, capsys)
+        assert not out.exists()
+
+
+def test_a_run_is_not_lost(checkpoints, drawing, tmp_path, capsys):
+    arguments = command("mvdream", checkpoints, drawing, tmp_path, "--steps", "1")
+    main(arguments)
+    before = (tmp_path / "run.json").read_bytes()
+    assert "holds a run" in fails(arguments, capsys)
+    assert (tmp_path / "run.json").read_bytes() == before
+    main([*arguments, "--overwrite"])
+    assert "had seed=0, not 1" in fails([*arguments, "--resume", "--seed", "1"], capsys)
