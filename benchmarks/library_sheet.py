@@ -17,14 +17,14 @@ from diff3ds.library import CATEGORIES, Member, member
 
 # A ball of radius one at distance 3 is seen under 2 asin(1 / 3) = 38.9 degrees.
 DISTANCE, FIELD, ELEVATION = 3.0, 40.0, 20.0
-CAPTION = 30
+CAPTION = 34
 
 
 def cell(drawn: Member, azimuth: float, side: int) -> Image.Image:
     """One member in a three-quarter view, with its caption."""
     cameras = orbit(azimuth, ELEVATION, DISTANCE, fov=FIELD, size=side)
-    pixels = (render(drawn.sketch, cameras).color[0].clamp(0, 1) * 255).round().to(torch.uint8)
-    picture = Image.new("RGB", (side, side + CAPTION), "white")
+    pixels = (render(drawn.sketch, cameras).color[0, ..., 0].clamp(0, 1) * 255).round().to(torch.uint8)
+    picture = Image.new("L", (side, side + CAPTION), "white")
     picture.paste(Image.fromarray(pixels.numpy()))
     words = drawn.caption.replace(" with", "\nwith", 1) if len(drawn.caption) > side // 8 else drawn.caption
     pen = ImageDraw.Draw(picture)
@@ -42,7 +42,7 @@ def sheet(rows: list[list[Image.Image]], columns: int) -> Image.Image:
         if len(lines[-1]) + len(row) > columns:
             lines.append([])
         lines[-1] += row
-    picture = Image.new("RGB", (columns * width, len(lines) * height), "white")
+    picture = Image.new("L", (columns * width, len(lines) * height), "white")
     for i, line in enumerate(lines):
         for j, one in enumerate(line):
             picture.paste(one, (j * width, i * height))
@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="0", help="separated by commas")
     parser.add_argument("--azimuth", type=float, default=35.0, help="degrees from the front")
     parser.add_argument("--cell", type=int, default=200, help="side of one picture in pixels")
-    parser.add_argument("--columns", type=int, default=10, help="pictures in a row")
+    parser.add_argument("--columns", type=int, default=12, help="pictures in a row")
     chosen = parser.parse_args()
     rows = []
     for name in chosen.only.split(","):

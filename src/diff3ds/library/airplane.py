@@ -19,8 +19,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, body = vary(1.5, 1.7), vary(0.19, 0.24)
-    span, chord, sweep = vary(1.5, 1.7), vary(0.5, 0.6), vary(0.5, 0.7)
+    long, body = vary(1.44, 1.76), vary(0.17, 0.26)
+    span, chord, sweep = vary(1.44, 1.76), vary(0.47, 0.63), vary(0.45, 0.75)
     small = "propeller" in attributes or "two wings" in attributes
     if small:
         long, span, chord, sweep = 1.25, 1.6, 0.55, 0.05

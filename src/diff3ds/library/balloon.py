@@ -20,7 +20,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    wide, tall, mouth = vary(0.78, 0.9), vary(1.7, 1.95), vary(0.2, 0.26)
+    wide, tall, mouth = vary(0.74, 0.94), vary(1.62, 2.02), vary(0.18, 0.28)
     side = join(
         curve((mouth, 0, 0), (0.5 * wide, 0, 0.3 * tall), (wide, 0, 0.4 * tall), (wide, 0, 0.62 * tall)),
         ellipse((0, 0, 0.62 * tall), (wide, 0, 0), (0, 0, 0.38 * tall), 0, 90),

@@ -17,8 +17,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, long, low, high = vary(0.55, 0.65), vary(0.95, 1.1), vary(0.28, 0.36), vary(0.5, 0.56)
-    board = high + vary(0.35, 0.5)
+    half, long, low, high = vary(0.52, 0.68), vary(0.9, 1.15), vary(0.26, 0.38), vary(0.48, 0.58)
+    board = high + vary(0.32, 0.53)
     parts = [box((0, 0, (low + high) / 2), (2 * long, 2 * half, high - low))]
     pillow = [(-long + 0.1, 0.1), (-long + 0.1, half - 0.07), (-long + 0.45, half - 0.07), (-long + 0.45, 0.1)]
     parts.append(mirror(smooth(*[(x, y, high + 0.06) for x, y in pillow], closed=True)))

@@ -18,9 +18,9 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    wheel, base = vary(0.5, 0.56), vary(0.8, 0.88)
+    wheel, base = vary(0.48, 0.58), vary(0.78, 0.9)
     rear, front = (-base, 0, wheel), (base, 0, wheel)
-    crank, seat, head = (-0.12, 0, wheel - 0.06), (-0.35, 0, vary(1.12, 1.2)), (0.6, 0, vary(1.12, 1.2))
+    crank, seat, head = (-0.12, 0, wheel - 0.06), (-0.35, 0, vary(1.1, 1.22)), (0.6, 0, vary(1.1, 1.22))
     if "one wheel" in attributes:
         rear = front = (0, 0, wheel)
         crank, seat = front, (0, 0, 2.6 * wheel)

@@ -16,8 +16,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, deep, shelves = vary(0.5, 0.6), vary(0.2, 0.26), 4
-    gap = vary(0.44, 0.5)
+    half, deep, shelves = vary(0.47, 0.63), vary(0.18, 0.28), 4
+    gap = vary(0.42, 0.52)
     if "low" in attributes:
         half, shelves = 1.5 * half, 2
     height = shelves * gap
@@ -28,7 +28,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
         for shelf in range(shelves):
             y = half
             for thick in (0.14, 0.1, 0.16, 0.12)[: 4 - shelf % 2]:
-                tall = vary(0.6, 0.85) * gap
+                tall = vary(0.54, 0.91) * gap
                 book = polyline(
                     (deep, y, shelf * gap + tall), (deep, y - thick, shelf * gap + tall), (deep, y - thick, shelf * gap)
                 )

@@ -7,12 +7,12 @@ from diff3ds.library.shapes import Strokes, between, curve, join, lathe, line, r
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    body, neck = vary(0.34, 0.42), vary(0.11, 0.14)
-    shoulder, rise, top = vary(1.1, 1.3), vary(0.32, 0.45), vary(2.1, 2.3)
+    body, neck = vary(0.32, 0.44), vary(0.1, 0.15)
+    shoulder, rise, top = vary(1.04, 1.36), vary(0.29, 0.48), vary(2.04, 2.36)
     throat = shoulder + rise
     if "flask" in attributes:
         body, shoulder = 0.8, 0.0
-        throat, top = 1.45, vary(2.0, 2.2)
+        throat, top = 1.45, vary(1.94, 2.26)
         profile = join(
             curve((0.4, 0, 0), (1.1, 0, 0.1), (0.9, 0, 1.25), (neck, 0, throat)),
             line((neck, 0, throat), (neck, 0, top)),

@@ -14,7 +14,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, bend, thick = vary(1.1, 1.3), vary(0.55, 0.7), vary(0.05, 0.07)
+    half, bend, thick = vary(1.04, 1.36), vary(0.51, 0.74), vary(0.045, 0.075)
     if "recurve" in attributes:
         tip = 0.7 * bend
         shape = [(0.0, 0.0), (-0.05, 0.4), (1.7 * bend, 0.75), (0.7 * bend, 1.0)]

@@ -14,11 +14,11 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, deep, rise = vary(1.7, 2.0), vary(0.3, 0.4), vary(0.6, 0.8)
+    half, deep, rise = vary(1.61, 2.09), vary(0.27, 0.43), vary(0.54, 0.86)
     parts = [rectangle((0, 0, z), (2 * deep, 2 * half)) for z in (rise, rise + 0.1)]
     deck = rise + 0.1
     if "suspension" in attributes:
-        y, top = 0.58 * half, deck + vary(0.8, 1.0)
+        y, top = 0.58 * half, deck + vary(0.74, 1.06)
         parts.append(mirror(line((deep, y, 0), (deep, y, top)), "x", "y"))
         parts.append(mirror(line((-deep, y, top), (deep, y, top))))
         # The parabola with its vertex on the deck, and chords to the ends.

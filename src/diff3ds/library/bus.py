@@ -16,8 +16,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, half, low = vary(1.9, 2.1), vary(0.48, 0.55), 0.22
-    sill, head, roof, wheel = 0.85, 1.3, vary(1.5, 1.62), 0.27
+    long, half, low = vary(1.84, 2.16), vary(0.46, 0.57), 0.22
+    sill, head, roof, wheel = 0.85, 1.3, vary(1.46, 1.66), 0.27
     if "two floors" in attributes:
         roof += 0.75
     parts = [box((0, 0, (low + roof) / 2), (2 * long, 2 * half, roof - low))]

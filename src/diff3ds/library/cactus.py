@@ -20,9 +20,9 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    tall, thick = vary(1.7, 1.95), vary(0.24, 0.29)
+    tall, thick = vary(1.62, 2.02), vary(0.23, 0.3)
     if "pads" in attributes:
-        size, left, right = 1.6 * thick, vary(30, 45), vary(30, 45)
+        size, left, right = 1.6 * thick, vary(28, 47), vary(28, 47)
         pads = [
             (size, 0.0, 0.0, 0, 0),
             (0.7 * size, 0.75 * size, 2.0 * size, right, 15),
@@ -34,7 +34,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
         top = tall + thick
         rib = join(line((thick, 0, 0), (thick, 0, tall)), ring((0, 0, tall), thick, "y", 0, 90))
         parts = [lathe(rib, [(thick, 0.0)], 6)]
-        for side, low, high in ((1, vary(0.6, 0.75), vary(1.3, 1.5)), (-1, vary(0.8, 0.95), vary(1.5, 1.7))):
+        for side, low, high in ((1, vary(0.56, 0.8), vary(1.24, 1.56)), (-1, vary(0.76, 0.99), vary(1.44, 1.76))):
             arm = _arm(thick, low, high)
             parts.append(arm if side > 0 else reflect(arm))
     if "flower" in attributes:

@@ -18,10 +18,10 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    radius, tall = vary(0.2, 0.25), vary(1.1, 1.3)
+    radius, tall = vary(0.18, 0.27), vary(1.04, 1.36)
     wick = [line((0, 0, tall), (0, 0, tall + 0.14))]
     if "unlit" not in attributes:
-        z, high = tall + 0.08, vary(0.5, 0.6)
+        z, high = tall + 0.08, vary(0.47, 0.63)
         side = curve((0, 0, z), (0.28, 0, z + 0.05), (0.12, 0, z + 0.3), (0, 0, z + high))
         wick.append(around(side, 4))
     candle = join(lathe(line((radius, 0, 0), (radius, 0, tall)), [(radius, 0), (radius, tall)]), *wick)

@@ -7,8 +7,8 @@ from diff3ds.library.shapes import Strokes, box, curve, line, mirror, polyline, 
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, half, low, belt = vary(1.85, 2.05), vary(0.72, 0.82), 0.28, vary(0.8, 0.9)
-    roof, wheel, top = belt + vary(0.5, 0.62), vary(0.34, 0.4), 0.8 * half
+    long, half, low, belt = vary(1.79, 2.11), vary(0.69, 0.85), 0.28, vary(0.77, 0.93)
+    roof, wheel, top = belt + vary(0.46, 0.66), vary(0.32, 0.42), 0.8 * half
     cowl, nose = 0.85, 0.62
     front = [(cowl, half, belt), (0.3, top, roof)]
     back = (

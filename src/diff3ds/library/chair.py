@@ -8,8 +8,8 @@ from diff3ds.library.shapes import Strokes, around, between, box, curve, line, m
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, deep, seat = vary(0.44, 0.54), vary(0.44, 0.54), vary(0.85, 1.05)
-    top = seat + (vary(1.6, 1.9) if "high back" in attributes else vary(0.85, 1.1))
+    half, deep, seat = vary(0.41, 0.57), vary(0.41, 0.57), vary(0.79, 1.11)
+    top = seat + (vary(1.51, 1.99) if "high back" in attributes else vary(0.78, 1.18))
     lean = vary(0.08, 0.18)
     if "stool" in attributes:
         foot, height = 0.8 * half, 1.2 * seat

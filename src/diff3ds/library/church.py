@@ -18,8 +18,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, long, eaves, ridge = vary(0.5, 0.6), vary(1.3, 1.6), vary(0.75, 0.9), vary(1.25, 1.45)
-    wide, tower, spire = vary(0.24, 0.3), vary(1.6, 1.85), vary(0.9, 1.2)
+    half, long, eaves, ridge = vary(0.47, 0.63), vary(1.21, 1.69), vary(0.7, 0.94), vary(1.19, 1.51)
+    wide, tower, spire = vary(0.22, 0.32), vary(1.53, 1.93), vary(0.81, 1.29)
     gable = polyline((0, -half, 0), (0, half, 0), (0, half, eaves), (0, 0, ridge), (0, -half, eaves), closed=True)
     parts = [extrude(gable, (-long, 0, 0))]
     steeple = [box((0, 0, tower / 2), (2 * wide, 2 * wide, tower))]

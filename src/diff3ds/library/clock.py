@@ -20,7 +20,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    rim, deep = vary(0.8, 0.9), vary(0.1, 0.16)
+    rim, deep = vary(0.77, 0.93), vary(0.1, 0.16)
     # About ten past ten, as in advertisements: the hands stay apart.
     minute = vary(4, 15)
     parts = [ring((x, 0, 0), rim, "x") for x in (0, -deep)]

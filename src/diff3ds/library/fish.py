@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, high, wide = vary(1.0, 1.15), vary(0.4, 0.5), vary(0.18, 0.24)
+    long, high, wide = vary(0.96, 1.19), vary(0.37, 0.53), vary(0.16, 0.26)
     if "slender" in attributes:
         high, wide = 0.55 * high, 0.7 * wide
     back = curve((long, 0, 0), (0.6 * long, 0, 1.25 * high), (-0.3 * long, 0, 1.35 * high), (-long, 0, 0.09))

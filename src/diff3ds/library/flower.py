@@ -19,7 +19,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    tall, petal, disc, tilt = vary(1.2, 1.4), vary(0.46, 0.56), vary(0.15, 0.2), vary(40, 60)
+    tall, petal, disc, tilt = vary(1.14, 1.46), vary(0.43, 0.59), vary(0.13, 0.21), vary(38, 62)
     top = (0.1, 0, tall)
     parts = [curve((0, 0, 0), (-0.1, 0, 0.4), (-0.1, 0, 0.9), top)]
     for low in (0.15, 0.35):

@@ -17,8 +17,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    lens, apart, long = vary(0.38, 0.44), vary(0.1, 0.15), vary(1.15, 1.35)
-    y, tall = lens + apart, vary(0.24, 0.3)
+    lens, apart, long = vary(0.36, 0.46), vary(0.09, 0.16), vary(1.09, 1.41)
+    y, tall = lens + apart, vary(0.22, 0.32)
     if "round" in attributes:
         tall = lens = 0.4
         frame = ring((0, y, 0), lens, "x")

@@ -17,8 +17,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    low, waist, high = vary(0.5, 0.58), vary(0.3, 0.35), vary(0.38, 0.44)
-    neck, deep = vary(1.25, 1.45), 0.11
+    low, waist, high = vary(0.48, 0.6), vary(0.28, 0.36), vary(0.36, 0.46)
+    neck, deep = vary(1.19, 1.51), 0.11
     half = [(0, 0), (0.75 * low, 0.08), (low, 0.42), (waist, 0.85), (high, 1.2), (0.6 * high, 1.42), (0, 1.45)]
     if "electric" in attributes:
         half = [

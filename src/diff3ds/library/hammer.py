@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, grip, head, face = vary(1.5, 1.75), vary(0.07, 0.09), vary(0.3, 0.36), vary(0.12, 0.14)
+    long, grip, head, face = vary(1.43, 1.82), vary(0.064, 0.096), vary(0.28, 0.38), vary(0.11, 0.15)
     if "two-faced" in attributes:
         long, head, face = 1.2 * long, 1.2 * head, 1.5 * face
     if "mallet" in attributes:

@@ -7,8 +7,8 @@ from diff3ds.library.shapes import Strokes, box, extrude, mirror, polyline, rect
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, deep, walls = vary(0.7, 0.85), vary(0.75, 1.0), vary(0.8, 0.95)
-    roof, door = vary(0.5, 0.75), vary(0.14, 0.18)
+    half, deep, walls = vary(0.65, 0.89), vary(0.68, 1.07), vary(0.76, 0.99)
+    roof, door = vary(0.47, 0.78), vary(0.13, 0.19)
     floors = 2 if "two floors" in attributes else 1
     eaves = floors * walls
     if "flat roof" in attributes:

@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    bow, long, thick, bit = vary(0.3, 0.36), vary(1.3, 1.5), vary(0.05, 0.065), vary(0.28, 0.34)
+    bow, long, thick, bit = vary(0.28, 0.38), vary(1.24, 1.56), vary(0.045, 0.07), vary(0.26, 0.36)
     top = bow + long
     parts = []
     if "trefoil" in attributes:

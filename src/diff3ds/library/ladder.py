@@ -15,10 +15,10 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    foot, head, tall = vary(0.34, 0.4), vary(0.26, 0.3), vary(2.4, 2.8)
+    foot, head, tall = vary(0.32, 0.42), vary(0.25, 0.31), vary(2.28, 2.92)
     rungs = 7
     if "folding" in attributes:
-        tall, rungs, splay = 0.75 * tall, 5, vary(0.5, 0.6)
+        tall, rungs, splay = 0.75 * tall, 5, vary(0.47, 0.63)
         parts = [mirror(line((splay, foot, 0), (0, head, tall))), mirror(line((-splay, foot, 0), (0, head, tall)))]
         parts.append(rectangle((0, 0, tall), (0.3, 2 * head)))
         parts.append(mirror(line((splay / 2, (foot + head) / 2, tall / 2), (-splay / 2, (foot + head) / 2, tall / 2))))

@@ -7,13 +7,13 @@ from diff3ds.library.shapes import Strokes, between, curve, lathe, line, move, p
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    wide, narrow, tall = vary(0.5, 0.62), vary(0.26, 0.36), vary(0.5, 0.65)
-    belly, foot = vary(0.24, 0.34), vary(0.26, 0.34)
+    wide, narrow, tall = vary(0.46, 0.66), vary(0.23, 0.39), vary(0.45, 0.69)
+    belly, foot = vary(0.22, 0.36), vary(0.24, 0.36)
     shade = lathe(line((wide, 0, 0), (narrow, 0, tall)), [(wide, 0), (narrow, tall)], meridians=6)
     if "hanging" in attributes:
         return [shade, line((0, 0, tall), (0, 0, tall + 1.1)), ring((0, 0, tall + 1.1), 0.15), ring((0, 0, 0.02), 0.13)]
     if "desk" in attributes:
-        elbow, tip = (-vary(0.65, 0.85), 0, vary(0.7, 0.85)), (vary(0.15, 0.35), 0, vary(1.4, 1.6))
+        elbow, tip = (-vary(0.59, 0.91), 0, vary(0.65, 0.89)), (vary(0.15, 0.35), 0, vary(1.34, 1.66))
         arm = [polyline((0, 0, 0.06), elbow, tip), ring(elbow, 0.07, "y")]
         base = between(ring((0, 0, 0), 0.42), ring((0, 0, 0.06), 0.42))
         head = lathe(

@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    foot, head, height = vary(0.42, 0.5), vary(0.22, 0.26), vary(1.7, 2.0)
+    foot, head, height = vary(0.4, 0.52), vary(0.21, 0.27), vary(1.61, 2.09)
     lamp = 0.72 * head
     light = height + 0.34
     parts = [lathe(line((foot, 0, 0), (head, 0, height)), [(foot, 0), (1.4 * head, height)], 4, 45)]

@@ -7,8 +7,8 @@ from diff3ds.library.shapes import Strokes, curve, lathe, line, move, ring
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    radius, height, handle = vary(0.5, 0.56), vary(1.05, 1.2), vary(0.4, 0.48)
-    foot = radius * vary(0.85, 1.0)
+    radius, height, handle = vary(0.48, 0.58), vary(1.01, 1.24), vary(0.38, 0.5)
+    foot = radius * vary(0.81, 1.05)
     if "tall" in attributes:
         height *= 1.7
     parts = [lathe(line((foot, 0, 0), (radius, 0, height)), [(foot, 0), (radius, height), (0.88 * radius, height)])]

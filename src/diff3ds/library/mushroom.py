@@ -19,8 +19,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    stem, tall, cap, high = vary(0.16, 0.2), vary(0.75, 0.9), vary(0.68, 0.8), vary(0.48, 0.58)
-    foot = vary(1.3, 1.6) * stem
+    stem, tall, cap, high = vary(0.15, 0.21), vary(0.7, 0.94), vary(0.64, 0.84), vary(0.45, 0.61)
+    foot = vary(1.21, 1.69) * stem
     leg = curve((foot, 0, 0), (0.9 * foot, 0, 0.3 * tall), (stem, 0, 0.5 * tall), (stem, 0, tall))
     dome = ellipse((0, 0, tall), (cap, 0, 0), (0, 0, high), 0, 90)
     if "pointed" in attributes:

@@ -7,8 +7,8 @@ from diff3ds.library.shapes import Strokes, around, curve, join, lathe, line, mi
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    body, base, waist, top = vary(0.32, 0.4), vary(0.2, 0.26), vary(1.1, 1.3), vary(2.1, 2.4)
-    span, sweep = vary(0.42, 0.55), vary(0.15, 0.3)
+    body, base, waist, top = vary(0.3, 0.42), vary(0.18, 0.28), vary(1.04, 1.36), vary(2.01, 2.49)
+    span, sweep = vary(0.38, 0.59), vary(0.15, 0.3)
     tail = curve((base, 0, 0), (body, 0, 0.3), (body, 0, 0.8), (body, 0, waist))
     nose = curve((body, 0, waist), (body, 0, waist + 0.4), (0.5 * body, 0, top - 0.25), (0, 0, top))
     parts = [lathe(join(tail, nose), [(base, 0.0), (body, waist)], start=45)]

@@ -14,8 +14,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, half, deep = vary(1.15, 1.35), vary(0.38, 0.45), vary(0.36, 0.44)
-    mast, boom = vary(1.9, 2.2), 0.25
+    long, half, deep = vary(1.09, 1.41), vary(0.36, 0.47), vary(0.34, 0.46)
+    mast, boom = vary(1.81, 2.29), 0.25
     bow = (long, 0, 0.16)
     deck = curve(bow, (0.5 * long, 1.1 * half, 0), (-0.3 * long, 1.2 * half, -0.02), (-long, 0.7 * half, 0))
     bilge = curve(

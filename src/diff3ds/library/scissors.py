@@ -16,8 +16,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    blade, shank, finger = vary(1.1, 1.3), vary(0.5, 0.6), vary(0.24, 0.29)
-    opened = vary(24, 32) if "open" in attributes else vary(9, 13)
+    blade, shank, finger = vary(1.04, 1.36), vary(0.47, 0.63), vary(0.23, 0.3)
+    opened = vary(22, 34) if "open" in attributes else vary(8, 14)
     if "long blades" in attributes:
         blade *= 1.6
     # One half, upright around the pivot at the origin: its blade above, its ring below.

@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    sizes = (vary(0.54, 0.62), vary(0.4, 0.45), vary(0.27, 0.31))
+    sizes = (vary(0.52, 0.64), vary(0.39, 0.47), vary(0.26, 0.32))
     parts, top = [], 0.0
     middles = []
     for size in sizes:

@@ -14,8 +14,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, deep, arm = vary(0.95, 1.1), vary(0.42, 0.5), vary(0.16, 0.22)
-    seat, rest, top = vary(0.4, 0.46), vary(0.64, 0.72), vary(0.95, 1.1)
+    half, deep, arm = vary(0.9, 1.15), vary(0.4, 0.52), vary(0.14, 0.24)
+    seat, rest, top = vary(0.38, 0.48), vary(0.62, 0.74), vary(0.9, 1.15)
     if "three seats" in attributes:
         half *= 1.35
     side = [(deep, 0), (deep, seat), (-0.45 * deep, seat), (-0.6 * deep, top), (-deep, top), (-deep, 0)]

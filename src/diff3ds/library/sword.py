@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    wide, long, guard, grip = vary(0.1, 0.13), vary(1.6, 1.9), vary(0.3, 0.4), vary(0.36, 0.44)
+    wide, long, guard, grip = vary(0.09, 0.14), vary(1.51, 1.99), vary(0.27, 0.43), vary(0.34, 0.46)
     if "two-handed" in attributes:
         long, grip, wide, guard = 1.1 * long, 2.2 * grip, 1.5 * wide, 1.6 * guard
     if "curved" in attributes:

@@ -7,12 +7,12 @@ from diff3ds.library.shapes import Strokes, between, box, line, mirror, ring
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, deep, height = vary(0.95, 1.15), vary(0.5, 0.62), vary(0.85, 1.05)
+    half, deep, height = vary(0.89, 1.21), vary(0.46, 0.66), vary(0.79, 1.11)
     thick, inset = 0.09, 0.07
     if "square" in attributes:
         half = deep = 0.75
     if "round" in attributes:
-        half = deep = vary(0.75, 0.9)
+        half = deep = vary(0.7, 0.94)
         inset = 0.42 * half
         parts = [between(ring((0, 0, height), half), ring((0, 0, height - thick), half))]
     else:

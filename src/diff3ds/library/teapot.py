@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    belly, height, mouth = vary(0.72, 0.82), vary(0.95, 1.1), vary(0.3, 0.36)
+    belly, height, mouth = vary(0.69, 0.85), vary(0.9, 1.15), vary(0.28, 0.38)
     if "tall" in attributes:
         belly, height = 0.58, 1.7
     side = curve((0.6 * belly, 0, 0), (1.25 * belly, 0, 0.1 * height), (1.15 * belly, 0, height), (mouth, 0, height))

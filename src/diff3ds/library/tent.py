@@ -18,7 +18,7 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    half, long, height = vary(0.8, 0.95), vary(0.9, 1.1), vary(1.0, 1.2)
+    half, long, height = vary(0.76, 0.99), vary(0.84, 1.16), vary(0.94, 1.26)
     if "tipi" in attributes:
         foot, top = 0.9 * half, 1.7 * height
         poles = around(line((foot, 0, 0), (-0.13, 0, 1.15 * top)), 6)

@@ -19,9 +19,9 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    trunk, tall, crown = vary(0.11, 0.15), vary(0.9, 1.1), vary(0.65, 0.78)
+    trunk, tall, crown = vary(0.1, 0.16), vary(0.84, 1.16), vary(0.61, 0.82)
     if "palm" in attributes:
-        top, rise, droop = 1.4 + tall / 3, vary(0.5, 0.7), vary(0.25, 0.45)
+        top, rise, droop = 1.4 + tall / 3, vary(0.45, 0.75), vary(0.25, 0.45)
         stem = lathe(
             curve((0.15, 0, 0), (0.08, 0, 0.5), (0.08, 0, 1.2), (0.07, 0, top)), [(0.15, 0), (0.11, 0.6), (0.08, 1.2)]
         )

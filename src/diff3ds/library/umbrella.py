@@ -11,14 +11,14 @@ from diff3ds.library.shapes import (
     ellipse,
     join,
     line,
-    polyline,
+    mirror,
     ring,
     turn,
 )
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    wide, rise, tall, crook = vary(0.9, 1.0), vary(0.5, 0.62), vary(1.5, 1.7), vary(0.12, 0.16)
+    wide, rise, tall, crook = vary(0.87, 1.03), vary(0.46, 0.66), vary(1.44, 1.76), vary(0.11, 0.17)
     rim = tall - rise
     shaft = [line((0, 0, 0), (0, 0, tall + 0.12)), ring((crook, 0, 0), crook, "y", 180, 360)]
     if "beach" in attributes:
@@ -26,7 +26,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
         shaft = [line((0, 0, -0.5), (0, 0, tall + 0.12))]
     if "closed" in attributes:
         folds = curve((0.04, 0, 0.35), (0.3, 0, 0.5), (0.1, 0, 0.9), (0.02, 0, tall))
-        return [*shaft, around(folds, 6), around(polyline((0.04, 0, 0.35), (0.07, 0.12, 0.45), (0.02, 0.035, 0.35)), 6)]
+        hem = mirror(line((0.04, 0, 0.35), (0.112, 0.065, 0.45)))
+        return [*shaft, around(join(folds, hem), 6)]
     rib = ellipse((0, 0, rim), (wide, 0, 0), (0, 0, tall - rim), 0, 90)
     # The edge hangs between two ribs, 45 degrees apart, and is drawn in the plane of the middle between them.
     x, y = wide * math.cos(math.pi / 8), wide * math.sin(math.pi / 8)

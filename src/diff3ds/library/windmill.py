@@ -19,10 +19,10 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    foot, head, height = vary(0.46, 0.54), vary(0.3, 0.34), vary(1.5, 1.75)
-    sail, hub = vary(0.95, 1.1), height + 0.1
+    foot, head, height = vary(0.44, 0.56), vary(0.29, 0.35), vary(1.43, 1.82)
+    sail, hub = vary(0.9, 1.15), height + 0.1
     if "turbine" in attributes:
-        hub, wide, long = 1.3 * height, vary(0.09, 0.12), vary(0.9, 1.2)
+        hub, wide, long = 1.3 * height, vary(0.08, 0.13), vary(0.81, 1.29)
         at, x = (0.22, 0, hub), 0.22
         edge = curve(at, (x, 1.5 * wide, hub + 0.15), (x, wide, hub + 0.3), (x, 0, hub + long))
         blade = mirror(edge)

@@ -13,8 +13,8 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    foot, stem, bowl = vary(0.36, 0.42), vary(0.85, 1.05), vary(0.85, 1.0)
-    rim, belly = vary(0.32, 0.38), vary(0.56, 0.66)
+    foot, stem, bowl = vary(0.34, 0.44), vary(0.79, 1.11), vary(0.81, 1.05)
+    rim, belly = vary(0.3, 0.4), vary(0.53, 0.69)
     top = stem + bowl
     if "flute" in attributes:
         rim, belly, top = 0.2, 0.34, stem + 1.5 * bowl
