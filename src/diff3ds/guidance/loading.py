@@ -3,7 +3,8 @@
 Only safetensors are read; the one exception is a single file that the user trusts by name (`Source.trust_pickle`).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,11 @@ def load_part(kind: type[Any], checkpoint: Checkpoint, part: str, dtype: torch.d
     settings = {spelling: dtype, "variant": variant, "use_safetensors": True, "local_files_only": True}
     where = checkpoint.path / checkpoint.part(part)
     try:
-        model, info = kind.from_pretrained(str(where), output_loading_info=True, **settings)
+        # Wrong shapes are let pass to be named here, like the rest.
+        with _without_progress():
+            model, info = kind.from_pretrained(
+                str(where), output_loading_info=True, ignore_mismatched_sizes=True, **settings
+            )
     except (RuntimeError, ValueError) as error:
         raise ValueError(f"{where}: these weights do not fit {kind.__name__}: {error}") from error
     complain(str(where), info["missing_keys"], info["unexpected_keys"])
@@ -40,6 +45,20 @@ def load_part(kind: type[Any], checkpoint: Checkpoint, part: str, dtype: torch.d
         if info.get(key):
             raise ValueError(f"{where}: these weights do not fit {kind.__name__}: {list(info[key])[:SHOWN]}")
     return model.eval().requires_grad_(False)
+
+
+@contextmanager
+def _without_progress() -> Iterator[None]:
+    """Keeps transformers from drawing bars on the error stream, where ours are."""
+    from transformers.utils import logging
+
+    shown = logging.is_progress_bar_enabled()
+    logging.disable_progress_bar()
+    try:
+        yield
+    finally:
+        if shown:
+            logging.enable_progress_bar()
 
 
 def load_tensors(model: torch.nn.Module, tensors: dict[str, Tensor], dtype: torch.dtype, what: str) -> None:

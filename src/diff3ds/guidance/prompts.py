@@ -122,7 +122,7 @@ def tokens(tokenizer: Any, phrases: Sequence[str]) -> Int[Tensor, "P L"]:
     """
     rows = []
     for phrase in phrases:
-        row = tokenizer(phrase).input_ids
+        row = tokenizer(phrase, verbose=False).input_ids
         if len(row) > LENGTH:
             kept = tokenizer.decode(row[: LENGTH - 1], skip_special_tokens=True)
             raise ValueError(

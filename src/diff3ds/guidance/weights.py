@@ -46,11 +46,11 @@ class Source:
             ValueError: it is none of these.
         """
         name, _, revision = text.partition("@")
-        if not Path(text).expanduser().exists() and HUB_NAME.fullmatch(name):
-            return cls(name, revision or None, variant, trust_pickle)
-        if not Path(text).expanduser().exists():
+        if text and Path(text).expanduser().exists():
+            return cls(text, None, variant, trust_pickle)
+        if not HUB_NAME.fullmatch(name):
             raise ValueError(f"weights must be a folder or file that exists or owner/name[@revision], got {text!r}")
-        return cls(text, None, variant, trust_pickle)
+        return cls(name, revision or None, variant, trust_pickle)
 
     def __str__(self) -> str:
         return f"{self.place}@{self.revision}" if self.revision else self.place
@@ -124,7 +124,7 @@ def lacking(names: Iterable[str], parts: Iterable[str], variant: str | None = No
         pickled = any(name.startswith(f"{folder}/") and name.endswith(".bin") for name in present)
         for either in wanted:
             if not any(f"{folder}/{name}" in present for name in either):
-                missing.append(f"{folder}/{either[0]}" + " (only a pickle)" * pickled)
+                missing.append(f"{folder}/{either[0]}" + " (only a pickle)" * (pickled and either[0] != "config.json"))
     return missing
 
 
