@@ -20,7 +20,7 @@ def test_the_identity_changes_nothing(generator):
 def test_a_homography_takes_corners_to_corners(generator):
     source = torch.rand(4, 2, generator=generator, dtype=torch.float64) + torch.tensor([[0, 0], [2, 0], [2, 2], [0, 2]])
     target = torch.tensor([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=torch.float64)
-    matrix = _homography(source, target)
+    (matrix,) = _homography(source[None], target[None])
     found = torch.cat([source, torch.ones(4, 1)], 1) @ matrix.T
     assert torch.allclose(found[:, :2] / found[:, 2:], target, atol=1e-12)
 

@@ -14,7 +14,7 @@ def random_warps(count: int, generator: torch.Generator) -> Float[Tensor, "A 3 3
     """Random maps from where a pixel is in the result to where it comes from; both images are [-1, 1]²."""
     corners = torch.tensor([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], dtype=torch.float64)
     moved = corners * (1 - DISTORTION * torch.rand(count, 4, 2, generator=generator, dtype=torch.float64))
-    askew = torch.stack([_homography(some, corners) for some in moved])
+    askew = _homography(moved, corners.expand_as(moved))
     share = math.sqrt(AREA)
     crop = torch.zeros(count, 3, 3, dtype=torch.float64)
     crop[:, 0, 0] = crop[:, 1, 1] = share
@@ -32,11 +32,12 @@ def warped(images: Float[Tensor, "B 3 H W"], warps: Float[Tensor, "B 3 3"], size
     return torch.nn.functional.grid_sample(images, grid.to(images), align_corners=False)
 
 
-def _homography(source: Float[Tensor, "4 2"], target: Float[Tensor, "4 2"]) -> Float[Tensor, "3 3"]:
-    """The projective map that takes four points to four others."""
-    rows, values = [], []
-    for (x, y), (u, v) in zip(source.tolist(), target.tolist(), strict=True):
-        rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
-        values += [u, v]
-    solution = torch.linalg.solve(source.new_tensor(rows), source.new_tensor(values))
-    return torch.cat([solution, solution.new_ones(1)]).reshape(3, 3)
+def _homography(source: Float[Tensor, "A 4 2"], target: Float[Tensor, "A 4 2"]) -> Float[Tensor, "A 3 3"]:
+    """The projective maps that take four points to four others; each pair of points gives two linear equations."""
+    points = torch.cat([source, torch.ones_like(source[..., :1])], -1)
+    zeros = torch.zeros_like(points)
+    rows = torch.stack([torch.cat([points, zeros], -1), torch.cat([zeros, points], -1)], -2)
+    last = -target[..., :, None] * source[..., None, :]
+    equations = torch.cat([rows, last], -1).flatten(1, 2)
+    solution = torch.linalg.solve(equations, target.flatten(1))
+    return torch.cat([solution, torch.ones_like(solution[:, :1])], 1).reshape(-1, 3, 3)

@@ -38,6 +38,7 @@ class VggDistance:
         device: torch.device | str = "cpu",
     ) -> None:
         self.stack = feature_stack("vgg", features, source).to(device)
+        self.variant = variant
         mean, std = IMAGENET_MEAN, IMAGENET_STD
         self.mean, self.std = (std, mean) if variant == "3doodle" else (mean, std)
 
