@@ -1,0 +1,181 @@
+"""What doctor finds: packages, GPUs, weights whole and broken, and commands that can be copied."""
+
+import dataclasses
+import importlib.metadata
+import importlib.util
+import json
+import re
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import torch
+from guidance.tiny_zero123 import save_zero123
+from huggingface_hub import constants
+from rich.console import Console
+
+from diff3ds.guidance.known import KNOWN
+from diff3ds.tasks import doctor
+from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+
+REPOSITORY = KNOWN["zero123"].repositories[0].id
+COMMIT = 40 * "1"
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    """An empty cache of the hub."""
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+    return tmp_path / "hub"
+
+
+def prior(diagnosis, name="zero123"):
+    (found,) = (prior for prior in diagnosis.priors if prior.name == name)
+    return found
+
+
+def package(diagnosis, name):
+    (found,) = (package for package in diagnosis.packages if package.name == name)
+    return found
+
+
+def printed(diagnosis, width=80):
+    console = Console(width=width, color_system=None)
+    with console.capture() as capture:
+        console.print(as_tables(diagnosis))
+    return capture.get()
+
+
+def test_every_optional_package_of_the_project_is_looked_for():
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    for extra, requirements in project["optional-dependencies"].items():
+        if extra not in ("all", "dev"):
+            names = {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
+            assert names <= set(doctor.OPTIONAL[extra])
+    found = {package.name for package in diagnose().packages}
+    assert found == {name for names in doctor.OPTIONAL.values() for name in names}
+
+
+def test_installed_packages_have_their_version():
+    import transformers
+
+    assert package(diagnose(), "transformers").found == transformers.__version__
+    assert package(diagnose(), "transformers").advice == ""
+
+
+def test_missing_packages_come_with_the_command(monkeypatch):
+    version = importlib.metadata.version
+
+    def without(name):
+        if name == "peft":
+            raise importlib.metadata.PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", without)
+    found = package(diagnose(), "peft")
+    assert (found.found, found.advice) == (None, 'pip install "diff3ds[diffusion]"')
+    assert 'pip install "diff3ds[diffusion]"' in printed(diagnose(), 160)
+
+
+def test_packages_that_do_not_import_are_said_to(monkeypatch):
+    monkeypatch.setattr(doctor, "PROBES", {"transformers": "NoSuchThing"})
+    found = package(diagnose(), "transformers")
+    assert found.found is None
+    assert re.fullmatch(r"5\S+ is installed but cannot be imported: .*NoSuchThing.*", found.advice)
+
+
+def test_without_weights_there_are_commands():
+    diagnosis = diagnose()
+    assert [p.name for p in diagnosis.priors] == list(KNOWN)
+    for known in diagnosis.priors:
+        assert (known.folder, known.incomplete) == (None, ())
+        assert known.command == f"diff3ds fetch {known.name}"
+    assert "non-commercial" in prior(diagnosis, "stable-zero123").warning
+
+
+def in_cache(cache):
+    folder = cache / f"models--{REPOSITORY.replace('/', '--')}"
+    (folder / "refs").mkdir(parents=True)
+    (folder / "refs" / "main").write_text(COMMIT)
+    return save_zero123(folder / "snapshots" / COMMIT)
+
+
+def test_weights_are_found(cache):
+    folder = in_cache(cache)
+    found = prior(diagnose())
+    assert (found.folder, found.command) == (str(folder), "")
+    assert re.search(r"^zero123 +here ", printed(diagnose()), re.MULTILINE)
+
+
+def test_what_incomplete_weights_lack(cache):
+    (in_cache(cache) / "unet" / "diffusion_pytorch_model.safetensors").unlink()
+    found = prior(diagnose())
+    assert found.folder is None
+    assert found.incomplete == (f"{REPOSITORY} lacks unet/diffusion_pytorch_model.safetensors",)
+    assert found.command == "diff3ds fetch zero123"
+    assert f"zero123: {REPOSITORY} lacks unet/diffusion_pytorch_model.safetensors" in printed(diagnose(), 160)
+
+
+def test_priors_run_where_they_fit(monkeypatch):
+    """Two GPUs, one with 4.5 GB free."""
+    free = [int(4.5e9), int(70e9)]
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    properties = SimpleNamespace(name="A GPU", total_memory=80_000_000_000)
+    monkeypatch.setattr(torch.cuda, "get_device_properties", lambda index: properties)
+    monkeypatch.setattr(torch.cuda, "mem_get_info", lambda device: (free[device.index], 80_000_000_000))
+    diagnosis = diagnose()
+    assert [(d.name, d.about, d.free) for d in diagnosis.devices[:2]] == [
+        ("cuda:0", "A GPU, 80 GB", free[0]),
+        ("cuda:1", "A GPU, 80 GB", free[1]),
+    ]
+    for found in diagnosis.priors:
+        assert found.devices == tuple(d for d, f in (("cuda:0", 4.5), ("cuda:1", 70.0)) if f >= found.memory)
+    assert {found.devices for found in diagnosis.priors} == {("cuda:1",), ("cuda:0", "cuda:1")}
+    assert not any(finding.name == "torch" and finding.advice for finding in diagnosis.base)
+    free[:] = [0, 0]
+    assert "GPUs too full" in printed(diagnose())
+
+    def taken(device):
+        raise RuntimeError("device is busy")
+
+    monkeypatch.setattr(torch.cuda, "mem_get_info", taken)
+    assert [device.free for device in diagnose().devices[:2]] == [None, None]
+    assert prior(diagnose()).devices == ()
+
+
+def test_eighty_columns_do():
+    """Names and commands stay whole, to be copied."""
+    lines = printed(diagnose()).splitlines()
+    assert max(len(line) for line in lines) <= 80
+    for name in KNOWN:
+        assert any(line.startswith(f"{name} ") and f" diff3ds fetch {name} " in line for line in lines)
+
+
+def test_json_says_the_same():
+    diagnosis = diagnose()
+    assert json.loads(as_json(diagnosis)) == json.loads(json.dumps(dataclasses.asdict(diagnosis)))
+    assert set(json.loads(as_json(diagnosis))) == {"base", "packages", "devices", "weights", "priors"}
+
+
+def test_without_the_hubs_client_weights_cannot_be_found(monkeypatch):
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name == "huggingface_hub" else find_spec(name)
+    )
+    diagnosis = diagnose()
+    assert diagnosis.weights == doctor.Finding("weights", None, 'pip install "diff3ds[diffusion]"')
+    assert prior(diagnosis).command == "diff3ds fetch zero123"
+
+
+def test_forbidden_connections_are_named(monkeypatch):
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
+    assert diagnose().weights.advice == "HF_HUB_OFFLINE is set: unset it to fetch"
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
+    assert diagnose().weights.advice == ""
+
+
+def test_only_the_reference_renders(monkeypatch):
+    monkeypatch.setattr("diff3ds.available_backends", lambda: ["reference"])
+    (found,) = (finding for finding in diagnose().base if finding.name == "renderers")
+    assert (found.found, found.advice) == ("reference", doctor.KERNEL_ADVICE)
