@@ -16,7 +16,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     )
     if "convertible" in attributes:
         front, back = [(cowl, half, belt), (0.45, top, roof - 0.1)], []
-        parts = [mirror(rectangle((x, 0.4 * half, belt + 0.1), (0.55 * half, 0.5), "x")) for x in (-0.2, -1.2)]
+        parts = [mirror(rectangle((x, 0.45 * half, belt), (0.6 * half, 0.4), "x")) for x in (-0.3, -1.2)]
     else:
         parts = [mirror(line((-0.4, half, belt), (-0.35, top, roof)))]
     parts.append(mirror(polyline(*front, *back)))

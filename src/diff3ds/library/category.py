@@ -75,7 +75,10 @@ class Category:
         )
 
     def _caption(self, noun: str, phrases: tuple[str, ...]) -> str:
-        behind = [phrase for phrase in phrases if phrase.startswith(("with ", "without "))]
-        words = " ".join([*(phrase for phrase in phrases if phrase not in behind), noun])
+        # "with a saucer and steam", "with a holder and without a flame"
+        behind = [phrase for phrase in phrases if phrase.startswith("with ")]
+        behind = [*behind[:1], *(phrase.removeprefix("with ") for phrase in behind[1:])]
+        behind += [phrase for phrase in phrases if phrase.startswith("without ")]
+        words = " ".join([*(phrase for phrase in phrases if phrase.split()[0] not in ("with", "without")), noun])
         article = "a pair of" if self.pair else "an" if words[0] in "aeiou" and words[:3] != "uni" else "a"
         return " ".join([article, words, " and ".join(behind)]).strip()
