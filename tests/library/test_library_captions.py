@@ -36,7 +36,7 @@ def test_the_usual_caption_names_category_and_attributes(name):
     for attributes in category.combinations():
         first, *others = category.captions(attributes)
         assert name in first
-        rest = first.replace(name, "")
+        rest = first.replace(name, "", 1)
         for attribute in category.attributes:
             assert (attribute.phrases[0].removeprefix("with ") in rest) == (attribute.name in attributes)
         assert len({first, *others}) == 1 + len(others)
