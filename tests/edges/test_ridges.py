@@ -6,7 +6,7 @@ import torch
 from edge_scenes import project
 
 import diff3ds as ds
-from diff3ds.edges.ridges import Ridges, color_ridges, find_ridges, map_ridges, within, without_faint
+from diff3ds.edges.ridges import BORDER, Ridges, color_ridges, find_ridges, map_ridges, within, without_faint
 
 SIZE = 96
 FRONT = ds.look_at(torch.tensor([[3.0, 0.0, 0.0]]), fov=60, size=SIZE)
@@ -40,6 +40,20 @@ def test_a_straight_line_is_found_between_pixels(angle, offset):
     along = np.sort((found.points - start) @ heading)
     assert np.diff(along).max() < 1.5
     assert np.ptp(along) > SIZE - 15
+
+
+@pytest.mark.parametrize("offset", np.linspace(0, 1, 8, endpoint=False))
+def test_wide_lines_that_are_cut_off_at_white_have_no_gaps(offset):
+    # White over 2.4 pixels, half as bright over 4.9.
+    y = np.mgrid[:48, :400][0] + 0.5
+    ink = np.minimum(1, 1.25 * np.exp(-0.5 * ((y - 24 - offset) / 1.8) ** 2))
+    ink = np.clip(ink + 0.03 * np.random.default_rng(0).normal(size=ink.shape), 0, 1)
+    found = map_ridges(ink.astype(np.float32))
+    columns = np.unique(np.floor(found.points[:, 0]))
+    assert len(columns) > 0.98 * (400 - 2 * BORDER)
+    assert np.abs(found.points[:, 1] - 24 - offset).max() < 0.5
+    # White cuts the noise off on one side.
+    assert abs(found.points[:, 1].mean() - 24 - offset) < 0.1
 
 
 @pytest.mark.parametrize("radius", [5.0, 8.0, 20.0])

@@ -10,8 +10,7 @@ from edge_scenes import around, circular_arc, lines_between, segment, turned, vi
 
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.primitives import Kind
-from diff3ds.edges.reconstruct import concatenated
-from diff3ds.edges.simplify import joined, pruned, sampled, simplest
+from diff3ds.edges.simplify import concatenated, joined, pruned, sampled, simplest
 from diff3ds.edges.weld import welded
 
 U, V, _ = turned(4)

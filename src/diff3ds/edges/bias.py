@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Bool, Float
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.ridges import Array, Ridges
@@ -20,8 +20,9 @@ from diff3ds.edges.support import agreement, crowded, samples
 # Rounds of reweighting, and the residuals in pixels that count half in the first and the last of them. Few fit at the
 # end: an edge beside an outline, taken for it, always lies on its inner side.
 ROUNDS, FIRST_SCATTER, SCATTER = 25, 1.0, 0.15
-# Ridges within this distance of the filled drawing's border are outline, pixels, and so far a drawing is closed.
-OUTLINE, CLOSED = 7.0, 3
+# Ridges within this distance of the filled drawing's border are outline, pixels; they lie BAND within it. What a disc
+# of one of these radii cannot leave without crossing a ridge is inside: outlines have gaps, of up to twice the last.
+OUTLINE, BAND, CLOSED = 7.0, 3.0, (3.0, 5.0, 8.0, 12.0)
 # Pull of a sample towards its place, in units of one view's: along the curve it cannot be seen at all. Empirical.
 ALONG, ACROSS = 0.1, 0.01
 
@@ -42,20 +43,35 @@ class Bias:
 
 def outline_sides(ridges: Ridges, size: tuple[int, int]) -> Float[Array, " M"]:
     """1 or -1 for ridge points on the object's outline, as their normals point away from or into it; else 0."""
-    from scipy.ndimage import binary_dilation, binary_fill_holes, distance_transform_edt, label
+    from scipy.ndimage import distance_transform_edt
 
-    drawn = np.zeros(size, bool)
+    if not len(ridges):
+        return np.zeros(0)
     column, row = np.floor(ridges.points).astype(int).T
-    drawn[row, column] = True
-    filled = binary_fill_holes(binary_dilation(drawn, iterations=CLOSED))
-    parts, count = label(filled)
-    if not count:
-        return np.zeros(len(ridges))
-    filled = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
+    filled = _filled(row, column, size)
     depth = np.where(filled, distance_transform_edt(filled), -distance_transform_edt(~filled))
     gy, gx = np.gradient(depth)
     outward = -(gx[row, column] * ridges.normals[:, 0] + gy[row, column] * ridges.normals[:, 1])
     return np.where((depth[row, column] < OUTLINE) & (np.abs(outward) > 0.5), np.sign(outward), 0.0)
+
+
+def _filled(row: NDArray[np.int64], column: NDArray[np.int64], size: tuple[int, int]) -> Bool[NDArray[np.bool_], "H W"]:
+    """The largest part of what the drawn pixels enclose, and a band around them."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    blank = np.ones(size, bool)
+    blank[row, column] = False
+    distance = distance_transform_edt(blank)
+    filled = distance <= BAND
+    for radius in CLOSED:
+        parts, count = label(distance > radius)
+        border = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
+        open_air = np.isin(np.arange(count + 1), border)
+        open_air[0] = True
+        if not open_air.all():
+            filled |= distance_transform_edt(open_air[parts]) <= radius
+    parts, _ = label(filled)
+    return np.asarray(parts == 1 + np.argmax(np.bincount(parts.ravel())[1:]))
 
 
 def estimate_bias(views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -> Bias:

@@ -4,21 +4,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from diff3ds.camera import Cameras
 from diff3ds.edges.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.carve import carve
 from diff3ds.edges.chains import follow_chains
 from diff3ds.edges.circles import find_circles
+from diff3ds.edges.closing import closed
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.lookup import EdgeViews, edge_views
+from diff3ds.edges.placing import placed
 from diff3ds.edges.refine import refined
 from diff3ds.edges.ridges import Array, Ridges
 from diff3ds.edges.segment import segmented
 from diff3ds.edges.silhouettes import smooth_outlines
-from diff3ds.edges.simplify import joined, pruned
+from diff3ds.edges.simplify import concatenated, joined, pruned
 from diff3ds.edges.triangulate import thinned, triangulate
 from diff3ds.edges.unexplained import unexplained
 from diff3ds.edges.weld import welded
@@ -88,7 +89,7 @@ def reconstruct(
         reached = _started(cameras, ridges, sides, start, enough)
         save(reached)
     ridges = corrected(ridges, sides, reached.bias)
-    scene = _Scene(cameras, edge_views(cameras, ridges), ridges, enough, seed, report)
+    scene = _Scene(cameras, edge_views(cameras, ridges), ridges, enough, reached.bias.outward, seed, report)
     for after, stage in ((1, _refined), (2, _finished)):
         if reached.stage == after:
             curves = stage(scene, reached.curves, carving=start is None)
@@ -107,6 +108,7 @@ class _Scene:
     views: EdgeViews
     ridges: Sequence[Ridges]
     enough: float
+    outward: float
     seed: int
     report: Report
 
@@ -135,9 +137,9 @@ def _started(
         # Outlines of smooth surfaces lie outside of where they meet, as if the detector had put them there.
         edges = curves[~smooth_outlines(views, curves)]
         left = estimate_bias(views, np.concatenate(sides), edges)
+        bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
         if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
             break
-        bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
         views = edge_views(cameras, corrected(ridges, sides, bias))
         curves = start or first_curves(views, enough)
     return Result(1, curves, bias)
@@ -152,9 +154,11 @@ def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
 
 def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     pixel = scene.views.pixel
-    curves = scene.refined("join and weld", welded(joined(curves, pixel), pixel), SECOND_RATE)
+    curves = joined(closed(curves, scene.views, scene.enough, scene.outward), pixel)
+    curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
     curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
-    return with_fillets(curves[~smooth_outlines(scene.views, curves)], pixel)
+    curves = placed(curves[~smooth_outlines(scene.views, curves)], scene.views, scene.outward)
+    return with_fillets(curves, pixel)
 
 
 def first_curves(views: EdgeViews, enough: float) -> Curves:
@@ -178,15 +182,3 @@ def second_look(scene: _Scene, curves: Curves) -> Curves:
         return found
     found = pruned(scene.refined("second look", found, RATE), rest, SUPPORT * fewer, SHORTEST_HIDDEN)
     return found[~smooth_outlines(rest, found, doubt=True)]
-
-
-def concatenated(first: Curves, second: Curves) -> Curves:
-    """Both sets of curves."""
-    shift = int(first.vertex.max()) + 1 if len(first) else 0
-    other = torch.where(second.other >= 0, second.other + len(first), second.other)
-    return Curves(
-        torch.cat([first.points, second.points]),
-        torch.cat([first.kind, second.kind]),
-        torch.cat([first.vertex, second.vertex + shift]),
-        torch.cat([first.other, other]),
-    )

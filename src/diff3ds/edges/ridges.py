@@ -21,7 +21,7 @@ COLOR_SIGMA, COLOR_VALUE = 0.6, 0.35
 FAINT = 0.4
 # Least curvature of a ridge across, relative to the value (a line whose profile has the standard deviation s pixels has
 # 1 / s²), and largest slope along it that is not the flank of another, per pixel.
-CURVATURE, FLANK = 0.15, 0.3
+CURVATURE, FLANK = 0.07, 0.3
 # Curvature is that of a parabola through the neighbours within so many pixels that run the same way (cosine); it
 # moves a ridge by no more than this, pixels. Empirical.
 AROUND, NEIGHBOURS, FEWEST, SAME_WAY, MOST_PULL = 4.5, 16, 6, 0.6, 0.3

@@ -160,3 +160,15 @@ def _end_tangent(points: Array) -> Float[Array, " 3"]:
     step = 4 * (points[half] - points[0]) - (points[2 * half] - points[0])
     step = step if half else points[-1] - points[0]
     return step / (np.linalg.norm(step) + 1e-12)
+
+
+def concatenated(first: Curves, second: Curves) -> Curves:
+    """Both sets of curves."""
+    shift = int(first.vertex.max()) + 1 if len(first) else 0
+    other = torch.where(second.other >= 0, second.other + len(first), second.other)
+    return Curves(
+        torch.cat([first.points, second.points]),
+        torch.cat([first.kind, second.kind]),
+        torch.cat([first.vertex, second.vertex + shift]),
+        torch.cat([first.other, other]),
+    )

@@ -1,0 +1,59 @@
+"""Arcs closed to circles that every view shows a part of, and arcs that end where they should."""
+
+import numpy as np
+from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, turned
+
+from diff3ds.edges.closing import closed
+from diff3ds.edges.curves import curves_of
+from diff3ds.edges.lookup import edge_views
+from diff3ds.edges.primitives import fit_circle
+from diff3ds.edges.reconstruct import confirming
+from diff3ds.edges.simplify import concatenated, sampled
+
+CAMERAS = around(40, 160)
+U, V, _ = turned(3)
+UP = np.cross(U, V)
+RADIUS = 0.3
+CENTER = np.zeros(3)
+ENOUGH = confirming(len(CAMERAS))
+
+
+def shaft():
+    """The rim where a shaft leaves a plate: each view from above shows the half of it before the shaft."""
+    lines = []
+    for eye in CAMERAS.centers.double().numpy():
+        toward = np.arctan2(eye @ V, eye @ U)
+        half = [arc(CENTER, RADIUS * U, RADIUS * V, toward - np.pi / 2, toward + np.pi / 2)]
+        lines.append(half if eye @ UP > 0 else [arc(CENTER, 1e-3 * U, 1e-3 * V)])
+    return edge_views(CAMERAS, ridges_along(CAMERAS, lines))
+
+
+def test_a_circle_that_every_view_shows_half_of_is_closed():
+    views = shaft()
+    # An arc 3 % too large, a line along the rim, and a line elsewhere.
+    pieces = curves_of([circular_arc(0.01 * U, 1.03 * RADIUS * U, 1.03 * RADIUS * V, 0, 1.8)])
+    ends = CENTER + RADIUS * (np.cos([[2.5], [2.9]]) * U + np.sin([[2.5], [2.9]]) * V)
+    curves = concatenated(pieces, lines_between(ends, (0.8 * U, 0.8 * V)))
+    found = closed(curves, views, ENOUGH, 0.0)
+    assert found.other.tolist() == [-1, 2, 1]
+    circle = fit_circle(sampled(found)[1:].reshape(-1, 3))
+    assert abs(circle.radius / RADIUS - 1) < 2e-3
+    assert np.linalg.norm(circle.center - CENTER) < 3e-3 * RADIUS
+
+
+def test_an_arc_that_ends_is_not_closed():
+    line = arc(CENTER, RADIUS * U, RADIUS * V, 0, 3.5)
+    views = edge_views(CAMERAS, ridges_along(CAMERAS, [line]))
+    curves = curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 3.2)])
+    assert closed(curves, views, ENOUGH, 0.0) is curves
+
+
+def test_whole_circles_lines_and_short_arcs_stay():
+    views = shaft()
+    halves = [[circular_arc(CENTER, RADIUS * U, RADIUS * V, a, a + np.pi) for a in (0, np.pi)]]
+    for curves in (
+        curves_of([], halves),
+        lines_between((CENTER, U)),
+        curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 1)]),
+    ):
+        assert closed(curves, views, ENOUGH, 0.0) is curves

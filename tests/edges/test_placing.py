@@ -1,0 +1,87 @@
+"""Circles and arcs placed by ridges that are exact, but for holes' rims that a detector pushes inwards."""
+
+import numpy as np
+import pytest
+import torch
+from edge_scenes import arc, around, circular_arc, project, ridges_along, turned
+
+from diff3ds.edges.curves import curves_of
+from diff3ds.edges.lookup import edge_views
+from diff3ds.edges.placing import placed
+from diff3ds.edges.primitives import fit_circle
+from diff3ds.edges.ridges import Ridges
+from diff3ds.edges.simplify import sampled
+
+CAMERAS = around(30, 160)
+U, V, _ = turned(3)
+CENTER = np.array([0.1, -0.2, 0.05])
+PIXEL = edge_views(CAMERAS, ridges_along(CAMERAS, [arc(CENTER, 0.1 * U, 0.1 * V)])).pixel
+
+
+def ridges(radius, push=0.0, every=2, start=0.0, stop=2 * np.pi):
+    """Ridges of an arc; in all but every so manieth view pushed to the centre, pixels."""
+    found = ridges_along(CAMERAS, [arc(CENTER, radius * U, radius * V, start, stop)])
+    middle = project(CAMERAS, CENTER[None])[0][:, 0]
+    pushed = []
+    for view, (r, c) in enumerate(zip(found, middle, strict=True)):
+        inward = np.sign(((c - r.points) * r.normals).sum(1))[:, None] * r.normals
+        pushed.append(Ridges(r.points + push * bool(view % every) * inward, r.normals, r.values))
+    return edge_views(CAMERAS, pushed)
+
+
+def near(radius, start, stop, pixel_off=0.4):
+    """An arc beside the true one, by a part of a pixel in every respect."""
+    off = pixel_off * PIXEL
+    radius += off
+    return circular_arc(CENTER + off * np.array([0.6, -0.5, 0.6]), radius * U, radius * V, start, stop)
+
+
+def circle(radius):
+    """The two halves of a circle near the true one."""
+    return curves_of([], [[near(radius, 0, np.pi), near(radius, np.pi, 2 * np.pi)]])
+
+
+def fitted(curves):
+    return fit_circle(sampled(curves).reshape(-1, 3))
+
+
+@pytest.mark.parametrize("pixels", [6.0, 12.0, 30.0])
+@pytest.mark.parametrize(("push", "every"), [(0.0, 2), (0.5, 2), (0.5, 4), (0.8, 3)])
+def test_circles_are_placed_whether_their_rims_are_pushed_or_not(pixels, push, every):
+    radius = pixels * PIXEL
+    curves = circle(radius)
+    found = fitted(placed(curves, ridges(radius, push, every), push))
+    assert abs(found.radius / radius - 1) < 2e-3
+    assert np.linalg.norm(found.center - CENTER) < 3e-3 * radius
+    assert abs(np.cross(found.u, found.v) @ np.cross(U, V)) > 1 - 1e-5
+    assert found.distances.max() < 1e-4 * radius
+
+
+def test_without_the_offset_pushed_rims_make_circles_small():
+    radius = 6 * PIXEL
+    found = fitted(placed(circle(radius), ridges(radius, 0.5, 4), 0.0))
+    assert found.radius / radius - 1 < -0.05
+
+
+def test_an_arc_keeps_its_ends():
+    radius = 15 * PIXEL
+    curves = curves_of([near(radius, 0.3, 2.6)])
+    better = placed(curves, ridges(radius, start=0.3, stop=2.6), 0.0)
+    found = fitted(better)
+    assert abs(found.radius / radius - 1) < 5e-3
+    ends = CENTER + radius * (np.cos([[0.3], [2.6]]) * U + np.sin([[0.3], [2.6]]) * V)
+    assert np.linalg.norm(better.points[0, [0, 3]].double().numpy() - ends, axis=1).max() < 0.5 * PIXEL
+
+
+def test_short_arcs_and_circles_without_ridges_stay():
+    radius = 15 * PIXEL
+    short = curves_of([near(radius, 0.3, 1.5)])
+    assert torch.equal(placed(short, ridges(radius), 0.0).points, short.constrained(short.points)[0])
+    whole = circle(radius)
+    corner = Ridges(np.array([[10.0, 10.0]]), np.array([[1.0, 0.0]]), np.ones(1))
+    away = edge_views(CAMERAS, [corner] * len(CAMERAS))
+    np.testing.assert_allclose(placed(whole, away, 0.5).points, whole.points, rtol=0, atol=1e-5)
+
+
+def test_no_curves():
+    assert len(placed(curves_of([]), ridges(0.1), 0.5)) == 0
