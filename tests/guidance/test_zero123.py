@@ -10,7 +10,7 @@ from guidance.tiny import edit_json, save_stable_diffusion
 from guidance.tiny_zero123 import POSE, WIDTH, save_projection, save_zero123
 
 import diff3ds as ds
-from diff3ds.guidance import distill
+from diff3ds.guidance import distill, zero123
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.stable_zero123 import load_stable_zero123, stable_pose
@@ -208,6 +208,17 @@ def test_distillation_moves_pixels(folder, picture, generator):
     assert Rendering.color.grad.isfinite().all()
     assert Rendering.color.grad.abs().amax((1, 2, 3)).min() > 0
     assert prior.decode(objective.latest).shape == (2, SIZE, SIZE, 3)
+
+
+def test_everything_is_on_the_device(folder, picture, monkeypatch):
+    """Without a GPU: torch's device of shapes without numbers, which mixes with the CPU no better than a GPU does."""
+    monkeypatch.setattr(zero123, "pick_device", lambda name: torch.device("meta"))
+    prior = load(folder, picture, precision="float16")
+    images = torch.zeros(2, SIZE, SIZE, 3, requires_grad=True)
+    latents = prior.encode(images, torch.Generator())
+    cameras = ds.orbit([0.0, 90.0], 0.0, 2.0)
+    found = prior.predict(latents.detach(), torch.tensor([5, 600]), cameras, ["conditional", "negative"])
+    assert (found.device.type, found.dtype, found.shape) == ("meta", torch.float32, (2, *latents.shape))
 
 
 # Layouts and errors.
