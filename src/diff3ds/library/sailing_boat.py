@@ -14,49 +14,39 @@ from diff3ds.library.shapes import (
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
-    long, half, deep = vary(1.09, 1.41), vary(0.36, 0.47), vary(0.34, 0.46)
-    mast, boom = vary(1.81, 2.29), 0.25
-    bow = (long, 0, 0.16)
-    deck = curve(bow, (0.5 * long, 1.1 * half, 0), (-0.3 * long, 1.2 * half, -0.02), (-long, 0.7 * half, 0))
-    bilge = curve(
-        bow, (0.55 * long, 0.5 * half, -deep), (-0.3 * long, 0.6 * half, -deep), (-0.85 * long, 0.45 * half, -deep)
-    )
-    parts = [mirror(deck), mirror(bilge), mirror(line((-long, 0.7 * half, 0), (-0.85 * long, 0.45 * half, -deep)))]
-    parts += [line((-long, -0.7 * half, 0), (-long, 0.7 * half, 0))]
-    parts.append(line((-0.85 * long, -0.45 * half, -deep), (-0.85 * long, 0.45 * half, -deep)))
-    foot = 0.2 * long
+    long, half, deep, top = vary(1.09, 1.41), vary(0.36, 0.47), vary(0.34, 0.46), vary(1.81, 2.29)
+    mast = 0.0 if "square sail" in attributes else 0.2 * long
+    parts = [*_hull(long, half, deep), line((mast, 0, -deep / 2), (mast, 0, top))]
     if "square sail" in attributes:
-        parts.append(line((0, 0, -deep / 2), (0, 0, mast)))
-        wide, belly = 0.75, 0.3
-        for z in (0.95 * mast, 0.35 * mast):
-            parts.append(curve((0.05, -wide, z), (belly, -wide / 3, z), (belly, wide / 3, z), (0.05, wide, z)))
-        side = curve(
-            (0.05, wide, 0.95 * mast), (belly, wide, 0.75 * mast), (belly, wide, 0.55 * mast), (0.05, wide, 0.35 * mast)
-        )
-        parts.append(mirror(side))
-        top, at = mast, 0.0
+        wide, high, low = 0.75, 0.95 * top, 0.35 * top
+        for z in (high, low):
+            parts.append(curve((0.05, -wide, z), (0.3, -wide / 3, z), (0.3, wide / 3, z), (0.05, wide, z)))
+        bulge = [(0.3, wide, high + (low - high) * share) for share in (1 / 3, 2 / 3)]
+        parts.append(mirror(curve((0.05, wide, high), *bulge, (0.05, wide, low))))
     else:
-        parts.append(line((foot, 0, -deep / 2), (foot, 0, mast)))
-        leech = curve(
-            (foot, 0, mast), (-0.1 * long, 0, 0.75 * mast), (-0.75 * long, 0, 0.4 * mast), (-0.85 * long, 0, boom)
-        )
-        luff = curve(
-            (foot, 0, 0.85 * mast), (0.4 * long, 0, 0.6 * mast), (0.8 * long, 0, 0.3 * mast), (0.95 * long, 0, 0.22)
-        )
-        parts += [leech, line((foot, 0, boom), (-0.85 * long, 0, boom)), luff]
-        parts.append(
-            curve((0.95 * long, 0, 0.22), (0.7 * long, 0, 0.2), (0.45 * long, 0, 0.25), (foot + 0.08, 0, 0.38))
-        )
-        top, at = mast, foot
+        back, front, boom = -0.85 * long, 0.95 * long, 0.25
+        parts += [line((mast, 0, boom), (back, 0, boom))]
+        parts.append(curve((mast, 0, top), (-0.1 * long, 0, 0.75 * top), (-0.75 * long, 0, 0.4 * top), (back, 0, boom)))
+        jib = [(0.4 * long, 0, 0.6 * top), (0.8 * long, 0, 0.3 * top)]
+        parts.append(curve((mast, 0, 0.85 * top), *jib, (front, 0, 0.22)))
+        parts.append(curve((front, 0, 0.22), (0.7 * long, 0, 0.2), (0.45 * long, 0, 0.25), (mast + 0.08, 0, 0.38)))
     if "flag" in attributes:
-        parts += [
-            line((at, 0, top), (at, 0, top + 0.3)),
-            polyline((at, 0, top + 0.3), (at - 0.45, 0, top + 0.2), (at, 0, top + 0.1)),
-        ]
+        parts.append(line((mast, 0, top), (mast, 0, top + 0.3)))
+        parts.append(polyline((mast, 0, top + 0.3), (mast - 0.45, 0, top + 0.2), (mast, 0, top + 0.1)))
     if "waves" in attributes:
         for y in (0.75, 1.1):
             parts.append(mirror(smooth(*[(x * 0.4, y, -deep * 0.6 + 0.06 * (-1) ** x) for x in range(-3, 4)])))
     return parts
+
+
+def _hull(long: float, half: float, deep: float) -> list[Strokes]:
+    bow, deck, keel = (long, 0, 0.16), (-long, 0.7 * half, 0), (-0.85 * long, 0.45 * half, -deep)
+    return [
+        mirror(curve(bow, (0.5 * long, 1.1 * half, 0), (-0.3 * long, 1.2 * half, -0.02), deck)),
+        mirror(curve(bow, (0.55 * long, 0.5 * half, -deep), (-0.3 * long, 0.6 * half, -deep), keel)),
+        mirror(line(deck, keel)),
+        *(line((x, -y, z), (x, y, z)) for x, y, z in (deck, keel)),
+    ]
 
 
 CATEGORY = Category(
