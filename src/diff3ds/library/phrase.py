@@ -1,0 +1,208 @@
+"""Phrases of the library: what of, with what, how many, in which colour and proportions.
+
+    [a sketch of] [a | two | ... six] [big | tall | wide ...] [colour] [attribute ...] NOUN [with X [and Y]] [without Z]
+
+Nouns and attributes are those of the categories; plurals are understood. What is not understood is an error.
+"""
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.category import Category
+
+COUNTS = {"a": 1, "an": 1, "one": 1, "the": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
+# Straight RGB of plain inks on white.
+COLORS = {
+    "black": (0.0, 0.0, 0.0),
+    "gray": (0.5, 0.5, 0.5),
+    "grey": (0.5, 0.5, 0.5),
+    "red": (0.8, 0.1, 0.1),
+    "orange": (0.9, 0.5, 0.1),
+    "yellow": (0.8, 0.7, 0.0),
+    "green": (0.1, 0.6, 0.2),
+    "blue": (0.1, 0.3, 0.8),
+    "purple": (0.5, 0.2, 0.6),
+    "pink": (0.9, 0.4, 0.6),
+    "brown": (0.5, 0.3, 0.1),
+}
+# Factors along x (front to back), y (left to right) and z (up), beyond what members vary by themselves. Empirical.
+STRETCHES = {
+    "tall": (1.0, 1.0, 1.35),
+    "high": (1.0, 1.0, 1.35),
+    "low": (1.0, 1.0, 0.7),
+    "short": (1.0, 1.0, 0.7),
+    "wide": (1.0, 1.35, 1.0),
+    "broad": (1.0, 1.35, 1.0),
+    "narrow": (1.0, 0.7, 1.0),
+    "thin": (0.7, 0.7, 1.0),
+    "long": (1.35, 1.0, 1.0),
+}
+# Words that say nothing here: every sketch fills the unit ball.
+IDLE = ("big", "large", "small", "little", "simple", "nice", "old", "new", "of", "pair")
+OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
+SUGGESTIONS = 4
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a phrase asks for.
+
+    Attributes:
+        category: name of what it is.
+        attributes: names of what each has, in the category's order.
+        count: how many.
+        color: straight RGB, or None if none is said.
+        stretch: factors along x, y and z.
+    """
+
+    category: str
+    attributes: tuple[str, ...] = ()
+    count: int = 1
+    color: tuple[float, float, float] | None = None
+    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+def parse(phrase: str) -> Request:
+    """What a phrase asks for.
+
+    Raises:
+        ValueError: it is empty, or a word is outside the vocabulary; names the nearest words that are known.
+    """
+    words = _words(phrase)
+    if not words:
+        raise ValueError("the phrase is empty: say what to draw, such as a chair")
+    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
+    category, implied, first = _noun(words[:split], phrase)
+    request = _Reader(category, phrase, implied)
+    request.read_before(words[:first])
+    request.read_behind(words[split:])
+    return request.finished()
+
+
+class _Reader:
+    """What has been understood of a phrase so far."""
+
+    def __init__(self, category: Category, phrase: str, implied: str | None) -> None:
+        self.category = category
+        self.phrase = phrase
+        self.attributes = {implied} if implied else set()
+        self.count = 1
+        self.color: tuple[float, float, float] | None = None
+        self.stretch = (1.0, 1.0, 1.0)
+        # From every way to say an attribute, as words, to its name.
+        self.ways = {
+            tuple(_words(way)): attribute.name for attribute in category.attributes for way in attribute.phrases
+        }
+
+    def read_before(self, words: list[str]) -> None:
+        """Counts, colours, proportions and attributes before the noun; attributes come first: a tall mug is a kind."""
+        place = 0
+        while place < len(words):
+            length = next(
+                (n for n in range(len(words) - place, 0, -1) if tuple(words[place : place + n]) in self.ways), 0
+            )
+            if length:
+                self.attributes.add(self.ways[tuple(words[place : place + length])])
+            else:
+                self._read_word(words[place])
+            place += length or 1
+
+    def _read_word(self, word: str) -> None:
+        if word in COUNTS:
+            self.count = COUNTS[word]
+        elif word in COLORS:
+            if self.color is not None:
+                raise ValueError(f"{self.phrase!r}: strokes have one colour, got a second one, {word}")
+            self.color = COLORS[word]
+        elif word in STRETCHES:
+            x, y, z = self.stretch
+            a, b, c = STRETCHES[word]
+            self.stretch = (x * a, y * b, z * c)
+        elif word not in IDLE:
+            known = [*COLORS, *STRETCHES, *COUNTS, *(" ".join(way) for way in self.ways)]
+            raise ValueError(_unknown(self.phrase, word, known))
+
+    def read_behind(self, words: list[str]) -> None:
+        """Attributes behind the noun: "with armrests and a high back without ..."."""
+        clauses = re.findall(r"(with|without) (.*?)(?= with | without |$)", " ".join(words))
+        for preposition, said in clauses:
+            rest = said.removesuffix(" and")
+            while rest:
+                # A way to say it may itself have an "and".
+                pieces = rest.split(" and ")
+                for count in range(len(pieces), 0, -1):
+                    head = " and ".join(pieces[:count])
+                    name = self._named(preposition, head)
+                    if name is not None:
+                        self.attributes.add(name)
+                        rest = " and ".join(pieces[count:])
+                        break
+                else:
+                    known = [" ".join(way) for way in self.ways if way[0] in ("with", "without")]
+                    raise ValueError(_unknown(self.phrase, f"{preposition} {pieces[0]}", known))
+
+    def _named(self, preposition: str, said: str) -> str | None:
+        """The attribute that "with armrests", "with a high back" or "with two towers" means, articles or not."""
+        wanted = _bare(f"{preposition} {said}")
+        return next((name for way, name in self.ways.items() if _bare(" ".join(way)) == wanted), None)
+
+    def finished(self) -> Request:
+        """The request; attributes must go together."""
+        names = tuple(a.name for a in self.category.attributes if a.name in self.attributes)
+        if names not in self.category.combinations():
+            raise ValueError(f"{self.phrase!r}: no {self.category.name} is all of this at once: {', '.join(names)}")
+        return Request(self.category.name, names, self.count, self.color, self.stretch)
+
+
+def _noun(words: list[str], phrase: str) -> tuple[Category, str | None, int]:
+    """The category, the attribute that its noun implies, and where the noun starts: it ends the words."""
+    nouns = _nouns()
+    for first in range(len(words)):
+        said = " ".join(words[first:])
+        for candidate in (said, *_singulars(said)):
+            if candidate in nouns:
+                return (*nouns[candidate], first)
+    said = words[-1] if words else phrase
+    raise ValueError(_unknown(phrase, said, nouns))
+
+
+def _nouns() -> dict[str, tuple[Category, str | None]]:
+    """Every noun, lower case: its category, and the attribute that it implies."""
+    nouns: dict[str, tuple[Category, str | None]] = {}
+    for category in CATEGORIES.values():
+        for attribute in category.attributes:
+            for noun in attribute.nouns:
+                nouns.setdefault(" ".join(_words(noun)), (category, attribute.name))
+    for category in CATEGORIES.values():
+        for noun in (category.name, *category.synonyms):
+            nouns[" ".join(_words(noun))] = (category, None)
+    return nouns
+
+
+def _words(text: str) -> list[str]:
+    """Lower case words; hyphens part words, so that "high-backed" and "high backed" are the same."""
+    lowered = re.sub(r"[^a-z0-9]+", " ", text.lower()).strip()
+    return OPENING.sub("", lowered).split()
+
+
+def _bare(text: str) -> str:
+    return " ".join(word for word in text.split() if word not in ("a", "an", "the"))
+
+
+def _singulars(noun: str) -> Iterable[str]:
+    """What a plural may come from: mugs, buses, berries, shelves."""
+    for ending, instead in (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("men", "man")):
+        if noun.endswith(ending):
+            yield noun.removesuffix(ending) + instead
+
+
+def _unknown(phrase: str, said: str, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(said, list(known), SUGGESTIONS, cutoff=0.5)
+    hint = f"the nearest that it knows: {', '.join(near)}" if near else f"it draws {', '.join(sorted(CATEGORIES))}"
+    return (
+        f"{phrase!r}: the built-in prior does not know {said!r}; {hint}. "
+        'For any phrase use MVDream, on a GPU: diff3ds fetch mvdream, then diff3ds text "..." --prior mvdream'
+    )

@@ -1,0 +1,67 @@
+"""The grammar of phrases."""
+
+import pytest
+
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.phrase import COLORS, STRETCHES, Request, parse
+
+
+@pytest.mark.parametrize("name", CATEGORIES)
+def test_every_caption_of_the_library_is_understood(name):
+    category = CATEGORIES[name]
+    for attributes in category.combinations():
+        for caption in category.captions(attributes):
+            found = parse(caption)
+            assert (found.category, found.attributes) == (name, attributes), caption
+            assert found.count == 1
+
+
+@pytest.mark.parametrize(
+    ("phrase", "expected"),
+    [
+        ("chair", Request("chair")),
+        ("A Chair.", Request("chair")),
+        ("a sketch of a chair", Request("chair")),
+        ("a line drawing of an armchair", Request("chair", ("armrests",))),
+        ("a tall red lamp", Request("lamp", color=COLORS["red"], stretch=STRETCHES["tall"])),
+        ("two mugs", Request("mug", count=2)),
+        ("three blue wine glasses", Request("wine glass", count=3, color=COLORS["blue"])),
+        ("a chair with a high back and armrests", Request("chair", ("armrests", "high back"))),
+        ("a rocking chair with arms", Request("chair", ("armrests", "rocking"))),
+        ("a high backed chair", Request("chair", ("high back",))),
+        ("four buses", Request("bus", count=4)),
+        ("a small house with chimney", Request("house", ("chimney",))),
+        ("a pair of scissors", Request("scissors")),
+        ("a wide, low table", Request("table", stretch=(1.0, 1.35, 0.7))),
+    ],
+)
+def test_phrases(phrase, expected):
+    assert parse(phrase) == expected
+
+
+def test_an_attribute_comes_before_a_proportion():
+    """A tall mug is a kind of mug here."""
+    found = parse("a tall mug")
+    assert found.attributes == ("tall",)
+    assert found.stretch == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("phrase", "message"),
+    [
+        ("", "the phrase is empty"),
+        (" ... ", "the phrase is empty"),
+        ("a chiar", r"does not know 'chiar'; the nearest that it knows: .*chair.* MVDream"),
+        ("a dragon", "does not know 'dragon'"),
+        ("a sparkling chair", "does not know 'sparkling'"),
+        ("a chair with wings", "does not know 'with wings'"),
+        ("a chair with armrests and wings", "does not know 'with wings'"),
+        ("a red blue chair", "a second one, blue"),
+        ("a stool with armrests", "no chair is all of this at once"),
+        ("a chair table", "does not know 'chair'"),
+        ("with armrests", "does not know"),
+    ],
+)
+def test_what_is_not_understood_is_said(phrase, message):
+    with pytest.raises(ValueError, match=message):
+        parse(phrase)
