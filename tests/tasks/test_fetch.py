@@ -8,7 +8,7 @@ from huggingface_hub import close_session, constants
 from local_hub import COMMIT, Hub, serve
 
 from diff3ds.guidance.known import KNOWN
-from diff3ds.guidance.weights import find
+from diff3ds.guidance.weights import Source, find
 from diff3ds.tasks import download
 from diff3ds.tasks.fetch import FetchOptions, Transfer, fetch, notice
 
@@ -186,6 +186,19 @@ def test_a_repository_of_the_users(hub):
     assert "me--mine" in str(fetch("zero123", FetchOptions("me/mine")))
     with pytest.raises(ConnectionError, match=r"(?s)you/yours: not there, or private.*name a folder with --weights"):
         fetch("zero123", FetchOptions("you/yours"))
+
+
+@pytest.mark.parametrize("revision", ["refs/pr/1", COMMIT])
+def test_another_layout_at_a_revision(hub, revision):
+    """Some ports have safetensors only where a bot proposed them, and another name for the linear layer."""
+    files = hub.files.pop(FIRST)
+    hub.files["kxic/zero123-xl"] = {name.replace("clip_camera", "cc"): data for name, data in files.items()}
+    place = f"kxic/zero123-xl@{revision}"
+    folder = fetch("zero123", FetchOptions(place))
+    assert (folder / "cc_projection/diffusion_pytorch_model.safetensors").read_bytes() == content(PARTS[3])
+    assert find("zero123", Source.parse(place)).path == folder
+    with pytest.raises(FileNotFoundError, match="kxic/zero123-xl: not on this disk"):
+        find("zero123", Source.parse("kxic/zero123-xl"))
 
 
 def test_a_full_disk_before_anything_comes(hub, monkeypatch):
