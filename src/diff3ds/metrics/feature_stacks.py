@@ -40,13 +40,18 @@ class FeatureStack(nn.Module):
         return seen
 
 
+def untrained_stack(backbone: Backbone) -> FeatureStack:
+    """The stack with random weights."""
+    return FeatureStack(_alexnet() if backbone == "alex" else _vgg16())
+
+
 def feature_stack(backbone: Backbone, tensors: Mapping[str, Tensor], source: str) -> FeatureStack:
     """The stack with torchvision's weights; those of its classifier are left out.
 
     Raises:
         ValueError: as `load_weights`.
     """
-    stack = FeatureStack(_alexnet() if backbone == "alex" else _vgg16())
+    stack = untrained_stack(backbone)
     load_weights(stack, {k: v for k, v in tensors.items() if k.startswith("features.")}, source)
     return stack
 

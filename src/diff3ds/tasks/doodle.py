@@ -129,6 +129,7 @@ def fit_doodle(
     loss = load_doodle_loss(options)
     claim(out, out / CHECKPOINT, options.resume, options.overwrite)
     plan = plan_doodle(load_posed(path, "color", options.size, out), options, loss, out / CHECKPOINT)
+    read = time.perf_counter()
     stopped = False
     with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
         try:
@@ -138,7 +139,8 @@ def fit_doodle(
             stopped = True
     state = read_checkpoint(out / CHECKPOINT)
     sketch = plan.frame.to_world(without_dots(state.sketch))
-    seconds, scores = {"fit": time.perf_counter() - begun}, doodle_scores(sketch, plan.pictures, loss)
+    seconds = {"read": read - begun, "fit": time.perf_counter() - read}
+    scores = doodle_scores(sketch, plan.pictures, loss)
     about = {"recipe": "3doodle", "source": str(source), **dataclasses.asdict(options)}
     info = RunInfo(about, {"target": "color"}, seconds, list(state.losses), scores, stopped)
     write_results(out, sketch, plan.pictures.cameras, preview(sketch, plan.pictures), info)
