@@ -219,11 +219,6 @@ def assemble(
     dtype = pick_dtype(precision, there, bool(config.get("upcast_attention")))
     check_memory(header(checkpoint.file("unet")).values(), size, views, dtype, there)
     embedding = embed(checkpoint, picture)
-    if len(embedding) + POSE != projection.weight.shape[1]:
-        raise ValueError(
-            f"{checkpoint.path}: the projection takes {projection.weight.shape[1]} numbers, but the image encoder "
-            f"gives {len(embedding)}, and a pose has {POSE}: parts of different models"
-        )
     unet = load_part(diffusers.UNet2DConditionModel, checkpoint, "unet", dtype).to(there)
     autoencoder = load_autoencoder(checkpoint, size, dtype, there, views)
     return Zero123(
@@ -291,6 +286,12 @@ def _check(checkpoint: Checkpoint, config: dict[str, Any], projection: Projectio
         raise ValueError(
             f"{checkpoint.path}: the projection gives tokens of {len(projection.bias)} numbers, the UNet takes "
             f"{width}: parts of different models"
+        )
+    given, taken = checkpoint.config("image_encoder").get("projection_dim"), projection.weight.shape[1]
+    if given != taken - POSE:
+        raise ValueError(
+            f"{checkpoint.path}: the projection takes {taken} numbers, but the image encoder gives {given}, and a pose "
+            f"has {POSE}: parts of different models"
         )
     if not isinstance(size, int) or size < 1:
         raise ValueError(f"{checkpoint.path}: sample_size of the UNet must be the side of its latents, got {size}")

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from diff3ds.guidance.known import KNOWN
+from diff3ds.guidance.known import KNOWN, Known
 from diff3ds.guidance.weights import Source, cached, lacking, needed, require_extra
 from diff3ds.tasks.download import TIMEOUT, RemoteFile, begun, digest_of, disk_full, download, transport_error
 
@@ -80,12 +80,7 @@ def fetch(
     """
     known, options = KNOWN[_known(prior)], options or FetchOptions()
     require_extra(("huggingface_hub",))
-    sources = [Source(r.id, r.revision, options.variant) for r in known.repositories]
-    if options.weights is not None:
-        if Path(options.weights).expanduser().exists():
-            raise ValueError(f"{options.weights} is on this disk: nothing to fetch")
-        sources = [Source.parse(options.weights, options.variant)]
-    reasons = []
+    sources, reasons = _sources(known, options), []
     for source in sources:
         try:
             return _fetch_from(source, known.parts, report)
@@ -102,6 +97,14 @@ def _known(prior: str) -> str:
     if prior not in KNOWN:
         raise ValueError(f"prior must be one of {', '.join(KNOWN)}, got {prior!r}")
     return prior
+
+
+def _sources(known: Known, options: FetchOptions) -> list[Source]:
+    if options.weights is None:
+        return [Source(r.id, r.revision, options.variant) for r in known.repositories]
+    if Path(options.weights).expanduser().exists():
+        raise ValueError(f"{options.weights} is on this disk: nothing to fetch")
+    return [Source.parse(options.weights, options.variant)]
 
 
 def _fetch_from(source: Source, parts: tuple[str, ...], report: Callable[[Transfer], None]) -> Path:
