@@ -51,6 +51,8 @@ def distill(
     guidance: float,
     about: Mapping[str, object],
     preset: PresetName = "paper",
+    color: tuple[float, float, float] | None = None,
+    final_width: float | None = None,
     report: Report = lambda progress: None,
     reference: Reference | None = None,
 ) -> Sketch:
@@ -64,6 +66,8 @@ def distill(
         guidance: weight of classifier-free guidance where neither options nor preset have one.
         about: what the run is: its subject and prior; a resumed run must have the same.
         preset: where the options name none.
+        color: of the strokes at the start, straight RGB; default black.
+        final_width: of the strokes in the results, where small images asked for thicker ones; not if widths are fitted.
         report: called after every step.
         reference: the picture of `diff3ds image`.
     """
@@ -75,7 +79,7 @@ def distill(
     config = _config(options, values, out, {**about, **_identity(options, values, recipe)})
     objective, cameras = (judge, orbits) if reference is None else _with_reference(judge, orbits, reference)
     stopped = False
-    with closing(fit(_start(options, values), objective, cameras, config)) as steps:
+    with closing(fit(_start(options, values, color), objective, cameras, config)) as steps:
         try:
             for step in steps:
                 low, high = recipe.annealing.bounds(step.index, values.steps)
@@ -86,6 +90,9 @@ def distill(
         except KeyboardInterrupt:
             stopped = True
     state = read_checkpoint(out / CHECKPOINT)
+    sketch = state.sketch
+    if final_width is not None and "width" not in options.optimize:
+        sketch = replace(sketch, width=torch.full_like(sketch.width, final_width))
     seconds = time.perf_counter() - begun
     info = RunInfo(
         {**about, **asdict(options)},
@@ -96,10 +103,10 @@ def distill(
         stopped,
     )
     around = turntable()
-    write_results(out, state.sketch, around, tile_images(render(state.sketch, around).color, columns=4), info)
+    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
     if stopped:
         raise KeyboardInterrupt
-    return state.sketch
+    return sketch
 
 
 def turntable() -> Cameras:
@@ -117,9 +124,10 @@ def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"
     return tile_images(torch.cat([resized.movedim(1, -1).clamp(0, 1), seen]), columns=len(seen))
 
 
-def _start(options: DistillOptions, values: Preset) -> Sketch:
+def _start(options: DistillOptions, values: Preset, color: tuple[float, float, float] | None = None) -> Sketch:
     generator = torch.Generator().manual_seed(options.seed)
-    return Sketch.random(options.strokes, radius=values.radius, width=values.width, generator=generator)
+    sketch = Sketch.random(options.strokes, radius=values.radius, width=values.width, generator=generator)
+    return sketch if color is None else replace(sketch, color=torch.tensor(color).repeat(len(sketch), 1))
 
 
 def _orbits(denoiser: Denoiser, options: DistillOptions) -> Orbits:

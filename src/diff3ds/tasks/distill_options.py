@@ -41,7 +41,7 @@ class Preset:
 PRESETS: dict[PresetName, Preset] = {
     "paper": Preset(4000, 0.002, 1.0, 1.5, DEFAULT_WIDTH, 0.0, None),
     # Empirical, with a prior whose score is exact (benchmarks/distill.py): a tenth of the steps.
-    "swift": Preset(400, 0.01, 0.2, 0.8, 0.03, 1.0, 7.5),
+    "swift": Preset(400, 0.01, 0.2, 0.8, 0.05, 0.0, 7.5),
 }
 
 

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill import CHECKPOINT, distill
 from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.exemplars import exemplars_of
 from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
@@ -56,9 +57,34 @@ def text_to_sketch(
         say(f"prior: {reason}")
     else:
         name = named_prior(prior, (*FOR_PHRASES, *BUILT_IN))
+    about: dict[str, object] = {"phrase": phrase, "prior": name}
     if name in BUILT_IN:
-        raise NotImplementedError
+        return _from_library(phrase, out, options, settings, about, report)
     denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.batch)
-    about = {"phrase": phrase, "negative": options.negative, "perp_neg": options.perp_neg, "prior": name}
-    about["weights"] = prior.weights
+    about |= {"negative": options.negative, "perp_neg": options.perp_neg, "weights": prior.weights}
     return distill(denoiser, settings, out, guidance=GUIDANCE, about=about, report=report)
+
+
+def _from_library(
+    phrase: str,
+    out: Path,
+    options: TextOptions,
+    settings: DistillOptions,
+    about: dict[str, object],
+    report: Report,
+) -> Sketch:
+    if options.negative or options.perp_neg:
+        raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in prior has none")
+    known = exemplars_of(phrase, settings.seed)
+    denoiser = known.prior(settings.values("swift").width)
+    return distill(
+        denoiser,
+        settings,
+        out,
+        guidance=GUIDANCE,
+        about=about,
+        preset="swift",
+        report=report,
+        color=known.color,
+        final_width=DEFAULT_WIDTH if settings.width is None else None,
+    )

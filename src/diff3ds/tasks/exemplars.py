@@ -1,0 +1,94 @@
+"""The built-in prior of a phrase: it has seen members of the library, and knows which of them the phrase means."""
+
+from dataclasses import dataclass, replace
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier import evaluate
+from diff3ds.camera import Cameras
+from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.members import RADIUS, member
+from diff3ds.library.phrase import Request, parse
+from diff3ds.render import render
+from diff3ds.sketch import Sketch
+
+# Members that the phrase means, and members of every other kind. More of the latter cost time and change little.
+FITTING, OTHERS = 6, 1
+SIZE, GROUP = 64, 4
+# Space between several things in a row, in their widths. Empirical.
+GAP = 0.25
+# Points on a stroke when extents are measured.
+SAMPLES = 33
+
+
+@dataclass(frozen=True, eq=False)
+class Exemplars:
+    """Members that a prior has seen.
+
+    Attributes:
+        members: their sketches, in the unit ball.
+        fitting: one bool a member: whether the phrase means it.
+        color: straight RGB of what it means, or None.
+    """
+
+    members: tuple[Sketch, ...]
+    fitting: tuple[bool, ...]
+    color: tuple[float, float, float] | None
+
+    def prior(self, width: float) -> ExemplarDenoiser:
+        """The denoiser that knows them, drawn with strokes of this width."""
+        drawn = [replace(sketch, width=torch.full_like(sketch.width, width)) for sketch in self.members]
+
+        def draw(cameras: Cameras) -> Float[Tensor, "M V H W 3"]:
+            return torch.stack([render(sketch, cameras).color for sketch in drawn])
+
+        return ExemplarDenoiser(draw, torch.tensor(self.fitting), SIZE, GROUP)
+
+
+def exemplars_of(phrase: str, seed: int) -> Exemplars:
+    """Members for a phrase: some that it means, and some of everything else.
+
+    Args:
+        seed: of the members' proportions.
+
+    Raises:
+        ValueError: the phrase is not understood (`diff3ds.library.phrase.parse`).
+    """
+    request = parse(phrase)
+    generator = torch.Generator().manual_seed(seed)
+    wanted = [requested(request, generator) for _ in range(FITTING)]
+    others = [member(name, generator).sketch for name in CATEGORIES if name != request.category for _ in range(OTHERS)]
+    return Exemplars((*wanted, *others), (True,) * len(wanted) + (False,) * len(others), request.color)
+
+
+def requested(request: Request, generator: torch.Generator) -> Sketch:
+    """A sketch of what a phrase asks for, in the unit ball."""
+    one = _stretched(member(request.category, generator, request.attributes).sketch, request.stretch)
+    sketch = _fitted(Sketch.concatenate(_in_a_row(one, request.count)))
+    if request.color is None:
+        return sketch
+    return replace(sketch, color=sketch.color.new_tensor(request.color).expand(len(sketch), 3).contiguous())
+
+
+def _stretched(sketch: Sketch, factors: tuple[float, float, float]) -> Sketch:
+    """Affine maps of control points are those of the curves."""
+    return replace(sketch, points=sketch.points * sketch.points.new_tensor(factors))
+
+
+def _in_a_row(sketch: Sketch, count: int) -> list[Sketch]:
+    """Copies from left to right."""
+    across = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES))[..., 1]
+    low, high = across.min(), across.max()
+    step = (1 + GAP) * (high - low).clamp(min=GAP)
+    offsets = [(i - (count - 1) / 2) * step * sketch.points.new_tensor([0.0, 1.0, 0.0]) for i in range(count)]
+    return [replace(sketch, points=sketch.points + offset) for offset in offsets]
+
+
+def _fitted(sketch: Sketch) -> Sketch:
+    """In the middle of the unit ball, and as large as it allows."""
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
+    middle = (points.amin(0) + points.amax(0)) / 2
+    scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
+    return replace(sketch, points=(sketch.points - middle) * scale)

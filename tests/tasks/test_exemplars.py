@@ -1,0 +1,113 @@
+"""The built-in prior of a phrase, and `diff3ds text` with it."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+
+import diff3ds as ds
+from diff3ds.cli import FAULT, main
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.phrase import COLORS, Request
+from diff3ds.tasks.exemplars import FITTING, exemplars_of, requested
+
+
+def points_on(sketch: ds.Sketch) -> torch.Tensor:
+    return ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 33)).reshape(-1, 3)
+
+
+def test_members_that_fit_and_all_the_others():
+    known = exemplars_of("a red chair", seed=0)
+    assert len(known.members) == FITTING + len(CATEGORIES) - 1
+    assert sum(known.fitting) == FITTING
+    assert known.color == COLORS["red"]
+    assert torch.allclose(known.members[0].color, torch.tensor(COLORS["red"]))
+    again = exemplars_of("a red chair", seed=0)
+    assert all(torch.equal(a.points, b.points) for a, b in zip(known.members, again.members, strict=True))
+    assert not torch.equal(exemplars_of("a red chair", seed=1).members[0].points, known.members[0].points)
+
+
+@pytest.mark.parametrize(
+    "asked", [Request("mug", count=1), Request("mug", count=3), Request("lamp", stretch=(1.0, 1.0, 1.35))]
+)
+def test_what_is_asked_for_fills_the_unit_ball(asked):
+    points = points_on(requested(asked, torch.Generator().manual_seed(2)))
+    assert 0.93 < float(points.norm(dim=1).max()) < 0.97
+
+
+def test_several_things_stand_in_a_row_apart():
+    generator = torch.Generator
+    one = requested(Request("bottle"), generator().manual_seed(2))
+    three = requested(Request("bottle", count=3), generator().manual_seed(2))
+    assert len(three) == 3 * len(one)
+    parts = [points_on(three[i * len(one) : (i + 1) * len(one)])[:, 1] for i in range(3)]
+    assert float(parts[0].max()) < float(parts[1].min())
+    assert float(parts[1].max()) < float(parts[2].min())
+
+
+def test_proportions_change_as_said():
+    def height_by_width(stretch) -> float:
+        points = points_on(requested(Request("lamp", stretch=stretch), torch.Generator().manual_seed(2)))
+        extent = points.amax(0) - points.amin(0)
+        return float(extent[2] / extent[1])
+
+    assert height_by_width((1.0, 1.0, 1.35)) == pytest.approx(1.35 * height_by_width((1.0, 1.0, 1.0)), rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def chair(tmp_path_factory):
+    out = tmp_path_factory.mktemp("chair") / "run"
+    main(["text", "a chair", "-o", str(out), "--quiet", "--steps", "250", "--prior", "exemplar"])
+    return out
+
+
+def test_a_phrase_becomes_its_thing(chair):
+    """F-score at 5 % of the size against the nearest member that the phrase means."""
+    sketch = ds.load(chair / "sketch.json")
+    found = points_on(sketch).numpy()
+    best = 0.0
+    for wanted in exemplars_of("a chair", seed=0).members[:FITTING]:
+        truth = points_on(wanted).numpy()
+        near = 0.05 * float(np.ptp(truth, axis=0).max())
+        precision = float((cKDTree(truth).query(found)[0] < near).mean())
+        recall = float((cKDTree(found).query(truth)[0] < near).mean())
+        best = max(best, 2 * precision * recall / max(precision + recall, 1e-9))
+    assert best > 0.85
+    # As thin as other sketches, although the prior looks at thick strokes.
+    assert torch.allclose(sketch.width, torch.tensor(0.006))
+
+
+def test_the_run_says_what_it_was(chair):
+    info = json.loads((chair / "run.json").read_text())
+    assert info["options"]["phrase"] == "a chair"
+    assert info["options"]["prior"] == "exemplar"
+    assert info["radius"] == 0.8
+
+
+def test_colour_and_count_arrive(tmp_path):
+    main(["text", "two blue mugs", "-o", str(tmp_path), "--quiet", "--steps", "3", "--prior", "exemplar"])
+    assert torch.allclose(ds.load(tmp_path / "sketch.json").color, torch.tensor(COLORS["blue"]))
+
+
+def test_what_it_does_not_know_is_an_error_that_helps(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["text", "a dargon", "-o", str(tmp_path / "out"), "--prior", "exemplar"])
+    assert ended.value.code == FAULT
+    said = " ".join(capsys.readouterr().err.split())
+    assert "does not know 'dargon'" in said
+    assert "diff3ds fetch mvdream" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_a_gpu_or_weights_the_built_in_prior_is_taken_and_said(tmp_path, capsys):
+    main(["text", "a mug", "-o", str(tmp_path), "--steps", "1"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "prior: the built-in prior, because" in said
+
+
+def test_negative_phrases_are_for_others(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["text", "a mug", "-o", str(tmp_path / "out"), "--negative", "a chair", "--prior", "exemplar"])
+    assert "negative phrases are for mvdream" in capsys.readouterr().err
