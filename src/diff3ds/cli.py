@@ -9,12 +9,14 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 from rich.progress import Progress as Bars
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+from diff3ds.tasks.fetch import FetchOptions, Transfer, fetch, notice
 from diff3ds.tasks.image import ImageOptions, image_to_sketch
 from diff3ds.tasks.picture import PictureOptions
 from diff3ds.tasks.plan import ViewsOptions
@@ -59,10 +61,11 @@ class Views:
 class Text:
     """Make a 3D sketch of a phrase, by score distillation from a diffusion prior.
 
-    Priors: mvdream (knows several views at once; the best), stable-diffusion, stable-diffusion-768. Weights are fetched
-    once by "diff3ds fetch PRIOR"; "diff3ds doctor" says what is there. Writes sketch.json, sketch.svg, sketch.step,
-    preview.png, run.json, and pictures of the progress. Ctrl-C ends the run early and writes what was reached; --resume
-    goes on from there.
+    Priors: mvdream (knows several views at once; the best, and the default where its weights and a GPU are there),
+    stable-diffusion, stable-diffusion-768; and exemplar, which is built in, needs neither, and knows forty kinds of
+    things. Weights are fetched once by "diff3ds fetch PRIOR"; "diff3ds doctor" says what is there. Writes sketch.json,
+    sketch.svg, sketch.step, preview.png, run.json, and pictures of the progress. Ctrl-C ends the run early and writes
+    what was reached; --resume goes on from there.
     """
 
     text: OmitArgPrefixes[TextOptions]
@@ -112,10 +115,56 @@ class Image:
         _written(console, sketch, self.out)
 
 
+@dataclass(frozen=True)
+class Fetch:
+    """Download the weights of a prior, once; a download that stopped goes on where it did.
+
+    Priors: mvdream, stable-diffusion, stable-diffusion-768, zero123, stable-zero123. They go to the cache of the
+    Hugging Face hub.
+    """
+
+    fetch: OmitArgPrefixes[FetchOptions]
+    # Name of the prior.
+    prior: Positional[str]
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        console = Console(stderr=True, quiet=self.quiet)
+        say = _sayer(console)
+        say(notice(self.prior))
+        columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+        with Bars(*columns, TimeRemainingColumn(), console=console, disable=self.quiet) as bars:
+            task = bars.add_task("weights", total=None)
+
+            def report(transfer: Transfer) -> None:
+                bars.update(task, description=transfer.name, total=transfer.total, completed=transfer.done)
+
+            folder = fetch(self.prior, self.fetch, report)
+        say(f"{self.prior}: {folder}")
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what is installed, which weights are here, what each prior needs, and how to get what is missing."""
+
+    # Print JSON.
+    json: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        found = diagnose()
+        if self.json:
+            print(as_json(found))
+        else:
+            Console().print(as_tables(found))
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command `diff3ds`."""
     command = tyro.extras.subcommand_cli_from_dict(
-        {"text": Text, "image": Image, "views": Views},
+        {"text": Text, "image": Image, "views": Views, "fetch": Fetch, "doctor": Doctor},
         prog="diff3ds",
         description="3D sketches of rational Bézier strokes.",
         args=arguments,
@@ -124,7 +173,12 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         command.run()
     except KeyboardInterrupt:
-        Console(stderr=True).print("stopped; what was reached is written, --resume goes on")
+        said = (
+            "the same command goes on"
+            if isinstance(command, Fetch)
+            else "what was reached is written, --resume goes on"
+        )
+        Console(stderr=True).print(f"stopped; {said}")
         sys.exit(STOPPED)
     except (ValueError, OSError, ImportError, FloatingPointError) as error:
         Console(stderr=True).print(f"diff3ds: {error}", markup=False, highlight=False, soft_wrap=True)

@@ -68,17 +68,23 @@ def named_prior(options: PriorOptions, names: tuple[str, ...]) -> str:
 
 
 def kind_of(options: PriorOptions) -> str:
-    """Which prior weights belong to, by their configuration. A single file is MVDream's."""
+    """Which prior weights belong to, by their configuration. A single file is MVDream's.
+
+    Stable-Zero123 has the weights' shapes of Zero123, but other poses and another licence: its name must say so.
+    """
     source = options.source()
     assert source is not None
     found = locate(source)
     if found is None:
-        raise FileNotFoundError(f"{source} is not on this disk: diff3ds fetch mvdream --weights {source}")
+        raise FileNotFoundError(
+            f"{source} is not on this disk. Get it: diff3ds fetch PRIOR --weights {source}, where PRIOR is what it is: "
+            f"{', '.join(KNOWN)}"
+        )
     if found.path.is_file():
         return "mvdream"
     config = found.config("unet")
     if config.get("in_channels") == PICTURE_CHANNELS:
-        return "zero123"
+        return "stable-zero123" if "stable" in str(source).lower() else "zero123"
     camera = config.get("_class_name") != "UNet2DConditionModel" or config.get("class_embed_type")
     return "mvdream" if camera or (found.path / "camera_proj").is_dir() else "stable-diffusion"
 
