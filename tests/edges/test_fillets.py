@@ -1,37 +1,48 @@
-"""Arcs between lines become exactly tangent to them."""
+"""Arcs between lines become exactly tangent to them, of the radius that the views show."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from edge_scenes import arc, around, ridges_along, segment, turned
 
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.fillets import with_fillets
+from diff3ds.edges.lookup import edge_views
 from diff3ds.edges.primitives import Kind, arc_control, line_control
 
-PIXEL = 0.01
+RADIUS, HALF = 0.2, 0.6
+TILT = turned(1)
+QUARTERS = [
+    np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]]) for a in np.arange(4) * np.pi / 2
+]
+INNER = HALF - RADIUS
+CENTER = np.array([INNER, INNER, 0.0])
+X, Y = np.eye(3)[:2]
+
+
+def rounded_square_views():
+    """Exact ridges of the square's outline."""
+    side = segment((HALF, -INNER, 0), (HALF, INNER, 0))
+    corner = arc(CENTER, RADIUS * X, RADIUS * Y, 0, np.pi / 2)
+    lines = [line @ turn.T @ TILT.T for turn in QUARTERS for line in (side, corner)]
+    return edge_views(cameras := around(24, 160), ridges_along(cameras, lines))
+
+
+VIEWS = rounded_square_views()
 
 
 def rounded_square(radius: float, noise: float) -> Curves:
-    """Four lines and four quarter circles around the square [-1, 1]², tilted, their vertices moved at random."""
+    """Four lines and four quarter circles around a square, tilted, their control points moved at random."""
     rng = np.random.default_rng(1)
-    tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    pieces, kinds = [], []
-    for k in range(4):
-        turn = np.array(
-            [
-                [np.cos(k * np.pi / 2), -np.sin(k * np.pi / 2), 0],
-                [np.sin(k * np.pi / 2), np.cos(k * np.pi / 2), 0],
-                [0, 0, 1],
-            ]
-        )
-        inner = 1 - radius
-        line = line_control(np.array([1.0, -inner, 0]), np.array([1.0, inner, 0]))
-        arc = arc_control(np.array([inner, inner, 0]), np.array([radius, 0, 0]), np.array([0, radius, 0]), 0, np.pi / 2)
-        pieces += [line @ turn.T @ tilt.T, arc @ turn.T @ tilt.T]
-        kinds += [Kind.LINE, Kind.ARC]
+    inner = HALF - radius
+    line = line_control(np.array([HALF, -inner, 0]), np.array([HALF, inner, 0]))
+    bow = arc_control(np.array([inner, inner, 0]), radius * X, radius * Y, 0, np.pi / 2)
+    pieces = [piece @ turn.T @ TILT.T for turn in QUARTERS for piece in (line, bow)]
     points = torch.from_numpy(np.array(pieces) + noise * rng.normal(size=(8, 4, 3))).float()
     vertex = torch.tensor([[i, (i + 1) % 8] for i in range(8)])
-    return Curves(points, torch.tensor([int(k) for k in kinds]), vertex, torch.full((8,), -1))
+    return Curves(points, torch.tensor([int(Kind.LINE), int(Kind.ARC)] * 4), vertex, torch.full((8,), -1))
 
 
 def kinks(curves: Curves) -> torch.Tensor:
@@ -51,26 +62,30 @@ def radii(curves: Curves) -> torch.Tensor:
 
 
 def test_a_rounded_square_becomes_smooth():
-    rough = rounded_square(0.3, 0.004)
+    rough = rounded_square(RADIUS, 0.002)
     assert kinks(rough).max() > 1
-    smooth = with_fillets(rough, PIXEL)
+    smooth = with_fillets(rough, VIEWS, 0.0)
     assert kinks(smooth).max() < 0.1
-    # The corners' errors, in opposite directions, do not add up in the radius.
-    assert radii(smooth).sub(0.3).abs().max() < 0.01
+    assert radii(smooth).sub(RADIUS).abs().max() < 0.01 * RADIUS
 
 
-def test_what_is_tangent_stays():
-    exact = rounded_square(0.3, 0.0)
-    assert torch.allclose(with_fillets(exact, PIXEL).points, exact.points, atol=1e-6)
+@pytest.mark.parametrize("factor", [0.9, 1.0, 1.1])
+def test_the_radius_is_that_of_the_ridges(factor):
+    smooth = with_fillets(rounded_square(factor * RADIUS, 0.0), VIEWS, 0.0)
+    assert radii(smooth).sub(RADIUS).abs().max() < 0.002 * RADIUS
+    assert kinks(smooth).max() < 0.05
 
 
 def test_what_would_move_far_stays():
-    rough = rounded_square(0.3, 0.004)
-    assert torch.equal(with_fillets(rough, PIXEL / 100).points, rough.points)
+    rough = rounded_square(RADIUS, 0.0)
+    # Of nearly straight arcs, half the corner would be left.
+    rough = replace(rough, points=rough.points.clone())
+    rough.points[1::2, 1:3] += 0.03 * torch.from_numpy(TILT[:, 2]).float()
+    assert torch.equal(with_fillets(rough, VIEWS, 0.0).points, rough.points)
 
 
 @pytest.mark.parametrize("kind", [Kind.FREE, Kind.LINE])
 def test_only_arcs_between_lines_change(kind):
-    curves = rounded_square(0.3, 0.004)
+    curves = rounded_square(RADIUS, 0.002)
     other = Curves(curves.points, torch.full((8,), int(kind)), curves.vertex, curves.other)
-    assert torch.equal(with_fillets(other, PIXEL).points, other.points)
+    assert torch.equal(with_fillets(other, VIEWS, 0.0).points, other.points)

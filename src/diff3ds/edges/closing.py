@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Bool, Float
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.lookup import EdgeViews
-from diff3ds.edges.placing import circle_at, points_on, residuals
+from diff3ds.edges.placing import circle_at, circle_residuals, points_on
 from diff3ds.edges.primitives import Circle, Kind, Primitive, arc_control, fit_circle
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import concatenated, sampled
@@ -60,7 +60,7 @@ def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> C
         if moved is None:
             return None
         circle = moved
-    counts = (_shown(circle, angle, views) & (residuals(circle, angle, views, outward) < TIGHT)).sum(0)
+    counts = (_shown(circle, angle, views) & (circle_residuals(circle, angle, views, outward) < TIGHT)).sum(0)
     return circle if (counts >= SHOWN * enough).mean() >= COVERED else None
 
 

@@ -1,20 +1,30 @@
 """Arcs between two lines that meet them smoothly, made exactly tangent: the rounded corners of a drawing."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from diff3ds._shapes import Float
+from diff3ds.edges.chains import resampled
 from diff3ds.edges.curves import Curves
+from diff3ds.edges.lookup import EdgeViews
+from diff3ds.edges.offsets import Shape, fitted
 from diff3ds.edges.primitives import Kind
 from diff3ds.edges.ridges import Array
+from diff3ds.edges.simplify import sampled
+from diff3ds.edges.support import SAMPLES, agreement, crowded
 
-# An arc and a line that meet at less than this angle are meant to be tangent; points move by at most so many pixels
-# for it. Empirical.
-SMOOTH, MOST_MOVE = np.deg2rad(15.0), 1.5
+# An arc and a line that meet at less than this angle are meant to be tangent; for that, the arc moves to the
+# side by at most so many pixels. Empirical.
+SMOOTH, MOST_MOVE = np.deg2rad(20.0), 0.7
 # Two fillets share a line, so that each moves the other a little; it settles fast.
 ROUNDS = 12
+# Parts of an arc that are measured, each with the samples of a part.
+ARC_PARTS = 3
+# Spacing of samples for distances, pixels.
+DENSE = 0.2
 
 
 @dataclass(frozen=True)
@@ -25,25 +35,49 @@ class _Fillet:
     lines: tuple[int, int]
     ends: tuple[int, int]
 
+    def away(self, points: Float[Array, "N 4 3"]) -> list[Array]:
+        """The other ends of the lines."""
+        return [points[line][3 if end == 0 else 0] for line, end in zip(self.lines, self.ends, strict=True)]
 
-def with_fillets(curves: Curves, pixel: float) -> Curves:
+
+def with_fillets(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     """Curves whose arcs between two lines meet both of them at no angle, wherever they nearly do.
 
     The tangents from the lines' common point to a circle are equally long; so are those of the new arc, and its ends
-    lie on the lines.
+    lie on the lines. How long they are is measured in the views.
+
+    Args:
+        outward: offset of outlines that the detector has, pixels.
     """
     start = curves.constrained(curves.points)[0].double().numpy()
     fillets = _fillets(curves, start)
     while fillets:
         points = start.copy()
-        for _ in range(ROUNDS):
-            for fillet in fillets:
-                _make_tangent(points, fillet)
-        moved = [np.abs(points[f.arc] - start[f.arc]).max() / pixel for f in fillets]
+        _settle(points, fillets, [None] * len(fillets))
+        lengths = [_measured(points, fillet, views, outward) for fillet in fillets]
+        _settle(points, fillets, lengths)
+        smooth = replace(curves, points=torch.from_numpy(points).to(curves.points.dtype))
+        moved = [_beside(curves, smooth, fillet, views.pixel) for fillet in fillets]
         if max(moved) <= MOST_MOVE:
-            return replace(curves, points=torch.from_numpy(points).to(curves.points.dtype))
+            return smooth
         fillets = [f for f, move in zip(fillets, moved, strict=True) if move <= MOST_MOVE]
     return curves
+
+
+def _beside(old: Curves, new: Curves, fillet: _Fillet, pixel: float) -> float:
+    """How far the new arc lies from the old arc and lines, pixels: along them its ends are free to move."""
+    from scipy.spatial import cKDTree
+
+    before = sampled(old)[[fillet.arc, *fillet.lines]]
+    dense = np.concatenate([resampled(line, DENSE * pixel) for line in before])
+    return float(cKDTree(dense).query(sampled(new)[fillet.arc])[0].max()) / pixel
+
+
+def _settle(points: Float[Array, "N 4 3"], fillets: list[_Fillet], lengths: Sequence[float | None]) -> None:
+    """Makes all fillets tangent, in place."""
+    for _ in range(ROUNDS):
+        for fillet, length in zip(fillets, lengths, strict=True):
+            _make_tangent(points, fillet, length)
 
 
 def _fillets(curves: Curves, points: Float[Array, "N 4 3"]) -> list[_Fillet]:
@@ -71,14 +105,14 @@ def _heading(points: Float[Array, "4 3"], end: int) -> Float[Array, " 3"]:
     return step / (np.linalg.norm(step) + 1e-12)
 
 
-def _make_tangent(points: Float[Array, "N 4 3"], fillet: _Fillet) -> None:
-    """Moves the ends of the arc along its lines, and bends it, in place."""
-    far = [points[line][3 if end == 0 else 0] for line, end in zip(fillet.lines, fillet.ends, strict=True)]
+def _make_tangent(points: Float[Array, "N 4 3"], fillet: _Fillet, length: float | None) -> None:
+    """Moves the ends of the arc along its lines, and bends it, in place; by default to their mean from the corner."""
+    far = fillet.away(points)
     near = [points[fillet.arc][0], points[fillet.arc][3]]
     corner = _meeting(far, near)
     if corner is None:
         return
-    length = np.mean([np.linalg.norm(corner - p) for p in near])
+    length = length or float(np.mean([np.linalg.norm(corner - p) for p in near]))
     ends = [corner - length * _unit(corner - f) for f in far]
     for (line, end), place, away in zip(zip(fillet.lines, fillet.ends, strict=True), ends, far, strict=True):
         stops = (place, away) if end == 0 else (away, place)
@@ -86,6 +120,48 @@ def _make_tangent(points: Float[Array, "N 4 3"], fillet: _Fillet) -> None:
     weight = np.linalg.norm(ends[1] - ends[0]) / (2 * length)
     inner = [(end + 2 * weight * corner) / (1 + 2 * weight) for end in ends]
     points[fillet.arc] = np.stack([ends[0], inner[0], inner[1], ends[1]])
+
+
+def _measured(points: Float[Array, "N 4 3"], fillet: _Fillet, views: EdgeViews, outward: float) -> float | None:
+    """The tangents' length that agrees best with the ridges along the arc and the lines beside it, if they say any."""
+    far = fillet.away(points)
+    near = [points[fillet.arc][0], points[fillet.arc][3]]
+    corner = _meeting(far, near)
+    if corner is None:
+        return None
+    length = float(np.linalg.norm(near[0] - corner))
+    ways = [_unit(f - corner) for f in far]
+    beside = [min(length, float(np.linalg.norm(f - n))) for f, n in zip(far, near, strict=True)]
+    shape = _rounded_corner(corner, ways, length, beside, 0.5 * views.pixel)
+    before, x, after = shape(np.zeros(4))
+    tangents = (after - before) / np.linalg.norm(after - before, axis=1, keepdims=True)
+    shown = agreement(views, x, tangents) & ~crowded(views, x, tangents)
+    inside = corner + 2 * length * (ways[0] + ways[1])
+    found = float(fitted(shape, 4, inside, shown, views, outward)[3])
+    # The arc of a right angle moves by √2 - 1 of that.
+    return length + found if abs(found) < MOST_MOVE / (np.sqrt(2) - 1) * views.pixel else None
+
+
+def _rounded_corner(corner: Array, ways: list[Array], length: float, beside: list[float], step: float) -> Shape:
+    """Places along line, arc and line by a displacement of the corner and a change of the tangents' length."""
+    along = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    turns = (np.arange(ARC_PARTS * SAMPLES) + 0.5) / (ARC_PARTS * SAMPLES)
+    opening = np.arccos(np.clip(ways[0] @ ways[1], -1, 1))
+    out, across = -_unit(ways[0] + ways[1]), _unit(ways[1] - ways[0])
+
+    def places(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
+        at, tangent = corner + value[:3], length + value[3]
+        radius = tangent * np.tan(opening / 2)
+        center = at - radius / np.sin(opening / 2) * out
+        first, second = (at + (tangent + b * along)[:, None] * w for b, w in zip(beside, ways, strict=True))
+        rows = []
+        for s in (-step, 0.0, step):
+            angle = ((turns - 0.5) * (np.pi - opening) + s / radius)[:, None]
+            arc = center + radius * (np.cos(angle) * out + np.sin(angle) * across)
+            rows.append(np.concatenate([first[::-1] - s * ways[0], arc, second + s * ways[1]]))
+        return np.stack(rows)
+
+    return places
 
 
 def _meeting(far: list[Array], near: list[Array]) -> Float[Array, " 3"] | None:

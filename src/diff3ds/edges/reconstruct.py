@@ -158,7 +158,7 @@ def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
     curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
     curves = placed(curves[~smooth_outlines(scene.views, curves)], scene.views, scene.outward)
-    return with_fillets(curves, pixel)
+    return with_fillets(curves, scene.views, scene.outward)
 
 
 def first_curves(views: EdgeViews, enough: float) -> Curves:

@@ -1,0 +1,133 @@
+"""Parameters of a bent curve by least squares of the ridges' offsets, with rims of holes recognised.
+
+A detector pushes outlines out of the object (see `bias`). Where a hole shows the background, its rim is such an
+outline, pushed into the hole; an edge map does not say where. So each part of a curve in each view is taken to lie
+where it is, or to be pushed to its inner side by the known offset, whichever agrees better with the other views.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float
+from diff3ds.edges.lookup import EdgeViews
+from diff3ds.edges.ridges import Array
+from diff3ds.edges.support import SAMPLES
+
+# Rounds of reweighting; residuals in pixels that count half, in the first and the last of them. Empirical.
+ROUNDS, FIRST_SCATTER, SCATTER = 12, 0.5, 0.15
+# Pull of every parameter towards where it was, in units of one view's sample: decides what the views leave open.
+PULL = 0.05
+# Least and largest scatter of a part's ridges together, pixels. Empirical.
+PART_SCATTER = (0.07, 0.3)
+# A smaller offset of outlines cannot be told from the ridges' scatter, pixels.
+LEAST_OUTWARD = 0.1
+
+# From parameters, world units, all zero at the start, to points of the curve in between: three rows, a little before,
+# at, and after each of its S places.
+Shape = Callable[[Float[Array, " K"]], Float[Array, "3 S 3"]]
+
+
+def fitted(
+    shape: Shape,
+    count: int,
+    inside: Float[Array, " 3"],
+    shown: Bool[NDArray[np.bool_], "V S"],
+    views: EdgeViews,
+    outward: float,
+) -> Float[Array, " K"]:
+    """The parameters near zero that agree best with the ridges.
+
+    Args:
+        count: of the parameters.
+        inside: a point on the curve's inner side.
+        shown: which views show which of the places.
+        outward: offset of outlines, pixels.
+    """
+    # Few parts pushed, half of them, or most: the best of three starts.
+    pushed = (0.1, 0.5, 0.9) if outward > LEAST_OUTWARD else (0.0,)
+    fits = [_least_squares(shape, count, inside, shown, views, outward, first) for first in pushed]
+    return min(fits, key=lambda fit: fit[0])[1]
+
+
+def residuals(shape: Shape, count: int, inside: Float[Array, " 3"], views: EdgeViews, outward: float) -> Array:
+    """How far ridges lie (V, S) from the curve, or from where it is pushed to if that is nearer, pixels."""
+    offset, _, inward = _offsets(shape(np.zeros(count)), inside, views)
+    return np.minimum(np.abs(offset), np.abs(offset - inward * outward))
+
+
+def _least_squares(
+    shape: Shape,
+    count: int,
+    inside: Float[Array, " 3"],
+    shown: Bool[NDArray[np.bool_], "V S"],
+    views: EdgeViews,
+    outward: float,
+    pushed: float,
+) -> tuple[float, Float[Array, " K"]]:
+    """The cost of the best parameters, and these: Gauss and Newton, reweighted.
+
+    Args:
+        pushed: the probability at first that a part is pushed inwards.
+    """
+    push = np.full(shown.shape, pushed)
+    value = np.zeros(count)
+    pull = PULL / views.pixel**2
+    cost = 0.0
+    for turn in range(ROUNDS):
+        offset, moved, inward = _offsets(shape(value), inside, views)
+        scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** (turn / (ROUNDS - 1))
+        if outward > LEAST_OUTWARD and turn:
+            push = _pushed(offset, inward * outward, shown, push)
+        residual = offset - push * inward * outward
+        square = (residual / scatter) ** 2
+        cost = float((shown * np.log1p(square)).sum())
+        weight = shown / (1 + square)
+        step = 1e-3 * views.pixel * np.eye(count)
+        slope = np.stack([shape(value + s)[1] - shape(value - s)[1] for s in step], -1) / (2e-3 * views.pixel)
+        design = np.einsum("vsi,sik->vsk", moved, slope)
+        matrix = np.einsum("vs,vsi,vsj->ij", weight, design, design) + pull * np.eye(count)
+        right = np.einsum("vs,vsi,vs->i", weight, design, residual) - pull * value
+        value = value + np.linalg.solve(matrix, right)
+    return cost, value
+
+
+def _offsets(
+    places: Float[Array, "3 S 3"], inside: Float[Array, " 3"], views: EdgeViews
+) -> tuple[Float[Array, "V S"], Float[Array, "V S 3"], Float[Array, "V S"]]:
+    """How far the ridges lie from the curve along their normals, pixels.
+
+    Returns the offsets, what a displacement of each place adds to where it appears (pixels by world unit), and the
+    normals' component to the inner side, 1 or -1.
+    """
+    before, x, after = places
+    match = views.match(x)
+    normal = views.normals[match.ridge]
+    apart = views.points[match.ridge] - match.pixel
+    # A ridge point beside the place: its normal has turned, so that the curve seems to bend the other way.
+    ahead, back = views.project(after)[0], views.project(before)[0]
+    first, second = (ahead - back) / 2, ahead + back - 2 * match.pixel
+    along = (apart * first).sum(-1, keepdims=True) / ((first**2).sum(-1, keepdims=True) + 1e-12)
+    offset = ((apart + 0.5 * along**2 * second) * normal).sum(-1)
+    scale = (views.focal[:, None] / np.maximum(match.depth, 1e-9))[..., None]
+    inward = np.sign(((views.project(inside[None])[0] - match.pixel) * normal).sum(-1))
+    return offset, views.planes[match.ridge][..., :3] * scale, inward
+
+
+def _pushed(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"], before: Array) -> Array:
+    """The probability that a rim is pushed, equal in each part and view: one step of expectation and maximisation.
+
+    A part's ridges are off by their mean together, so that they say as much as one.
+    """
+    parts = (len(offset), -1, SAMPLES)
+    count = shown.reshape(parts).sum(-1)
+    mean = np.where(shown, offset * np.sign(push), 0.0).reshape(parts).sum(-1) / np.maximum(count, 1)
+    seen = count > 0
+    far = np.abs(push).max()
+    old = before.reshape(parts).mean(-1)
+    share = np.clip(old[seen].mean() if seen.any() else 0.0, 0.02, 0.98)
+    residual = np.abs(mean - far * old)[seen]
+    scatter = np.clip(1.48 * np.median(residual) if seen.any() else 1.0, *PART_SCATTER)
+    more = (mean**2 - (mean - far) ** 2) / (2 * scatter**2) + np.log(share / (1 - share))
+    return np.repeat(1 / (1 + np.exp(-np.clip(more, -50, 50))), SAMPLES, axis=1)
