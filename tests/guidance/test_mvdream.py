@@ -243,7 +243,7 @@ def test_a_replaced_attention_is_noticed(folders, noisy):
     from diffusers.models.attention_processor import AttnProcessor2_0
 
     prior = load_mvdream("a cat", source=Source(str(folders["stock"])), device="cpu")
-    prior._unet.set_attn_processor(AttnProcessor2_0())
+    prior.unet.set_attn_processor(AttnProcessor2_0())
     with pytest.raises(RuntimeError, match="its views no longer see each other"):
         prior.predict(noisy, TIMES, CAMERAS, ("conditional",))
     with pytest.raises(RuntimeError, match="no longer see"):

@@ -187,7 +187,9 @@ def predict_noise(
     labels: Float[Tensor, "B E"] | None = None,
     beside: Sequence[Float[Tensor, "B 4 h w"]] = (),
 ) -> Float[Tensor, "R B 4 h w"]:
-    """ε that a UNet predicts under R conditions, in one pass, float32, without gradients.
+    """ε that a UNet predicts under R conditions, in one pass, float32, without gradients to the noisy latents.
+
+    Weights that are trained get theirs, where gradients are on.
 
     Args:
         contexts: what the attention sees, one a condition.
@@ -195,16 +197,15 @@ def predict_noise(
         beside: channels that follow the noisy ones, one a condition.
     """
     weight, rows = unet.conv_in.weight, len(contexts)
-    latents = noisy.repeat(rows, 1, 1, 1)
+    latents = noisy.detach().repeat(rows, 1, 1, 1)
     if beside:
         latents = torch.cat([latents, torch.cat(list(beside)).to(latents)], 1)
     # Labels in another format than the weights are an error there.
     more = {} if labels is None else {"class_labels": labels.repeat(rows, 1).to(weight)}
     context, times = torch.cat(list(contexts)).to(weight), timesteps.repeat(rows).to(weight.device)
-    with torch.no_grad():
-        output = unet(latents.to(weight), times, encoder_hidden_states=context, **more).sample
+    output = unet(latents.to(weight), times, encoder_hidden_states=context, **more).sample
     kept = schedule.alpha_bar(timesteps, noisy)
-    return torch.stack([predicted_noise(part, noisy, kept, prediction) for part in output.chunk(rows)])
+    return torch.stack([predicted_noise(part, noisy.detach(), kept, prediction) for part in output.chunk(rows)])
 
 
 def predicted_noise(

@@ -12,8 +12,9 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import Branch, Denoiser, gaussian
+from diff3ds.guidance.vsd import Particles
 
-Method = Literal["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi"]
+Method = Literal["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"]
 
 # Below this timestep the images of a prior's training are in reach of the noisy one (Katzir et al. 2024).
 LATE = 200
@@ -40,6 +41,7 @@ class Look:
         guidance: weight λ of classifier-free guidance.
         rescale: share of `distill.rescaled`, for reconstruction.
         generator: of all noise.
+        particles: what the renderings look like to the prior; for vsd, which trains it.
     """
 
     denoiser: Denoiser
@@ -50,6 +52,7 @@ class Look:
     guidance: float
     rescale: float
     generator: torch.Generator
+    particles: Particles | None = None
 
     def noise(self) -> Float[Tensor, "B C H W"]:
         """Fresh noise for the latents."""
@@ -98,6 +101,7 @@ def judge(method: Method, look: Look) -> Verdict:
         "asd": asd,
         "ism": ism,
         "sdi": sdi,
+        "vsd": vsd,
     }
     return methods[method](look)
 
@@ -184,3 +188,18 @@ def sdi(look: Look) -> Verdict:
     epsilon = look.guided(noisy, look.timesteps)
     clean = distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps))
     return Verdict(look.latents - clean, clean, weighted=False)
+
+
+def vsd(look: Look) -> Verdict:
+    """Variational score distillation (Wang et al. 2023): less what a network trained on the renderings predicts.
+
+    Raises:
+        ValueError: there is no such network.
+    """
+    if look.particles is None:
+        raise ValueError("vsd needs particles, a network that is trained on the renderings")
+    noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
+    epsilon = look.guided(noisy, look.timesteps)
+    own = look.particles.predict(noisy, look.timesteps, look.cameras)
+    look.particles.learn(look.latents, look.cameras, look.generator)
+    return Verdict(epsilon - own, distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))

@@ -59,6 +59,7 @@ class MVDream:
 
     Attributes:
         schedule, size, group: as in `Denoiser`; group is 4.
+        unet: the network.
     """
 
     group = VIEWS
@@ -75,7 +76,7 @@ class MVDream:
         join_views(unet, VIEWS)
         self.schedule = schedule
         self.size = autoencoder.size
-        self._unet = unet
+        self.unet = unet.eval().requires_grad_(False)
         self._autoencoder = autoencoder
         self._texts: dict[Branch, Tensor] = {
             "conditional": texts[0].to(unet.device),
@@ -104,13 +105,13 @@ class MVDream:
             ValueError: B is no multiple of 4, or timesteps differ within a group.
         """
         check_groups(len(noisy), VIEWS)
-        check_joined(self._unet)
+        check_joined(self.unet)
         if not bool((timesteps.reshape(-1, VIEWS) == timesteps[::VIEWS, None]).all()):
             raise ValueError(f"the {VIEWS} views of an object must have one timestep, got {timesteps.tolist()}")
         contexts = [self._texts[branch].expand(len(noisy), -1, -1) for branch in branches]
         # The same cameras on every branch: there is no null camera.
         labels = camera_vectors(cameras)
-        return predict_noise(self._unet, noisy, timesteps, contexts, self.schedule, "epsilon", labels=labels)
+        return predict_noise(self.unet, noisy, timesteps, contexts, self.schedule, "epsilon", labels=labels)
 
 
 def load_mvdream(

@@ -12,6 +12,7 @@ from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import Denoiser, check_groups, draw_timesteps
 from diff3ds.guidance.methods import Look, Method, judge
 from diff3ds.guidance.schedule import TimeAnnealing
+from diff3ds.guidance.vsd import Particles
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Recipe:
     """How a prior moves a sketch.
 
     Attributes:
-        method: reconstruction (MVDream's form of SDS), sds, or a later one: csd, nfsd, asd, ism, sdi.
+        method: reconstruction (MVDream's form of SDS), sds, or a later one: csd, nfsd, asd, ism, sdi, vsd.
         guidance: weight λ of classifier-free guidance. The paper: 50 for a phrase, 7.5 for a picture.
         rescale: share of the contrast that reconstruction restores, in [0, 1].
         weighting: w(t) of the methods that have one: sds is 1 - ᾱ.
@@ -60,7 +61,8 @@ class ScoreDistillation:
     """An objective for `fit`: the loss whose gradient is what a prior says about the renderings.
 
     All that is random in a step is drawn from the seed and the step's index, so that a resumed run goes on as one that
-    never stopped. `latest` keeps the last verdict, for pictures of the progress.
+    never stopped. `latest` keeps the last verdict, for pictures of the progress. `particles` is the network that vsd
+    trains, None for other methods: the one thing that a resumed run must restore.
     """
 
     def __init__(self, denoiser: Denoiser, recipe: Recipe, steps: int, seed: int = 0) -> None:
@@ -69,6 +71,7 @@ class ScoreDistillation:
         self.steps = steps
         self.seed = seed
         self.latest: Float[Tensor, "B C H W"] | None = None
+        self.particles = Particles(denoiser, seed) if recipe.method == "vsd" else None
 
     def __call__(self, rendering: Pictures, cameras: Cameras, step: int) -> Float[Tensor, ""]:
         """The loss of a step's rendering.
@@ -82,7 +85,9 @@ class ScoreDistillation:
         low, high = self.recipe.annealing.bounds(step, self.steps)
         timesteps = draw_timesteps(low, high, len(cameras), self.denoiser.group, generator)
         guidance, rescale = self.recipe.guidance, self.recipe.rescale
-        look = Look(self.denoiser, latents.detach(), timesteps, low, cameras, guidance, rescale, generator)
+        look = Look(
+            self.denoiser, latents.detach(), timesteps, low, cameras, guidance, rescale, generator, self.particles
+        )
         with torch.no_grad():
             verdict = judge(self.recipe.method, look)
             gradient = verdict.gradient

@@ -33,6 +33,7 @@ class StableDiffusion:
 
     Attributes:
         schedule, size, group: as in `Denoiser`; group is 1.
+        unet: the network.
     """
 
     group = 1
@@ -57,7 +58,7 @@ class StableDiffusion:
         self.schedule = schedule
         self.size = autoencoder.size
         self.perp_neg = perp_neg
-        self._unet = unet
+        self.unet = unet.eval().requires_grad_(False)
         self._autoencoder = autoencoder
         self._texts = texts.to(unet.device)
         self._prediction = prediction
@@ -90,7 +91,7 @@ class StableDiffusion:
             contexts |= {"away 0": seen[plan.negative[0]], "away 1": seen[plan.negative[1]]}
             asked |= dict.fromkeys(("negative", "away 0", "away 1"))
         wanted = [contexts[name] for name in asked]
-        found = predict_noise(self._unet, noisy, timesteps, wanted, self.schedule, self._prediction)
+        found = predict_noise(self.unet, noisy, timesteps, wanted, self.schedule, self._prediction)
         epsilon = dict(zip(asked, found, strict=True))
         if "away 0" in epsilon:
             away = torch.stack([epsilon["away 0"], epsilon["away 1"]])
