@@ -1,6 +1,7 @@
 """A prior whose score is known exactly: it has seen a finite set of objects, from every side, and nothing else."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import torch
 
@@ -53,7 +54,7 @@ class ExemplarDenoiser:
         azimuths = [360 * i / TYPICAL_VIEWS for i in range(TYPICAL_VIEWS)]
         typical = draw(orbit(azimuths, TYPICAL_ELEVATION, TYPICAL_DISTANCE, size=size))
         self._mean, self._spread = float(typical.mean()), float(typical.std())
-        self._seen: tuple[Cameras, Tensor] | None = None
+        self._seen: tuple[Cameras, Members] | None = None
 
     def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 3 h w"]:
         """Pixels, standardised, with gradients; images of another size are resampled."""
@@ -83,29 +84,46 @@ class ExemplarDenoiser:
         members = self._members(cameras)
         kept = self.schedule.alpha_bar(timesteps, noisy)
         likely = self.likelihood(noisy, kept, members)
-        predictions = []
-        for branch in branches:
-            fits = likely.masked_fill(~self._fitting, -torch.inf) if branch == "conditional" else likely
-            mean = torch.einsum("gm,mgvchw->gvchw", fits.softmax(1), members).reshape(noisy.shape)
-            predictions.append(distill.epsilon_from_clean(mean, noisy, kept))
-        return torch.stack(predictions)
+        fitting = likely.masked_fill(~self._fitting, -torch.inf)
+        shares = torch.stack([(fitting if branch == "conditional" else likely).softmax(1) for branch in branches])
+        means = torch.einsum("rgm,mgd->rgd", shares, members.pixels).reshape(len(branches), *noisy.shape)
+        return torch.stack([distill.epsilon_from_clean(mean, noisy, kept) for mean in means])
 
     def likelihood(
-        self, noisy: Float[Tensor, "B 3 h w"], kept: Float[Tensor, "B 1 1 1"], members: Float[Tensor, "M G V 3 h w"]
+        self, noisy: Float[Tensor, "B 3 h w"], kept: Float[Tensor, "B 1 1 1"], members: "Members"
     ) -> Float[Tensor, "G M"]:
-        """Logarithm of how likely each group of views is a noisy version of each member, up to a constant."""
-        found = []
-        for group in range(members.shape[1]):
-            rows = slice(group * self.group, (group + 1) * self.group)
-            difference = noisy[rows] - kept[rows].sqrt() * members[:, group]
-            found.append(-(difference.square() / (2 * (1 - kept[rows]))).flatten(1).sum(1))
-        return torch.stack(found)
+        """Logarithm of how likely each group of views is a noisy version of each member, up to a constant.
 
-    def _members(self, cameras: Cameras) -> Float[Tensor, "M G V 3 h w"]:
+        -|z - a x|² / (2 σ²) with the square written out: |z|² is the same for all members.
+        """
+        groups = members.pixels.shape[1]
+        noise = 1 - kept.reshape(groups, self.group)
+        scale = kept.sqrt().reshape(groups, self.group)
+        pixels = members.pixels.reshape(len(members.pixels), groups, self.group, -1)
+        along = torch.einsum("mgvd,gvd->gmv", pixels, noisy.reshape(groups, self.group, -1))
+        terms = scale[:, None] * along - scale[:, None].square() * members.squares / 2
+        return (terms / noise[:, None]).sum(2)
+
+    def _members(self, cameras: Cameras) -> "Members":
         """What the members look like; kept for the next call, because most methods ask several times in a step."""
         if self._seen is None or self._seen[0] is not cameras:
             with torch.no_grad():
-                drawn = self._draw(cameras.resize(self.size))
-            latents = (drawn.movedim(-1, 2) - self._mean) / self._spread
-            self._seen = (cameras, latents.reshape(len(latents), -1, self.group, *latents.shape[2:]))
+                drawn = self._draw(cameras.resize(self.size)).movedim(-1, 2)
+                latents = ((drawn - self._mean) / self._spread).contiguous()
+            views = latents.reshape(len(latents), -1, self.group, latents[0, 0].numel())
+            squares = torch.einsum("mgvd,mgvd->gmv", views, views)
+            self._seen = (cameras, Members(views.flatten(2), squares))
         return self._seen[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """M members as G groups of V views see them.
+
+    Attributes:
+        pixels: latents of all views of a group in a row.
+        squares: sums of their squares, by view.
+    """
+
+    pixels: Float[Tensor, "M G D"]
+    squares: Float[Tensor, "G M V"]
