@@ -45,8 +45,8 @@ def fitted(
         shown: which views show which of the places.
         outward: offset of outlines, pixels.
     """
-    # Few parts pushed, half of them, or most: the best of three starts.
-    pushed = (0.1, 0.5, 0.9) if outward > LEAST_OUTWARD else (0.0,)
+    # Few parts pushed, or half of them. Most is no start: rims pushed everywhere look like a larger circle.
+    pushed = (0.1, 0.5) if outward > LEAST_OUTWARD else (0.0,)
     fits = [_least_squares(shape, count, inside, shown, views, outward, first) for first in pushed]
     return min(fits, key=lambda fit: fit[0])[1]
 
