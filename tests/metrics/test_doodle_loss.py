@@ -5,6 +5,7 @@ import torch
 from tiny_networks import features, resnet
 
 from diff3ds.metrics import doodle_loss
+from diff3ds.metrics.augment import random_warps
 from diff3ds.metrics.clip_resnet import clip_resnet
 from diff3ds.metrics.doodle_loss import DoodleLoss
 from diff3ds.metrics.vgg_distance import VggDistance
@@ -47,6 +48,16 @@ def test_weights_and_the_mean_over_warps(networks, images):
     assert torch.equal(warped[0], warped[1])
     assert not torch.equal(warped[0], warped[2])
     assert min(warped) > 0
+
+
+def test_each_network_sees_warps_of_its_own(networks, images):
+    """As in 3Doodle; and a weight of 0 changes nothing for the other term."""
+    a, b = images[:2], images[1:]
+    generator = seeded()
+    clips, vggs = (random_warps(2, generator) for _ in range(2))
+    alone = [DoodleLoss(*networks, clip_weight=c, vgg_weight=v, warps=1) for c, v in ((1.0, 0.0), (0.0, 1.0))]
+    assert torch.equal(alone[0](a, b, seeded()), 1 - alone[0]._cosine(a, b, clips))
+    assert torch.equal(alone[1](a, b, seeded()), alone[1]._distance(a, b, vggs))
 
 
 def test_published_weights_are_the_defaults(networks):
