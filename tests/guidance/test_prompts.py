@@ -1,5 +1,6 @@
 """What phrases become: directions, perpendicular negatives, tokens."""
 
+import json
 import math
 
 import pytest
@@ -148,3 +149,30 @@ def test_a_text_encoder_of_another_model_is_refused(tmp_path):
     folder = tiny.save_stable_diffusion(tmp_path / "model")
     with pytest.raises(ValueError, match="takes texts of width 1024, the text encoder gives 32"):
         prompts.encode_phrases(Checkpoint(folder), ["a"], 1024)
+
+
+def test_the_files_of_stable_diffusion_2_pad_so_too(tmp_path):
+    """Its tokenizer_config.json names another pad than special_tokens_map.json, which is right."""
+    tiny.save_tokenizer(tmp_path / "new" / "tokenizer")
+    content = json.loads((tmp_path / "new" / "tokenizer" / "tokenizer.json").read_text())
+    old = tmp_path / "old" / "tokenizer"
+    old.mkdir(parents=True)
+    (old / "vocab.json").write_text(json.dumps(content["model"]["vocab"]))
+    merges = [" ".join(pair) if isinstance(pair, list) else pair for pair in content["model"]["merges"]]
+    (old / "merges.txt").write_text("\n".join(["#version: 0.2", *merges]))
+    end = {"content": "<|endoftext|>", "lstrip": False, "normalized": True, "rstrip": False, "single_word": False}
+    config = {"bos_token": {**end, "content": "<|startoftext|>"}, "eos_token": end, "unk_token": end}
+    config |= {"pad_token": "<|endoftext|>", "model_max_length": 77, "tokenizer_class": "CLIPTokenizer"}
+    (old / "tokenizer_config.json").write_text(json.dumps(config))
+    special = {
+        "bos_token": "<|startoftext|>",
+        "eos_token": "<|endoftext|>",
+        "unk_token": "<|endoftext|>",
+        "pad_token": "!",
+    }
+    (old / "special_tokens_map.json").write_text(json.dumps(special))
+    found, expected = (
+        prompts.tokens(prompts.load_tokenizer(Checkpoint(tmp_path / name)), ["poorly drawn face!"])
+        for name in ("old", "new")
+    )
+    assert torch.equal(found, expected)

@@ -46,10 +46,10 @@ def camera_vectors(cameras: Cameras) -> Float[Tensor, "B 16"]:
     Axes of the camera as in OpenGL (x right, y up, looking along -z), world z up, its position brought to the unit
     sphere: neither distance nor field of view is seen.
     """
-    to_camera = cameras.world_to_camera.detach().double().cpu()
+    to_camera = cameras.world_to_camera.detach().cpu().double()
     to_world = torch.eye(4, dtype=torch.float64).repeat(len(cameras), 1, 1)
     to_world[:, :3, :3] = to_camera[:, :3, :3].mT * torch.tensor([1.0, -1.0, -1.0])
-    centers = cameras.centers.detach().double().cpu()
+    centers = cameras.centers.detach().cpu().double()
     to_world[:, :3, 3] = centers / (centers.norm(dim=1, keepdim=True) + TINY)
     return to_world.flatten(1).float()
 

@@ -13,7 +13,7 @@ def spherical(
 
     Azimuth in (-180, 180], 0 on +x, counter-clockwise seen from +z; elevation above the horizon.
     """
-    centers = cameras.centers.detach().double().cpu()
+    centers = cameras.centers.detach().cpu().double()
     distance = centers.norm(dim=1)
     azimuth = torch.rad2deg(torch.atan2(centers[:, 1], centers[:, 0]))
     elevation = torch.rad2deg(torch.asin((centers[:, 2] / distance).clamp(-1, 1)))
