@@ -12,7 +12,7 @@ import tiny
 from huggingface_hub import constants
 from safetensors.torch import load_file, save_file
 
-from diff3ds.guidance import device, weights
+from diff3ds.guidance import device, latent, weights
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.latent import check_memory
 from diff3ds.guidance.loading import header, load_part, load_tensors, read_tensors
@@ -365,3 +365,21 @@ def test_memory_at_the_real_size(monkeypatch):
     monkeypatch.setattr(device, "free_memory", lambda device: 2_000_000_000)
     with pytest.raises(ValueError, match=r"needs about [23]\.\d GB"):
         check_memory(shapes, 256, 4, torch.float16, torch.device("cpu"))
+
+
+@pytest.mark.parametrize(
+    ("prior", "weights", "size", "dtype"),
+    [
+        ("stable-diffusion", 865_910_724, 512, torch.float16),
+        ("stable-diffusion-768", 865_910_724, 768, torch.bfloat16),
+        ("mvdream", 867_572_164, 256, torch.float16),
+        ("zero123", 859_532_484, 256, torch.float16),
+        ("stable-zero123", 859_532_484, 256, torch.float16),
+    ],
+)
+def test_the_memory_that_is_said_is_the_memory_that_is_asked_for(prior, weights, size, dtype, monkeypatch):
+    """With up to a gigabyte for the GPU's own use."""
+    asked = []
+    monkeypatch.setattr(latent, "require_memory", lambda device, needed, what: asked.append(needed))
+    check_memory([(weights,)], size, 4, dtype, torch.device("cpu"))
+    assert 0.4 < KNOWN[prior].memory - asked[0] / 1e9 < 1.1

@@ -32,7 +32,8 @@ class Known:
         repositories: that hold them, the best first.
         parts: folders that are needed; "a|b" is either, "a?" is taken where there is one.
         download: gigabytes of the files that are needed, with half precision where that is published.
-        memory: gigabytes of a GPU that a step of 4 images takes, the UNet in half precision, thrifty.
+        memory: gigabytes of a GPU that a step of 4 images takes at least, the UNet in half precision, with a thrifty
+            encoder.
         licence: name, and where the weights' own page says it.
         warning: what a user should know before the first use; may be empty.
     """
@@ -55,7 +56,7 @@ KNOWN: dict[str, Known] = {
         ),
         PHRASE_PARTS,
         2.6,
-        5.0,
+        7.0,
         "CreativeML Open RAIL++-M",
     ),
     # 768 pixels, predicts v.
@@ -66,7 +67,7 @@ KNOWN: dict[str, Known] = {
         ),
         PHRASE_PARTS,
         2.6,
-        8.0,
+        9.0,
         "CreativeML Open RAIL++-M",
     ),
     "mvdream": Known(
