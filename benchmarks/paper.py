@@ -21,7 +21,7 @@ from report import say, show
 from diff3ds.cli import main as diff3ds
 from diff3ds.tasks.distill import CHECKPOINT
 from diff3ds.tasks.evaluate import OWN, EvaluateOptions, evaluate, prompt_file, read_prompts
-from diff3ds.tasks.judges import JudgeOptions, load_judges
+from diff3ds.tasks.judges import JudgeOptions, load_judges, require_networks
 from diff3ds.tasks.score_table import Summary, columns_of, summaries
 
 # Options of every method of a table; those of the paper, unless another one is compared. DreamFusion draws timesteps
@@ -90,6 +90,7 @@ def main() -> None:
     given = {f.name: getattr(options, f.name, None) for f in fields(JudgeOptions)}
     try:
         judges = JudgeOptions(**{n: tuple(v) if isinstance(v, list) else v for n, v in given.items() if v is not None})
+        require_networks(judges)
         load_judges(judges, torch.device("cpu"))
     except (ValueError, OSError, ImportError) as error:
         raise SystemExit(str(error)) from None

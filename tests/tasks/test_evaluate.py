@@ -213,9 +213,9 @@ def test_bad_lists_are_refused(text, message, tmp_path):
 # Errors, before any work
 
 
-def test_no_weights_are_an_error_that_says_what_to_give():
+def test_no_weights_are_an_error_that_says_what_to_give(tmp_path):
     with pytest.raises(ValueError, match="--clip openai/clip-vit-base-patch16"):
-        JudgeOptions()
+        evaluate(tmp_path / "none", tmp_path / "out", JudgeOptions())
     with pytest.raises(ValueError, match="LPIPS needs both --alexnet and --lpips-alex: give --lpips-alex as well"):
         JudgeOptions(alexnet="x")
     with pytest.raises(ValueError, match="give --vgg16 as well"):

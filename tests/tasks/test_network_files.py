@@ -72,10 +72,12 @@ def test_pickles_are_refused_with_the_command_that_converts_them(kind, tmp_path)
     if kind == "state dict":
         assert torch.equal(tensors["weight"], layer.weight.float())
         # Allowed by name, it is read without conversion.
-        assert torch.equal(read_network(path, trusted=True)["weight"], layer.weight)
+        assert torch.equal(read_network(path, [tmp_path / "." / "net.pth"])["weight"], layer.weight)
+        with pytest.raises(ValueError, match="convert it once"):
+            read_network(path, [tmp_path / "another.pth"])
     else:
         with pytest.raises(ValueError, match="a TorchScript archive, which is a program"):
-            read_network(path, trusted=True)
+            read_network(path, [path])
 
 
 def test_damaged_files_are_refused(tmp_path):

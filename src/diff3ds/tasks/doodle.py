@@ -61,7 +61,8 @@ class DoodleOptions:
         rate: learning rate of control points, in radii of the scene a step.
         background: what lies behind the object in pictures without alpha: white, black or R,G,B, each from 0 to 1.
         device: of the networks: cpu, cuda, mps, or auto.
-        trust_pickle: the files of weights may be pickles, which can run code of whoever made them.
+        allow_pickle: these files of weights are read although they are pickles, which can run code of whoever made
+            them; only their tensors are.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
         overwrite: the run in the output folder may be lost.
@@ -81,7 +82,7 @@ class DoodleOptions:
     rate: float = 0.001
     background: str | None = None
     device: str = "auto"
-    trust_pickle: bool = False
+    allow_pickle: tuple[Path, ...] = ()
     seed: int = 0
     resume: bool = False
     overwrite: bool = False
@@ -158,8 +159,8 @@ def load_doodle_loss(options: DoodleOptions) -> DoodleLoss:
     device = pick_device(options.device)
     tower_file = find_file(options.clip_rn101, "CLIP RN101", "open_clip_model.safetensors")
     vgg_file = find_file(options.vgg16, "VGG16", "model.safetensors")
-    tower = clip_resnet(read_network(tower_file, options.trust_pickle), str(tower_file)).to(device)
-    vgg = VggDistance(read_network(vgg_file, options.trust_pickle), options.vgg, str(vgg_file), device)
+    tower = clip_resnet(read_network(tower_file, options.allow_pickle), str(tower_file)).to(device)
+    vgg = VggDistance(read_network(vgg_file, options.allow_pickle), options.vgg, str(vgg_file), device)
     return DoodleLoss(tower, vgg, options.clip_weight, options.vgg_weight, options.augmentations)
 
 

@@ -17,7 +17,7 @@ from diff3ds.guidance.device import pick_device
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.image import DISTANCE
-from diff3ds.tasks.judges import JudgeOptions, Judges, load_judges
+from diff3ds.tasks.judges import JudgeOptions, Judges, load_judges, require_networks
 from diff3ds.tasks.picture import PictureOptions, read_reference
 from diff3ds.tasks.score_table import Row, columns_of, write_tables
 
@@ -96,6 +96,7 @@ def evaluate(
             networks can score; phrases of the list that a method has no run of.
     """
     options = options or EvaluateOptions()
+    require_networks(networks)
     views, device = options.views(), pick_device(networks.device)
     runs = find_runs(folder)
     if options.prompts is not None:

@@ -1,6 +1,6 @@
 """The networks that score sketches of phrases and of pictures, each with its column of the table."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +36,8 @@ class JudgeOptions:
         vgg16: torchvision's weights of VGG16, for LPIPS.
         lpips_vgg: LPIPS's own weights for VGG16.
         device: cpu, cuda, mps, or auto.
-        trust_pickle: the files for LPIPS may be pickles, which can run code of whoever made them.
+        allow_pickle: these files for LPIPS are read although they are pickles, which can run code of whoever made
+            them; only their tensors are.
     """
 
     clip: tuple[str, ...] = ()
@@ -46,11 +47,9 @@ class JudgeOptions:
     vgg16: str | None = None
     lpips_vgg: str | None = None
     device: str = "auto"
-    trust_pickle: bool = False
+    allow_pickle: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
-        if not any((self.clip, self.blip, self.alexnet, self.lpips_alex, self.vgg16, self.lpips_vgg)):
-            raise ValueError(NOTHING_GIVEN)
         for (a, first), (b, second) in (
             (("--alexnet", self.alexnet), ("--lpips-alex", self.lpips_alex)),
             (("--vgg16", self.vgg16), ("--lpips-vgg", self.lpips_vgg)),
@@ -87,6 +86,12 @@ class Judges:
         return scores | {name: float(judge(a, b)) for name, judge in self.likeness.items()}
 
 
+def require_networks(options: JudgeOptions) -> None:
+    """Raises ValueError if none is given; it says what could be."""
+    if not any((options.clip, options.blip, options.alexnet, options.vgg16)):
+        raise ValueError(NOTHING_GIVEN)
+
+
 def load_judges(options: JudgeOptions, device: torch.device) -> Judges:
     """All networks, with their weights.
 
@@ -104,16 +109,16 @@ def load_judges(options: JudgeOptions, device: torch.device) -> Judges:
     )
     for backbone, features, heads in wanted:
         if features and heads:
-            likeness[f"LPIPS-{backbone}"] = _lpips(backbone, features, heads, device, options.trust_pickle)
+            likeness[f"LPIPS-{backbone}"] = _lpips(backbone, features, heads, device, options.allow_pickle)
     return Judges(phrases, {f"CLIP-I {label}": clip for label, clip in clips.items()}, likeness)
 
 
-def _lpips(backbone: Backbone, features: str, heads: str, device: torch.device, trusted: bool) -> Lpips:
+def _lpips(backbone: Backbone, features: str, heads: str, device: torch.device, allowed: Collection[Path]) -> Lpips:
     files = (
         find_file(features, f"{backbone} for LPIPS", "model.safetensors"),
         find_file(heads, f"LPIPS for {backbone}", f"{backbone}.safetensors"),
     )
-    tensors = [read_network(file, trusted) for file in files]
+    tensors = [read_network(file, allowed) for file in files]
     return Lpips(backbone, tensors[0], tensors[1], (str(files[0]), str(files[1])), device)
 
 

@@ -1,6 +1,7 @@
 """Files of the networks that judge images: found on this disk, in a folder or in the hub's cache, and read."""
 
 import zipfile
+from collections.abc import Collection
 from pathlib import Path
 
 from diff3ds._shapes import Tensor
@@ -51,17 +52,18 @@ def find_file(text: str, what: str, name: str) -> Path:
     return path
 
 
-def read_network(path: Path, trusted: bool = False) -> dict[str, Tensor]:
+def read_network(path: Path, allowed: Collection[Path] = ()) -> dict[str, Tensor]:
     """The tensors of a file, on the CPU.
 
     Args:
-        trusted: the user allows this file to be a pickle, of which only tensors are read.
+        allowed: files that the user allows to be pickles, of which only tensors are read.
 
     Raises:
         ValueError: not a file of tensors; for one that PyTorch saved, with the command that converts it.
     """
     script = zipfile.is_zipfile(path) and any("/code/" in name for name in zipfile.ZipFile(path).namelist())
-    if path.suffix == ".safetensors" or (trusted and not script):
+    trusted = path.resolve() in {other.resolve() for other in allowed} and not script
+    if path.suffix == ".safetensors" or trusted:
         return read_tensors(path, trusted)
     loaded = (TORCHSCRIPT if script else STATE_DICT).format(path=path)
     kind = "a TorchScript archive, which is a program" if script else "not safetensors but maybe a pickle"
