@@ -111,7 +111,7 @@ def test_a_single_file_takes_its_words_from_stable_diffusion(single, folders, no
 def test_a_pickle_must_be_trusted_by_name(single, folders, noisy):
     root, _, _ = single
     place, words = str(root / "sd-v2.1-base-4view.pt"), Source(str(folders["stock"]))
-    with pytest.raises(ValueError, match=r"not safetensors but a pickle, which can run code .* --trust-pickle"):
+    with pytest.raises(ValueError, match=r"not safetensors but a pickle, which can run code .* --allow-pickle"):
         load_mvdream("a cat", source=Source(place), text_source=words, device="cpu")
     trusted = load_mvdream("a cat", source=Source(place, trust_pickle=True), text_source=words, device="cpu")
     safe = Source(str(root / "sd-v2.1-base-4view.safetensors"))

@@ -107,7 +107,7 @@ def read_tensors(path: Path, trust_pickle: bool = False) -> dict[str, Tensor]:
         raise ValueError(
             f"{path} is not safetensors but a pickle, which can run code of whoever made it as you. Only tensors would "
             "be unpickled (torch's weights_only), which makes that hard, not impossible. If you trust where this file "
-            "comes from: --trust-pickle"
+            "comes from: --allow-pickle"
         )
     return unpickle(path)
 

@@ -30,7 +30,7 @@ class Source:
         place: a folder, a single file, or a repository of the hub, owner/name.
         revision: commit, tag or branch of a repository; None is "main".
         variant: of the files, such as "fp16" in `model.fp16.safetensors`; None takes what there is.
-        trust_pickle: allows a single file that is a pickle, which can run code of whoever made it.
+        trust_pickle: allows a single file that is a pickle, which can run code of whoever made it (--allow-pickle).
     """
 
     place: str
