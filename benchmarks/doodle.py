@@ -4,8 +4,10 @@
 
 Takes posed views of an object that some other program generated (--source, a transforms.json or a folder with one), or
 120 horizontal views of an object of this benchmark's own. Fits each with VGG16's distance as 3Doodle's code has it and
-as it should be; OUT/3doodle and OUT/standard are runs as of `diff3ds views`. With --clip (and LPIPS's weights) the runs
-are scored as by `diff3ds eval`. --random-weights measures the time that a step takes without any weights: full-size
+as it should be; OUT/3doodle/NAME and OUT/standard/NAME are runs as of `diff3ds views`.
+
+With --clip (and LPIPS's weights) runs of the benchmark's own object are scored as by `diff3ds eval`; give others a
+reference.png and call that. --random-weights measures the time that a step takes without any weights: full-size
 networks that have learned nothing, so that the sketches mean nothing.
 """
 
@@ -63,12 +65,11 @@ def run(variant: str, source: Path, options: argparse.Namespace) -> dict[str, An
     given = {
         f.name: getattr(options, f.name) for f in fields(DoodleOptions) if getattr(options, f.name, None) is not None
     }
-    out = options.out / variant
+    out = options.out / variant / (source.parent if source.is_file() else source).name
     sketch = fit_doodle(source, out, DoodleOptions(**given, vgg=variant, overwrite=True))
-    first = options.out / "pictures" / "000.png"
-    if first.is_file():
+    if options.source is None:
         # Makes it a run of a picture for `diff3ds eval`, which looks from there.
-        (out / "reference.png").write_bytes(first.read_bytes())
+        (out / "reference.png").write_bytes((source.parent / "000.png").read_bytes())
     about = json.loads((out / "run.json").read_text())
     seconds, steps = about["seconds"]["fit"], about["steps_done"]
     row = {"variant": variant, "strokes": len(sketch), "steps": steps, "seconds": seconds, "s a step": seconds / steps}
@@ -106,7 +107,7 @@ def main() -> None:
     if options.random_weights:
         for name, path in random_weights(options.out / "random").items():
             setattr(options, name, path)
-    source = options.source or horizontal_views(OBJECTS[options.object](), options.out / "pictures")
+    source = options.source or horizontal_views(OBJECTS[options.object](), options.out / "pictures" / options.object)
     rows = []
     for variant in options.variants:
         rows.append(run(variant, source, options))
@@ -116,9 +117,9 @@ def main() -> None:
     show("3Doodle's losses", list(rows[0]), [list(row.values()) for row in rows])
     names = ("alexnet", "lpips_alex", "device")
     judges = {name: getattr(options, name) for name in names if getattr(options, name)}
-    if options.clip:
+    if options.clip and options.source is None:
         found = evaluate(options.out, options.out / "scores", JudgeOptions(clip=tuple(options.clip), **judges))
-        show("Scores", ["method", *found[0].scores], [[Path(row.run).name, *row.scores.values()] for row in found])
+        show("Scores", ["method", *found[0].scores], [[row.method, *row.scores.values()] for row in found])
 
 
 if __name__ == "__main__":
