@@ -61,7 +61,7 @@ def measure(size: int, group: int) -> list[float]:
     judge = ScoreDistillation(FreePrior(size, group), options.recipe(50.0, group), STEPS)
     generator = torch.Generator().manual_seed(0)
     # In the visible part of the paper's ball, where all strokes cost.
-    start = ds.Sketch.random(options.strokes, radius=1.0, width=values.width, generator=generator)
+    start = ds.Sketch.random(values.strokes, radius=1.0, width=values.width, generator=generator)
     config = ds.FitConfig(steps=STEPS, rates=ds.Rates(points=values.rate))
     steps = ds.fit(start, judge, Orbits(options.batch, group, size), config)
     return [milliseconds(lambda: next(steps)) for _ in range(STEPS)][5:]

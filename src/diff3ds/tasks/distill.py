@@ -126,7 +126,7 @@ def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"
 
 def _start(options: DistillOptions, values: Preset, color: tuple[float, float, float] | None = None) -> Sketch:
     generator = torch.Generator().manual_seed(options.seed)
-    sketch = Sketch.random(options.strokes, radius=values.radius, width=values.width, generator=generator)
+    sketch = Sketch.random(values.strokes, radius=values.radius, width=values.width, generator=generator)
     return sketch if color is None else replace(sketch, color=torch.tensor(color).repeat(len(sketch), 1))
 
 
@@ -160,7 +160,7 @@ def _config(options: DistillOptions, values: Preset, out: Path, identity: Mappin
 
 def _identity(options: DistillOptions, values: Preset, recipe: Recipe) -> dict[str, object]:
     """What else than `fit` knows of a resumed run must share, in the types of JSON."""
-    names = ("strokes", "batch", "size", "fov", "delete_length", "delete_from", "delete_every")
+    names = ("batch", "size", "fov", "delete_length", "delete_from", "delete_every")
     pairs = {name: list(getattr(options, name)) for name in ("distance", "elevation", "width_range", "optimize")}
     return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(values), **asdict(recipe)}
 

@@ -21,6 +21,7 @@ class Preset:
 
     Attributes:
         steps: gradient steps.
+        strokes: at the start.
         rate: learning rate of control points, world units a step.
         final_rate: learning rates fall exponentially to this share; 1 keeps them.
         radius: of the ball in which strokes start; more than about 1 lies partly outside the pictures.
@@ -30,6 +31,7 @@ class Preset:
     """
 
     steps: int
+    strokes: int
     rate: float
     final_rate: float
     radius: float
@@ -39,9 +41,9 @@ class Preset:
 
 
 PRESETS: dict[PresetName, Preset] = {
-    "paper": Preset(4000, 0.002, 1.0, 1.5, DEFAULT_WIDTH, 0.0, None),
+    "paper": Preset(4000, 56, 0.002, 1.0, 1.5, DEFAULT_WIDTH, 0.0, None),
     # Empirical, with a prior whose score is exact (benchmarks/distill.py): a tenth of the steps.
-    "swift": Preset(400, 0.01, 0.2, 0.8, 0.05, 0.0, 7.5),
+    "swift": Preset(400, 112, 0.01, 0.2, 0.8, 0.05, 0.0, 7.5),
 }
 
 
@@ -53,7 +55,7 @@ class DistillOptions:
         preset: paper (of the paper) or swift (a tenth of the steps, strokes start inside the pictures); by default
             swift for priors that are built in, else paper. Options that are given come before the preset's.
         steps: gradient steps; the paper: 4000.
-        strokes: at the start.
+        strokes: at the start; the paper: 56.
         batch: views a step; a multiple of 4 for priors that see four views of an object at once.
         size: of the renderings, pixels; by default what the prior was trained on.
         optimize: what is optimised: position, color, alpha, width.
@@ -89,7 +91,7 @@ class DistillOptions:
 
     preset: PresetName | None = None
     steps: int | None = None
-    strokes: int = 56
+    strokes: int | None = None
     batch: int = 4
     size: int | None = None
     optimize: tuple[Parameter, ...] = ("position",)
