@@ -1,5 +1,6 @@
-"""The built-in prior of a phrase: it has seen members of the library, and knows which of them the phrase means."""
+"""The built-in prior: it has seen members of the library, and knows which of them the phrase or picture means."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -59,17 +60,40 @@ def exemplars_of(phrase: str, seed: int) -> Exemplars:
     request = parse(phrase)
     generator = torch.Generator().manual_seed(seed)
     wanted = [requested(request, generator) for _ in range(FITTING)]
-    others = [member(name, generator).sketch for name in CATEGORIES if name != request.category for _ in range(OTHERS)]
-    return Exemplars((*wanted, *others), (True,) * len(wanted) + (False,) * len(others), request.color)
+    return _among_others(wanted, request.category, generator, request.color)
+
+
+def exemplars_like(
+    wanted: Sequence[Sketch], category: str, seed: int, color: tuple[float, float, float] | None = None
+) -> Exemplars:
+    """Members that are given, of one category, and some of everything else.
+
+    Args:
+        seed: of the others' proportions.
+        color: straight RGB of what is given, or None.
+    """
+    return _among_others(
+        [_colored(sketch, color) for sketch in wanted], category, torch.Generator().manual_seed(seed), color
+    )
+
+
+def _among_others(
+    wanted: Sequence[Sketch], category: str, generator: torch.Generator, color: tuple[float, float, float] | None
+) -> Exemplars:
+    others = [member(name, generator).sketch for name in CATEGORIES if name != category for _ in range(OTHERS)]
+    return Exemplars((*wanted, *others), (True,) * len(wanted) + (False,) * len(others), color)
 
 
 def requested(request: Request, generator: torch.Generator) -> Sketch:
     """A sketch of what a phrase asks for, in the unit ball."""
     one = _stretched(member(request.category, generator, request.attributes).sketch, request.stretch)
-    sketch = _fitted(Sketch.concatenate(_in_a_row(one, request.count)))
-    if request.color is None:
+    return _colored(_fitted(Sketch.concatenate(_in_a_row(one, request.count))), request.color)
+
+
+def _colored(sketch: Sketch, color: tuple[float, float, float] | None) -> Sketch:
+    if color is None:
         return sketch
-    return replace(sketch, color=sketch.color.new_tensor(request.color).expand(len(sketch), 3).contiguous())
+    return replace(sketch, color=sketch.color.new_tensor(color).expand(len(sketch), 3).contiguous())
 
 
 def _stretched(sketch: Sketch, factors: tuple[float, float, float]) -> Sketch:

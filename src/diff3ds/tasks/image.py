@@ -8,16 +8,29 @@ from diff3ds.camera import orbit
 from diff3ds.formats import save_png
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.zero123 import ReferencePose
-from diff3ds.sketch import Sketch
+from diff3ds.library.phrase import Request, parse
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Reference, distill
 from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.exemplars import FITTING, SIZE, exemplars_like
+from diff3ds.tasks.lines import lines_of
 from diff3ds.tasks.picture import PictureOptions, read_reference
-from diff3ds.tasks.priors import FOR_PICTURES, PriorOptions, load_for_picture, named_prior
+from diff3ds.tasks.priors import (
+    BUILT_IN,
+    FOR_PICTURES,
+    PriorOptions,
+    best_for_pictures,
+    load_for_picture,
+    named_prior,
+)
 from diff3ds.tasks.progress import Report
+from diff3ds.tasks.recognise import alike, drawn_over, recognise
 from diff3ds.tasks.results import claim
 
 # The paper's weight of guidance for pictures.
 GUIDANCE = 7.5
+# With the built-in prior: as much as its loss, a sum over all pixels of four views. Empirical.
+REFERENCE_LOSS = 30000.0
 # The distance at which Stable-Zero123 has all its cameras; of the reference picture's camera.
 DISTANCE = 2.0
 
@@ -28,16 +41,19 @@ class ImageOptions:
 
     Attributes:
         view_elevation: from how high the picture was taken, degrees; within the elevations of the cameras, so that
-            they come by.
+            they come by. The built-in prior finds it by itself.
         reference_loss: weight of the difference between the sketch and the picture, seen from where it was taken,
-            beside the prior's loss; the paper has none.
+            beside the prior's loss; by default none, as in the paper, and 30000 with the built-in prior.
+        shows: for the built-in prior: what the picture shows, a phrase such as "a chair with armrests"; by default it
+            is recognised.
     """
 
     view_elevation: float = 0.0
-    reference_loss: float = 0.0
+    reference_loss: float | None = None
+    shows: str | None = None
 
     def __post_init__(self) -> None:
-        if not self.reference_loss >= 0:
+        if self.reference_loss is not None and not self.reference_loss >= 0:
             raise ValueError(f"reference_loss must not be negative, got {self.reference_loss}")
 
 
@@ -58,14 +74,22 @@ def image_to_sketch(
         out: folder of the results and of the checkpoint.
         options, cut, prior, settings: defaults as in their classes.
         report: called after every step.
-        say: told what a user should know of the prior.
+        say: told which prior is taken and why, what a user should know of it, and what is recognised.
 
     Raises:
-        ValueError, OSError: as `read_reference`, `claim`, the prior's loader, and `distill`.
+        ValueError, OSError: as `read_reference`, `claim`, the prior's loader or `recognise`, and `distill`.
     """
     options, cut = options or ImageOptions(), cut or PictureOptions()
     prior, settings = prior or PriorOptions(), settings or DistillOptions()
-    name = named_prior(prior, FOR_PICTURES) if prior.prior else FOR_PICTURES[0]
+    if prior.prior is None:
+        name, reason = best_for_pictures()
+        say(f"prior: {reason}")
+    else:
+        name = named_prior(prior, (*FOR_PICTURES, *BUILT_IN))
+    if name in BUILT_IN:
+        return _from_library(picture, out, options, cut, settings, report, say)
+    if options.shows:
+        raise ValueError("--shows is for the built-in prior: networks see what is there")
     settings = _at_its_distance(settings) if name == "stable-zero123" else settings
     reference = read_reference(picture, options=cut)
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
@@ -77,10 +101,9 @@ def image_to_sketch(
     known = Reference(
         reference.image,
         orbit(pose.azimuth, pose.elevation, pose.distance, fov=settings.fov, size=reference.image.shape[0]),
-        options.reference_loss,
+        options.reference_loss or 0.0,
     )
-    cutting = {key: str(value) if isinstance(value, Path) else value for key, value in asdict(cut).items()}
-    about = {"picture": str(picture), **cutting, **asdict(options), "prior": name, "weights": prior.weights}
+    about = {**_subject(picture, cut, options, known), "prior": name, "weights": prior.weights}
     return distill(
         denoiser,
         settings,
@@ -88,8 +111,63 @@ def image_to_sketch(
         guidance=GUIDANCE,
         about=about,
         report=report,
-        reference=known if options.reference_loss else None,
+        reference=known if known.weight else None,
     )
+
+
+def _from_library(
+    picture: Path,
+    out: Path,
+    options: ImageOptions,
+    cut: PictureOptions,
+    settings: DistillOptions,
+    report: Report,
+    say: Callable[[str], None],
+) -> Sketch:
+    """What the picture shows is recognised; members like it are the prior, its lines the reference."""
+    reference = read_reference(picture, options=cut)
+    lines = lines_of(reference)
+    asked = _asked(options.shows)
+    found = recognise(lines) if asked is None else recognise(lines, asked.category, asked.attributes)
+    claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
+    say(f"recognised: {found}")
+    members = alike(lines, found, FITTING)
+    width, weight = settings.values("swift").width, options.reference_loss
+    camera = found.camera.resize(settings.size or SIZE)
+    known = Reference(
+        drawn_over(lines, members[0], camera, width), camera, REFERENCE_LOSS if weight is None else weight
+    )
+    save_png(out / "reference.png", reference.image)
+    save_png(out / "lines.png", drawn_over(lines, members[0], camera.resize(len(reference.image)), DEFAULT_WIDTH))
+    color = asked.color if asked else None
+    about = {**_subject(picture, cut, options, known), "prior": BUILT_IN[0], "recognised": found.as_json()}
+    return distill(
+        exemplars_like(members, found.category, settings.seed, color).prior(width),
+        settings,
+        out,
+        guidance=GUIDANCE,
+        about=about,
+        preset="swift",
+        report=report,
+        color=color,
+        final_width=DEFAULT_WIDTH if settings.width is None else None,
+        reference=known if known.weight else None,
+    )
+
+
+def _asked(shows: str | None) -> Request | None:
+    if shows is None:
+        return None
+    request = parse(shows)
+    if request.count != 1:
+        raise ValueError(f"{shows!r}: the built-in prior looks for one thing in a picture")
+    return request
+
+
+def _subject(picture: Path, cut: PictureOptions, options: ImageOptions, known: Reference) -> dict[str, object]:
+    """What run.json says of the picture."""
+    cutting = {key: str(value) if isinstance(value, Path) else value for key, value in asdict(cut).items()}
+    return {"picture": str(picture), **cutting, **asdict(options), "reference_loss": known.weight}
 
 
 def _at_its_distance(settings: DistillOptions) -> DistillOptions:

@@ -100,11 +100,21 @@ def has_weights(name: str) -> bool:
 
 def best_for_phrases() -> tuple[str, str]:
     """The prior of a phrase for which none was named, and why it is this one."""
+    return _best("mvdream", "MVDream")
+
+
+def best_for_pictures() -> tuple[str, str]:
+    """The prior of a picture for which none was named, and why it is this one."""
+    return _best("zero123", "Zero123-XL")
+
+
+def _best(name: str, called: str) -> tuple[str, str]:
+    """A network where it can work, else the built-in prior."""
     if pick_device("auto").type == "cpu":
-        return "exemplar", "the built-in prior, because there is no GPU for MVDream"
-    if not has_weights("mvdream"):
-        return "exemplar", "the built-in prior, because MVDream's weights are not here (diff3ds fetch mvdream)"
-    return "mvdream", "MVDream, whose weights and a GPU are here"
+        return "exemplar", f"the built-in prior, because there is no GPU for {called}"
+    if not has_weights(name):
+        return "exemplar", f"the built-in prior, because {called}'s weights are not here (diff3ds fetch {name})"
+    return name, f"{called}, whose weights and a GPU are here"
 
 
 def load_for_phrase(

@@ -1,0 +1,144 @@
+"""The lines of a picture: centre lines of a drawing, edges of a photograph, wherever and however large they are in it.
+
+Points on them, with directions, are what `recognise` compares; drawn again with one width they are a reference.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Float
+from diff3ds.edges.ridges import MAP_SIGMA, MAP_VALUE, Ridges, color_ridges, find_ridges, map_ridges
+from diff3ds.tasks.picture import FAINT, ReferencePicture
+
+Array = NDArray[np.float64]
+Kind = Literal["drawing", "photograph"]
+
+# The ink of a drawing is nowhere deeper than this share of the picture's side, but for a tenth of it: what is deeper
+# is an area. A felt tip of 6 % of the object's size is half as deep.
+DEEP = 0.03
+# A pixel with this share of the darkest ink is a line's.
+INKED = 0.5
+# Inside an object that was cut out, paper is the colour of most of it; ink has less than this share, differs by this,
+# and lies deeper than so many pixels, by the median. Empirical.
+MOST_INK, PLAIN, RIM = 0.4, 0.12, 2.0
+# Lines whose pixels lie deeper than this, by their median, are wide: over a line of half width h depths are even from
+# 0 to h.
+WIDE = 1.5
+# Filters see no true neighbours along the border.
+PADDING = 8
+# Lines that span less than this share of the picture are specks.
+SPECK = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Points along lines: the longer side of their box is 1, its middle the origin; x to the right, y down.
+
+    Attributes:
+        points: some hundred and more.
+        tangents: along the line, of either sign; as long as the piece of line that the point stands for.
+        kind: what they were found in.
+    """
+
+    points: Float[Array, "N 2"]
+    tangents: Float[Array, "N 2"]
+    kind: Kind = "drawing"
+
+    def ink(
+        self, size: int, width: float, scale: float, middle: tuple[float, float] = (0.5, 0.5)
+    ) -> Float[NDArray[np.float32], "S S"]:
+        """The lines drawn again, ink in [0, 1].
+
+        Args:
+            size: height and width, pixels.
+            width: of the lines, as a fraction of the height.
+            scale: of the longer side of their box, the same.
+            middle: of their box, x and y, the same.
+        """
+        from scipy.spatial import cKDTree
+
+        centres = (np.arange(size) + 0.5) / size
+        pixels = np.stack(np.meshgrid(centres, centres), -1)
+        distance, _ = cKDTree(self.points * scale + np.array(middle)).query(pixels)
+        # Ink falls off over one pixel.
+        ink: NDArray[np.float32] = np.clip((width / 2 - distance) * size + 0.5, 0, 1).astype(np.float32)
+        return ink
+
+
+def lines_of(picture: ReferencePicture) -> Lines:
+    """The lines of a drawing, dark or light, on paper or on nothing; the edges of what is no drawing.
+
+    Raises:
+        ValueError: there is none.
+    """
+    rgba = np.pad(picture.pixels.numpy(), ((PADDING, PADDING), (PADDING, PADDING), (0, 0)))
+    ink = _ink(rgba)
+    ridges = _without_specks(color_ridges(rgba) if ink is None else _centre_lines(ink), len(rgba))
+    if not len(ridges):
+        raise ValueError("the picture has no lines: give a drawing in lines, or a photograph of one object")
+    # One point in every pixel that a line crosses.
+    along = np.stack([-ridges.normals[:, 1], ridges.normals[:, 0]], 1)
+    along = along / np.abs(along).max(1, keepdims=True)
+    low, high = ridges.points.min(0), ridges.points.max(0)
+    side = max(float((high - low).max()), 1.0)
+    return Lines(
+        (ridges.points - (low + high) / 2) / side, along / side, "drawing" if ink is not None else "photograph"
+    )
+
+
+def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"] | None:
+    """Ink in [0, 1] of a drawing; None if it is none.
+
+    Where the background was cut away, what is left is the ink; where paper was cut out, ink is what differs from it.
+    """
+    alpha = rgba[..., 3]
+    if _is_thin(alpha):
+        return alpha
+    inside = alpha > INKED
+    colors = rgba[..., :3] / np.maximum(alpha, 1e-3)[..., None]
+    differs = np.abs(colors - np.median(colors[inside], axis=0)).max(-1) * inside
+    share = float((differs[inside] > PLAIN).mean())
+    strongest = float(np.quantile(differs, 1 - 0.1 * share * inside.mean())) if share else 0.0
+    if not 0 < share < MOST_INK or strongest < PLAIN:
+        return None
+    ink = np.clip(differs / strongest, 0, 1)
+    # Mixed colours along the outline are no ink.
+    rim = np.median(_depth(alpha)[ink > INKED]) < RIM
+    return None if rim or not _is_thin(ink) else ink
+
+
+def _is_thin(ink: Float[NDArray[np.float32], "H W"]) -> bool:
+    depth = _depth(ink)
+    return float(np.quantile(depth[depth > 0], 0.9)) < DEEP * len(ink)
+
+
+def _depth(ink: Float[NDArray[np.float32], "H W"]) -> Float[Array, "H W"]:
+    """How deep each pixel lies in the ink, pixels."""
+    from scipy.ndimage import distance_transform_edt
+
+    return np.asarray(distance_transform_edt(ink > INKED * ink.max()))
+
+
+def _centre_lines(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
+    """Thin lines are the ridges of the ink; wide ones, whose tops are flat, those of the depth in it."""
+    depth = _depth(ink)
+    if np.median(depth[depth > 0]) > WIDE:
+        return find_ridges(depth.astype(np.float32), MAP_SIGMA, MAP_VALUE)
+    return map_ridges(np.clip(ink / np.quantile(ink[ink > FAINT], 0.9), 0, 1).astype(np.float32))
+
+
+def _without_specks(ridges: Ridges, side: int) -> Ridges:
+    """The ridges of lines that are longer than specks."""
+    from scipy.ndimage import find_objects, label
+
+    if not len(ridges):
+        return ridges
+    column, row = np.floor(ridges.points).astype(int).clip(0, side - 1).T
+    drawn = np.zeros((side, side), bool)
+    drawn[row, column] = True
+    names, _ = label(drawn, np.ones((3, 3)))
+    spans = np.array([0, *(max(a.stop - a.start, b.stop - b.start) for a, b in find_objects(names))])
+    return ridges[spans[names[row, column]] > SPECK * side]

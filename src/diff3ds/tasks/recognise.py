@@ -1,0 +1,235 @@
+"""What a picture shows: the category, attributes and pose of the library's view whose lines are most like its own."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier import evaluate
+from diff3ds.camera import Cameras, orbit
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.members import member
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.lines import Lines
+
+# Views of the table, degrees; distance and field of view are those of the built-in prior's cameras.
+AZIMUTHS, ELEVATIONS = tuple(15.0 * i for i in range(24)), (0.0, 15.0, 30.0)
+DISTANCE, FOV = 1.9, 60.0
+# A descriptor counts pieces of lines in cells of a square of this side, in lengths of the longer side of their box, by
+# direction; the blur is in cells, and every second cell is kept.
+CELLS, DIRECTIONS, SIDE, BLUR, EVERY = 32, 4, 1.2, 1.6, 2
+# Pieces of a stroke.
+PIECES = 32
+# The best views of the table are refined: each with so many other seeds, at its pose and poses beside it (degrees).
+REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 10, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
+# Seeds among which members like the picture are sought.
+POOL = 64
+# Confidence: the scores of all categories, and that of none of them, are logits at this temperature. Both are fitted to
+# members of other seeds, jittered, half of them with their category left out of the table: `benchmarks/recognise.py`.
+TEMPERATURE, NONE = 0.02, 0.8
+LEAST_CONFIDENCE = 0.5
+SUGGESTIONS = 3
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """What a picture shows.
+
+    Attributes:
+        category, attributes: of the library.
+        azimuth, elevation: of the camera, degrees.
+        confidence: in [0, 1]: the share of drawings with this score whose category was right.
+        likely: the most likely categories and the confidence of each.
+    """
+
+    category: str
+    attributes: tuple[str, ...]
+    azimuth: float
+    elevation: float
+    confidence: float
+    likely: tuple[tuple[str, float], ...]
+
+    @property
+    def camera(self) -> Cameras:
+        """Where the picture was taken from, as far as its lines tell."""
+        return orbit(self.azimuth, self.elevation, DISTANCE, fov=FOV, size=1)
+
+    @property
+    def caption(self) -> str:
+        """Such as "a chair with armrests"."""
+        return CATEGORIES[self.category].captions(self.attributes)[0]
+
+    def __str__(self) -> str:
+        """In words."""
+        seen = f"from {self.azimuth:.0f} degrees beside the front, {self.elevation:.0f} above"
+        return f"{self.caption} ({self.confidence:.0%}), seen {seen}"
+
+    def as_json(self) -> dict[str, object]:
+        """In the types of JSON."""
+        return {**asdict(self), "attributes": list(self.attributes), "likely": [list(pair) for pair in self.likely]}
+
+
+def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, ...] = ()) -> Recognised:
+    """Finds what lines show.
+
+    Args:
+        category, attributes: if they are known; then only the pose is sought.
+
+    Raises:
+        ValueError: nothing in the library is like it.
+    """
+    wanted = described(lines)
+    if category is not None:
+        return _refined(wanted, category, {category: 1.0}, attributes)
+    best = best_scores(wanted)
+    confidence = confidences(best)
+    found = max(confidence, key=confidence.__getitem__)
+    if confidence[found] < LEAST_CONFIDENCE:
+        likely = sorted(confidence, key=confidence.__getitem__, reverse=True)[:SUGGESTIONS]
+        raise ValueError(
+            f"the built-in prior does not recognise the {lines.kind}: it is most like "
+            f"{', '.join(f'{name} ({confidence[name]:.0%})' for name in likely)}. If it shows one of those, or another "
+            f'of the {len(CATEGORIES)} kinds it knows, say so: --shows "{CATEGORIES[likely[0]].captions()[0]}". '
+            "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123"
+        )
+    return _refined(wanted, found, confidence, None)
+
+
+def confidences(best: dict[str, float]) -> dict[str, float]:
+    """Of every category, from its best score; what they lack to 1 is that of none of them."""
+    logits = torch.tensor([*best.values(), NONE]) / TEMPERATURE
+    return dict(zip(best, logits.softmax(0).tolist(), strict=False))
+
+
+def best_scores(wanted: Float[Tensor, " D"]) -> dict[str, float]:
+    """The best score of each category among the views of the table, in [0, 1]."""
+    return {name: float((table(name).descriptors @ wanted).max()) for name in CATEGORIES}
+
+
+def alike(lines: Lines, found: Recognised, count: int) -> list[Sketch]:
+    """The members of what was recognised that are most like the picture, from where it was taken; the best first."""
+    wanted, camera = described(lines), found.camera
+    pool = [_drawn(found.category, found.attributes, seed) for seed in range(POOL)]
+    scores = torch.stack([descriptors(*pieces(sketch, camera))[0] for sketch in pool]) @ wanted
+    return [pool[int(i)] for i in scores.topk(count).indices]
+
+
+def drawn_over(lines: Lines, sketch: Sketch, cameras: Cameras, width: float) -> Float[Tensor, "H W 3"]:
+    """The lines, black on white, where and as large as a camera sees a sketch that is like them.
+
+    Args:
+        cameras: one view of square images.
+        width: of the lines, as a fraction of the image height.
+    """
+    seen = _projected(sketch, cameras).flatten(0, 2) / cameras.size[0]
+    low, high = seen.amin(0), seen.amax(0)
+    x, y = ((low + high) / 2).tolist()
+    ink = lines.ink(cameras.size[0], width, float((high - low).max()), (x, y))
+    return 1 - torch.from_numpy(ink)[..., None].repeat(1, 1, 3)
+
+
+def _refined(
+    wanted: Float[Tensor, " D"], category: str, confidence: dict[str, float], attributes: tuple[str, ...] | None
+) -> Recognised:
+    """Attributes and pose, from the best views of the table and poses beside them, with proportions of other seeds."""
+    views = table(category)
+    of_kind = [attributes is None or kind == attributes for kind in views.attributes]
+    if not any(of_kind):
+        # The table has one attribute at a time.
+        views = _views(category, [attributes or ()])
+        of_kind = [True] * len(views.poses)
+    scores = (views.descriptors @ wanted).masked_fill(~torch.tensor(of_kind), -1)
+    tried: dict[tuple[tuple[str, ...], float, float], float] = {}
+    for i in scores.topk(REFINED).indices.tolist():
+        kind, azimuth, elevation = views.attributes[i], *views.poses[i]
+        poses = [(azimuth + a, max(0.0, elevation + e)) for a in STEPS_AROUND for e in STEPS_UP]
+        cameras = orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
+        found = [descriptors(*pieces(_drawn(category, kind, seed), cameras)) @ wanted for seed in range(SEEDS)]
+        for (a, e), score in zip(poses, torch.stack(found).amax(0).tolist(), strict=True):
+            tried[kind, a % 360, e] = score
+    kind, azimuth, elevation = max(tried, key=tried.__getitem__)
+    likely = sorted(confidence.items(), key=lambda pair: -pair[1])[:SUGGESTIONS]
+    return Recognised(category, kind, azimuth, elevation, confidence[category], tuple(likely))
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Views of members of one category.
+
+    Attributes:
+        descriptors: of their lines.
+        attributes: of the member in each.
+        poses: azimuth and elevation of each, degrees.
+    """
+
+    descriptors: Float[Tensor, "V D"]
+    attributes: tuple[tuple[str, ...], ...]
+    poses: tuple[tuple[float, float], ...]
+
+
+@cache
+def table(category: str) -> Views:
+    """Views of a category's members, plain and with each attribute, all around; kept while the program runs."""
+    return _views(category, [(), *((attribute.name,) for attribute in CATEGORIES[category].attributes)])
+
+
+def _views(category: str, kinds: Sequence[tuple[str, ...]]) -> Views:
+    poses = tuple((a, e) for a in AZIMUTHS for e in ELEVATIONS)
+    cameras = orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
+    seen = [descriptors(*pieces(_drawn(category, kind, 0), cameras)) for kind in kinds]
+    return Views(torch.cat(seen), tuple(kind for kind in kinds for _ in poses), poses * len(kinds))
+
+
+def _drawn(category: str, attributes: tuple[str, ...], seed: int) -> Sketch:
+    return member(category, torch.Generator().manual_seed(seed), attributes).sketch
+
+
+def described(lines: Lines) -> Float[Tensor, " D"]:
+    """The descriptor of a picture's lines."""
+    points, tangents = (torch.from_numpy(a).float()[None] for a in (lines.points, lines.tangents))
+    return descriptors(points, tangents)[0]
+
+
+def _projected(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "V C S 2"]:
+    """Points along the strokes in pixels."""
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, PIECES + 1))
+    homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
+    seen = torch.einsum("vij,csj->vcsi", cameras.projection[:, :3].float(), homogeneous)
+    return seen[..., :2] / seen[..., 2:]
+
+
+def pieces(sketch: Sketch, cameras: Cameras) -> tuple[Float[Tensor, "V N 2"], Float[Tensor, "V N 2"]]:
+    """Middles and vectors of the strokes' pieces as cameras see them, in the frame of `Lines`."""
+    seen = _projected(sketch, cameras)
+    low, high = seen.amin((1, 2), keepdim=True), seen.amax((1, 2), keepdim=True)
+    seen = (seen - (low + high) / 2) / (high - low).amax(-1, keepdim=True)
+    return ((seen[:, :, 1:] + seen[:, :, :-1]) / 2).flatten(1, 2), (seen[:, :, 1:] - seen[:, :, :-1]).flatten(1, 2)
+
+
+def descriptors(points: Float[Tensor, "V N 2"], tangents: Float[Tensor, "V N 2"]) -> Float[Tensor, "V D"]:
+    """How much line of which direction lies where: unit vectors, whose dot products compare views.
+
+    A histogram of oriented pieces over cells, blurred. A cell holds no more than a line through it: lines that fall
+    together count once. Square roots lessen the weight of what is dense.
+    """
+    cell = ((points / SIDE + 0.5) * CELLS).long().clamp(0, CELLS - 1)
+    turn = torch.atan2(tangents[..., 1], tangents[..., 0]) / torch.pi % 1 * DIRECTIONS
+    length = torch.linalg.vector_norm(tangents, dim=-1) * CELLS / SIDE
+    count = torch.zeros(len(points) * DIRECTIONS * CELLS * CELLS)
+    place = torch.arange(len(points))[:, None] * (DIRECTIONS * CELLS * CELLS) + cell[..., 1] * CELLS + cell[..., 0]
+    lower, share = turn.long(), turn.frac()
+    for direction, weight in ((lower, 1 - share), (lower + 1, share)):
+        count.index_add_(0, (place + direction % DIRECTIONS * (CELLS * CELLS)).flatten(), (weight * length).flatten())
+    held = count.view(-1, DIRECTIONS, CELLS, CELLS)
+    held = held / held.sum(1, keepdim=True).clamp(min=1)
+    blurred = (_blur() @ held @ _blur().mT).sqrt().flatten(1)
+    return blurred / torch.linalg.vector_norm(blurred, dim=1, keepdim=True).clamp(min=1e-9)
+
+
+@cache
+def _blur() -> Float[Tensor, "c C"]:
+    """A Gaussian at every second cell."""
+    kept = torch.arange(0, CELLS, EVERY) + EVERY / 2
+    return torch.exp(-((kept[:, None] - torch.arange(CELLS) - 0.5) ** 2) / (2 * BLUR**2))
