@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -16,8 +16,11 @@ from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+from diff3ds.tasks.doodle import DoodleOptions, fit_doodle
+from diff3ds.tasks.evaluate import EvaluateOptions, evaluate
 from diff3ds.tasks.fetch import FetchOptions, Transfer, fetch, notice
 from diff3ds.tasks.image import ImageOptions, image_to_sketch
+from diff3ds.tasks.judges import JudgeOptions
 from diff3ds.tasks.picture import PictureOptions
 from diff3ds.tasks.plan import ViewsOptions
 from diff3ds.tasks.priors import PriorOptions
@@ -27,6 +30,8 @@ from diff3ds.tasks.views import fit_views
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
 FAULT, STOPPED = 1, 130
+
+Recipe = Literal["3doodle"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class Views:
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
     # Fit the scene that the package generates, instead of pictures of yours.
     demo: bool = False
+    # 3doodle: black strokes by the losses of 3Doodle; "diff3ds views --recipe 3doodle --help" lists its options.
+    recipe: Recipe | None = None
     # No progress, only errors.
     quiet: bool = False
 
@@ -54,6 +61,31 @@ class Views:
         console = Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_views(self.source, self.out, self.fit, report)
+        _written(console, sketch, self.out)
+
+
+@dataclass(frozen=True)
+class Doodle:
+    """Fit black strokes to posed coloured pictures as 3Doodle does: CLIP's RN101 and VGG16 look at both.
+
+    Writes sketch.json, sketch.svg, sketch.step, preview.png and run.json. Ctrl-C ends the fit early and writes what was
+    reached; --resume goes on from there.
+    """
+
+    fit: OmitArgPrefixes[DoodleOptions]
+    recipe: Recipe
+    # transforms.json, or a folder with one.
+    source: Positional[Path]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        console = Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            sketch = fit_doodle(self.source, self.out, self.fit, report)
         _written(console, sketch, self.out)
 
 
@@ -116,6 +148,36 @@ class Image:
 
 
 @dataclass(frozen=True)
+class Eval:
+    """Score a folder of runs of "diff3ds text" and "diff3ds image": one table as CSV, Markdown and JSON.
+
+    Runs lie in FOLDER/METHOD/NAME or FOLDER/NAME. Scores: CLIP, BLIP (phrases), LPIPS (pictures), each by networks that
+    you name; docs/evaluation.md says which.
+    """
+
+    networks: OmitArgPrefixes[JudgeOptions]
+    eval: OmitArgPrefixes[EvaluateOptions]
+    # Folder of the runs.
+    folder: Positional[Path]
+    # Folder of the tables.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("evaluation")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        console = Console(stderr=True, quiet=self.quiet)
+        with Bars(console=console, disable=self.quiet) as bars:
+            task = bars.add_task("runs", total=None)
+
+            def report(done: int, total: int, name: str) -> None:
+                bars.update(task, description=name or "runs", total=total, completed=done)
+
+            rows = evaluate(self.folder, self.out, self.networks, self.eval, report)
+        console.print(f"{len(rows)} runs: {self.out / 'evaluation.md'}, .csv, .json")
+
+
+@dataclass(frozen=True)
 class Fetch:
     """Download the weights of a prior, once; a download that stopped goes on where it did.
 
@@ -163,8 +225,12 @@ class Doctor:
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command `diff3ds`."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    # A recipe has options of its own.
+    views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
+    commands: dict[str, Any] = {"text": Text, "image": Image, "views": views}
     command = tyro.extras.subcommand_cli_from_dict(
-        {"text": Text, "image": Image, "views": Views, "fetch": Fetch, "doctor": Doctor},
+        commands | {"eval": Eval, "fetch": Fetch, "doctor": Doctor},
         prog="diff3ds",
         description="3D sketches of rational Bézier strokes.",
         args=arguments,

@@ -124,7 +124,7 @@ def noise_free(
 def ddim_step(
     noisy: Images, epsilon: Images, now: PerImage, then: PerImage, deviation: PerImage | float = 0.0
 ) -> Images:
-    """Noisy latents brought from ᾱ = `now` to `then`, up or down (Song et al. 2021, eq. 12), without noise.
+    """Noisy latents brought from ᾱ = `now` to `then`, up or down (Song et al. 2021, equation 12), without noise.
 
     Args:
         deviation: standard deviation of the noise that the caller adds.

@@ -12,7 +12,7 @@ TIMESTEPS = 1000
 
 @dataclass(frozen=True, eq=False)
 class NoiseSchedule:
-    """ᾱ of every timestep: a noisy image is √ᾱ z + √(1 - ᾱ) ε (Ho et al. 2020, eq. 4).
+    """ᾱ of every timestep: a noisy image is √ᾱ z + √(1 - ᾱ) ε (Ho et al. 2020, equation 4).
 
     Attributes:
         alpha_bars: float32, falling, in (0, 1).
