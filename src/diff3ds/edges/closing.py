@@ -20,7 +20,7 @@ SAMPLES, COVERED, SHOWN = 60, 0.85, 0.7
 # An arc of less says too little about its circle. Empirical.
 LEAST_SWEEP = np.deg2rad(75.0)
 # A view shows a place of a circle that its ridge passes this closely, pixels: twice the scatter.
-TIGHT = 0.4
+SEEN_WITHIN = 0.4
 # Rounds of placing and looking again what the views show.
 ROUNDS = 4
 # Curves that lie so near to a circle belong to it, pixels, if this share of them does.
@@ -60,7 +60,7 @@ def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> C
         if moved is None:
             return None
         circle = moved
-    counts = (_shown(circle, angle, views) & (circle_residuals(circle, angle, views, outward) < TIGHT)).sum(0)
+    counts = (_shown(circle, angle, views) & (circle_residuals(circle, angle, views, outward) < SEEN_WITHIN)).sum(0)
     return circle if (counts >= SHOWN * enough).mean() >= COVERED else None
 
 
