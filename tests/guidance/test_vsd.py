@@ -85,6 +85,7 @@ def test_a_state_goes_on_bit_for_bit(latents):
     through.learn(latents, CAMERAS, seeded(2))
     resumed = Particles(make("mvdream"), seed=4)
     resumed.restore(kept)
+    assert resumed.learned == 2
     resumed.learn(latents, CAMERAS, seeded(2))
     first, second = through.state(), resumed.state()
     assert first.keys() == second.keys()
@@ -130,7 +131,9 @@ def test_the_objective_is_what_the_prior_says_less_what_the_particles_say(latent
     expected = 6.5 * (conditional - negative)
     assert float(loss.detach()) == pytest.approx(float(expected.square().sum()) / 8, rel=1e-3)
     assert Rendering.color.grad.abs().sum() > 0
-    assert objective.particles.state()
+    assert objective.particles.learned == 1
+    with pytest.raises(ValueError, match="has learned for 1 steps, this is step 5: such a run cannot be resumed"):
+        objective(Rendering(), CAMERAS, 5)
 
 
 def test_only_vsd_trains_a_network():

@@ -77,9 +77,13 @@ class ScoreDistillation:
         """The loss of a step's rendering.
 
         Raises:
-            ValueError: the number of views is no multiple of the prior's group.
+            ValueError: the number of views is no multiple of the prior's group; vsd in a run that was resumed without
+                the network that it trains.
         """
         check_groups(len(cameras), self.denoiser.group)
+        if self.particles is not None and self.particles.learned != step:
+            had = f"has learned for {self.particles.learned} steps, this is step {step}"
+            raise ValueError(f"the network that vsd trains {had}: such a run cannot be resumed without it")
         generator = step_generator(self.seed, step)
         latents = self.denoiser.encode(rendering.color, generator)
         low, high = self.recipe.annealing.bounds(step, self.steps)

@@ -26,6 +26,9 @@ class Particles:
     """A prior's network, trained on the renderings: without its additions it is the prior as before.
 
     It is trained in float32, whatever the network computes in.
+
+    Attributes:
+        learned: steps of training so far.
     """
 
     def __init__(self, prior: Denoiser, seed: int = 0) -> None:
@@ -43,6 +46,7 @@ class Particles:
             raise ValueError("variational score distillation needs a prior with a network to train")
         if getattr(prior, "perp_neg", False):
             raise ValueError("variational score distillation does not go with perpendicular negatives")
+        self.learned = 0
         self._prior, self._unet = prior, unet
         unet.add_adapter(LoraConfig(r=RANK, lora_alpha=RANK, init_lora_weights=True, target_modules=ADDED_TO))
         # The prior's own passes keep nothing; only training computes twice.
@@ -89,6 +93,7 @@ class Particles:
             loss = (epsilon - noise).square().sum()
             loss.backward()
         self._optimizer.step()
+        self.learned += 1
         self._optimizer.zero_grad()
         return float(loss.detach()) / noise.numel()
 
@@ -117,3 +122,5 @@ class Particles:
                 key: value.clone() if key == "step" else value.to(parameter, copy=True)
                 for key, value in moments.items()
             }
+            # There are no moments before the first step.
+            self.learned = int(moments.get("step", 0))
