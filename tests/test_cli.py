@@ -1,0 +1,56 @@
+"""The command line as a whole: every command says what it needs, and fails with a sentence."""
+
+import json
+
+import pytest
+
+from diff3ds.cli import FAULT, main
+
+COMMANDS = ["text", "image", "views", "eval", "fetch", "doctor"]
+
+
+def ends(arguments: list[str], capsys) -> tuple[int, str, str]:
+    """Exit code, output and messages on one line."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    said = capsys.readouterr()
+    return ended.value.code, said.out, " ".join(said.err.split())
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command, capsys):
+    code, out, _ = ends([command, "--help"], capsys)
+    assert code == 0
+    assert f"usage: diff3ds {command}" in out
+
+
+def test_the_recipe_has_options_of_its_own(capsys):
+    assert "--clip-rn101" in ends(["views", "--recipe", "3doodle", "--help"], capsys)[1]
+    assert "--clip-rn101" not in ends(["views", "--help"], capsys)[1]
+
+
+def test_doctor_as_json_is_json(capsys):
+    main(["doctor", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {"base", "packages", "devices", "weights", "priors"}
+    assert {prior["name"] for prior in found["priors"]} >= {"mvdream", "stable-diffusion", "zero123"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fetch", "dall-e"], "prior must be one of stable-diffusion"),
+        (["eval", "."], "no metric can be computed without weights"),
+        (["views", "nowhere"], "nowhere"),
+        (["views"], "give either a transforms.json"),
+        (["text", "", "--prior", "exemplar"], "the phrase is empty"),
+        (["text", "a chair", "--steps", "0"], "steps must be positive"),
+    ],
+)
+def test_faults_are_sentences(arguments, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, said = ends(arguments, capsys)
+    assert code in (FAULT, 2)
+    assert message in said
+    assert "Traceback" not in said
+    assert not list(tmp_path.iterdir())
