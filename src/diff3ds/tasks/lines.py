@@ -134,6 +134,8 @@ def _without_specks(ridges: Ridges, side: int) -> Ridges:
     """The ridges of lines that are longer than specks."""
     from scipy.ndimage import find_objects, label
 
+    # A spot has no direction.
+    ridges = ridges[np.abs(ridges.normals).max(1, initial=0) > 0]
     if not len(ridges):
         return ridges
     column, row = np.floor(ridges.points).astype(int).clip(0, side - 1).T

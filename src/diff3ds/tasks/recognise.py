@@ -22,13 +22,13 @@ DISTANCE, FOV = 1.9, 60.0
 CELLS, DIRECTIONS, SIDE, BLUR, EVERY = 32, 4, 1.2, 1.6, 2
 # Pieces of a stroke.
 PIECES = 32
-# The best views of the table are refined: each with so many other seeds, at its pose and poses beside it (degrees).
-REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 10, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
+# So many best views of the best categories are refined: each with so many seeds, at its pose and beside it (degrees).
+CANDIDATES, REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 4, 5, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
 # Seeds among which members like the picture are sought.
 POOL = 64
 # Confidence: the scores of all categories, and that of none of them, are logits at this temperature. Both are fitted to
 # members of other seeds, jittered, half of them with their category left out of the table: `benchmarks/recognise.py`.
-TEMPERATURE, NONE = 0.02, 0.8
+TEMPERATURE, NONE = 0.0072, 0.954
 LEAST_CONFIDENCE = 0.5
 SUGGESTIONS = 3
 
@@ -54,7 +54,7 @@ class Recognised:
     @property
     def camera(self) -> Cameras:
         """Where the picture was taken from, as far as its lines tell."""
-        return orbit(self.azimuth, self.elevation, DISTANCE, fov=FOV, size=1)
+        return _orbit([(self.azimuth, self.elevation)])
 
     @property
     def caption(self) -> str:
@@ -71,41 +71,62 @@ class Recognised:
         return {**asdict(self), "attributes": list(self.attributes), "likely": [list(pair) for pair in self.likely]}
 
 
+@dataclass(frozen=True)
+class Match:
+    """A view of a category's members that is like a picture.
+
+    Attributes:
+        attributes: of the member.
+        azimuth, elevation: of the camera, degrees.
+        score: in [0, 1].
+    """
+
+    attributes: tuple[str, ...]
+    azimuth: float
+    elevation: float
+    score: float
+
+
 def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, ...] = ()) -> Recognised:
     """Finds what lines show.
 
     Args:
-        category, attributes: if they are known; then only the pose is sought.
+        category: if it is known; the confidence is 1 then.
+        attributes: the same; if none are named, they are sought.
 
     Raises:
         ValueError: nothing in the library is like it.
     """
     wanted = described(lines)
     if category is not None:
-        return _refined(wanted, category, {category: 1.0}, attributes)
-    best = best_scores(wanted)
-    confidence = confidences(best)
-    found = max(confidence, key=confidence.__getitem__)
-    if confidence[found] < LEAST_CONFIDENCE:
-        likely = sorted(confidence, key=confidence.__getitem__, reverse=True)[:SUGGESTIONS]
+        best = _refined(wanted, category, _table_of(category, attributes))
+        return Recognised(category, best.attributes, best.azimuth, best.elevation, 1.0, ((category, 1.0),))
+    found = matches(wanted)
+    confidence = confidences({name: match.score for name, match in found.items()})
+    likely = sorted(confidence.items(), key=lambda pair: -pair[1])[:SUGGESTIONS]
+    name, share = likely[0]
+    if share < LEAST_CONFIDENCE:
         raise ValueError(
             f"the built-in prior does not recognise the {lines.kind}: it is most like "
-            f"{', '.join(f'{name} ({confidence[name]:.0%})' for name in likely)}. If it shows one of those, or another "
-            f'of the {len(CATEGORIES)} kinds it knows, say so: --shows "{CATEGORIES[likely[0]].captions()[0]}". '
+            f"{', '.join(f'{one} ({share:.0%})' for one, share in likely)}. If it shows one of those, or another of "
+            f'the {len(CATEGORIES)} kinds of things it knows, say so: --shows "{CATEGORIES[name].captions()[0]}". '
             "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123"
         )
-    return _refined(wanted, found, confidence, None)
+    best = found[name]
+    return Recognised(name, best.attributes, best.azimuth, best.elevation, share, tuple(likely))
 
 
-def confidences(best: dict[str, float]) -> dict[str, float]:
-    """Of every category, from its best score; what they lack to 1 is that of none of them."""
-    logits = torch.tensor([*best.values(), NONE]) / TEMPERATURE
-    return dict(zip(best, logits.softmax(0).tolist(), strict=False))
+def confidences(scores: dict[str, float]) -> dict[str, float]:
+    """Of every category, from its score; what they lack to 1 is that of none of them."""
+    logits = torch.tensor([*scores.values(), NONE]) / TEMPERATURE
+    return dict(zip(scores, logits.softmax(0).tolist(), strict=False))
 
 
-def best_scores(wanted: Float[Tensor, " D"]) -> dict[str, float]:
-    """The best score of each category among the views of the table, in [0, 1]."""
-    return {name: float((table(name).descriptors @ wanted).max()) for name in CATEGORIES}
+def matches(wanted: Float[Tensor, " D"]) -> dict[str, Match]:
+    """The best match of every category; those of the best categories are refined."""
+    found = {name: _best(wanted, table(name)) for name in CATEGORIES}
+    best = sorted(found, key=lambda name: -found[name].score)[:CANDIDATES]
+    return found | {name: _refined(wanted, name, table(name)) for name in best}
 
 
 def alike(lines: Lines, found: Recognised, count: int) -> list[Sketch]:
@@ -130,28 +151,24 @@ def drawn_over(lines: Lines, sketch: Sketch, cameras: Cameras, width: float) -> 
     return 1 - torch.from_numpy(ink)[..., None].repeat(1, 1, 3)
 
 
-def _refined(
-    wanted: Float[Tensor, " D"], category: str, confidence: dict[str, float], attributes: tuple[str, ...] | None
-) -> Recognised:
-    """Attributes and pose, from the best views of the table and poses beside them, with proportions of other seeds."""
-    views = table(category)
-    of_kind = [attributes is None or kind == attributes for kind in views.attributes]
-    if not any(of_kind):
-        # The table has one attribute at a time.
-        views = _views(category, [attributes or ()])
-        of_kind = [True] * len(views.poses)
-    scores = (views.descriptors @ wanted).masked_fill(~torch.tensor(of_kind), -1)
-    tried: dict[tuple[tuple[str, ...], float, float], float] = {}
-    for i in scores.topk(REFINED).indices.tolist():
-        kind, azimuth, elevation = views.attributes[i], *views.poses[i]
-        poses = [(azimuth + a, max(0.0, elevation + e)) for a in STEPS_AROUND for e in STEPS_UP]
-        cameras = orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
-        found = [descriptors(*pieces(_drawn(category, kind, seed), cameras)) @ wanted for seed in range(SEEDS)]
-        for (a, e), score in zip(poses, torch.stack(found).amax(0).tolist(), strict=True):
-            tried[kind, a % 360, e] = score
-    kind, azimuth, elevation = max(tried, key=tried.__getitem__)
-    likely = sorted(confidence.items(), key=lambda pair: -pair[1])[:SUGGESTIONS]
-    return Recognised(category, kind, azimuth, elevation, confidence[category], tuple(likely))
+def _best(wanted: Float[Tensor, " D"], views: "Views") -> Match:
+    scores = views.descriptors @ wanted
+    best = int(scores.argmax())
+    return Match(views.attributes[best], *views.poses[best], float(scores[best]))
+
+
+def _refined(wanted: Float[Tensor, " D"], category: str, views: "Views") -> Match:
+    """The best match among poses beside those of the best views, with proportions of other seeds."""
+    found = []
+    for i in (views.descriptors @ wanted).topk(REFINED).indices.tolist():
+        kind, (azimuth, elevation) = views.attributes[i], views.poses[i]
+        poses = [((azimuth + a) % 360, max(0.0, elevation + e)) for a in STEPS_AROUND for e in STEPS_UP]
+        cameras = _orbit(poses)
+        for seed in range(SEEDS):
+            scores = descriptors(*pieces(_drawn(category, kind, seed), cameras)) @ wanted
+            best = int(scores.argmax())
+            found.append(Match(kind, *poses[best], float(scores[best])))
+    return max(found, key=lambda match: match.score)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,11 +194,21 @@ def table(category: str) -> Views:
 
 def _views(category: str, kinds: Sequence[tuple[str, ...]]) -> Views:
     poses = tuple((a, e) for a in AZIMUTHS for e in ELEVATIONS)
-    cameras = orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
+    cameras = _orbit(poses)
     seen = [descriptors(*pieces(_drawn(category, kind, 0), cameras)) for kind in kinds]
     return Views(torch.cat(seen), tuple(kind for kind in kinds for _ in poses), poses * len(kinds))
 
 
+def _table_of(category: str, attributes: tuple[str, ...]) -> Views:
+    """Views of members with just these attributes; of all members, if none are named."""
+    return _views(category, [attributes]) if attributes else table(category)
+
+
+def _orbit(poses: Sequence[tuple[float, float]]) -> Cameras:
+    return orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
+
+
+@cache
 def _drawn(category: str, attributes: tuple[str, ...], seed: int) -> Sketch:
     return member(category, torch.Generator().manual_seed(seed), attributes).sketch
 

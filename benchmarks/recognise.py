@@ -1,0 +1,270 @@
+"""Pictures of the library's things: whether what they show is recognised, and how near the sketches made of them are.
+
+    python benchmarks/recognise.py recognised [--each 2] [--json FILE]
+    python benchmarks/recognise.py sketches [--only chair,mug] [--weights 0,3000] [--json FILE]
+    python benchmarks/recognise.py confidence [--each 3] [--json FILE]
+
+The things are members of seeds that the recogniser has not, plain or with one attribute, seen from random sides
+between 0 and 30 degrees of elevation. Pictures have 512 pixels, lines of the default width.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import torch
+from distill import scores
+from report import environment, say, show, write_json
+
+import diff3ds as ds
+from diff3ds.formats import save_png
+from diff3ds.library import CATEGORIES, member
+from diff3ds.tasks import recognise as recogniser
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.image import ImageOptions, image_to_sketch
+from diff3ds.tasks.lines import Lines, lines_of
+from diff3ds.tasks.picture import read_reference
+from diff3ds.tasks.priors import PriorOptions
+from diff3ds.tasks.recognise import DISTANCE, described, descriptors, matches, pieces, recognise
+
+# Of the first member; the recogniser's tables and pools have seeds below 100.
+FIRST_SEED, SIZE = 1000, 512
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How a picture differs from a rendering.
+
+    Attributes:
+        jitter: standard deviation of what moves every control point by itself; the things have a radius of .95.
+        noise: of what every channel of every pixel is changed by.
+        missing: share of the strokes.
+        distance: of the camera; the recogniser's tables have 1.9.
+    """
+
+    jitter: float = 0.0
+    noise: float = 0.0
+    missing: float = 0.0
+    distance: float = DISTANCE
+
+
+CONDITIONS = {
+    "plain": Condition(),
+    "noise": Condition(noise=0.1),
+    "jitter": Condition(jitter=0.02),
+    "much jitter and noise": Condition(jitter=0.03, noise=0.1),
+    "jitter, missing strokes, other perspective": Condition(jitter=0.02, missing=0.1, distance=4.0),
+}
+# A pose is found if it is this near, degrees, or if the thing looks no less like the picture from there than from this
+# far beside the true pose: many things look alike from several sides.
+NEAR = 15.0
+# The category's own threshold must not end the count.
+ANY_CONFIDENCE = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One thing in one picture."""
+
+    category: str
+    attributes: tuple[str, ...]
+    azimuth: float
+    elevation: float
+    sketch: ds.Sketch
+    picture: torch.Tensor
+
+
+def things(each: int, condition: str, first_seed: int = FIRST_SEED) -> Iterator[Shown]:
+    """So many of every category."""
+    draw, how = Random(first_seed), CONDITIONS[condition]
+    for seed in range(first_seed, first_seed + each):
+        for i, (name, category) in enumerate(CATEGORIES.items()):
+            attributes = draw.choice([(), *((a.name,) for a in category.attributes)])
+            azimuth, elevation = draw.uniform(0, 360), draw.uniform(0, 30)
+            sketch = member(name, torch.Generator().manual_seed(seed), attributes).sketch
+            chance = torch.Generator().manual_seed(1000 * seed + i)
+            moved = replace(
+                sketch, points=sketch.points + how.jitter * torch.randn(sketch.points.shape, generator=chance)
+            )
+            left = moved[torch.rand(len(moved), generator=chance) >= how.missing]
+            camera = ds.orbit(azimuth, elevation, how.distance, size=SIZE)
+            picture = ds.render(left, camera).color[0]
+            picture = picture + how.noise * torch.randn(picture.shape, generator=chance)
+            yield Shown(name, attributes, azimuth, elevation, sketch, picture.clamp(0, 1))
+
+
+def lines_in(picture: torch.Tensor) -> Lines:
+    """As `diff3ds image` reads a file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture.png"
+        save_png(path, picture)
+        return lines_of(read_reference(path))
+
+
+def pose_found(shown: Shown, lines: Lines, found: recogniser.Recognised) -> tuple[bool, bool]:
+    """Whether the pose is near, and whether it is near or as good as one that is."""
+    apart = abs((found.azimuth - shown.azimuth + 180) % 360 - 180)
+    near = apart <= NEAR and abs(found.elevation - shown.elevation) <= NEAR
+    beside = ds.orbit([shown.azimuth - NEAR, shown.azimuth + NEAR], shown.elevation, DISTANCE, size=1)
+    wanted = described(lines)
+    least = float((descriptors(*pieces(shown.sketch, beside)) @ wanted).min())
+    return near, near or float(descriptors(*pieces(shown.sketch, found.camera))[0] @ wanted) >= least
+
+
+def recognised(chosen: argparse.Namespace) -> dict[str, Any]:
+    """Shares of category, attributes and pose that are found, and of what the threshold lets through."""
+    recogniser.LEAST_CONFIDENCE = ANY_CONFIDENCE
+    begun = time.perf_counter()
+    for name in CATEGORIES:
+        recogniser.table(name)
+    figures: dict[str, Any] = {"seconds_of_the_tables": time.perf_counter() - begun, "conditions": {}}
+    for condition in CONDITIONS:
+        rows, begun = [], time.perf_counter()
+        for shown in things(chosen.each, condition):
+            lines = lines_in(shown.picture)
+            found = recognise(lines)
+            right = found.category == shown.category
+            near, alike = pose_found(shown, lines, found)
+            if not (right and alike):
+                print(condition, shown.category, shown.attributes, round(shown.azimuth), "->", found, file=sys.stderr)
+            sure = found.confidence >= 0.5
+            rows.append((right, right and found.attributes == shown.attributes, right and near, right and alike,
+                         sure, sure and not right))  # fmt: skip
+        shares = torch.tensor(rows).float().mean(0).tolist()
+        names = ("category", "and_attributes", "and_pose", "and_pose_or_its_like", "taken", "taken_but_wrong")
+        figures["conditions"][condition] = {
+            **dict(zip(names, shares, strict=True)),
+            "pictures": len(rows),
+            "seconds_each": (time.perf_counter() - begun) / len(rows),
+        }
+    columns = tuple(next(iter(figures["conditions"].values())))
+    show("Shares of the pictures in which what they show is recognised", ("pictures", *columns),
+         [(name, *row.values()) for name, row in figures["conditions"].items()])  # fmt: skip
+    return figures
+
+
+def sketches(chosen: argparse.Namespace) -> dict[str, Any]:
+    """F-scores of the sketches made of pictures, and their error in the picture's view."""
+    figures: dict[str, Any] = {}
+    for condition in chosen.conditions:
+        for weight in chosen.weights:
+            rows = {}
+            for shown in things(1, condition):
+                if shown.category in chosen.only:
+                    rows[shown.category] = sketched(shown, weight, chosen.keep)
+                    print(condition, weight, shown.category, rows[shown.category], file=sys.stderr)
+            made = [row for row in rows.values() if row]
+            means = {name: sum(row[name] for row in made) / len(made) for name in made[0]}
+            figures[f"{condition}, weight {weight:g}"] = {"refused": len(rows) - len(made), "mean": means, **rows}
+    columns = ("F5", "F2", "chamfer_percent", "view_error", "view_F5", "seconds", "strokes")
+    show("Sketches of pictures", ("pictures", "refused", *columns),
+         [(name, row["refused"], *(row["mean"][c] for c in columns)) for name, row in figures.items()])  # fmt: skip
+    return figures
+
+
+def sketched(shown: Shown, weight: float, keep: Path | None) -> dict[str, float]:
+    """Figures of one run; none if the picture is refused."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        path, out = folder / f"{shown.category}.png", folder / shown.category
+        save_png(path, shown.picture)
+        begun = time.perf_counter()
+        try:
+            sketch = image_to_sketch(
+                path, out, ImageOptions(reference_loss=weight), prior=PriorOptions(prior="exemplar"),
+                settings=DistillOptions(sheet_every=0, overwrite=True)
+            )  # fmt: skip
+        except ValueError as error:
+            print(error, file=sys.stderr)
+            return {}
+        seconds = time.perf_counter() - begun
+    camera = ds.orbit(shown.azimuth, shown.elevation, DISTANCE, size=SIZE // 4)
+    seen = [ds.render(one, camera).color for one in (sketch, shown.sketch)]
+    error = float((seen[0] - seen[1]).square().mean().sqrt())
+    flat = [seen_flat(one, camera) for one in (sketch, shown.sketch)]
+    return {**scores(sketch, shown.sketch), "view_error": error, "view_F5": scores(*flat)["F5"],
+            "seconds": seconds, "strokes": len(sketch)}  # fmt: skip
+
+
+def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
+    """What a camera sees, as strokes in a plane: rational curves stay so under projection."""
+    weighted = torch.cat([sketch.points * sketch.weights[..., None], sketch.weights[..., None]], -1).double()
+    seen = weighted @ camera.projection[0, :3].mT
+    points = torch.cat([seen[..., :2] / seen[..., 2:], torch.zeros_like(seen[..., :1])], -1)
+    return replace(sketch, points=points.float(), weights=seen[..., 2].float())
+
+
+def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
+    """Fits the temperature and the score of none: half of the pictures have their category left out of the tables."""
+    rows, names = [], [*CATEGORIES]
+    for condition in CONDITIONS:
+        for shown in things(chosen.each, condition, FIRST_SEED * 2):
+            found = matches(described(lines_in(shown.picture)))
+            rows.append((torch.tensor([found[name].score for name in names]), names.index(shown.category)))
+    values, truth = torch.stack([row[0] for row in rows]), torch.tensor([row[1] for row in rows])
+    without = values.scatter(1, truth[:, None], -1.0)
+    both, wanted = torch.cat([values, without]), torch.cat([truth, torch.full_like(truth, len(names))])
+    log_temperature = torch.tensor(-4.0, requires_grad=True)
+    none = torch.tensor(0.8, requires_grad=True)
+    optimizer = torch.optim.LBFGS([log_temperature, none], max_iter=200, line_search_fn="strong_wolfe")
+
+    def logits() -> torch.Tensor:
+        return torch.cat([both, none.expand(len(both), 1)], 1) / log_temperature.exp()
+
+    def loss() -> torch.Tensor:
+        optimizer.zero_grad()
+        value = torch.nn.functional.cross_entropy(logits(), wanted)
+        value.backward()
+        return value
+
+    optimizer.step(loss)
+    shares = logits().detach().softmax(1)
+    sure, said = shares[:, :-1].max(1)
+    taken = sure >= 0.5
+    right = said == wanted
+    bins = [(low / 10, low / 10 + 0.1) for low in range(10)]
+    inside = [(sure >= low) & (sure < high) for low, high in bins]
+    table = [(f"{low:.1f}-{high:.1f}", int(i.sum()), float(right[i].float().mean()) if i.any() else None)
+             for (low, high), i in zip(bins, inside, strict=True)]  # fmt: skip
+    show("Confidence and what was right", ("confidence", "pictures", "right"), table)
+    known = torch.arange(len(both)) < len(values)
+    figures = {
+        "temperature": log_temperature.exp().item(),
+        "none": none.item(),
+        "pictures": len(values),
+        "known_taken_and_right": float((taken & right)[known].float().mean()),
+        "known_taken_and_wrong": float((taken & ~right)[known].float().mean()),
+        "left_out_taken": float(taken[~known].float().mean()),
+        "right_by_confidence": table,
+    }
+    say(str(figures))
+    return figures
+
+
+def main() -> None:
+    """Runs one of the three."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("recognised", "sketches", "confidence"))
+    parser.add_argument("--each", type=int, default=2, help="things of every category")
+    parser.add_argument("--only", type=lambda text: text.split(","), default=["chair", "mug", "house", "car", "teapot"])
+    parser.add_argument("--weights", type=lambda text: [float(w) for w in text.split(",")], default=[3000.0])
+    parser.add_argument("--conditions", type=lambda text: text.split(","), default=["plain", "noise", "jitter"])
+    parser.add_argument("--keep", type=Path, help="folder for the runs")
+    parser.add_argument("--json", type=Path, help="file of figures, to which these are added")
+    chosen = parser.parse_args()
+    torch.set_num_threads(1)
+    about = environment()
+    figures = {"recognised": recognised, "sketches": sketches, "confidence": confidence}[chosen.what](chosen)
+    if chosen.json:
+        write_json(chosen.json, about, {chosen.what: figures})
+
+
+if __name__ == "__main__":
+    main()
