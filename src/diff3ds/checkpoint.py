@@ -1,7 +1,7 @@
 """The state of a fit, and the file that keeps it: safetensors, so that reading one runs no code."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,6 +14,8 @@ from diff3ds.sketch import Sketch, WidthSpace
 
 VERSION = 1
 FIELDS = ("points", "weights", "width", "color", "opacity")
+# Before the names of what learns beside the sketch.
+COMPANION = "companion."
 # 100,000 strokes with their moments take 40 MB.
 MAX_BYTES = 1 << 30
 
@@ -29,6 +31,7 @@ class State:
         age: steps that each stroke has seen.
         random: state of the generator, bytes.
         losses: of all steps so far.
+        companion: what else learns beside the sketch, by name.
     """
 
     index: int
@@ -38,6 +41,7 @@ class State:
     age: Float[Tensor, " N"]
     random: Tensor
     losses: tuple[float, ...]
+    companion: dict[str, Tensor] = field(default_factory=dict)
 
     def generator(self) -> torch.Generator:
         """A generator in the state of this moment."""
@@ -77,6 +81,7 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         "age": state.age,
         "random": state.random,
         "losses": torch.tensor(state.losses, dtype=torch.float64),
+        **{f"{COMPANION}{name}": value for name, value in state.companion.items()},
     }
     about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
     with replacing(path) as temporary:
@@ -108,7 +113,8 @@ def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State
             if any(moments[name].shape != value.shape for name, value in sketch.tensors().items()):
                 raise ValueError("moments and strokes do not fit")
         losses = tuple(tensors["losses"].tolist())
-        state = State(int(about["index"]), sketch, first, second, tensors["age"], tensors["random"], losses)
+        beside = {k.removeprefix(COMPANION): v for k, v in tensors.items() if k.startswith(COMPANION)}
+        state = State(int(about["index"]), sketch, first, second, tensors["age"], tensors["random"], losses, beside)
         state.generator()
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ValueError(f"{path}: damaged checkpoint ({error}); delete it to start anew") from error

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 
@@ -27,6 +27,19 @@ LOGARITHMIC = ("weights", "width")
 
 # Maps a sketch, the cameras of a step and its index to what is drawn.
 Projection = Callable[[Sketch, Cameras, int], Strokes2D]
+
+
+@runtime_checkable
+class Companion(Protocol):
+    """What learns beside the sketch, inside the objective, and must be in the checkpoint for a run to go on from it."""
+
+    def state(self) -> dict[str, Tensor]:
+        """A copy of all that has changed, by name, on the CPU."""
+        ...
+
+    def restore(self, state: dict[str, Tensor]) -> None:
+        """Goes on from what `state` gave."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -71,6 +84,7 @@ class FitConfig:
         checkpoint_every: steps.
         resume: go on from the checkpoint if it exists; the run continues as if it had never stopped.
         identity: what else a run must share to go on from a checkpoint, as JSON knows it.
+        companion: what learns in the objective; it is kept in the checkpoint and restored from it.
     """
 
     steps: int = 1000
@@ -88,6 +102,7 @@ class FitConfig:
     checkpoint_every: int = 100
     resume: bool = False
     identity: Mapping[str, object] = field(default_factory=dict)
+    companion: Companion | None = None
 
     def __post_init__(self) -> None:
         for name in ("steps", "checkpoint_every"):
@@ -152,6 +167,8 @@ def fit(
     state = start(sketch.detach(), config.seed)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
         state = read_checkpoint(config.checkpoint, _settings(config))
+        if config.companion is not None:
+            config.companion.restore(state.companion)
     return _run(state, objective, cameras if callable(cameras) else _always(cameras), config)
 
 
@@ -192,6 +209,8 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
         edit = refine(state.index, config.steps, state.sketch, generator)
         if edit is not None:
             state = state.edited(edit)
+    if config.companion is not None:
+        state = replace(state, companion=config.companion.state())
     value = float(loss.detach())
     step = Step(state.index, state.sketch, value, Rendering(*(x.detach() for x in vars(rendering).values())))
     return replace(state, index=state.index + 1, losses=(*state.losses, value), random=generator.get_state()), step

@@ -66,15 +66,18 @@ def same(one: Path, other: Path) -> bool:
 PRIORS = ["stable-diffusion", "stable-diffusion-768", "mvdream", "zero123", "stable-zero123"]
 
 
-@pytest.mark.parametrize("prior", PRIORS)
-def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, checkpoints, drawing, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("prior", "method"), [*((prior, None) for prior in PRIORS), ("mvdream", "vsd"), ("zero123", "vsd")]
+)
+def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, method, checkpoints, drawing, tmp_path, monkeypatch):
     whole, part = tmp_path / "whole", tmp_path / "part"
-    main(command(prior, checkpoints, drawing, whole))
+    more = ["--method", method] if method else []
+    main(command(prior, checkpoints, drawing, whole, *more))
     info = json.loads((whole / "run.json").read_text())
     assert info["options"]["prior"] == prior
     assert info["steps_done"] == STEPS
     assert info["guidance"] == (7.5 if prior.endswith("zero123") else 50.0)
-    assert info["method"] == ("reconstruction" if prior == "mvdream" else "sds")
+    assert info["method"] == (method or ("reconstruction" if prior == "mvdream" else "sds"))
     assert len(list((whole / "progress").iterdir())) == 2
     names = {"sketch.json", "sketch.step", "sketch.svg", "preview.png", "run.json", "checkpoint.safetensors"}
     assert names <= {path.name for path in whole.iterdir()}
@@ -88,11 +91,11 @@ def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, checkpoints, 
         # Comes after step 3.
         patch.setattr(task, "contact_sheet", interrupt)
         with pytest.raises(SystemExit) as ended:
-            main(command(prior, checkpoints, drawing, part))
+            main(command(prior, checkpoints, drawing, part, *more))
     assert ended.value.code == STOPPED
     assert json.loads((part / "run.json").read_text())["steps_done"] == 3
     assert not same(whole, part)
-    main(command(prior, checkpoints, drawing, part, "--resume"))
+    main(command(prior, checkpoints, drawing, part, "--resume", *more))
     assert same(whole, part)
 
 
@@ -104,7 +107,7 @@ def test_weights_alone_say_which_prior_they_are(prior, found, checkpoints, tmp_p
     assert same(tmp_path / "named", tmp_path / "both")
 
 
-@pytest.mark.parametrize("method", ["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi"])
+@pytest.mark.parametrize("method", ["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"])
 def test_every_method_runs(method, checkpoints, drawing, tmp_path):
     main(command("mvdream", checkpoints, drawing, tmp_path, "--method", method, "--steps", "2"))
     assert json.loads((tmp_path / "run.json").read_text())["method"] == method

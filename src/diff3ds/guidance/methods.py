@@ -182,7 +182,7 @@ def sdi(look: Look) -> Verdict:
     for now, then in itertools.pairwise(grid):
         epsilon = look.guided(noisy, now, INVERTED_GUIDANCE)
         start, end = look.alpha_bar(now), look.alpha_bar(then)
-        # Song et al. 2021, eq. 16, for a step from less to more noise.
+        # Song et al. 2021, equation 16, for a step from less to more noise.
         deviation = INVERTED_NOISE * ((1 - start) / (1 - end) * (1 - end / start)).clamp(min=0).sqrt()
         noisy = distill.ddim_step(noisy, epsilon, start, end, deviation) + deviation * look.noise()
     epsilon = look.guided(noisy, look.timesteps)

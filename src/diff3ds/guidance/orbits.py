@@ -35,7 +35,7 @@ class Orbits:
             low, high = getattr(self, name)
             if not low <= high:
                 raise ValueError(f"{name} must be (lowest, highest), got {low} and {high}")
-        if not self.distance[0] > 0 or not (-90 < self.elevation[0] and self.elevation[1] < 90):
+        if not self.distance[0] > 0 or not (self.elevation[0] > -90 and self.elevation[1] < 90):
             raise ValueError(
                 "distance must be positive and elevation in (-90, 90) degrees, "
                 f"got {self.distance} and {self.elevation}"

@@ -131,7 +131,7 @@ class Zero123:
         """Takes a diffusers.UNet2DConditionModel with 8 channels, and what goes with it, all on one device."""
         self.schedule = schedule
         self.size = autoencoder.size
-        self._unet = unet
+        self.unet = unet
         self._autoencoder = autoencoder
         self._projection = projection
         self._condition = condition
@@ -164,7 +164,7 @@ class Zero123:
         # Whether the picture is shown; each kind once.
         kinds = list(dict.fromkeys(branch == "conditional" for branch in branches))
         contexts, beside = ([kind * shown for kind in kinds] for shown in (tokens, concat))
-        found = predict_noise(self._unet, noisy, timesteps, contexts, self.schedule, self._prediction, beside=beside)
+        found = predict_noise(self.unet, noisy, timesteps, contexts, self.schedule, self._prediction, beside=beside)
         return torch.stack([found[kinds.index(branch == "conditional")] for branch in branches])
 
 

@@ -76,7 +76,9 @@ def distill(
     orbits = _orbits(denoiser, options)
     recipe = options.recipe(guidance if values.guidance is None else values.guidance, denoiser.group)
     judge = ScoreDistillation(denoiser, recipe, values.steps, options.seed)
-    config = _config(options, values, out, {**about, **_identity(options, values, recipe)})
+    config = replace(
+        _config(options, values, out, {**about, **_identity(options, values, recipe)}), companion=judge.particles
+    )
     objective, cameras = (judge, orbits) if reference is None else _with_reference(judge, orbits, reference)
     stopped = False
     with closing(fit(_start(options, values, color), objective, cameras, config)) as steps:

@@ -72,8 +72,8 @@ class DistillOptions:
         elevation: lowest and highest, of the cameras, degrees.
         fov: field of view, degrees.
         guidance: weight of classifier-free guidance; by default 50 for a phrase, 7.5 for a picture.
-        method: sds, reconstruction (sds with restored contrast), or csd, nfsd, asd, ism, sdi; by default reconstruction
-            for priors that see several views at once, else sds.
+        method: sds, reconstruction (sds with restored contrast), or csd, nfsd, asd, ism, sdi, vsd; by default
+            reconstruction for priors that see several views at once, else sds.
         rescale: share of the contrast that reconstruction restores.
         weighting: w(t) of the methods that have one: sds (1 - ᾱ), uniform, fantasia3d, ratio.
         clip: entries of the gradient at the prior are limited to ± this.
