@@ -213,3 +213,36 @@ def test_checkpoints_of_other_runs_and_broken_ones_are_refused(start, views, obj
         config.checkpoint.write_bytes(broken)
         with pytest.raises(ValueError, match=r"run\.safetensors.*(checkpoint).*delete it"):
             ds.fit(start, objective, views, config)
+
+
+class Counter:
+    """Learns how often it was asked."""
+
+    def __init__(self):
+        self.count = 0
+
+    def __call__(self, rendering, cameras, index):
+        self.count += 1
+        return (rendering.alpha - 0.1 * self.count).square().mean()
+
+    def state(self):
+        return {"count": torch.tensor(self.count)}
+
+    def restore(self, state):
+        self.count = int(state["count"])
+
+
+def test_what_learns_beside_the_sketch_is_resumed(start, views, tmp_path):
+    def run(steps, path, resume=False):
+        counter = Counter()
+        config = ds.FitConfig(steps=8, rates=ALL_RATES, checkpoint=path, resume=resume, companion=counter)
+        for step in ds.fit(start, counter, views, config):
+            if step.index + 1 == steps:
+                # Work that is lost with the step in which a run is stopped does not count.
+                counter.count += 5
+                break
+        return step.sketch
+
+    whole = run(8, tmp_path / "whole")
+    run(3, tmp_path / "part")
+    assert_same(run(8, tmp_path / "part", resume=True), whole)
