@@ -18,9 +18,11 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
 import torch
 from distill import scores
-from report import environment, say, show, write_json
+from report import environment, show, write_json
+from scipy.optimize import minimize
 
 import diff3ds as ds
 from diff3ds.formats import save_png
@@ -46,12 +48,14 @@ class Condition:
         noise: of what every channel of every pixel is changed by.
         missing: share of the strokes.
         distance: of the camera; the recogniser's tables have 1.9.
+        stretch: most by which height differs from width.
     """
 
     jitter: float = 0.0
     noise: float = 0.0
     missing: float = 0.0
     distance: float = DISTANCE
+    stretch: float = 0.0
 
 
 CONDITIONS = {
@@ -59,13 +63,13 @@ CONDITIONS = {
     "noise": Condition(noise=0.1),
     "jitter": Condition(jitter=0.02),
     "much jitter and noise": Condition(jitter=0.03, noise=0.1),
-    "jitter, missing strokes, other perspective": Condition(jitter=0.02, missing=0.1, distance=4.0),
+    "all, other perspective": Condition(jitter=0.03, noise=0.1, missing=0.15, distance=4.0, stretch=0.15),
 }
 # A pose is found if it is this near, degrees, or if the thing looks no less like the picture from there than from this
 # far beside the true pose: many things look alike from several sides.
 NEAR = 15.0
-# The category's own threshold must not end the count.
-ANY_CONFIDENCE = 0.0
+# The recogniser's own threshold would end the count.
+THRESHOLD, ANY_CONFIDENCE = recogniser.LEAST_CONFIDENCE, 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +98,9 @@ def things(each: int, condition: str, first_seed: int = FIRST_SEED) -> Iterator[
             )
             left = moved[torch.rand(len(moved), generator=chance) >= how.missing]
             camera = ds.orbit(azimuth, elevation, how.distance, size=SIZE)
+            camera = replace(
+                camera, intrinsics=camera.intrinsics * torch.tensor([[1.0, 1, 1], [1, tall, 1], [1, 1, 1]])
+            )
             picture = ds.render(left, camera).color[0]
             picture = picture + how.noise * torch.randn(picture.shape, generator=chance)
             yield Shown(name, attributes, azimuth, elevation, sketch, picture.clamp(0, 1))
@@ -133,7 +140,7 @@ def recognised(chosen: argparse.Namespace) -> dict[str, Any]:
             near, alike = pose_found(shown, lines, found)
             if not (right and alike):
                 print(condition, shown.category, shown.attributes, round(shown.azimuth), "->", found, file=sys.stderr)
-            sure = found.confidence >= 0.5
+            sure = found.confidence >= THRESHOLD
             rows.append((right, right and found.attributes == shown.attributes, right and near, right and alike,
                          sure, sure and not right))  # fmt: skip
         shares = torch.tensor(rows).float().mean(0).tolist()
@@ -202,50 +209,48 @@ def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
 
 
 def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
-    """Fits the temperature and the score of none: half of the pictures have their category left out of the tables."""
-    rows, names = [], [*CATEGORIES]
+    """Fits the logistic function of confidence; every picture counts twice, once with its category left out."""
+    rows = []
     for condition in CONDITIONS:
         for shown in things(chosen.each, condition, FIRST_SEED * 2):
             found = matches(described(lines_in(shown.picture)))
-            rows.append((torch.tensor([found[name].score for name in names]), names.index(shown.category)))
-    values, truth = torch.stack([row[0] for row in rows]), torch.tensor([row[1] for row in rows])
-    without = values.scatter(1, truth[:, None], -1.0)
-    both, wanted = torch.cat([values, without]), torch.cat([truth, torch.full_like(truth, len(names))])
-    log_temperature = torch.tensor(-4.0, requires_grad=True)
-    none = torch.tensor(0.8, requires_grad=True)
-    optimizer = torch.optim.LBFGS([log_temperature, none], max_iter=200, line_search_fn="strong_wolfe")
-
-    def logits() -> torch.Tensor:
-        return torch.cat([both, none.expand(len(both), 1)], 1) / log_temperature.exp()
-
-    def loss() -> torch.Tensor:
-        optimizer.zero_grad()
-        value = torch.nn.functional.cross_entropy(logits(), wanted)
-        value.backward()
-        return value
-
-    optimizer.step(loss)
-    shares = logits().detach().softmax(1)
-    sure, said = shares[:, :-1].max(1)
-    taken = sure >= 0.5
-    right = said == wanted
-    bins = [(low / 10, low / 10 + 0.1) for low in range(10)]
-    inside = [(sure >= low) & (sure < high) for low, high in bins]
-    table = [(f"{low:.1f}-{high:.1f}", int(i.sum()), float(right[i].float().mean()) if i.any() else None)
-             for (low, high), i in zip(bins, inside, strict=True)]  # fmt: skip
+            for left_out in (False, True):
+                left = {n: m.score for n, m in found.items() if not (left_out and n == shown.category)}
+                (name, best), (_, second) = sorted(left.items(), key=lambda pair: -pair[1])[:2]
+                rows.append((best, best - second, name == shown.category, left_out))
+    features, right = np.array([row[:2] for row in rows]), np.array([row[2] for row in rows])
+    left_out = np.array([row[3] for row in rows])
+    factors, offset = fitted_logistic(features, right)
+    sure = 1 / (1 + np.exp(-(features @ factors + offset)))
+    taken = sure >= THRESHOLD
+    bins = [(low / 10, (sure >= low / 10) & (sure < low / 10 + 0.1)) for low in range(10)]
+    table = [(f"{low:.1f} to {low + 0.1:.1f}", int(i.sum()), float(right[i].mean())) for low, i in bins if i.any()]
     show("Confidence and what was right", ("confidence", "pictures", "right"), table)
-    known = torch.arange(len(both)) < len(values)
     figures = {
-        "temperature": log_temperature.exp().item(),
-        "none": none.item(),
-        "pictures": len(values),
-        "known_taken_and_right": float((taken & right)[known].float().mean()),
-        "known_taken_and_wrong": float((taken & ~right)[known].float().mean()),
-        "left_out_taken": float(taken[~known].float().mean()),
+        "of_score": factors[0],
+        "of_lead": factors[1],
+        "offset": offset,
+        "pictures": len(rows),
+        "known_taken_and_right": float((taken & right)[~left_out].mean()),
+        "known_taken_and_wrong": float((taken & ~right)[~left_out].mean()),
+        "left_out_taken": float(taken[left_out].mean()),
         "right_by_confidence": table,
     }
-    say(str(figures))
+    show("Confidence", ("figure", "value"), [(k, v) for k, v in figures.items() if k != "right_by_confidence"])
     return figures
+
+
+def fitted_logistic(features: np.ndarray, right: np.ndarray) -> tuple[list[float], float]:
+    """The most likely factors of the features and offset."""
+    scale = features.std(0)
+    basis = np.column_stack([features / scale, np.ones(len(features))])
+
+    def loss(parameters: np.ndarray) -> float:
+        along = basis @ parameters
+        return float((np.logaddexp(0, along) - right * along).sum())
+
+    found = minimize(loss, np.zeros(3)).x
+    return (found[:2] / scale).tolist(), float(found[2])
 
 
 def main() -> None:

@@ -76,12 +76,12 @@ def lines_of(picture: ReferencePicture) -> Lines:
     """
     rgba = np.pad(picture.pixels.numpy(), ((PADDING, PADDING), (PADDING, PADDING), (0, 0)))
     ink = _ink(rgba)
-    ridges = _without_specks(color_ridges(rgba) if ink is None else _centre_lines(ink), len(rgba))
+    ridges = _one_a_pixel(_without_specks(color_ridges(rgba) if ink is None else _centre_lines(ink), len(rgba)))
     if not len(ridges):
         raise ValueError("the picture has no lines: give a drawing in lines, or a photograph of one object")
-    # One point in every pixel that a line crosses.
+    # A line of length 1 crosses so many pixels, of which each has a point.
     along = np.stack([-ridges.normals[:, 1], ridges.normals[:, 0]], 1)
-    along = along / np.abs(along).max(1, keepdims=True)
+    along = along / np.abs(along).sum(1, keepdims=True)
     low, high = ridges.points.min(0), ridges.points.max(0)
     side = max(float((high - low).max()), 1.0)
     return Lines(
@@ -128,6 +128,14 @@ def _centre_lines(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
     if np.median(depth[depth > 0]) > WIDE:
         return find_ridges(depth.astype(np.float32), MAP_SIGMA, MAP_VALUE)
     return map_ridges(np.clip(ink / np.quantile(ink[ink > FAINT], 0.9), 0, 1).astype(np.float32))
+
+
+def _one_a_pixel(ridges: Ridges) -> Ridges:
+    """A ridge between two pixels is found from both; one point is left in each pixel that has some."""
+    _, first = np.unique(np.floor(ridges.points), axis=0, return_index=True)
+    kept = np.zeros(len(ridges), bool)
+    kept[first] = True
+    return ridges[kept]
 
 
 def _without_specks(ridges: Ridges, side: int) -> Ridges:

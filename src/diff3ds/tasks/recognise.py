@@ -1,5 +1,6 @@
 """What a picture shows: the category, attributes and pose of the library's view whose lines are most like its own."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -26,9 +27,9 @@ PIECES = 32
 CANDIDATES, REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 4, 5, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
 # Seeds among which members like the picture are sought.
 POOL = 64
-# Confidence: the scores of all categories, and that of none of them, are logits at this temperature. Both are fitted to
-# members of other seeds, jittered, half of them with their category left out of the table: `benchmarks/recognise.py`.
-TEMPERATURE, NONE = 0.0072, 0.954
+# Confidence is a logistic function of the score of the best category and of its lead over the next one, fitted to
+# distorted members of other seeds, half of them with their category left out: `benchmarks/recognise.py confidence`.
+OF_SCORE, OF_LEAD, OFFSET = 20.0, 100.0, -20.0
 LEAST_CONFIDENCE = 0.5
 SUGGESTIONS = 3
 
@@ -40,8 +41,9 @@ class Recognised:
     Attributes:
         category, attributes: of the library.
         azimuth, elevation: of the camera, degrees.
-        confidence: in [0, 1]: the share of drawings with this score whose category was right.
-        likely: the most likely categories and the confidence of each.
+        confidence: in [0, 1]: so many of such pictures showed this category, where every other one showed something
+            that the library lacks.
+        scores: of the categories that are most like the picture, in [0, 1].
     """
 
     category: str
@@ -49,7 +51,7 @@ class Recognised:
     azimuth: float
     elevation: float
     confidence: float
-    likely: tuple[tuple[str, float], ...]
+    scores: tuple[tuple[str, float], ...]
 
     @property
     def camera(self) -> Cameras:
@@ -68,7 +70,7 @@ class Recognised:
 
     def as_json(self) -> dict[str, object]:
         """In the types of JSON."""
-        return {**asdict(self), "attributes": list(self.attributes), "likely": [list(pair) for pair in self.likely]}
+        return {**asdict(self), "attributes": list(self.attributes), "scores": [list(pair) for pair in self.scores]}
 
 
 @dataclass(frozen=True)
@@ -102,24 +104,23 @@ def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, 
         best = _refined(wanted, category, _table_of(category, attributes))
         return Recognised(category, best.attributes, best.azimuth, best.elevation, 1.0, ((category, 1.0),))
     found = matches(wanted)
-    confidence = confidences({name: match.score for name, match in found.items()})
-    likely = sorted(confidence.items(), key=lambda pair: -pair[1])[:SUGGESTIONS]
-    name, share = likely[0]
-    if share < LEAST_CONFIDENCE:
+    scores = sorted(((name, match.score) for name, match in found.items()), key=lambda pair: -pair[1])[:SUGGESTIONS]
+    name, sure = scores[0][0], confidence(scores[0][1], scores[1][1])
+    if sure < LEAST_CONFIDENCE:
         raise ValueError(
             f"the built-in prior does not recognise the {lines.kind}: it is most like "
-            f"{', '.join(f'{one} ({share:.0%})' for one, share in likely)}. If it shows one of those, or another of "
-            f'the {len(CATEGORIES)} kinds of things it knows, say so: --shows "{CATEGORIES[name].captions()[0]}". '
+            f"{', '.join(f'{one} ({score:.2f})' for one, score in scores)}, but may be none of them. "
+            f"If it shows one of the {len(CATEGORIES)} kinds of things that it knows, say so: "
+            f'--shows "{CATEGORIES[name].captions()[0]}". '
             "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123"
         )
     best = found[name]
-    return Recognised(name, best.attributes, best.azimuth, best.elevation, share, tuple(likely))
+    return Recognised(name, best.attributes, best.azimuth, best.elevation, sure, tuple(scores))
 
 
-def confidences(scores: dict[str, float]) -> dict[str, float]:
-    """Of every category, from its score; what they lack to 1 is that of none of them."""
-    logits = torch.tensor([*scores.values(), NONE]) / TEMPERATURE
-    return dict(zip(scores, logits.softmax(0).tolist(), strict=False))
+def confidence(best: float, next_best: float) -> float:
+    """That the category with the best score is right."""
+    return 1 / (1 + math.exp(-(OF_SCORE * best + OF_LEAD * (best - next_best) + OFFSET)))
 
 
 def matches(wanted: Float[Tensor, " D"]) -> dict[str, Match]:
