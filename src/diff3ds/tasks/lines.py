@@ -11,16 +11,12 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Float
 from diff3ds.edges.ridges import MAP_SIGMA, MAP_VALUE, Ridges, color_ridges, find_ridges, map_ridges
+from diff3ds.tasks.paper import INKED, depth_in, is_thin
 from diff3ds.tasks.picture import FAINT, ReferencePicture
 
 Array = NDArray[np.float64]
 Kind = Literal["drawing", "photograph"]
 
-# The ink of a drawing is nowhere deeper than this share of the picture's side, but for a tenth of it: what is deeper
-# is an area. A felt tip of 6 % of the object's size is half as deep.
-DEEP = 0.03
-# A pixel with this share of the darkest ink is a line's.
-INKED = 0.5
 # Inside an object that was cut out, paper is the colour of most of it; ink has less than this share, differs by this,
 # and lies deeper than so many pixels, by the median. Empirical.
 MOST_INK, PLAIN, RIM = 0.4, 0.12, 2.0
@@ -95,7 +91,7 @@ def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32]
     Where the background was cut away, what is left is the ink; where paper was cut out, ink is what differs from it.
     """
     alpha = rgba[..., 3]
-    if _is_thin(alpha):
+    if is_thin(alpha):
         return alpha
     inside = alpha > INKED
     colors = rgba[..., :3] / np.maximum(alpha, 1e-3)[..., None]
@@ -106,25 +102,13 @@ def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32]
         return None
     ink = np.clip(differs / strongest, 0, 1)
     # Mixed colours along the outline are no ink.
-    rim = np.median(_depth(alpha)[ink > INKED]) < RIM
-    return None if rim or not _is_thin(ink) else ink
-
-
-def _is_thin(ink: Float[NDArray[np.float32], "H W"]) -> bool:
-    depth = _depth(ink)
-    return float(np.quantile(depth[depth > 0], 0.9)) < DEEP * len(ink)
-
-
-def _depth(ink: Float[NDArray[np.float32], "H W"]) -> Float[Array, "H W"]:
-    """How deep each pixel lies in the ink, pixels."""
-    from scipy.ndimage import distance_transform_edt
-
-    return np.asarray(distance_transform_edt(ink > INKED * ink.max()))
+    rim = np.median(depth_in(alpha)[ink > INKED]) < RIM
+    return None if rim or not is_thin(ink) else ink
 
 
 def _centre_lines(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
     """Thin lines are the ridges of the ink; wide ones, whose tops are flat, those of the depth in it."""
-    depth = _depth(ink)
+    depth = depth_in(ink)
     if np.median(depth[depth > 0]) > WIDE:
         return find_ridges(depth.astype(np.float32), MAP_SIGMA, MAP_VALUE)
     return map_ridges(np.clip(ink / np.quantile(ink[ink > FAINT], 0.9), 0, 1).astype(np.float32))

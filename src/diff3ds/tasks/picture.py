@@ -10,6 +10,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats.png import load_image
 from diff3ds.tasks.background import parse_background, with_alpha
+from diff3ds.tasks.paper import ink_on_paper
 from diff3ds.tasks.posed import PosedPictures
 from diff3ds.tasks.resample import area_means
 from diff3ds.tasks.store import store_of
@@ -81,7 +82,7 @@ class ReferencePicture:
 
 
 def read_reference(path: Path, size: int = OF, options: PictureOptions | None = None) -> ReferencePicture:
-    """Reads a reference picture: RGBA, or one with a mask, or one with a plain background.
+    """Reads a reference picture: RGBA, or one with a mask, or one with a plain background, or a drawing on paper.
 
     Pixels are area means where the picture is reduced, bilinear where it is enlarged. A rotation in EXIF is heeded.
 
@@ -91,7 +92,7 @@ def read_reference(path: Path, size: int = OF, options: PictureOptions | None = 
 
     Raises:
         ValueError: a file that is no picture, or one of more than 2^27 pixels; a mask of another size; nothing visible;
-            a background that is not plain; an object of fewer than 32 pixels.
+            neither a plain background nor lines on paper; an object of fewer than 32 pixels.
         OSError: a file cannot be read.
     """
     options = options or PictureOptions()
@@ -134,6 +135,10 @@ def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions)
     opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (path.name,))
     cut, color = with_alpha(opaque, color)
     if color is None:
+        ink = ink_on_paper(image[..., :3].numpy())
+        if ink is not None:
+            pixels[..., :3], pixels[..., 3] = 0, torch.from_numpy(ink)
+            return pixels
         raise ValueError(
             f"{path}: cannot tell the object from what is behind it: the picture has no transparency, and its borders "
             "no single colour. Cut the object out in an image editor and save it as PNG with transparency, or give "
