@@ -1,7 +1,7 @@
 """Score distillation of a sketch: what `diff3ds text` and `diff3ds image` do once they have a prior."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -52,7 +52,7 @@ def distill(
     about: Mapping[str, object],
     preset: PresetName = "paper",
     color: tuple[float, float, float] | None = None,
-    final_width: float | None = None,
+    finish: Callable[[Sketch], Sketch] = lambda sketch: sketch,
     report: Report = lambda progress: None,
     reference: Reference | None = None,
 ) -> Sketch:
@@ -67,7 +67,7 @@ def distill(
         about: what the run is: its subject and prior; a resumed run must have the same.
         preset: where the options name none.
         color: of the strokes at the start, straight RGB; default black.
-        final_width: of the strokes in the results, where small images asked for thicker ones; not if widths are fitted.
+        finish: makes the sketch of the results from that of the last step.
         report: called after every step.
         reference: the picture of `diff3ds image`.
     """
@@ -92,9 +92,7 @@ def distill(
         except KeyboardInterrupt:
             stopped = True
     state = read_checkpoint(out / CHECKPOINT)
-    sketch = state.sketch
-    if final_width is not None and "width" not in options.optimize:
-        sketch = replace(sketch, width=torch.full_like(sketch.width, final_width))
+    sketch = finish(state.sketch)
     seconds = time.perf_counter() - begun
     info = RunInfo(
         {**about, **asdict(options)},

@@ -1,5 +1,6 @@
 """The built-in prior: it has seen members of the library, and knows which of them the phrase or picture means."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,9 @@ from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.members import RADIUS, member
 from diff3ds.library.phrase import Request, parse
 from diff3ds.render import render
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.tidy import close_gaps
 
 # Members that the phrase means, and members of every other kind. More of the latter cost time and change little.
 FITTING, OTHERS = 6, 1
@@ -116,3 +119,13 @@ def _fitted(sketch: Sketch) -> Sketch:
     middle = (points.amin(0) + points.amax(0)) / 2
     scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
     return replace(sketch, points=(sketch.points - middle) * scale)
+
+
+def thin_lines(sketch: Sketch, settings: DistillOptions) -> Sketch:
+    """Strokes as thin as others, and without the gaps that thick ones hide: up to half their width where they are."""
+    away = sum(settings.distance) / 2
+    image_height = 2 * away * math.tan(math.radians(settings.fov / 2))
+    met = close_gaps(sketch, float(sketch.width.median()) * image_height / 2)
+    if settings.width is not None or "width" in settings.optimize:
+        return met
+    return replace(met, width=torch.full_like(met.width, DEFAULT_WIDTH))

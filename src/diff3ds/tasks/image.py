@@ -12,7 +12,7 @@ from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Reference, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import FITTING, SIZE, exemplars_like
+from diff3ds.tasks.exemplars import FITTING, SIZE, exemplars_like, thin_lines
 from diff3ds.tasks.lines import lines_of
 from diff3ds.tasks.picture import PictureOptions, read_reference
 from diff3ds.tasks.priors import (
@@ -29,8 +29,8 @@ from diff3ds.tasks.results import claim
 
 # The paper's weight of guidance for pictures.
 GUIDANCE = 7.5
-# With the built-in prior: as much as its loss, a sum over all pixels of four views. Empirical.
-REFERENCE_LOSS = 30000.0
+# With the built-in prior, whose loss is a sum over the pixels of four views. Empirical (benchmarks/recognise.py).
+REFERENCE_LOSS = 3000.0
 # The distance at which Stable-Zero123 has all its cameras; of the reference picture's camera.
 DISTANCE = 2.0
 
@@ -43,7 +43,7 @@ class ImageOptions:
         view_elevation: from how high the picture was taken, degrees; within the elevations of the cameras, so that
             they come by. The built-in prior finds it by itself.
         reference_loss: weight of the difference between the sketch and the picture, seen from where it was taken,
-            beside the prior's loss; by default none, as in the paper, and 30000 with the built-in prior.
+            beside the prior's loss; by default none, as in the paper, and 3000 with the built-in prior.
         shows: for the built-in prior: what the picture shows, a phrase such as "a chair with armrests"; by default it
             is recognised.
     """
@@ -150,7 +150,7 @@ def _from_library(
         preset="swift",
         report=report,
         color=color,
-        final_width=DEFAULT_WIDTH if settings.width is None else None,
+        finish=lambda sketch: thin_lines(sketch, settings),
         reference=known if known.weight else None,
     )
 

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill import CHECKPOINT, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import exemplars_of
+from diff3ds.tasks.exemplars import exemplars_of, thin_lines
 from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
@@ -86,5 +86,5 @@ def _from_library(
         preset="swift",
         report=report,
         color=known.color,
-        final_width=DEFAULT_WIDTH if settings.width is None else None,
+        finish=lambda sketch: thin_lines(sketch, settings),
     )
