@@ -215,6 +215,21 @@ def test_checkpoints_of_other_runs_and_broken_ones_are_refused(start, views, obj
             ds.fit(start, objective, views, config)
 
 
+def test_an_identity_hides_no_rate(start, views, objective, tmp_path):
+    config = ds.FitConfig(
+        steps=2,
+        rates=ALL_RATES,
+        checkpoint=tmp_path / "run.safetensors",
+        resume=True,
+        identity={name: 0.5 for name in ("points", "weights", "width", "color", "opacity")},
+    )
+    list(ds.fit(start, objective, views, config))
+    for name in ("points", "weights", "width", "color", "opacity"):
+        other = replace(config, rates=replace(ALL_RATES, **{name: 0.007}))
+        with pytest.raises(ValueError, match=f"the run to resume had rate of {name}=.*, not 0.007"):
+            ds.fit(start, objective, views, other)
+
+
 class Counter:
     """Learns how often it was asked."""
 
@@ -246,3 +261,16 @@ def test_what_learns_beside_the_sketch_is_resumed(start, views, tmp_path):
     whole = run(8, tmp_path / "whole")
     run(3, tmp_path / "part")
     assert_same(run(8, tmp_path / "part", resume=True), whole)
+
+
+def test_a_run_stopped_in_its_first_step_is_resumed_with_what_learns_beside_it(start, views, tmp_path):
+    config = ds.FitConfig(steps=2, checkpoint=tmp_path / "run.safetensors", resume=True, companion=Counter())
+
+    def interrupt(rendering, cameras, index):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(ds.fit(start, interrupt, views, config))
+    counter = Counter()
+    steps = list(ds.fit(start, counter, views, replace(config, companion=counter)))
+    assert (len(steps), counter.count) == (2, 2)

@@ -164,7 +164,8 @@ def fit(
         raise ValueError("the sketch has no strokes to fit")
     if config.rates.width and not bool((sketch.width > 0).all()):
         raise ValueError("a stroke of width 0 cannot grow: give all strokes a width to fit widths")
-    state = start(sketch.detach(), config.seed)
+    companion = config.companion.state() if config.companion is not None else {}
+    state = replace(start(sketch.detach(), config.seed), companion=companion)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
         state = read_checkpoint(config.checkpoint, _settings(config))
         if config.companion is not None:
@@ -179,7 +180,9 @@ def _always(cameras: Cameras) -> CameraSampler:
 def _settings(config: FitConfig) -> dict[str, object]:
     """What must be the same for a run to go on from a checkpoint."""
     names = ("steps", "final_rate", "antialiasing", "samples", "seed")
-    return {**asdict(config.rates), **{name: getattr(config, name) for name in names}, **config.identity}
+    # Named apart from what an identity may hold: a run has a width as well as a rate of widths.
+    rates = {f"rate of {name}": rate for name, rate in asdict(config.rates).items()}
+    return {**rates, **{name: getattr(config, name) for name in names}, **config.identity}
 
 
 def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
