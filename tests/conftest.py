@@ -8,6 +8,9 @@ import jaxtyping
 import pytest
 import torch
 
+# Before any library of the hub is imported: nothing is looked for on the network.
+os.environ["HF_HUB_OFFLINE"] = "1"
+
 # Derandomised: a run fails or passes for what the code does, not for the day's luck. No deadline: machines differ.
 hypothesis.settings.register_profile("diff3ds", derandomize=True, deadline=None, print_blob=False, database=None)
 hypothesis.settings.load_profile("diff3ds")
