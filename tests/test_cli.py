@@ -3,7 +3,9 @@
 import json
 
 import pytest
+import torch
 
+from diff3ds import cli
 from diff3ds.cli import FAULT, main
 
 COMMANDS = ["text", "image", "views", "eval", "fetch", "doctor"]
@@ -54,3 +56,21 @@ def test_faults_are_sentences(arguments, message, capsys, tmp_path, monkeypatch)
     assert message in said
     assert "Traceback" not in said
     assert not list(tmp_path.iterdir())
+
+
+def test_a_gpu_without_room_is_a_sentence(capsys, tmp_path, monkeypatch):
+    def full(*arguments):
+        raise torch.cuda.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB. GPU 0 has ...")
+
+    monkeypatch.setattr(cli, "text_to_sketch", full)
+    code, _, said = ends(["text", "a chair", "-o", str(tmp_path)], capsys)
+    assert code == FAULT
+    assert "CUDA out of memory. Try --precision float16" in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("speed", "shown"), [(42.4, "42 steps/s"), (1.23, "1.2 steps/s"), (0.55, "1.8 s a step"), (0.02, "50.0 s a step")]
+)
+def test_the_rate_of_slow_steps_is_not_zero(speed, shown):
+    assert cli._rate(speed) == shown

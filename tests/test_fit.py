@@ -221,7 +221,7 @@ def test_an_identity_hides_no_rate(start, views, objective, tmp_path):
         rates=ALL_RATES,
         checkpoint=tmp_path / "run.safetensors",
         resume=True,
-        identity={name: 0.5 for name in ("points", "weights", "width", "color", "opacity")},
+        identity=dict.fromkeys(("points", "weights", "width", "color", "opacity"), 0.5),
     )
     list(ds.fit(start, objective, views, config))
     for name in ("points", "weights", "width", "color", "opacity"):

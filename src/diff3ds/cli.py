@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn
 
+import torch
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn, TransferSpeedColumn
@@ -122,8 +123,9 @@ class Text:
 class Image:
     """Make a 3D sketch of the object in a picture, by score distillation from a prior that knows other views of it.
 
-    Priors: zero123 (Zero123-XL), stable-zero123 (weights for non-commercial research only). The picture has alpha, or a
-    --mask, or a plain background. Writes what "diff3ds text" writes.
+    Priors: zero123 (Zero123-XL, the default where its weights and a GPU are there), stable-zero123 (weights for
+    non-commercial research only); and exemplar, which is built in, needs neither, and recognises forty kinds of things.
+    The picture has alpha, or a --mask, or a plain background. Writes what "diff3ds text" writes.
     """
 
     image: OmitArgPrefixes[ImageOptions]
@@ -246,9 +248,15 @@ def main(arguments: list[str] | None = None) -> None:
         )
         Console(stderr=True).print(f"stopped; {said}")
         sys.exit(STOPPED)
+    except torch.cuda.OutOfMemoryError as error:
+        _fail(f"{str(error).partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu")
     except (ValueError, OSError, ImportError, FloatingPointError) as error:
-        Console(stderr=True).print(f"diff3ds: {error}", markup=False, highlight=False, soft_wrap=True)
-        sys.exit(FAULT)
+        _fail(str(error))
+
+
+def _fail(message: str) -> NoReturn:
+    Console(stderr=True).print(f"diff3ds: {message}", markup=False, highlight=False, soft_wrap=True)
+    sys.exit(FAULT)
 
 
 def _written(console: Console, sketch: Sketch, out: Path) -> None:
@@ -257,6 +265,13 @@ def _written(console: Console, sketch: Sketch, out: Path) -> None:
 
 def _sayer(console: Console) -> Callable[[str], None]:
     return lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _rate(speed: float) -> str:
+    """Of a large network, a step takes seconds."""
+    if speed < 1:
+        return f"{1 / speed:.1f} s a step"
+    return f"{speed:.{0 if speed >= 10 else 1}f} steps/s"
 
 
 @contextmanager
@@ -287,7 +302,7 @@ def _progress(console: Console) -> Iterator[Report]:
                 task,
                 total=progress.total,
                 completed=progress.done,
-                steps=steps + (f"  {speed:.0f} steps/s" if speed else ""),
+                steps=steps + (f"  {_rate(speed)}" if speed else ""),
                 about=f"{loss}{progress.strokes} strokes  {progress.note}" if progress.strokes else "",
             )
 

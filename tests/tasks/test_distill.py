@@ -178,11 +178,28 @@ def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
         ({"t_low": (0.9, 0.1)}, "0 < low <= high < 1"),
         ({"delete_from": 2.0}, "delete_from must lie in"),
         ({"sheet_every": -1}, "must not be negative"),
+        ({"fov": 180.0}, "fov must lie in"),
+        ({"distance": (2.0, 1.8)}, "distance must be"),
+        ({"elevation": (0.0, 90.0)}, "elevation in"),
+        ({"rescale": 1.5}, "rescale must lie in"),
+        ({"clip": 0.0}, "clip must be positive"),
+        ({"guidance": float("inf")}, "guidance must be finite"),
+        ({"color_rate": -0.1}, "color_rate must be finite and not negative"),
+        ({"seed": -1}, "seed must be finite and not negative"),
+        ({"preset": "swift", "optimize": ("width",), "width": None, "width_range": (0.001, 0.04)}, "got 0.05"),
     ],
 )
 def test_options_that_make_no_sense(wrong, message):
     with pytest.raises(ValueError, match=message):
         replace(QUICK, **wrong)
+
+
+def test_a_range_of_widths_is_compared_with_the_preset_of_the_run():
+    """Not with the paper's 0.006 where strokes start at 0.05."""
+    options = DistillOptions(optimize=("width",), width_range=(0.01, 0.1))
+    assert options.values("swift").width == 0.05
+    with pytest.raises(ValueError, match=r"got 0\.006"):
+        options.values("paper")
 
 
 def test_options_come_before_the_preset():

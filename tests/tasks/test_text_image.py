@@ -12,6 +12,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.tasks import distill as task
 from diff3ds.tasks.picture import read_reference
+from diff3ds.tasks.priors import PriorOptions
 
 pytest.importorskip("diffusers")
 pytest.importorskip("transformers")
@@ -105,6 +106,34 @@ def test_weights_alone_say_which_prior_they_are(prior, found, checkpoints, tmp_p
     assert json.loads((tmp_path / "named" / "run.json").read_text())["options"]["prior"] == found
     main(command(prior, checkpoints, None, tmp_path / "both"))
     assert same(tmp_path / "named", tmp_path / "both")
+
+
+def test_other_weights_of_the_same_kind_are_another_run(checkpoints, tmp_path, capsys):
+    arguments = ["text", "a chair", "-o", str(tmp_path / "run"), *QUICK, "--steps", "1"]
+    main([*arguments, "--prior", str(checkpoints["stable-diffusion"])])
+    other = save_stable_diffusion(tmp_path / "other")
+    said = fails([*arguments, "--prior", str(other), "--resume"], capsys)
+    assert f"the run to resume had weights={checkpoints['stable-diffusion']}, not {other}" in said
+
+
+def test_a_name_is_a_prior_though_there_is_a_folder_of_that_name(checkpoints, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mvdream").mkdir()
+    (tmp_path / "mvdream" / "run.json").write_text("{}")
+    main([*command("mvdream", checkpoints, None, tmp_path / "out", "--steps", "1")])
+    said = fails(["text", "a chair", "--prior", "mvdream", "-o", "mvdream", "--overwrite"], capsys)
+    assert "no weights for mvdream" in said
+
+
+def test_weights_need_a_prior():
+    """Without one, the built-in prior would be taken, and they would be ignored."""
+    with pytest.raises(ValueError, match=r"or --prior owner/name"):
+        PriorOptions(weights="owner/name")
+
+
+def test_a_wrong_batch_is_said_before_weights_are_sought(tmp_path, capsys):
+    arguments = ["text", "a chair", "--prior", "mvdream", "--batch", "6", "-o", str(tmp_path / "out")]
+    assert "batch must be a multiple of 4" in fails(arguments, capsys)
 
 
 @pytest.mark.parametrize("method", ["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"])

@@ -6,6 +6,7 @@ from typing import Literal
 from diff3ds.guidance.distill import Weighting
 from diff3ds.guidance.methods import Method
 from diff3ds.guidance.objective import Recipe
+from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import TimeAnnealing
 from diff3ds.sketch import DEFAULT_WIDTH
 
@@ -132,26 +133,41 @@ class DistillOptions:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ValueError(f"{name} must be positive, got {value}")
+        for name in ("rate", "color_rate", "alpha_rate", "width_rate", "blur", "seed"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value < float("inf"):
+                raise ValueError(f"{name} must be finite and not negative, got {value}")
+        if not 0 < self.fov < 180:
+            raise ValueError(f"fov must lie in (0, 180) degrees, got {self.fov}")
         if not self.optimize:
             raise ValueError("optimize must name something: position, color, alpha, width")
-        width = self.width or DEFAULT_WIDTH
-        if "width" in self.optimize and not self.width_range[0] <= width <= self.width_range[1]:
-            raise ValueError(f"width must lie in width_range {self.width_range}, got {width}")
         if self.sheet_every < 0 or self.delete_length < 0:
             raise ValueError("sheet_every and delete_length must not be negative; 0 turns them off")
         if not (0 <= self.delete_from <= 1 and 0 < self.delete_every <= 1):
             raise ValueError("delete_from must lie in [0, 1] and delete_every in (0, 1]: they are shares of the steps")
-        self.annealing()
+        # What these check is said before any weights are loaded.
+        Orbits(self.batch, distance=self.distance, elevation=self.elevation)
+        self.recipe(self.guidance or 0.0, group=1)
+        if self.preset or self.width:
+            self.values()
 
     def annealing(self) -> TimeAnnealing:
         """The timesteps that are drawn."""
         return TimeAnnealing(self.t_low[0], self.t_high[0], self.t_low[1], self.t_high[1], self.anneal_share)
 
     def values(self, default: PresetName = "paper") -> Preset:
-        """The values of the preset, except where options are given."""
+        """The values of the preset, except where options are given.
+
+        Raises:
+            ValueError: widths that are fitted start outside their range.
+        """
         preset = PRESETS[self.preset or default]
         given = {f.name: getattr(self, f.name) for f in fields(Preset)}
-        return replace(preset, **{name: value for name, value in given.items() if value is not None})
+        values = replace(preset, **{name: value for name, value in given.items() if value is not None})
+        least, most = self.width_range
+        if "width" in self.optimize and not least <= values.width <= most:
+            raise ValueError(f"width must lie in width_range {self.width_range}, got {values.width}: give another one")
+        return values
 
     def recipe(self, guidance: float, group: int) -> Recipe:
         """How the prior moves the sketch.

@@ -9,7 +9,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.device import Precision, pick_device
 from diff3ds.guidance.known import KNOWN
-from diff3ds.guidance.mvdream import NEGATIVE, load_mvdream
+from diff3ds.guidance.mvdream import NEGATIVE, VIEWS, load_mvdream
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
 from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.weights import Source, find, locate
@@ -43,6 +43,12 @@ class PriorOptions:
     allow_pickle: bool = False
     device: str = "auto"
     precision: Precision = "auto"
+
+    def __post_init__(self) -> None:
+        if self.weights and self.prior is None:
+            raise ValueError(
+                f"weights are of a prior: name it (--prior mvdream --weights {self.weights}), or --prior {self.weights}"
+            )
 
     def source(self) -> Source | None:
         """The weights that are named, or None for those that are known."""
@@ -129,6 +135,8 @@ def load_for_phrase(
     if name == "mvdream":
         if perp_neg:
             raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
+        if views % VIEWS:
+            raise ValueError(f"batch must be a multiple of {VIEWS}, the views that MVDream sees at once, got {views}")
         negative = NEGATIVE if negative is None else negative
         return load_mvdream(phrase, negative, source, device=where[0], precision=where[1], views=views)
     return load_stable_diffusion(
@@ -150,4 +158,5 @@ def load_for_picture(
 
 
 def _is_place(text: str) -> bool:
-    return "/" in text or Path(text).exists()
+    """Whether it says where weights are. A name is a name, though the folder of an earlier run be called so."""
+    return text not in (*KNOWN, *BUILT_IN) and ("/" in text or Path(text).exists())

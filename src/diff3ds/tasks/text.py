@@ -61,7 +61,8 @@ def text_to_sketch(
     if name in BUILT_IN:
         return _from_library(phrase, out, options, settings, about, report)
     denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.batch)
-    about |= {"negative": options.negative, "perp_neg": options.perp_neg, "weights": prior.weights}
+    weights = prior.source()
+    about |= {"negative": options.negative, "perp_neg": options.perp_neg, "weights": weights and str(weights)}
     return distill(denoiser, settings, out, guidance=GUIDANCE, about=about, report=report)
 
 
