@@ -9,6 +9,7 @@ between 0 and 30 degrees of elevation. Pictures have 512 pixels, lines of the de
 """
 
 import argparse
+import json
 import sys
 import tempfile
 import time
@@ -92,15 +93,15 @@ def things(each: int, condition: str, first_seed: int = FIRST_SEED) -> Iterator[
             attributes = draw.choice([(), *((a.name,) for a in category.attributes)])
             azimuth, elevation = draw.uniform(0, 360), draw.uniform(0, 30)
             sketch = member(name, torch.Generator().manual_seed(seed), attributes).sketch
+            tall = 1 + how.stretch * draw.uniform(-1, 1)
             chance = torch.Generator().manual_seed(1000 * seed + i)
             moved = replace(
                 sketch, points=sketch.points + how.jitter * torch.randn(sketch.points.shape, generator=chance)
             )
             left = moved[torch.rand(len(moved), generator=chance) >= how.missing]
             camera = ds.orbit(azimuth, elevation, how.distance, size=SIZE)
-            camera = replace(
-                camera, intrinsics=camera.intrinsics * torch.tensor([[1.0, 1, 1], [1, tall, 1], [1, 1, 1]])
-            )
+            higher = torch.tensor([[1.0, 1.0, 1.0], [1.0, tall, 1.0], [1.0, 1.0, 1.0]])
+            camera = replace(camera, intrinsics=camera.intrinsics * higher)
             picture = ds.render(left, camera).color[0]
             picture = picture + how.noise * torch.randn(picture.shape, generator=chance)
             yield Shown(name, attributes, azimuth, elevation, sketch, picture.clamp(0, 1))
@@ -268,7 +269,9 @@ def main() -> None:
     about = environment()
     figures = {"recognised": recognised, "sketches": sketches, "confidence": confidence}[chosen.what](chosen)
     if chosen.json:
-        write_json(chosen.json, about, {chosen.what: figures})
+        before = json.loads(chosen.json.read_text())["figures"] if chosen.json.exists() else {}
+        part = {"commit": about["commit"], "command": about["command"], **figures}
+        write_json(chosen.json, about, {**before, chosen.what: part})
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ INKED = 0.5
 SLOW, GRAIN = 0.06, 0.002
 # Ink is darker than paper by this share at least, and by so many times the grain's median deviation; it takes less than
 # these shares of the picture and of its borders. Empirical.
-DARKER, DEVIATIONS, MOST, MOST_AT_BORDERS = 0.12, 6.0, 0.25, 0.02
+DARKER, DEVIATIONS, MOST, MOST_AT_BORDERS = 0.12, 6.0, 0.25, 0.1
 
 
 def ink_on_paper(image: Float[NDArray[np.float32], "H W 3"]) -> Float[NDArray[np.float32], "H W"] | None:

@@ -1,0 +1,214 @@
+"""Members that the recogniser has not seen, drawn from known sides; `diff3ds image` with the built-in prior."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image, ImageDraw
+from scipy.spatial import cKDTree
+
+import diff3ds as ds
+from diff3ds.cli import FAULT, main
+from diff3ds.formats import load_image, save_png
+from diff3ds.library import CATEGORIES, member
+from diff3ds.tasks import priors
+from diff3ds.tasks.lines import lines_of
+from diff3ds.tasks.picture import read_reference
+from diff3ds.tasks.recognise import alike, confidence, descriptors, drawn_over, pieces, recognise
+
+HELD_OUT = 1000
+
+
+def drawn(name: str, attributes=(), seed=HELD_OUT) -> ds.Sketch:
+    return member(name, torch.Generator().manual_seed(seed), attributes).sketch
+
+
+def pictured(path, sketch: ds.Sketch, azimuth: float, elevation: float):
+    save_png(path, ds.render(sketch, ds.orbit(azimuth, elevation, 1.9, size=384)).color[0])
+    return path
+
+
+def lines_in(path):
+    return lines_of(read_reference(path))
+
+
+@pytest.fixture(scope="module")
+def chair(tmp_path_factory):
+    """A chair with armrests from 40 degrees beside its front, 20 above."""
+    folder = tmp_path_factory.mktemp("chair")
+    return pictured(folder / "chair.png", drawn("chair", ("armrests",)), 40.0, 20.0)
+
+
+@pytest.fixture(scope="module")
+def cross(tmp_path_factory):
+    """What the library has not."""
+    image = Image.new("L", (300, 300), 255)
+    pen = ImageDraw.Draw(image)
+    pen.line((20, 150, 280, 150), 0, 5)
+    pen.line((150, 20, 150, 280), 0, 5)
+    path = tmp_path_factory.mktemp("cross") / "cross.png"
+    image.save(path)
+    return path
+
+
+def test_what_members_of_other_seeds_are(tmp_path):
+    """One of every third category; azimuths are odd multiples of 7.5 degrees: farthest from those of the tables."""
+    right = []
+    for i, name in enumerate([*CATEGORIES][::3]):
+        found = recognise(lines_in(pictured(tmp_path / "a.png", drawn(name), 37.5 + 75 * i, 8.0)))
+        right.append(found.category == name)
+    assert len(right) == 14
+    assert sum(right) >= 13
+
+
+def test_attributes_and_pose_of_what_has_no_symmetry(chair):
+    found = recognise(lines_in(chair))
+    assert (found.category, found.attributes) == ("chair", ("armrests",))
+    assert abs(found.azimuth - 40) <= 7.5
+    assert abs(found.elevation - 20) <= 10
+    assert found.confidence > 0.8
+    assert found.caption == "a chair with armrests"
+
+
+def test_pose_of_what_is_known_to_be_there(chair):
+    found = recognise(lines_in(chair), "chair", ("armrests", "high back"))
+    assert found.attributes == ("armrests", "high back")
+    assert abs(found.azimuth - 40) <= 7.5
+    assert found.confidence == 1
+
+
+def test_what_the_library_lacks_is_refused_with_advice(cross):
+    with pytest.raises(ValueError, match=r"does not recognise the drawing: it is most like .*--shows .*fetch zero123"):
+        recognise(lines_in(cross))
+
+
+def test_confidence_rises_with_score_and_lead():
+    assert confidence(0.97, 0.90) > confidence(0.92, 0.85) > confidence(0.92, 0.90)
+    assert confidence(0.99, 0.80) > 0.95
+    assert confidence(0.80, 0.80) < 0.1
+
+
+def test_descriptors_are_unit_vectors_that_count_a_line_once():
+    camera = ds.orbit(40.0, 20.0, 1.9, size=1)
+    points, tangents = pieces(drawn("bicycle"), camera)
+    (once,) = descriptors(points, tangents)
+    (twice,) = descriptors(torch.cat([points, points], 1), torch.cat([tangents, -tangents], 1))
+    assert float(once.norm()) == pytest.approx(1, abs=1e-5)
+    assert float(once @ twice) > 0.97
+    # A mirrored picture is another one, a turned tangent is the same line.
+    flip = torch.tensor([-1.0, 1.0])
+    assert float(once @ descriptors(points * flip, tangents * flip)[0]) < 0.9
+    torch.testing.assert_close(descriptors(points, -tangents)[0], once)
+
+
+def test_lines_that_cross_are_told_apart_by_direction():
+    """A line of 1 along x, and the same points as pieces along y."""
+    points = torch.stack([torch.linspace(-0.5, 0.5, 100), torch.zeros(100)], 1)[None]
+    along, across = torch.tensor([0.01, 0.0]).expand(1, 100, 2), torch.tensor([0.0, 0.01]).expand(1, 100, 2)
+    assert float(descriptors(points, along)[0] @ descriptors(points, across)[0]) == 0
+
+
+def test_members_like_the_picture_are_of_its_proportions(tmp_path):
+    """Of a member that is in the pool, the first is that member."""
+    sketch = drawn("table", seed=17)
+    lines = lines_in(pictured(tmp_path / "a.png", sketch, 30.0, 15.0))
+    found = recognise(lines, "table")
+    assert any(torch.equal(one.points, sketch.points) for one in alike(lines, found, 3))
+
+
+def test_lines_are_drawn_where_the_camera_sees_them(tmp_path):
+    """A member's own lines, found in its picture, over the member: as the renderer draws it, to a part of a pixel."""
+    sketch, camera = drawn("house"), ds.orbit(30.0, 15.0, 1.9, size=64)
+    picture = drawn_over(lines_in(pictured(tmp_path / "a.png", sketch, 30.0, 15.0)), sketch, camera, 0.05)
+    wide = ds.Sketch(sketch.points, sketch.weights, width=torch.full_like(sketch.width, 0.05))
+    error = (picture - ds.render(wide, camera).color[0]).abs().mean()
+    ink = 1 - float(picture.mean())
+    assert 0.1 < ink < 0.5
+    assert float(error) < 0.1 * ink
+
+
+@pytest.fixture(scope="module")
+def run(chair, tmp_path_factory):
+    out = tmp_path_factory.mktemp("run") / "out"
+    main(["image", str(chair), "-o", str(out), "--steps", "250", "--sheet-every", "0", "--quiet"])
+    return out
+
+
+def test_a_picture_becomes_its_thing(run):
+    """F-score at 5 % of the size against the member that was drawn, in the frame of the library."""
+
+    def points_on(sketch: ds.Sketch) -> np.ndarray:
+        return ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 65)).reshape(-1, 3).numpy()
+
+    found, truth = points_on(ds.load(run / "sketch.json")), points_on(drawn("chair", ("armrests",)))
+    near = 0.05 * float(np.ptp(truth, axis=0).max())
+    precision = float((cKDTree(truth).query(found)[0] < near).mean())
+    recall = float((cKDTree(found).query(truth)[0] < near).mean())
+    assert 2 * precision * recall / (precision + recall) > 0.85
+
+
+def test_the_run_says_what_was_recognised(run, chair):
+    info = json.loads((run / "run.json").read_text())["options"]
+    assert info["prior"] == "exemplar"
+    found = recognise(lines_in(chair))
+    assert info["recognised"] == json.loads(json.dumps(found.as_json()))
+    assert info["recognised"]["category"] == "chair"
+    assert torch.allclose(load_image(run / "reference.png"), read_reference(chair).image, atol=1 / 255)
+    assert (run / "lines.png").exists()
+
+
+def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
+    main(["image", str(chair), "-o", str(tmp_path), "--steps", "1"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "prior: the built-in prior, because" in said
+    assert "recognised: a chair with armrests (" in said
+
+
+def test_a_run_goes_on_with_what_it_recognised(chair, tmp_path):
+    arguments = ["image", str(chair), "--steps", "4", "--prior", "exemplar", "--quiet", "--sheet-every", "0"]
+    main([*arguments, "-o", str(tmp_path / "out")])
+    before = (tmp_path / "out" / "sketch.json").read_bytes()
+    main([*arguments, "-o", str(tmp_path / "out"), "--resume"])
+    assert (tmp_path / "out" / "sketch.json").read_bytes() == before
+
+
+def fails(arguments, capsys) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == FAULT
+    return " ".join(capsys.readouterr().err.split())
+
+
+def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
+    out = ["-o", str(tmp_path / "out")]
+    assert "does not recognise" in fails(["image", str(cross), *out], capsys)
+    assert "does not know 'dargon'" in fails(["image", str(chair), "--shows", "a dargon", *out], capsys)
+    assert "looks for one thing" in fails(["image", str(chair), "--shows", "two chairs", *out], capsys)
+    zero123 = ["--prior", "zero123", "--shows", "a chair"]
+    assert "--shows is for the built-in prior" in fails(["image", str(chair), *zero123, *out], capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
+    main(["image", str(cross), "--shows", "a red windmill", "-o", str(tmp_path), "--steps", "2", "--quiet"])
+    info = json.loads((tmp_path / "run.json").read_text())["options"]
+    assert info["recognised"]["category"] == "windmill"
+    red = torch.tensor([0.8, 0.1, 0.1])
+    assert torch.allclose(ds.load(tmp_path / "sketch.json").color, red)
+
+
+@pytest.mark.parametrize(
+    ("device", "weights", "best", "reason"),
+    [
+        ("cpu", True, "exemplar", "no GPU for Zero123-XL"),
+        ("cuda", False, "exemplar", "weights are not here (diff3ds fetch zero123)"),
+        ("cuda", True, "zero123", "Zero123-XL, whose weights and a GPU are here"),
+    ],
+)
+def test_the_network_is_taken_where_it_can_work(device, weights, best, reason, monkeypatch):
+    monkeypatch.setattr(priors, "pick_device", lambda name: torch.device(device))
+    monkeypatch.setattr(priors, "has_weights", lambda name: weights and name == "zero123")
+    name, said = priors.best_for_pictures()
+    assert name == best
+    assert reason in said
