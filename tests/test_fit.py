@@ -7,7 +7,8 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.checkpoint import read_checkpoint
+from diff3ds.checkpoint import read_checkpoint, write_checkpoint
+from diff3ds.checkpoint import start as start_state
 from diff3ds.fit import BETA1, BETA2, EPSILON
 from diff3ds.refine import Edit
 
@@ -228,6 +229,15 @@ def test_an_identity_hides_no_rate(start, views, objective, tmp_path):
         other = replace(config, rates=replace(ALL_RATES, **{name: 0.007}))
         with pytest.raises(ValueError, match=f"the run to resume had rate of {name}=.*, not 0.007"):
             ds.fit(start, objective, views, other)
+
+
+def test_what_was_read_does_not_hang_on_the_file(start, tmp_path):
+    path = tmp_path / "run.safetensors"
+    write_checkpoint(path, start_state(start, 0), {})
+    state = read_checkpoint(path)
+    with path.open("r+b") as file:
+        file.write(b"\0" * path.stat().st_size)
+    assert_same(state.sketch, start)
 
 
 class Counter:

@@ -129,7 +129,8 @@ def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     try:
         with safe_open(path, "pt") as file:
             about = json.loads((file.metadata() or {})["diff3ds"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+            # Copies: what the library gives is the file itself in memory, which a system may then refuse to replace.
+            tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118 (not a dict)
     except (SafetensorError, KeyError, json.JSONDecodeError) as error:
         raise ValueError(f"{path}: not a checkpoint of diff3ds ({error}); delete it to start anew") from error
     if not isinstance(about, dict) or about.get("version") != VERSION or not isinstance(about.get("settings"), dict):

@@ -10,6 +10,7 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.guidance.weights import Source
 from diff3ds.tasks import distill as task
 from diff3ds.tasks.picture import read_reference
 from diff3ds.tasks.priors import PriorOptions
@@ -129,6 +130,16 @@ def test_weights_need_a_prior():
     """Without one, the built-in prior would be taken, and they would be ignored."""
     with pytest.raises(ValueError, match=r"or --prior owner/name"):
         PriorOptions(weights="owner/name")
+    with pytest.raises(ValueError, match="exemplar is built in and takes no weights"):
+        PriorOptions("exemplar", weights="owner/name")
+    with pytest.raises(ValueError, match="for weights that are named"):
+        PriorOptions("mvdream", variant="fp16")
+    assert PriorOptions("owner/name", variant="fp16").source() == Source("owner/name", variant="fp16")
+
+
+def test_a_folder_without_a_network_is_no_prior(tmp_path, capsys):
+    said = fails(["text", "a chair", "--prior", str(tmp_path), "-o", str(tmp_path / "out")], capsys)
+    assert "has no folder unet" in said
 
 
 def test_a_wrong_batch_is_said_before_weights_are_sought(tmp_path, capsys):

@@ -49,6 +49,10 @@ class PriorOptions:
             raise ValueError(
                 f"weights are of a prior: name it (--prior mvdream --weights {self.weights}), or --prior {self.weights}"
             )
+        if self.weights and self.prior in BUILT_IN:
+            raise ValueError(f"{self.prior} is built in and takes no weights: name another prior, or leave them out")
+        if (self.variant or self.allow_pickle) and not (self.weights or _is_place(self.prior or "")):
+            raise ValueError("variant and allow_pickle are for weights that are named: add --weights")
 
     def source(self) -> Source | None:
         """The weights that are named, or None for those that are known."""
@@ -88,6 +92,8 @@ def kind_of(options: PriorOptions) -> str:
         )
     if found.path.is_file():
         return "mvdream"
+    if not (found.path / "unet").is_dir():
+        raise FileNotFoundError(f"{source} has no folder unet: weights are read in the layout of diffusers")
     config = found.config("unet")
     if config.get("in_channels") == PICTURE_CHANNELS:
         return "stable-zero123" if "stable" in str(source).lower() else "zero123"
@@ -159,4 +165,4 @@ def load_for_picture(
 
 def _is_place(text: str) -> bool:
     """Whether it says where weights are. A name is a name, though the folder of an earlier run be called so."""
-    return text not in (*KNOWN, *BUILT_IN) and ("/" in text or Path(text).exists())
+    return text not in ("", *KNOWN, *BUILT_IN) and ("/" in text or Path(text).exists())
