@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Float
 from diff3ds.edges.ridges import MAP_SIGMA, MAP_VALUE, Ridges, color_ridges, find_ridges, map_ridges
-from diff3ds.tasks.paper import INKED, depth_in, is_thin
+from diff3ds.tasks.paper import INKED, depth_in, is_thin, without_specks
 from diff3ds.tasks.picture import FAINT, ReferencePicture
 
 Array = NDArray[np.float64]
@@ -25,8 +25,6 @@ MOST_INK, PLAIN, RIM = 0.4, 0.12, 2.0
 WIDE = 1.5
 # Filters see no true neighbours along the border.
 PADDING = 8
-# Lines that span less than this share of the picture are specks.
-SPECK = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +91,7 @@ def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32]
     alpha = rgba[..., 3]
     if is_thin(alpha):
         return alpha
-    inside = alpha > INKED
+    inside = alpha > INKED * alpha.max()
     colors = rgba[..., :3] / np.maximum(alpha, 1e-3)[..., None]
     differs = np.abs(colors - np.median(colors[inside], axis=0)).max(-1) * inside
     share = float((differs[inside] > PLAIN).mean())
@@ -124,8 +122,6 @@ def _one_a_pixel(ridges: Ridges) -> Ridges:
 
 def _without_specks(ridges: Ridges, side: int) -> Ridges:
     """The ridges of lines that are longer than specks."""
-    from scipy.ndimage import find_objects, label
-
     # A spot has no direction.
     ridges = ridges[np.abs(ridges.normals).max(1, initial=0) > 0]
     if not len(ridges):
@@ -133,6 +129,4 @@ def _without_specks(ridges: Ridges, side: int) -> Ridges:
     column, row = np.floor(ridges.points).astype(int).clip(0, side - 1).T
     drawn = np.zeros((side, side), bool)
     drawn[row, column] = True
-    names, _ = label(drawn, np.ones((3, 3)))
-    spans = np.array([0, *(max(a.stop - a.start, b.stop - b.start) for a, b in find_objects(names))])
-    return ridges[spans[names[row, column]] > SPECK * side]
+    return ridges[without_specks(drawn)[row, column]]

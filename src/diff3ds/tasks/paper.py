@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Bool, Float
 
 Array = NDArray[np.float64]
 
@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 DEEP = 0.03
 # A pixel with this share of the darkest ink is a line's.
 INKED = 0.5
+# Ink that spans less than this share of the picture is a speck.
+SPECK = 0.03
 # Lightness of paper changes slowly, over this share of the picture's longer side; grain is smaller than the other.
 SLOW, GRAIN = 0.06, 0.002
 # Ink is darker than paper by this share at least, and by so many times the grain's median deviation; it takes less than
@@ -30,14 +32,26 @@ def ink_on_paper(image: Float[NDArray[np.float32], "H W 3"]) -> Float[NDArray[np
     darkness = 1 - gray / np.maximum(paper, 1e-3)
     darkness -= np.median(darkness)
     least = max(DARKER, DEVIATIONS * float(np.median(np.abs(darkness))))
-    inked = darkness > least
+    dark = darkness > least
+    inked = without_specks(dark)
     borders = np.concatenate([inked[0], inked[-1], inked[:, 0], inked[:, -1]])
-    if not 0 < inked.mean() < MOST or borders.mean() > MOST_AT_BORDERS:
+    texture = inked.sum() < dark.sum() / 2
+    if texture or not 0 < inked.mean() < MOST or borders.mean() > MOST_AT_BORDERS:
         return None
     full = max(2 * least, float(np.quantile(darkness[inked], 0.9)))
     ink = np.clip((darkness - least / 2) / (full - least / 2), 0, 1).astype(np.float32)
     ink[~inked] = 0
     return ink if is_thin(ink) else None
+
+
+def without_specks(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.bool_], "H W"]:
+    """What hangs together over more than specks do."""
+    from scipy.ndimage import find_objects, label
+
+    names, _ = label(drawn, np.ones((3, 3)))
+    spans = np.array([0, *(max(a.stop - a.start, b.stop - b.start) for a, b in find_objects(names))])
+    kept: NDArray[np.bool_] = spans[names] > SPECK * max(drawn.shape)
+    return kept
 
 
 def is_thin(ink: Float[NDArray[np.float32], "H W"]) -> bool:
