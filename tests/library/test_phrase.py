@@ -32,6 +32,7 @@ def test_every_caption_of_the_library_is_understood(name):
         ("four buses", Request("bus", count=4)),
         ("a small house with chimney", Request("house", ("chimney",))),
         ("a pair of scissors", Request("scissors")),
+        ("a pair of chairs", Request("chair", count=2)),
         ("a wide, low table", Request("table", stretch=(1.0, 1.35, 0.7))),
     ],
 )
@@ -51,6 +52,9 @@ def test_an_attribute_comes_before_a_proportion():
     [
         ("", "the phrase is empty"),
         (" ... ", "the phrase is empty"),
+        ("椅子", "does not know '椅子'; it draws airplane"),
+        ("a chair with", "nothing follows 'with'"),
+        ("a chair with armrests and", "nothing follows 'and'"),
         ("a chiar", r"does not know 'chiar'; the nearest that it knows: .*chair.* MVDream"),
         ("a dragon", "does not know 'dragon'"),
         ("a sparkling chair", "does not know 'sparkling'"),

@@ -41,7 +41,9 @@ STRETCHES = {
     "long": (1.35, 1.0, 1.0),
 }
 # Words that say nothing here: every sketch fills the unit ball.
-IDLE = ("big", "large", "small", "little", "simple", "nice", "old", "new", "of", "pair")
+IDLE = ("big", "large", "small", "little", "simple", "nice", "old", "new", "of")
+# Things of which a pair is one.
+PAIRS = ("glasses", "scissors")
 OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
 SUGGESTIONS = 4
 
@@ -72,7 +74,7 @@ def parse(phrase: str) -> Request:
         ValueError: it is empty, or a word is outside the vocabulary; names the nearest words that are known.
     """
     words = _words(phrase)
-    if not words:
+    if not any(letter.isalnum() for letter in phrase):
         raise ValueError("the phrase is empty: say what to draw, such as a chair")
     split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
     category, implied, first = _noun(words[:split], phrase)
@@ -113,6 +115,8 @@ class _Reader:
     def _read_word(self, word: str) -> None:
         if word in COUNTS:
             self.count = COUNTS[word]
+        elif word == "pair":
+            self.count = 1 if self.category.name in PAIRS else 2
         elif word in COLORS:
             if self.color is not None:
                 raise ValueError(f"{self.phrase!r}: strokes have one colour, got a second one, {word}")
@@ -127,6 +131,8 @@ class _Reader:
 
     def read_behind(self, words: list[str]) -> None:
         """Attributes behind the noun: "with armrests and a high back without ..."."""
+        if words and words[-1] in ("with", "without", "and"):
+            raise ValueError(f"{self.phrase!r}: nothing follows {words[-1]!r}")
         clauses = re.findall(r"(with|without) (.*?)(?= with | without |$)", " ".join(words))
         for preposition, said in clauses:
             rest = said.removesuffix(" and")
