@@ -19,6 +19,7 @@ import diff3ds as ds
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.distill_options import DistillOptions
 
 FACTOR = 8
@@ -61,7 +62,7 @@ def measure(size: int, group: int) -> list[float]:
     judge = ScoreDistillation(FreePrior(size, group), options.recipe(50.0, group), STEPS)
     generator = torch.Generator().manual_seed(0)
     # In the visible part of the paper's ball, where all strokes cost.
-    start = ds.Sketch.random(values.strokes, radius=1.0, width=values.width, generator=generator)
+    start = ds.Sketch.random(values.strokes, radius=1.0, width=DEFAULT_WIDTH, generator=generator)
     config = ds.FitConfig(steps=STEPS, rates=ds.Rates(points=values.rate))
     steps = ds.fit(start, judge, Orbits(options.batch, group, size), config)
     return [milliseconds(lambda: next(steps)) for _ in range(STEPS)][5:]

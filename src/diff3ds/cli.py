@@ -252,6 +252,11 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(f"{str(error).partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu")
     except (ValueError, OSError, ImportError, FloatingPointError) as error:
         _fail(str(error))
+    except RuntimeError as error:
+        # Other devices than CUDA's have no error of their own for it.
+        if "out of memory" not in str(error):
+            raise
+        _fail(f"{error}. Try a smaller --batch or --size, or --device cpu")
 
 
 def _fail(message: str) -> NoReturn:

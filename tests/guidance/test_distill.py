@@ -115,9 +115,7 @@ def test_perp_neg_goes_sideways_only():
 
 def test_classifier_score_and_noise_free():
     conditional, unconditional, negative = images(3)
-    assert torch.allclose(distill.classifier_score(conditional, unconditional, negative), conditional - unconditional)
-    refined = distill.classifier_score(conditional, unconditional, negative, (1.0, -0.5, -0.5))
-    assert torch.allclose(refined, conditional - 0.5 * (negative + unconditional))
+    assert torch.equal(distill.classifier_score(conditional, unconditional), conditional - unconditional)
     late = torch.tensor([0.0, 1.0, 0.0, 1.0], dtype=torch.float64)
     found = distill.noise_free(conditional, unconditional, negative, 7.5, late)
     guidance = 7.5 * (conditional - unconditional)

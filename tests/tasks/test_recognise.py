@@ -201,7 +201,7 @@ def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
 @pytest.mark.parametrize(
     ("device", "weights", "best", "reason"),
     [
-        ("cpu", True, "exemplar", "no GPU for Zero123-XL"),
+        ("cpu", True, "exemplar", "Zero123-XL has no GPU here"),
         ("cuda", False, "exemplar", "weights are not here (diff3ds fetch zero123)"),
         ("cuda", True, "zero123", "Zero123-XL, whose weights and a GPU are here"),
     ],
@@ -209,6 +209,6 @@ def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
 def test_the_network_is_taken_where_it_can_work(device, weights, best, reason, monkeypatch):
     monkeypatch.setattr(priors, "pick_device", lambda name: torch.device(device))
     monkeypatch.setattr(priors, "has_weights", lambda name: weights and name == "zero123")
-    name, said = priors.best_for_pictures()
+    name, said = priors.best_for_pictures("auto")
     assert name == best
     assert reason in said

@@ -78,7 +78,7 @@ def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, method, check
     info = json.loads((whole / "run.json").read_text())
     assert info["options"]["prior"] == prior
     assert info["steps_done"] == STEPS
-    assert info["guidance"] == (7.5 if prior.endswith("zero123") else 50.0)
+    assert info["guidance"] == (7.5 if prior.endswith("zero123") or method == "vsd" else 50.0)
     assert info["method"] == (method or ("reconstruction" if prior == "mvdream" else "sds"))
     assert len(list((whole / "progress").iterdir())) == 2
     names = {"sketch.json", "sketch.step", "sketch.svg", "preview.png", "run.json", "checkpoint.safetensors"}

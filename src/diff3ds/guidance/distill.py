@@ -101,12 +101,9 @@ def perp_neg(
     return unconditional + turned
 
 
-def classifier_score(
-    conditional: Images, unconditional: Images, negative: Images, weights: tuple[float, float, float] = (1.0, 0.0, -1.0)
-) -> Images:
-    """Classifier score distillation: a e_cond + b e_neg + c e_unc, by default e_cond - e_unc (Yu et al. 2024)."""
-    a, b, c = weights
-    return a * conditional + b * negative + c * unconditional
+def classifier_score(conditional: Images, unconditional: Images) -> Images:
+    """Classifier score distillation: e_cond - e_unc, what the phrase adds (Yu et al. 2024)."""
+    return conditional - unconditional
 
 
 def noise_free(

@@ -58,7 +58,6 @@ class Autoencoder:
         self._network = network.eval().requires_grad_(False)
         if thrifty:
             network.enable_gradient_checkpointing()
-            network.enable_slicing()
 
     def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
         """Scaled latents of pictures in [0, 1] of any size, drawn from what the encoder gives, float32."""

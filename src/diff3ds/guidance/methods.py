@@ -36,7 +36,7 @@ class Look:
         denoiser: the prior.
         latents: of the renderings, detached.
         timesteps: one an image.
-        low: lowest timestep that could have been drawn.
+        low: lowest timestep that the run draws.
         cameras: of the renderings.
         guidance: weight λ of classifier-free guidance.
         rescale: share of `distill.rescaled`, for reconstruction.
@@ -131,7 +131,7 @@ def csd(look: Look) -> Verdict:
     """Classifier score distillation (Yu et al. 2024): only what the phrase adds."""
     noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
     conditional, unconditional = look.predict(noisy, look.timesteps, "conditional", "unconditional")
-    gradient = distill.classifier_score(conditional, unconditional, unconditional)
+    gradient = distill.classifier_score(conditional, unconditional)
     return Verdict(gradient, distill.clean_from_epsilon(conditional, noisy, look.alpha_bar(look.timesteps)))
 
 
@@ -168,7 +168,7 @@ def ism(look: Look) -> Verdict:
     grid = [before * i // count for i in range(count + 1)]
     epsilon = torch.zeros_like(noisy)
     for now, then in zip(grid, [*grid[1:], look.timesteps], strict=True):
-        (epsilon,) = look.predict(noisy, now, "negative")
+        (epsilon,) = look.predict(noisy, now, "unconditional")
         noisy = distill.ddim_step(noisy, epsilon, look.alpha_bar(now), look.alpha_bar(then))
     guided = look.guided(noisy, look.timesteps)
     return Verdict(guided - epsilon, distill.clean_from_epsilon(guided, noisy, look.alpha_bar(look.timesteps)))

@@ -90,7 +90,15 @@ class ScoreDistillation:
         timesteps = draw_timesteps(low, high, len(cameras), self.denoiser.group, generator)
         guidance, rescale = self.recipe.guidance, self.recipe.rescale
         look = Look(
-            self.denoiser, latents.detach(), timesteps, low, cameras, guidance, rescale, generator, self.particles
+            self.denoiser,
+            latents.detach(),
+            timesteps,
+            self.recipe.annealing.lowest,
+            cameras,
+            guidance,
+            rescale,
+            generator,
+            self.particles,
         )
         with torch.no_grad():
             verdict = judge(self.recipe.method, look)

@@ -66,6 +66,11 @@ class TimeAnnealing:
         if not 0 <= self.share <= 1:
             raise ValueError(f"share must lie in [0, 1], got {self.share}")
 
+    @property
+    def lowest(self) -> int:
+        """The lowest timestep of the whole run."""
+        return round(TIMESTEPS * min(self.low, self.final_low))
+
     def bounds(self, step: int, steps: int) -> tuple[int, int]:
         """Lowest and highest timestep of this step (counted from 0) of so many, both inclusive.
 

@@ -18,7 +18,7 @@ from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.refine import NoiseDeletion
 from diff3ds.render import Rendering, render
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill_options import DistillOptions, Preset, PresetName
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, write_results
@@ -51,6 +51,7 @@ def distill(
     guidance: float,
     about: Mapping[str, object],
     preset: PresetName = "paper",
+    width: float = DEFAULT_WIDTH,
     color: tuple[float, float, float] | None = None,
     finish: Callable[[Sketch], Sketch] = lambda sketch: sketch,
     report: Report = lambda progress: None,
@@ -60,12 +61,16 @@ def distill(
 
     Ctrl-C ends it early; what was reached is written, then KeyboardInterrupt goes on.
 
+    Raises:
+        ValueError: widths that are fitted start outside their range; a checkpoint of another run.
+
     Args:
         denoiser: the prior, conditioned on a phrase or picture.
         out: a folder that `claim` has made ready.
-        guidance: weight of classifier-free guidance where neither options nor preset have one.
+        guidance: weight of classifier-free guidance where neither options, method nor preset have one.
         about: what the run is: its subject and prior; a resumed run must have the same.
         preset: where the options name none.
+        width: of the strokes at the start, where the options have none.
         color: of the strokes at the start, straight RGB; default black.
         finish: makes the sketch of the results from that of the last step.
         report: called after every step.
@@ -74,14 +79,23 @@ def distill(
     begun = time.perf_counter()
     values = options.values(preset)
     orbits = _orbits(denoiser, options)
-    recipe = options.recipe(guidance if values.guidance is None else values.guidance, denoiser.group)
+    width = width if options.width is None else options.width
+    least, most = options.width_range
+    if "width" in options.optimize and not least <= width <= most:
+        raise ValueError(f"strokes start with width {width}, outside width_range {least} to {most}: give another one")
+    recipe = options.recipe(guidance, denoiser.group, preset)
     judge = ScoreDistillation(denoiser, recipe, values.steps, options.seed)
     config = replace(
-        _config(options, values, out, {**about, **_identity(options, values, recipe)}), companion=judge.particles
+        _config(options, values, out, {**about, **_identity(options, values, recipe), "width": width}),
+        companion=judge.particles,
     )
     objective, cameras = (judge, orbits) if reference is None else _with_reference(judge, orbits, reference)
+    if not options.resume:
+        # Of a run that is overwritten.
+        for sheet in (out / SHEETS).glob("step_*.png"):
+            sheet.unlink()
     stopped = False
-    with closing(fit(_start(options, values, color), objective, cameras, config)) as steps:
+    with closing(fit(_start(options, values, width, color), objective, cameras, config)) as steps:
         try:
             for step in steps:
                 low, high = recipe.annealing.bounds(step.index, values.steps)
@@ -96,7 +110,7 @@ def distill(
     seconds = time.perf_counter() - begun
     info = RunInfo(
         {**about, **asdict(options)},
-        {**asdict(values), **asdict(recipe)},
+        {**asdict(values), "width": width, **asdict(recipe)},
         {"distill": seconds},
         list(state.losses),
         {},
@@ -124,9 +138,11 @@ def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"
     return tile_images(torch.cat([resized.movedim(1, -1).clamp(0, 1), seen]), columns=len(seen))
 
 
-def _start(options: DistillOptions, values: Preset, color: tuple[float, float, float] | None = None) -> Sketch:
+def _start(
+    options: DistillOptions, values: Preset, width: float, color: tuple[float, float, float] | None = None
+) -> Sketch:
     generator = torch.Generator().manual_seed(options.seed)
-    sketch = Sketch.random(values.strokes, radius=values.radius, width=values.width, generator=generator)
+    sketch = Sketch.random(values.strokes, radius=values.radius, width=width, generator=generator)
     return sketch if color is None else replace(sketch, color=torch.tensor(color).repeat(len(sketch), 1))
 
 

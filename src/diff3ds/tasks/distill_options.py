@@ -8,7 +8,6 @@ from diff3ds.guidance.methods import Method
 from diff3ds.guidance.objective import Recipe
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import TimeAnnealing
-from diff3ds.sketch import DEFAULT_WIDTH
 
 Parameter = Literal["position", "color", "alpha", "width"]
 
@@ -26,7 +25,6 @@ class Preset:
         rate: learning rate of control points, world units a step.
         final_rate: learning rates fall exponentially to this share; 1 keeps them.
         radius: of the ball in which strokes start; more than about 1 lies partly outside the pictures.
-        width: of the strokes at the start, as a fraction of the image height.
         blur: of the renderings, pixels: gives gradients beside the strokes.
         guidance: weight of classifier-free guidance; None is 50 for a phrase and 7.5 for a picture.
     """
@@ -36,16 +34,19 @@ class Preset:
     rate: float
     final_rate: float
     radius: float
-    width: float
     blur: float
     guidance: float | None
 
 
 PRESETS: dict[PresetName, Preset] = {
-    "paper": Preset(4000, 56, 0.002, 1.0, 1.5, DEFAULT_WIDTH, 0.0, None),
+    "paper": Preset(4000, 56, 0.002, 1.0, 1.5, 0.0, None),
     # Empirical, with a prior whose score is exact (benchmarks/distill.py): a tenth of the steps.
-    "swift": Preset(400, 112, 0.01, 0.2, 0.8, 0.05, 0.0, 7.5),
+    "swift": Preset(400, 112, 0.01, 0.2, 0.8, 0.0, 7.5),
 }
+
+
+# The weight of guidance in the publication of each method that has its own; counted from the unconditional prediction.
+METHOD_GUIDANCE: dict[Method, float] = {"nfsd": 7.5, "asd": 7.5, "ism": 7.5, "sdi": 8.5, "vsd": 7.5}
 
 
 @dataclass(frozen=True)
@@ -65,14 +66,16 @@ class DistillOptions:
         alpha_rate: of opacities, a step.
         width_rate: of the logarithms of widths, a step.
         final_rate: learning rates fall exponentially to this share; the paper: 1.
-        width: of the strokes at the start, as a fraction of the image height; the paper: 0.006.
+        width: of the strokes at the start, as a fraction of the image height; by default 0.006, and with the built-in
+            prior, whose images are small, 0.05, which becomes 0.006 in the results.
         width_range: between which widths stay, if they are optimised.
         radius: of the ball in which strokes start; the paper: 1.5.
         blur: of the renderings, pixels; the paper: 0.
         distance: least and greatest, of the cameras from the middle.
         elevation: lowest and highest, of the cameras, degrees.
         fov: field of view, degrees.
-        guidance: weight of classifier-free guidance; by default 50 for a phrase, 7.5 for a picture.
+        guidance: weight of classifier-free guidance; by default the method's own (nfsd, asd, ism, vsd 7.5; sdi 8.5),
+            else the preset's, else 50 for a phrase and 7.5 for a picture.
         method: sds, reconstruction (sds with restored contrast), or csd, nfsd, asd, ism, sdi, vsd; by default
             reconstruction for priors that see several views at once, else sds.
         rescale: share of the contrast that reconstruction restores.
@@ -147,34 +150,30 @@ class DistillOptions:
             raise ValueError("delete_from must lie in [0, 1] and delete_every in (0, 1]: they are shares of the steps")
         # What these check is said before any weights are loaded.
         Orbits(self.batch, distance=self.distance, elevation=self.elevation)
-        self.recipe(self.guidance or 0.0, group=1)
-        if self.preset or self.width:
-            self.values()
+        self.recipe(0.0, group=1)
+        least, most = self.width_range
+        if "width" in self.optimize and self.width is not None and not least <= self.width <= most:
+            raise ValueError(f"width must lie in width_range {self.width_range}, got {self.width}: give another one")
 
     def annealing(self) -> TimeAnnealing:
         """The timesteps that are drawn."""
         return TimeAnnealing(self.t_low[0], self.t_high[0], self.t_low[1], self.t_high[1], self.anneal_share)
 
     def values(self, default: PresetName = "paper") -> Preset:
-        """The values of the preset, except where options are given.
-
-        Raises:
-            ValueError: widths that are fitted start outside their range.
-        """
+        """The values of the preset, except where options are given."""
         preset = PRESETS[self.preset or default]
         given = {f.name: getattr(self, f.name) for f in fields(Preset)}
-        values = replace(preset, **{name: value for name, value in given.items() if value is not None})
-        least, most = self.width_range
-        if "width" in self.optimize and not least <= values.width <= most:
-            raise ValueError(f"width must lie in width_range {self.width_range}, got {values.width}: give another one")
-        return values
+        return replace(preset, **{name: value for name, value in given.items() if value is not None})
 
-    def recipe(self, guidance: float, group: int) -> Recipe:
+    def recipe(self, guidance: float, group: int, preset: PresetName = "paper") -> Recipe:
         """How the prior moves the sketch.
 
         Args:
-            guidance: weight of classifier-free guidance.
+            guidance: weight of classifier-free guidance where neither options, method nor preset have one.
             group: views that the prior sees at once.
+            preset: where the options name none.
         """
         method = self.method or ("reconstruction" if group > 1 else "sds")
-        return Recipe(method, guidance, self.rescale, self.weighting, self.clip, self.annealing())
+        said = PRESETS[self.preset or preset].guidance or guidance
+        weight = METHOD_GUIDANCE.get(method, said) if self.guidance is None else self.guidance
+        return Recipe(method, weight, self.rescale, self.weighting, self.clip, self.annealing())

@@ -1,5 +1,6 @@
 """A picture to a 3D sketch: what `diff3ds image` does."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Reference, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import FITTING, SIZE, exemplars_like, thin_lines
+from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, exemplars_like, thin_lines
 from diff3ds.tasks.lines import lines_of
 from diff3ds.tasks.picture import PictureOptions, read_reference
 from diff3ds.tasks.priors import (
@@ -82,7 +83,7 @@ def image_to_sketch(
     options, cut = options or ImageOptions(), cut or PictureOptions()
     prior, settings = prior or PriorOptions(), settings or DistillOptions()
     if prior.prior is None:
-        name, reason = best_for_pictures()
+        name, reason = best_for_pictures(prior.device)
         say(f"prior: {reason}")
     else:
         name = named_prior(prior, (*FOR_PICTURES, *BUILT_IN))
@@ -103,7 +104,8 @@ def image_to_sketch(
         orbit(pose.azimuth, pose.elevation, pose.distance, fov=settings.fov, size=reference.image.shape[0]),
         options.reference_loss or 0.0,
     )
-    about = {**_subject(picture, cut, options, known), "prior": name, "weights": prior.weights}
+    weights = prior.source()
+    about = {**_subject(picture, cut, options, known), "prior": name, "weights": weights and str(weights)}
     return distill(
         denoiser,
         settings,
@@ -125,6 +127,8 @@ def _from_library(
     say: Callable[[str], None],
 ) -> Sketch:
     """What the picture shows is recognised; members like it are the prior, its lines the reference."""
+    if settings.method == "vsd":
+        raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
     reference = read_reference(picture, options=cut)
     lines = lines_of(reference)
     asked = _asked(options.shows)
@@ -132,7 +136,8 @@ def _from_library(
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
     say(f"recognised: {found}")
     members = alike(lines, found, FITTING)
-    width, weight = settings.values("swift").width, options.reference_loss
+    weight = options.reference_loss
+    width = WIDTH if settings.width is None else settings.width
     camera = found.camera.resize(settings.size or SIZE)
     known = Reference(
         drawn_over(lines, members[0], camera, width), camera, REFERENCE_LOSS if weight is None else weight
@@ -148,6 +153,7 @@ def _from_library(
         guidance=GUIDANCE,
         about=about,
         preset="swift",
+        width=width,
         report=report,
         color=color,
         finish=lambda sketch: thin_lines(sketch, settings),
@@ -167,7 +173,14 @@ def _asked(shows: str | None) -> Request | None:
 def _subject(picture: Path, cut: PictureOptions, options: ImageOptions, known: Reference) -> dict[str, object]:
     """What run.json says of the picture."""
     cutting = {key: str(value) if isinstance(value, Path) else value for key, value in asdict(cut).items()}
-    return {"picture": str(picture), **cutting, **asdict(options), "reference_loss": known.weight}
+    digest = hashlib.sha256(picture.read_bytes()).hexdigest()
+    return {
+        "picture": str(picture),
+        "picture_sha256": digest,
+        **cutting,
+        **asdict(options),
+        "reference_loss": known.weight,
+    }
 
 
 def _at_its_distance(settings: DistillOptions) -> DistillOptions:

@@ -110,20 +110,20 @@ def has_weights(name: str) -> bool:
     return True
 
 
-def best_for_phrases() -> tuple[str, str]:
+def best_for_phrases(device: str) -> tuple[str, str]:
     """The prior of a phrase for which none was named, and why it is this one."""
-    return _best("mvdream", "MVDream")
+    return _best("mvdream", "MVDream", device)
 
 
-def best_for_pictures() -> tuple[str, str]:
+def best_for_pictures(device: str) -> tuple[str, str]:
     """The prior of a picture for which none was named, and why it is this one."""
-    return _best("zero123", "Zero123-XL")
+    return _best("zero123", "Zero123-XL", device)
 
 
-def _best(name: str, called: str) -> tuple[str, str]:
+def _best(name: str, called: str, device: str) -> tuple[str, str]:
     """A network where it can work, else the built-in prior."""
-    if pick_device("auto").type == "cpu":
-        return "exemplar", f"the built-in prior, because there is no GPU for {called}"
+    if pick_device(device).type == "cpu":
+        return "exemplar", f"the built-in prior, because {called} has no GPU here"
     if not has_weights(name):
         return "exemplar", f"the built-in prior, because {called}'s weights are not here (diff3ds fetch {name})"
     return name, f"{called}, whose weights and a GPU are here"

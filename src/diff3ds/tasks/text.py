@@ -7,7 +7,7 @@ from pathlib import Path
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill import CHECKPOINT, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import exemplars_of, thin_lines
+from diff3ds.tasks.exemplars import WIDTH, exemplars_of, thin_lines
 from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
@@ -53,7 +53,7 @@ def text_to_sketch(
     options, prior, settings = options or TextOptions(), prior or PriorOptions(), settings or DistillOptions()
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
     if prior.prior is None:
-        name, reason = best_for_phrases()
+        name, reason = best_for_phrases(prior.device)
         say(f"prior: {reason}")
     else:
         name = named_prior(prior, (*FOR_PHRASES, *BUILT_IN))
@@ -76,15 +76,18 @@ def _from_library(
 ) -> Sketch:
     if options.negative or options.perp_neg:
         raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in prior has none")
+    if settings.method == "vsd":
+        raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
     known = exemplars_of(phrase, settings.seed)
-    denoiser = known.prior(settings.values("swift").width)
+    width = WIDTH if settings.width is None else settings.width
     return distill(
-        denoiser,
+        known.prior(width),
         settings,
         out,
         guidance=GUIDANCE,
         about=about,
         preset="swift",
+        width=width,
         report=report,
         color=known.color,
         finish=lambda sketch: thin_lines(sketch, settings),

@@ -194,12 +194,25 @@ def test_options_that_make_no_sense(wrong, message):
         replace(QUICK, **wrong)
 
 
-def test_a_range_of_widths_is_compared_with_the_preset_of_the_run():
-    """Not with the paper's 0.006 where strokes start at 0.05."""
-    options = DistillOptions(optimize=("width",), width_range=(0.01, 0.1))
-    assert options.values("swift").width == 0.05
-    with pytest.raises(ValueError, match=r"got 0\.006"):
-        options.values("paper")
+def test_widths_must_start_in_their_range(prior, tmp_path):
+    options = replace(QUICK, width=None, optimize=("width",), width_range=(0.01, 0.1), steps=1)
+    with pytest.raises(ValueError, match=r"strokes start with width 0\.006, outside width_range 0\.01 to 0\.1"):
+        run(prior, tmp_path, options)
+    run(prior, tmp_path, options, width=0.05)
+
+
+def test_methods_have_their_own_weight_of_guidance():
+    options = DistillOptions(method="sdi")
+    assert options.recipe(50.0, 4).guidance == 8.5
+    assert replace(options, guidance=3.0).recipe(50.0, 4).guidance == 3.0
+    assert DistillOptions().recipe(50.0, 4).guidance == 50.0
+    assert DistillOptions().recipe(50.0, 4, "swift").guidance == 7.5
+
+
+def test_pictures_of_an_overwritten_run_go(prior, tmp_path):
+    run(prior, tmp_path, replace(QUICK, sheet_every=4))
+    run(prior, tmp_path, replace(QUICK, sheet_every=4, steps=4))
+    assert [path.name for path in (tmp_path / "progress").iterdir()] == ["step_00004.png"]
 
 
 def test_options_come_before_the_preset():
