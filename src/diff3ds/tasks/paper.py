@@ -57,7 +57,7 @@ def without_specks(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.boo
 def is_thin(ink: Float[NDArray[np.float32], "H W"]) -> bool:
     """Whether ink is lines, not areas."""
     depth = depth_in(ink)
-    return float(np.quantile(depth[depth > 0], 0.9)) < DEEP * max(ink.shape)
+    return bool(np.quantile(depth[depth > 0], 0.9) < DEEP * max(ink.shape))
 
 
 def depth_in(ink: Float[NDArray[np.float32], "H W"]) -> Float[Array, "H W"]:

@@ -253,7 +253,7 @@ def descriptors(points: Float[Tensor, "V N 2"], tangents: Float[Tensor, "V N 2"]
     held = count.view(-1, DIRECTIONS, CELLS, CELLS)
     held = held / held.sum(1, keepdim=True).clamp(min=1)
     blurred = (_blur() @ held @ _blur().mT).sqrt().flatten(1)
-    return blurred / torch.linalg.vector_norm(blurred, dim=1, keepdim=True).clamp(min=1e-9)
+    return torch.nn.functional.normalize(blurred, dim=1)
 
 
 @cache
