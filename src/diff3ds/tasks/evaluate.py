@@ -213,8 +213,11 @@ def _scores(
     if run.phrase:
         return judges.of_phrase(drawn, run.phrase)
     assert picture is not None
-    elevation, fov = (float(run.options.get(name, default)) for name, default in (("view_elevation", 0), ("fov", 60)))
-    camera = orbit(0.0, elevation, DISTANCE, fov=fov, size=views.size)
+    # A picture that was recognised shows the thing from where it was found to be seen.
+    found = run.options.get("recognised") or {}
+    azimuth = float(found.get("azimuth", 0))
+    elevation = float(found.get("elevation", run.options.get("view_elevation", 0)))
+    camera = orbit(azimuth, elevation, DISTANCE, fov=float(run.options.get("fov", 60)), size=views.size)
     return judges.of_picture(drawn, render(sketch, camera).color[0].clamp(0, 1), picture)
 
 
