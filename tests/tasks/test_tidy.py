@@ -43,7 +43,17 @@ def test_three_ends_become_one_and_a_loop_closes():
     torch.testing.assert_close(closed[0], closed[-1])
 
 
+def test_a_stroke_that_goes_on_may_be_twice_as_far():
+    found = close_gaps(lines([(0, 0, 0), (1, 0, 0)], [(1.08, 0.01, 0), (2, 0, 0)]), 0.05).points
+    torch.testing.assert_close(found[0, -1], torch.tensor([1.04, 0.005, 0]))
+    torch.testing.assert_close(found[1, 0], torch.tensor([1.04, 0.005, 0]))
+    # Parallel lines side by side, and a corner, are none.
+    for other in ([(0, 0.08, 0), (1, 0.08, 0)], [(1, 0.08, 0), (1, 1, 0)]):
+        sketch = lines([(0, 0, 0), (1, 0, 0)], other)
+        assert torch.equal(close_gaps(sketch, 0.05).points, sketch.points)
+
+
 def test_what_is_farther_apart_stays():
-    sketch = lines([(0, 0, 0), (1, 0, 0)], [(1.06, 0, 0), (2, 0, 0)], [(0.5, 0.06, 0), (0.5, 1, 0)])
+    sketch = lines([(0, 0, 0), (1, 0, 0)], [(1.11, 0, 0), (2, 0, 0)], [(0.5, 0.06, 0), (0.5, 1, 0)])
     assert torch.equal(close_gaps(sketch, 0.05).points, sketch.points)
     assert torch.equal(close_gaps(sketch[:1], 0.05).points, sketch[:1].points)

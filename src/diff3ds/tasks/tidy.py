@@ -9,9 +9,14 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import closest_point
 from diff3ds.sketch import Sketch
 
+# A stroke goes on in another where both point along the gap between them, to this cosine (30 degrees).
+ALONG = 0.866
+
 
 def close_gaps(sketch: Sketch, distance: float) -> Sketch:
     """Moves ends together that lie within a distance of each other, and other ends onto strokes that pass so near.
+
+    Where a stroke goes on in another one the gap may be twice as wide.
 
     A stroke follows its ends: every control point moves by the share of both movements that lies at its place, which
     for weights of 1 adds a straight line to the curve.
@@ -24,8 +29,9 @@ def close_gaps(sketch: Sketch, distance: float) -> Sketch:
         return sketch
     ends = sketch.points[:, [0, -1]].detach()
     wanted = _met(ends.reshape(-1, 3), distance).reshape_as(ends)
-    alone = (wanted == ends).all(-1)
-    wanted[alone] = _onto_strokes(sketch, ends, distance)[alone]
+    for further in (_continued(sketch, ends, 2 * distance), _onto_strokes(sketch, ends, distance)):
+        alone = (wanted == ends).all(-1)
+        wanted[alone] = further[alone]
     moved = wanted - ends
     share = torch.linspace(0, 1, sketch.points.shape[1], dtype=ends.dtype)[:, None]
     return replace(sketch, points=sketch.points + (1 - share) * moved[:, :1] + share * moved[:, 1:])
@@ -41,6 +47,22 @@ def _met(ends: Float[Tensor, "E 3"], distance: float) -> Float[Tensor, "E 3"]:
     counts = torch.bincount(index)
     means = (sums / counts[:, None])[index]
     return torch.where(counts[index][:, None] > 1, means, ends)
+
+
+def _continued(sketch: Sketch, ends: Float[Tensor, "N 2 3"], distance: float) -> Float[Tensor, "N 2 3"]:
+    """Ends that face each other, each the other's nearest, half way between."""
+    flat = ends.reshape(-1, 3)
+    # Out of the stroke, along the chord to the control point that is not in the same place.
+    inner = sketch.points.detach()[:, [1, -2]]
+    outward = torch.nn.functional.normalize(ends - inner, dim=-1).reshape(-1, 3)
+    gap = flat[None] - flat[:, None]
+    length = gap.norm(dim=-1)
+    facing = (gap * outward[:, None]).sum(-1) > ALONG * length
+    fits = facing & facing.T & (length > 0) & (length < distance)
+    away = length.masked_fill(~fits, torch.inf)
+    other = away.argmin(1)
+    pairs = fits.any(1) & (other[other] == torch.arange(len(flat)))
+    return torch.where(pairs[:, None], (flat + flat[other]) / 2, flat).reshape_as(ends)
 
 
 def _onto_strokes(sketch: Sketch, ends: Float[Tensor, "N 2 3"], distance: float) -> Float[Tensor, "N 2 3"]:
