@@ -18,7 +18,7 @@ PHRASES = {
     "a chair with armrests": 35,
     "a bicycle": 60,
     "a sailing boat": 60,
-    "a teapot": 100,
+    "a teapot": 20,
     "a lighthouse with light beams": 60,
     "two red wine glasses": 20,
     "a house with a chimney": 35,
