@@ -29,7 +29,7 @@ import diff3ds as ds
 from diff3ds.bezier import evaluate
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.library.members import member
-from diff3ds.tasks.distill import distill
+from diff3ds.tasks.distill import Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 
 SHAPES = ("chair", "table", "house", "mug", "lamp", "car", "bottle", "rocket")
@@ -114,7 +114,7 @@ def recover(shape: str, options: DistillOptions) -> dict[str, float]:
     denoiser = ExemplarDenoiser(draw, fitting, SIZE)
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        sketch = distill(denoiser, options, Path(folder), guidance=GUIDANCE, about={"phrase": shape})
+        sketch = distill(denoiser, options, Path(folder), Commission({"phrase": shape}, GUIDANCE))
     seconds = time.perf_counter() - begun
     return {**scores(sketch, known[shape]), "strokes": len(sketch), "seconds": seconds}
 

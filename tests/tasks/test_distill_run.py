@@ -10,7 +10,7 @@ import diff3ds as ds
 from diff3ds.formats import load_image
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.tasks import distill as task
-from diff3ds.tasks.distill import Reference, distill, turntable
+from diff3ds.tasks.distill import Commission, Reference, distill, turntable
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.results import claim
 
@@ -33,8 +33,8 @@ def prior() -> ExemplarDenoiser:
     return ExemplarDenoiser(draw, torch.tensor([False, True]), SIZE)
 
 
-def run(prior, out, options=QUICK, **other):
-    return distill(prior, options, out, guidance=7.5, about={"phrase": "a bar"}, **other)
+def run(prior, out, options=QUICK, report=lambda progress: None, **other):
+    return distill(prior, options, out, Commission({"phrase": "a bar"}, 7.5, **other), report)
 
 
 def same(one: ds.Sketch, other: ds.Sketch) -> bool:
@@ -84,7 +84,7 @@ def test_only_the_same_run_is_resumed(prior, tmp_path, change):
     with pytest.raises(ValueError, match=r"the run to resume had"):
         run(prior, tmp_path, replace(QUICK, resume=True, **change))
     with pytest.raises(ValueError, match=r"the run to resume had phrase=a bar, not two bars"):
-        distill(prior, replace(QUICK, resume=True), tmp_path, guidance=7.5, about={"phrase": "two bars"})
+        distill(prior, replace(QUICK, resume=True), tmp_path, Commission({"phrase": "two bars"}, 7.5))
 
 
 def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path):

@@ -1,7 +1,7 @@
 """Score distillation of a sketch: what `diff3ds text` and `diff3ds image` do once they have a prior."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -11,7 +11,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.checkpoint import read_checkpoint
-from diff3ds.fit import FitConfig, Objective, Rates, Step, fit
+from diff3ds.fit import CameraSampler, FitConfig, Objective, Rates, Step, fit
 from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
@@ -43,84 +43,97 @@ class Reference:
     weight: float
 
 
+@dataclass(frozen=True, eq=False)
+class Commission:
+    """What a command wants of a distillation, beside the user's options.
+
+    Attributes:
+        about: the subject and the prior, for run.json; a resumed run must have the same.
+        guidance: weight of classifier-free guidance where neither options, method nor preset have one.
+        preset: where the options name none.
+        width: of the strokes at the start, where the options have none.
+        color: of the strokes at the start, straight RGB; None is black.
+        finish: makes the sketch of the results from that of the last step.
+        reference: the picture of `diff3ds image`.
+    """
+
+    about: Mapping[str, object]
+    guidance: float
+    preset: PresetName = "paper"
+    width: float = DEFAULT_WIDTH
+    color: tuple[float, float, float] | None = None
+    finish: Callable[[Sketch], Sketch] = lambda sketch: sketch
+    reference: Reference | None = None
+
+
 def distill(
     denoiser: Denoiser,
     options: DistillOptions,
     out: Path,
-    *,
-    guidance: float,
-    about: Mapping[str, object],
-    preset: PresetName = "paper",
-    width: float = DEFAULT_WIDTH,
-    color: tuple[float, float, float] | None = None,
-    finish: Callable[[Sketch], Sketch] = lambda sketch: sketch,
+    wanted: Commission,
     report: Report = lambda progress: None,
-    reference: Reference | None = None,
 ) -> Sketch:
     """Makes a sketch that a prior likes and writes the folder of the run.
 
     Ctrl-C ends it early; what was reached is written, then KeyboardInterrupt goes on.
 
-    Raises:
-        ValueError: widths that are fitted start outside their range; a checkpoint of another run.
-
     Args:
         denoiser: the prior, conditioned on a phrase or picture.
-        out: a folder that `claim` has made ready.
-        guidance: weight of classifier-free guidance where neither options, method nor preset have one.
-        about: what the run is: its subject and prior; a resumed run must have the same.
-        preset: where the options name none.
-        width: of the strokes at the start, where the options have none.
-        color: of the strokes at the start, straight RGB; default black.
-        finish: makes the sketch of the results from that of the last step.
+        options: of the user.
+        out: a folder that `claim` has found free.
+        wanted: what the command adds to them.
         report: called after every step.
-        reference: the picture of `diff3ds image`.
+
+    Raises:
+        ValueError: widths that are fitted start outside their range; a checkpoint of another run.
     """
     begun = time.perf_counter()
-    values = options.values(preset)
-    orbits = _orbits(denoiser, options)
-    width = width if options.width is None else options.width
-    least, most = options.width_range
-    if "width" in options.optimize and not least <= width <= most:
-        raise ValueError(f"strokes start with width {width}, outside width_range {least} to {most}: give another one")
-    recipe = options.recipe(guidance, denoiser.group, preset)
+    values, width = options.values(wanted.preset), _width(options, wanted)
+    recipe = options.recipe(wanted.guidance, denoiser.group, wanted.preset)
     judge = ScoreDistillation(denoiser, recipe, values.steps, options.seed)
-    config = replace(
-        _config(options, values, out, {**about, **_identity(options, values, recipe), "width": width}),
-        companion=judge.particles,
-    )
-    objective, cameras = (judge, orbits) if reference is None else _with_reference(judge, orbits, reference)
+    identity = {**wanted.about, **_identity(options, values, recipe), "width": width}
+    config = replace(_config(options, values, out, identity), companion=judge.particles)
+    objective, cameras = _followed(judge, _orbits(denoiser, options), wanted.reference)
     if not options.resume:
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
             sheet.unlink()
-    stopped = False
-    with closing(fit(_start(options, values, width, color), objective, cameras, config)) as steps:
-        try:
-            for step in steps:
-                low, high = recipe.annealing.bounds(step.index, values.steps)
-                note = f"t {low}-{high}"
-                report(Progress("distill", step.index + 1, values.steps, step.loss, len(step.sketch), note))
-                if options.sheet_every and (step.index + 1) % options.sheet_every == 0:
-                    save_png(out / SHEETS / f"step_{step.index + 1:05d}.png", contact_sheet(step, judge))
-        except KeyboardInterrupt:
-            stopped = True
+    steps = fit(_start(options, values, width, wanted.color), objective, cameras, config)
+    stopped = _stopped(steps, judge, options, out, report)
     state = read_checkpoint(out / CHECKPOINT)
-    sketch = finish(state.sketch)
-    seconds = time.perf_counter() - begun
-    info = RunInfo(
-        {**about, **asdict(options)},
-        {**asdict(values), "width": width, **asdict(recipe)},
-        {"distill": seconds},
-        list(state.losses),
-        {},
-        stopped,
-    )
-    around = turntable()
+    sketch, around = wanted.finish(state.sketch), turntable()
+    given, chosen = {**wanted.about, **asdict(options)}, {**asdict(values), "width": width, **asdict(recipe)}
+    seconds = {"distill": time.perf_counter() - begun}
+    info = RunInfo(given, chosen, seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
     if stopped:
         raise KeyboardInterrupt
     return sketch
+
+
+def _stopped(
+    steps: Generator[Step], judge: ScoreDistillation, options: DistillOptions, out: Path, report: Report
+) -> bool:
+    """Goes through all steps, and says whether Ctrl-C came before the end."""
+    with closing(steps):
+        try:
+            for step in steps:
+                done = step.index + 1
+                low, high = judge.recipe.annealing.bounds(step.index, judge.steps)
+                report(Progress("distill", done, judge.steps, step.loss, len(step.sketch), f"t {low}-{high}"))
+                if options.sheet_every and done % options.sheet_every == 0:
+                    save_png(out / SHEETS / f"step_{done:05d}.png", contact_sheet(step, judge))
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+def _width(options: DistillOptions, wanted: Commission) -> float:
+    width = wanted.width if options.width is None else options.width
+    least, most = options.width_range
+    if "width" in options.optimize and not least <= width <= most:
+        raise ValueError(f"strokes start with width {width}, outside width_range {least} to {most}: give another one")
+    return width
 
 
 def turntable() -> Cameras:
@@ -181,8 +194,10 @@ def _identity(options: DistillOptions, values: Preset, recipe: Recipe) -> dict[s
     return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(values), **asdict(recipe)}
 
 
-def _with_reference(judge: ScoreDistillation, orbits: Orbits, reference: Reference) -> tuple[Objective, "_OneMoreView"]:
-    """The known view is drawn behind those of the prior, and compared with the picture."""
+def _followed(judge: ScoreDistillation, orbits: Orbits, reference: Reference | None) -> tuple[Objective, CameraSampler]:
+    """What the sketch follows: the prior, and a known view, which is drawn behind those of the prior."""
+    if reference is None:
+        return judge, orbits
     count, size = orbits.batch, (orbits.size, orbits.size)
     picture = reference.picture.movedim(-1, 0)[None]
     picture = torch.nn.functional.interpolate(picture, size, mode="bilinear", antialias=True)[0].movedim(0, -1)

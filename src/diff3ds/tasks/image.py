@@ -11,7 +11,7 @@ from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.distill import CHECKPOINT, Reference, distill
+from diff3ds.tasks.distill import CHECKPOINT, Commission, Reference, distill
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, exemplars_like, thin_lines
 from diff3ds.tasks.lines import lines_of
@@ -106,15 +106,8 @@ def image_to_sketch(
     )
     weights = prior.source()
     about = {**_subject(picture, cut, options, known), "prior": name, "weights": weights and str(weights)}
-    return distill(
-        denoiser,
-        settings,
-        out,
-        guidance=GUIDANCE,
-        about=about,
-        report=report,
-        reference=known if known.weight else None,
-    )
+    wanted = Commission(about, GUIDANCE, reference=known if known.weight else None)
+    return distill(denoiser, settings, out, wanted, report)
 
 
 def _from_library(
@@ -146,19 +139,17 @@ def _from_library(
     save_png(out / "lines.png", drawn_over(lines, members[0], camera.resize(len(reference.image)), DEFAULT_WIDTH))
     color = asked.color if asked else None
     about = {**_subject(picture, cut, options, known), "prior": BUILT_IN[0], "recognised": found.as_json()}
-    return distill(
-        exemplars_like(members, found.category, settings.seed, color).prior(width),
-        settings,
-        out,
-        guidance=GUIDANCE,
-        about=about,
-        preset="swift",
-        width=width,
-        report=report,
-        color=color,
+    wanted = Commission(
+        about,
+        GUIDANCE,
+        "swift",
+        width,
+        color,
         finish=lambda sketch: thin_lines(sketch, settings),
         reference=known if known.weight else None,
     )
+    denoiser = exemplars_like(members, found.category, settings.seed, color).prior(width)
+    return distill(denoiser, settings, out, wanted, report)
 
 
 def _asked(shows: str | None) -> Request | None:

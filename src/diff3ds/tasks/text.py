@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.distill import CHECKPOINT, distill
+from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import WIDTH, exemplars_of, thin_lines
 from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
@@ -63,7 +63,7 @@ def text_to_sketch(
     denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.batch)
     weights = prior.source()
     about |= {"negative": options.negative, "perp_neg": options.perp_neg, "weights": weights and str(weights)}
-    return distill(denoiser, settings, out, guidance=GUIDANCE, about=about, report=report)
+    return distill(denoiser, settings, out, Commission(about, GUIDANCE), report)
 
 
 def _from_library(
@@ -80,15 +80,7 @@ def _from_library(
         raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
     known = exemplars_of(phrase, settings.seed)
     width = WIDTH if settings.width is None else settings.width
-    return distill(
-        known.prior(width),
-        settings,
-        out,
-        guidance=GUIDANCE,
-        about=about,
-        preset="swift",
-        width=width,
-        report=report,
-        color=known.color,
-        finish=lambda sketch: thin_lines(sketch, settings),
+    wanted = Commission(
+        about, GUIDANCE, "swift", width, known.color, finish=lambda sketch: thin_lines(sketch, settings)
     )
+    return distill(known.prior(width), settings, out, wanted, report)
