@@ -33,6 +33,7 @@ def test_every_caption_of_the_library_is_understood(name):
         ("a small house with chimney", Request("house", ("chimney",))),
         ("a pair of scissors", Request("scissors")),
         ("a pair of chairs", Request("chair", count=2)),
+        ("the two chairs", Request("chair", count=2)),
         ("a wide, low table", Request("table", stretch=(1.0, 1.35, 0.7))),
     ],
 )
@@ -61,6 +62,9 @@ def test_an_attribute_comes_before_a_proportion():
         ("a chair with wings", "does not know 'with wings'"),
         ("a chair with armrests and wings", "does not know 'with wings'"),
         ("a red blue chair", "a second one, blue"),
+        ("two three chairs", "one number of things, got a second one, three"),
+        ("one two chairs", "got a second one, two"),
+        ("a pair of two chairs", "got a second one, two"),
         ("a stool with armrests", "no chair is all of this at once"),
         ("a chair table", "does not know 'chair'"),
         ("with armrests", "does not know"),

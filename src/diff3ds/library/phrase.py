@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
 
-COUNTS = {"a": 1, "an": 1, "one": 1, "the": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
+COUNTS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
 # Straight RGB of plain inks on white.
 COLORS = {
     "black": (0.0, 0.0, 0.0),
@@ -40,8 +40,8 @@ STRETCHES = {
     "thin": (0.7, 0.7, 1.0),
     "long": (1.35, 1.0, 1.0),
 }
-# Words that say nothing here: every sketch fills the unit ball.
-IDLE = ("big", "large", "small", "little", "simple", "nice", "old", "new", "of")
+# Words that say nothing here: every sketch fills the unit ball, and the two chairs are two.
+IDLE = ("a", "an", "the", "big", "large", "small", "little", "simple", "nice", "old", "new", "of")
 # Things of which a pair is one.
 PAIRS = ("glasses", "scissors")
 OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
@@ -91,7 +91,7 @@ class _Reader:
         self.category = category
         self.phrase = phrase
         self.attributes = {implied} if implied else set()
-        self.count = 1
+        self.count: int | None = None
         self.color: tuple[float, float, float] | None = None
         self.stretch = (1.0, 1.0, 1.0)
         # From every way to say an attribute, as words, to its name.
@@ -113,10 +113,10 @@ class _Reader:
             place += length or 1
 
     def _read_word(self, word: str) -> None:
-        if word in COUNTS:
-            self.count = COUNTS[word]
-        elif word == "pair":
-            self.count = 1 if self.category.name in PAIRS else 2
+        if word in COUNTS or word == "pair":
+            if self.count is not None:
+                raise ValueError(f"{self.phrase!r}: there is one number of things, got a second one, {word}")
+            self.count = COUNTS.get(word, 1 if self.category.name in PAIRS else 2)
         elif word in COLORS:
             if self.color is not None:
                 raise ValueError(f"{self.phrase!r}: strokes have one colour, got a second one, {word}")
@@ -160,7 +160,7 @@ class _Reader:
         names = tuple(a.name for a in self.category.attributes if a.name in self.attributes)
         if names not in self.category.combinations():
             raise ValueError(f"{self.phrase!r}: no {self.category.name} is all of this at once: {', '.join(names)}")
-        return Request(self.category.name, names, self.count, self.color, self.stretch)
+        return Request(self.category.name, names, self.count or 1, self.color, self.stretch)
 
 
 def _noun(words: list[str], phrase: str) -> tuple[Category, str | None, int]:
