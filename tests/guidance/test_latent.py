@@ -1,7 +1,10 @@
 """The autoencoder that latent priors share, their noise schedule in files, and their network's output as ε."""
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
+from torch.nn.functional import interpolate
 
 pytest.importorskip("diffusers")
 import tiny
@@ -67,14 +70,17 @@ def test_decode_undoes_the_scale(network, generator):
     assert torch.allclose(found, expected.clamp(0, 1), atol=1e-6)
 
 
-def test_gradients_through_encode_by_finite_differences(network, pictures):
+@pytest.mark.parametrize("size", [SIZE, 56])
+def test_gradients_through_encode_by_finite_differences(network, generator, size):
     """The noise is held. Differences are taken of the network in float64, by a step whose square does not show."""
+    pictures = torch.rand(3, size, size, 3, generator=generator)
     precise = tiny.make_vae().eval().double()
     precise.load_state_dict({name: tensor.double() for name, tensor in network.state_dict().items()})
     noise = gaussian(torch.zeros(3, 4, 2, 2), seeded()).double()
 
     def value(x):
-        posterior = precise.encode(2 * x.permute(0, 3, 1, 2) - 1).latent_dist
+        resized = interpolate(x.permute(0, 3, 1, 2), (SIZE, SIZE), mode="bilinear", antialias=True)
+        posterior = precise.encode(2 * resized - 1).latent_dist
         return (0.18215 * (posterior.mean + posterior.std * noise)).square().sum()
 
     x = pictures.clone().requires_grad_()
@@ -85,14 +91,17 @@ def test_gradients_through_encode_by_finite_differences(network, pictures):
     assert float((gradient * direction).sum()) == pytest.approx(float(ahead - behind) / (2 * step), rel=1e-3)
 
 
-def test_pictures_of_another_size_are_resized_bilinearly(network, generator):
-    pictures = torch.rand(1, 32, 24, 3, generator=generator)
-    resized = torch.nn.functional.interpolate(
-        pictures.permute(0, 3, 1, 2), (SIZE, SIZE), mode="bilinear", align_corners=False
-    )
+@pytest.mark.parametrize("size", [(64, 40), (8, 12)])
+def test_pictures_of_another_size_are_resized_as_pillow_does(network, generator, size):
+    """Bilinearly, and where they shrink by means over all that a pixel covers, so that no thin line is lost."""
+    picture = torch.rand(*size, 3, generator=generator)
+    channels = [
+        Image.fromarray(picture[..., c].numpy()).resize((SIZE, SIZE), Image.Resampling.BILINEAR) for c in range(3)
+    ]
+    resized = torch.stack([torch.from_numpy(np.array(channel)) for channel in channels], -1)[None]
     autoencoder = Autoencoder(network, SIZE)
-    expected = autoencoder.encode(resized.permute(0, 2, 3, 1), seeded())
-    assert torch.allclose(autoencoder.encode(pictures, seeded()), expected, atol=1e-6)
+    found, expected = (autoencoder.encode(x, seeded()) for x in (picture[None], resized))
+    assert torch.allclose(found, expected, atol=1e-5)
 
 
 def test_thrift_changes_nothing_but_the_memory(pictures):

@@ -84,10 +84,11 @@ class Autoencoder:
     def _posteriors(self, images: Tensor) -> list[Any]:
         """Distributions of unscaled latents; one, or one an image."""
         weight = next(self._network.parameters())
-        pixels = 2 * images.movedim(-1, 1).to(weight.device, torch.float32) - 1
+        pixels = images.movedim(-1, 1)
         if pixels.shape[-2:] != (self.size, self.size):
-            pixels = torch.nn.functional.interpolate(pixels, (self.size, self.size), mode="bilinear")
-        pixels = pixels.to(weight.dtype)
+            # Where the images are: not every GPU has the way back through antialiasing.
+            pixels = torch.nn.functional.interpolate(pixels, (self.size, self.size), mode="bilinear", antialias=True)
+        pixels = (2 * pixels.to(weight.device, torch.float32) - 1).to(weight.dtype)
         batches = torch.split(pixels, 1) if self.thrifty else [pixels]
         return [self._network.encode(batch).latent_dist for batch in batches]
 
