@@ -55,7 +55,7 @@ def member(category: str, generator: torch.Generator, attributes: Collection[str
     def vary(low: float, high: float) -> float:
         return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
 
-    return Member(_fill_ball(join(*kind.make(vary, names))), kind.name, names, kind.captions(names))
+    return Member(fill_ball(join(*kind.make(vary, names))), kind.name, names, kind.captions(names))
 
 
 def _find(category: str) -> Category:
@@ -84,7 +84,12 @@ def _nearest(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names) or 'none'}"
 
 
-def _fill_ball(strokes: Strokes) -> Sketch:
+def fill_ball(strokes: Strokes) -> Sketch:
+    """Strokes of any size and anywhere as a sketch in the unit ball, as members are.
+
+    Raises:
+        ValueError: they have no size.
+    """
     weights = strokes[..., 3]
     points = strokes[..., :3] / weights[..., None]
     on = evaluate(points, weights, torch.linspace(0, 1, _SAMPLES, dtype=torch.float64)).flatten(0, 1)

@@ -168,7 +168,7 @@ def _noun(words: list[str], phrase: str) -> tuple[Category, str | None, int]:
     nouns = _nouns()
     for first in range(len(words)):
         said = " ".join(words[first:])
-        for candidate in (said, *_singulars(said)):
+        for candidate in (said, *singulars(said)):
             if candidate in nouns:
                 return (*nouns[candidate], first)
     said = words[-1] if words else phrase
@@ -198,7 +198,7 @@ def _bare(text: str) -> str:
     return " ".join(word for word in text.split() if word not in ("a", "an", "the"))
 
 
-def _singulars(noun: str) -> Iterable[str]:
+def singulars(noun: str) -> Iterable[str]:
     """What a plural may come from: mugs, buses, berries, shelves."""
     for ending, instead in (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("men", "man")):
         if noun.endswith(ending):

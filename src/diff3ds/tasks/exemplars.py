@@ -1,7 +1,7 @@
-"""The built-in prior: it has seen members of the library, and knows which of them the phrase or picture means."""
+"""The built-in prior: it has seen members of a library, and knows which of them the phrase or picture means."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -16,6 +16,8 @@ from diff3ds.library.phrase import Request, parse
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.folder_phrase import asked_of, fits
+from diff3ds.tasks.sketch_folder import SketchFolder
 from diff3ds.tasks.tidy import close_gaps
 
 # Members that the phrase means, and members of every other kind. More of the latter cost time and change little.
@@ -82,6 +84,30 @@ def exemplars_like(
     )
 
 
+def exemplars_in(folder: SketchFolder, phrase: str) -> Exemplars:
+    """The members of a folder that a phrase means, and all others there.
+
+    Raises:
+        ValueError: the phrase is not understood (`diff3ds.tasks.folder_phrase.asked_of`).
+    """
+    request = asked_of(folder.names, phrase, str(folder.path))
+    chosen = [i for i, name in enumerate(folder.names) if fits(name, request)]
+    return exemplars_among(folder, {i: arranged(folder.members[i].sketch, request) for i in chosen}, request.color)
+
+
+def exemplars_among(
+    folder: SketchFolder, wanted: Mapping[int, Sketch], color: tuple[float, float, float] | None = None
+) -> Exemplars:
+    """Members that are given, by their places in a folder, and all others there.
+
+    Args:
+        color: straight RGB of what is given, or None.
+    """
+    given = [_colored(sketch, color) for sketch in wanted.values()]
+    others = [member.sketch for i, member in enumerate(folder.members) if i not in wanted]
+    return Exemplars((*given, *others), (True,) * len(given) + (False,) * len(others), color)
+
+
 def _among_others(
     wanted: Sequence[Sketch], category: str, generator: torch.Generator, color: tuple[float, float, float] | None
 ) -> Exemplars:
@@ -91,8 +117,13 @@ def _among_others(
 
 def requested(request: Request, generator: torch.Generator) -> Sketch:
     """A sketch of what a phrase asks for, in the unit ball."""
-    one = _stretched(member(request.category, generator, request.attributes).sketch, request.stretch)
-    return _colored(_fitted(Sketch.concatenate(_in_a_row(one, request.count))), request.color)
+    return arranged(member(request.category, generator, request.attributes).sketch, request)
+
+
+def arranged(sketch: Sketch, request: Request) -> Sketch:
+    """A member in the proportions, number and colour that a phrase asks for, in the unit ball."""
+    several = _in_a_row(_stretched(sketch, request.stretch), request.count)
+    return _colored(_fitted(Sketch.concatenate(several)), request.color)
 
 
 def _colored(sketch: Sketch, color: tuple[float, float, float] | None) -> Sketch:

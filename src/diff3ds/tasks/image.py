@@ -13,8 +13,9 @@ from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Commission, Reference, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, exemplars_like, thin_lines
-from diff3ds.tasks.lines import lines_of
+from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like, thin_lines
+from diff3ds.tasks.folder_views import recognise_in
+from diff3ds.tasks.lines import Lines, lines_of
 from diff3ds.tasks.picture import PictureOptions, read_reference
 from diff3ds.tasks.priors import (
     BUILT_IN,
@@ -25,8 +26,9 @@ from diff3ds.tasks.priors import (
     named_prior,
 )
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.recognise import alike, drawn_over, recognise
+from diff3ds.tasks.recognise import Recognised, alike, drawn_over, recognise
 from diff3ds.tasks.results import claim
+from diff3ds.tasks.sketch_folder import identity_of, read_sketches
 
 # The paper's weight of guidance for pictures.
 GUIDANCE = 7.5
@@ -88,7 +90,7 @@ def image_to_sketch(
     else:
         name = named_prior(prior, (*FOR_PICTURES, *BUILT_IN))
     if name in BUILT_IN:
-        return _from_library(picture, out, options, cut, settings, report, say)
+        return _from_library(picture, out, options, cut, prior.library, settings, report, say)
     if options.shows:
         raise ValueError("--shows is for the built-in prior: networks see what is there")
     settings = _at_its_distance(settings) if name == "stable-zero123" else settings
@@ -115,6 +117,7 @@ def _from_library(
     out: Path,
     options: ImageOptions,
     cut: PictureOptions,
+    library: Path | None,
     settings: DistillOptions,
     report: Report,
     say: Callable[[str], None],
@@ -124,32 +127,40 @@ def _from_library(
         raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
     reference = read_reference(picture, options=cut)
     lines = lines_of(reference)
-    asked = _asked(options.shows)
-    found = recognise(lines) if asked is None else recognise(lines, asked.category, asked.attributes)
+    folder = None if library is None else read_sketches(library)
+    if folder is None:
+        found, exemplars = _looked_up(lines, options.shows, settings.seed)
+    else:
+        say(f"library: {folder}")
+        found, exemplars = recognise_in(folder, lines, options.shows)
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
     say(f"recognised: {found}")
-    members = alike(lines, found, FITTING)
+    like = exemplars.members[0]
     weight = options.reference_loss
     width = WIDTH if settings.width is None else settings.width
     camera = found.camera.resize(settings.size or SIZE)
-    known = Reference(
-        drawn_over(lines, members[0], camera, width), camera, REFERENCE_LOSS if weight is None else weight
-    )
+    known = Reference(drawn_over(lines, like, camera, width), camera, REFERENCE_LOSS if weight is None else weight)
     save_png(out / "reference.png", reference.image)
-    save_png(out / "lines.png", drawn_over(lines, members[0], camera.resize(len(reference.image)), DEFAULT_WIDTH))
-    color = asked.color if asked else None
-    about = {**_subject(picture, cut, options, known), "prior": BUILT_IN[0], "recognised": found.as_json()}
+    save_png(out / "lines.png", drawn_over(lines, like, camera.resize(len(reference.image)), DEFAULT_WIDTH))
+    about = {**_subject(picture, cut, options, known), "prior": "exemplar", "recognised": found.as_json()}
     wanted = Commission(
-        about,
+        about | identity_of(folder),
         GUIDANCE,
         "swift",
         width,
-        color,
+        exemplars.color,
         finish=lambda sketch: thin_lines(sketch, settings),
         reference=known if known.weight else None,
     )
-    denoiser = exemplars_like(members, found.category, settings.seed, color).prior(width)
-    return distill(denoiser, settings, out, wanted, report)
+    return distill(exemplars.prior(width), settings, out, wanted, report)
+
+
+def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Recognised, Exemplars]:
+    """What lines show, of the built-in library, and members like them."""
+    asked = _asked(shows)
+    found = recognise(lines) if asked is None else recognise(lines, asked.category, asked.attributes)
+    color = asked.color if asked else None
+    return found, exemplars_like(alike(lines, found, FITTING), found.category, seed, color)
 
 
 def _asked(shows: str | None) -> Request | None:

@@ -29,6 +29,8 @@ class PriorOptions:
     Attributes:
         prior: a name (see the command's help), or weights: a folder in the layout of diffusers, or a repository of the
             Hugging Face hub that was fetched, owner/name or owner/name@revision.
+        library: a folder of sketches (sketch.json, STEP) for exemplar to know instead of the built-in library; files
+            are named after what they are: chair_01.json, or chair/01.json.
         weights: other weights for the prior of that name.
         variant: of the files of weights, such as fp16.
         allow_pickle: read the weights from this single file although it is a pickle. Pickles can run code of whoever
@@ -38,6 +40,7 @@ class PriorOptions:
     """
 
     prior: str | None = None
+    library: Path | None = None
     weights: str | None = None
     variant: str | None = None
     allow_pickle: bool = False
@@ -45,6 +48,10 @@ class PriorOptions:
     precision: Precision = "auto"
 
     def __post_init__(self) -> None:
+        if self.library is not None and self.prior is None:
+            object.__setattr__(self, "prior", "exemplar")
+        if self.library is not None and self.prior != "exemplar":
+            raise ValueError(f"a library is for the prior exemplar, and {self.prior} has none: leave one of them out")
         if self.weights and self.prior is None:
             raise ValueError(
                 f"weights are of a prior: name it (--prior mvdream --weights {self.weights}), or --prior {self.weights}"

@@ -44,6 +44,7 @@ class Recognised:
         confidence: in [0, 1]: so many of such pictures showed this category, where every other one showed something
             that the library lacks.
         scores: of the categories that are most like the picture, in [0, 1].
+        caption: such as "a chair with armrests".
     """
 
     category: str
@@ -52,16 +53,12 @@ class Recognised:
     elevation: float
     confidence: float
     scores: tuple[tuple[str, float], ...]
+    caption: str
 
     @property
     def camera(self) -> Cameras:
         """Where the picture was taken from, as far as its lines tell."""
-        return _orbit([(self.azimuth, self.elevation)])
-
-    @property
-    def caption(self) -> str:
-        """Such as "a chair with armrests"."""
-        return CATEGORIES[self.category].captions(self.attributes)[0]
+        return cameras_at([(self.azimuth, self.elevation)])
 
     def __str__(self) -> str:
         """In words."""
@@ -102,7 +99,7 @@ def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, 
     wanted = described(lines)
     if category is not None:
         best = _refined(wanted, category, _table_of(category, attributes))
-        return Recognised(category, best.attributes, best.azimuth, best.elevation, 1.0, ((category, 1.0),))
+        return _recognised(category, best, 1.0, ((category, 1.0),))
     found = matches(wanted)
     scores = sorted(((name, match.score) for name, match in found.items()), key=lambda pair: -pair[1])[:SUGGESTIONS]
     name, sure = scores[0][0], confidence(scores[0][1], scores[1][1])
@@ -114,8 +111,12 @@ def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, 
             f'--shows "{CATEGORIES[name].captions()[0]}". '
             "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123"
         )
-    best = found[name]
-    return Recognised(name, best.attributes, best.azimuth, best.elevation, sure, tuple(scores))
+    return _recognised(name, found[name], sure, tuple(scores))
+
+
+def _recognised(category: str, best: Match, sure: float, scores: tuple[tuple[str, float], ...]) -> Recognised:
+    caption = CATEGORIES[category].captions(best.attributes)[0]
+    return Recognised(category, best.attributes, best.azimuth, best.elevation, sure, scores, caption)
 
 
 def confidence(best: float, next_best: float) -> float:
@@ -164,7 +165,7 @@ def _refined(wanted: Float[Tensor, " D"], category: str, views: "Views") -> Matc
     for i in (views.descriptors @ wanted).topk(REFINED).indices.tolist():
         kind, (azimuth, elevation) = views.attributes[i], views.poses[i]
         poses = [((azimuth + a) % 360, max(0.0, elevation + e)) for a in STEPS_AROUND for e in STEPS_UP]
-        cameras = _orbit(poses)
+        cameras = cameras_at(poses)
         for seed in range(SEEDS):
             scores = descriptors(*pieces(_drawn(category, kind, seed), cameras)) @ wanted
             best = int(scores.argmax())
@@ -195,7 +196,7 @@ def table(category: str) -> Views:
 
 def _views(category: str, kinds: Sequence[tuple[str, ...]]) -> Views:
     poses = tuple((a, e) for a in AZIMUTHS for e in ELEVATIONS)
-    cameras = _orbit(poses)
+    cameras = cameras_at(poses)
     seen = [descriptors(*pieces(_drawn(category, kind, 0), cameras)) for kind in kinds]
     return Views(torch.cat(seen), tuple(kind for kind in kinds for _ in poses), poses * len(kinds))
 
@@ -205,7 +206,8 @@ def _table_of(category: str, attributes: tuple[str, ...]) -> Views:
     return _views(category, [attributes]) if attributes else table(category)
 
 
-def _orbit(poses: Sequence[tuple[float, float]]) -> Cameras:
+def cameras_at(poses: Sequence[tuple[float, float]]) -> Cameras:
+    """Views from azimuths and elevations, degrees."""
     return orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import WIDTH, exemplars_of, thin_lines
+from diff3ds.tasks.exemplars import WIDTH, exemplars_in, exemplars_of, thin_lines
 from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
+from diff3ds.tasks.sketch_folder import identity_of, read_sketches
 
 # The paper's weight of guidance for phrases.
 GUIDANCE = 50.0
@@ -59,7 +60,7 @@ def text_to_sketch(
         name = named_prior(prior, (*FOR_PHRASES, *BUILT_IN))
     about: dict[str, object] = {"phrase": phrase, "prior": name}
     if name in BUILT_IN:
-        return _from_library(phrase, out, options, settings, about, report)
+        return _from_library(phrase, out, options, prior.library, settings, about, report, say)
     denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.batch)
     weights = prior.source()
     about |= {"negative": options.negative, "perp_neg": options.perp_neg, "weights": weights and str(weights)}
@@ -70,17 +71,27 @@ def _from_library(
     phrase: str,
     out: Path,
     options: TextOptions,
+    library: Path | None,
     settings: DistillOptions,
     about: dict[str, object],
     report: Report,
+    say: Callable[[str], None],
 ) -> Sketch:
     if options.negative or options.perp_neg:
         raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in prior has none")
     if settings.method == "vsd":
         raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
-    known = exemplars_of(phrase, settings.seed)
+    folder = None if library is None else read_sketches(library)
+    known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
+    if folder is not None:
+        say(f"library: {folder}; the phrase means {sum(known.fitting)}")
     width = WIDTH if settings.width is None else settings.width
     wanted = Commission(
-        about, GUIDANCE, "swift", width, known.color, finish=lambda sketch: thin_lines(sketch, settings)
+        about | identity_of(folder),
+        GUIDANCE,
+        "swift",
+        width,
+        known.color,
+        finish=lambda sketch: thin_lines(sketch, settings),
     )
     return distill(known.prior(width), settings, out, wanted, report)

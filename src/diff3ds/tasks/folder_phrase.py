@@ -1,0 +1,151 @@
+"""Names of the sketches in a user's folder, and phrases of them: the noun comes last, or before "with".
+
+A phrase: [a sketch of] [a | two | ... six] [tall | wide | ...] [colour] [word ...] NOUN [with word ...]
+[without word ...], whose words are those of names.
+"""
+
+import difflib
+import re
+import unicodedata
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from diff3ds.library.phrase import (
+    COLORS,
+    COUNTS,
+    IDLE,
+    OPENING,
+    PAIRS,
+    STRETCHES,
+    SUGGESTIONS,
+    Request,
+    singulars,
+)
+
+# Words that say nothing in a name, and behind the noun of a phrase.
+FILLERS = ("a", "an", "the", "and", "of")
+# So many names are listed where none is near.
+LISTED = 12
+
+
+@dataclass(frozen=True)
+class Name:
+    """What a sketch is, by the words of its file's name.
+
+    Attributes:
+        noun: its kind: the last word, or the last one before "with" or "without".
+        words: all others; behind "without" they are "without ...".
+        said: the name as words: "rocking chair with armrests".
+    """
+
+    noun: str
+    words: tuple[str, ...]
+    said: str
+
+
+def named(said: str) -> Name | None:
+    """The name that a file's or folder's name has: words parted by _ or -, digits at its end dropped; None if none."""
+    words = _words(said)
+    while words and (bare := words[-1].rstrip("0123456789")) != words[-1]:
+        words = [*words[:-1], bare] if bare else words[:-1]
+    front, behind = _parted(words)
+    before = (word for word in front[:-1] if word not in FILLERS)
+    return Name(front[-1], (*before, *behind), " ".join(words)) if front else None
+
+
+def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
+    """What a phrase asks for, of what is there: `category` is a noun, `attributes` are words of names.
+
+    Args:
+        place: what the names belong to, for messages.
+
+    Raises:
+        ValueError: it is empty, a word is neither in the names nor in the grammar, or nothing there is all of it; says
+            the nearest names.
+    """
+    front, behind = _parted(OPENING.sub("", " ".join(_words(phrase))).split())
+    if not front:
+        raise ValueError(f"{phrase!r} names nothing: say what to draw, such as a {names[0].said}")
+    noun = _among(front[-1], {name.noun for name in names})
+    if noun is None:
+        known = {text: None for name in names for text in (name.noun, name.said)}
+        raise ValueError(_unknown(phrase, front[-1], known, place))
+    of_noun = [name for name in names if name.noun == noun]
+    known = {word: None for name in of_noun for word in name.words}
+    request = Request(noun)
+    for word in front[:-1]:
+        request = _read(request, word, known, phrase, place)
+    for word in behind:
+        found = _among(word, known)
+        if found is None:
+            raise ValueError(_unknown(phrase, word, known or {noun: None}, place))
+        request = replace(request, attributes=(*request.attributes, found))
+    if not any(fits(name, request) for name in of_noun):
+        there = _listed(name.said for name in of_noun)
+        raise ValueError(f"{phrase!r}: none in {place} is all of {', '.join(request.attributes)}; it has {there}")
+    return request
+
+
+def fits(name: Name, request: Request) -> bool:
+    """Whether a request means what has this name."""
+    return name.noun == request.category and {*request.attributes} <= {*name.words}
+
+
+def _read(request: Request, word: str, known: Collection[str], phrase: str, place: str) -> Request:
+    """A word before the noun; those of names come first: a tall lamp may be a kind."""
+    attribute = _among(word, known)
+    if attribute is not None:
+        return replace(request, attributes=(*request.attributes, attribute))
+    if word == "pair":
+        return replace(request, count=1 if request.category in PAIRS else 2)
+    if word in COUNTS:
+        return replace(request, count=COUNTS[word])
+    if word in COLORS:
+        if request.color is not None:
+            raise ValueError(f"{phrase!r}: strokes have one colour, got a second one, {word}")
+        return replace(request, color=COLORS[word])
+    if word in STRETCHES:
+        (x, y, z), (a, b, c) = request.stretch, STRETCHES[word]
+        return replace(request, stretch=(x * a, y * b, z * c))
+    if word not in IDLE:
+        raise ValueError(_unknown(phrase, word, [*known, *COLORS, *STRETCHES, *COUNTS], place))
+    return request
+
+
+def _words(text: str) -> list[str]:
+    """Lower case words of any script."""
+    composed = unicodedata.normalize("NFC", text).casefold()
+    return [word for word in re.split(r"[\W_]+", composed) if word]
+
+
+def _parted(words: list[str]) -> tuple[list[str], list[str]]:
+    """Words up to the noun, and what those behind it say: of "with a low back without arms", "low", "back" and
+    "without arms".
+    """
+    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
+    behind, prefix = [], ""
+    for word in words[split:]:
+        if word in ("with", "without"):
+            prefix = "without " if word == "without" else ""
+        elif word not in FILLERS:
+            behind.append(prefix + word)
+    return words[:split], behind
+
+
+def _among(said: str, known: Collection[str]) -> str | None:
+    """The same word, or its singular or plural."""
+    if said in known:
+        return said
+    return next((word for word in known if word in singulars(said) or said in singulars(word)), None)
+
+
+def _unknown(phrase: str, said: str, known: Iterable[str], place: str) -> str:
+    words = list(known)
+    near = difflib.get_close_matches(said, words, SUGGESTIONS, cutoff=0.5)
+    hint = f"the nearest there: {', '.join(near)}" if near else f"it has {_listed(words)}"
+    return f"{phrase!r}: nothing in {place} is named {said!r}; {hint}"
+
+
+def _listed(words: Iterable[str]) -> str:
+    there = sorted({*words})
+    return ", ".join([*there[:LISTED], *([f"{len(there) - LISTED} more"] if len(there) > LISTED else [])])
