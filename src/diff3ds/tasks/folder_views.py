@@ -30,6 +30,10 @@ from diff3ds.tasks.recognise import (
 )
 from diff3ds.tasks.sketch_folder import SketchFolder
 
+# Members whose scores are so near to the best one's are drawn like it. Of 64 members of the built-in library, the six
+# most like a view of another one lie within .006 in nine of ten cases.
+ALIKE = 0.01
+
 Pose = tuple[float, float]
 
 
@@ -111,5 +115,6 @@ def _alike(sketches: Mapping[int, Sketch], found: Recognised, wanted: Float[Tens
     """The sketches most like the picture from where it was taken; the best first."""
     scores = torch.stack([descriptors(*pieces(s, found.camera))[0] for s in sketches.values()]) @ wanted
     places = [*sketches]
-    best = [places[int(i)] for i in scores.topk(min(FITTING, len(places))).indices]
-    return {i: sketches[i] for i in best}
+    best = scores.topk(min(FITTING, len(places)))
+    alike = best.indices[best.values >= best.values[0] - ALIKE]
+    return {places[i]: sketches[places[i]] for i in alike.tolist()}

@@ -148,9 +148,9 @@ def _member(file: Path) -> Sketch:
         raise ImportError(f"{file}: {error}") from error
     if not 0 < len(sketch) <= MOST_STROKES:
         raise ValueError(f"{file}: {len(sketch)} strokes; a member of a library has 1 to {MOST_STROKES}")
-    cubics = sketch.detach().to(torch.float64).elevate()
-    extent = (cubics.points.amax((0, 1)) - cubics.points.amin((0, 1))).max()
     try:
+        cubics = sketch.detach().to(torch.float64).elevate()
+        extent = (cubics.points.amax((0, 1)) - cubics.points.amin((0, 1))).max()
         if not extent > LEAST_EXTENT * cubics.points.abs().max():
             raise ValueError("all points are one")
         filled = fill_ball(torch.cat([cubics.points * cubics.weights[..., None], cubics.weights[..., None]], -1))

@@ -1,0 +1,368 @@
+"""A folder of sketches as a library: what is read of it, what names and phrases mean, and runs with it."""
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+
+import diff3ds as ds
+from diff3ds.cli import FAULT, main
+from diff3ds.formats import save_png
+from diff3ds.library import member
+from diff3ds.library.phrase import COLORS, STRETCHES
+from diff3ds.tasks import sketch_folder
+from diff3ds.tasks.exemplars import exemplars_in
+from diff3ds.tasks.folder_phrase import Name, asked_of, fits, named
+from diff3ds.tasks.folder_views import recognise_in
+from diff3ds.tasks.lines import lines_of
+from diff3ds.tasks.picture import read_reference
+from diff3ds.tasks.priors import PriorOptions
+from diff3ds.tasks.sketch_folder import read_sketches
+
+
+def drawn(name: str, seed: int = 0, attributes=()) -> ds.Sketch:
+    return member(name, torch.Generator().manual_seed(seed), attributes).sketch
+
+
+def points_on(sketch: ds.Sketch) -> torch.Tensor:
+    return ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 65)).reshape(-1, 3)
+
+
+def f_score(found: ds.Sketch, truth: ds.Sketch) -> float:
+    """At 5 % of the size."""
+    found, truth = points_on(found).numpy(), points_on(truth).numpy()
+    near = 0.05 * float(np.ptp(truth, axis=0).max())
+    precision = float((cKDTree(truth).query(found)[0] < near).mean())
+    recall = float((cKDTree(found).query(truth)[0] < near).mean())
+    return 2 * precision * recall / max(precision + recall, 1e-9)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Six sketches of three kinds, and notes."""
+    path = tmp_path_factory.mktemp("library")
+    (path / "mug").mkdir()
+    ds.save(path / "chair_01.json", drawn("chair", 1))
+    ds.save(path / "chair_02.json", drawn("chair", 2))
+    ds.save(path / "Chair-with-armrests.json", drawn("chair", 3, ("armrests",)))
+    ds.save(path / "mug" / "01.json", drawn("mug", 1))
+    ds.save(path / "mug" / "02.json", drawn("mug", 2))
+    ds.save(path / "space_rocket.json", drawn("rocket", 5))
+    (path / "notes.txt").write_text("mine")
+    (path / ".DS_Store").write_bytes(b"\0")
+    return path
+
+
+NAMES = [
+    ("chair_01", Name("chair", (), "chair")),
+    ("chair12", Name("chair", (), "chair")),
+    ("Rocking-Chair_2_3", Name("chair", ("rocking",), "rocking chair")),
+    (
+        "tall_chair_with_armrests_and_a_cushion",
+        Name("chair", ("tall", "armrests", "cushion"), "tall chair with armrests and a cushion"),
+    ),
+    ("chair_without_arms", Name("chair", ("without arms",), "chair without arms")),
+    ("a_mug", Name("mug", (), "a mug")),
+    # Composed or not, as file systems have it.
+    ("gru\u0308ner_stuhl_1", Name("stuhl", ("grüner",), "grüner stuhl")),
+]
+
+
+@pytest.mark.parametrize(("said", "name"), NAMES)
+def test_names_of_files(said, name):
+    assert named(said) == name
+
+
+@pytest.mark.parametrize("said", ["01", "_", "with_arms", "2024-11-22"])
+def test_names_that_say_nothing(said):
+    assert named(said) is None
+
+
+def names_of(*said: str) -> list[Name]:
+    return [named(one) for one in said]
+
+
+THERE = names_of("chair_1", "rocking_chair", "rocking_chair_with_armrest", "chair_without_back", "red_lamp", "shelf")
+
+
+@pytest.mark.parametrize(
+    ("phrase", "meant"),
+    [
+        ("a chair", [0, 1, 2, 3]),
+        ("two Chairs", [0, 1, 2, 3]),
+        ("a rocking chair", [1, 2]),
+        ("a drawing of a blue rocking chair with armrests", [2]),
+        ("a chair without a back", [3]),
+        ("a tall lamp", [4]),
+        ("three shelves", [5]),
+    ],
+)
+def test_which_members_a_phrase_means(phrase, meant):
+    request = asked_of(THERE, phrase, "here")
+    assert [i for i, name in enumerate(THERE) if fits(name, request)] == meant
+
+
+def test_counts_colours_and_proportions_of_a_phrase():
+    request = asked_of(THERE, "two tall blue chairs", "here")
+    assert (request.count, request.color, request.stretch) == (2, COLORS["blue"], STRETCHES["tall"])
+    assert asked_of(THERE, "a pair of chairs", "here").count == 2
+    # A word of a name comes before a colour.
+    assert asked_of(THERE, "a red lamp", "here").color is None
+    assert asked_of(THERE, "a red chair", "here").color == COLORS["red"]
+
+
+@pytest.mark.parametrize(
+    ("phrase", "message"),
+    [
+        ("", "names nothing"),
+        ("with arms", "names nothing"),
+        ("a chiar", "nothing in here is named 'chiar'; the nearest there: chair"),
+        ("a rockingchair", "the nearest there: rocking chair"),
+        ("a xyz", "it has chair, chair without back, lamp, red lamp, rocking chair"),
+        ("a rokcing chair", "named 'rokcing'; the nearest there: rocking"),
+        ("a chair with armrsets", "named 'armrsets'; the nearest there: armrest"),
+        ("a shelf with doors", "named 'doors'; it has shelf"),
+        ("a blue red chair", "one colour"),
+        ("a rocking chair without a back", "none in here is all of rocking, without back; it has chair, chair without"),
+    ],
+)
+def test_what_a_phrase_may_not_be(phrase, message):
+    with pytest.raises(ValueError, match=message):
+        asked_of(THERE, phrase, "here")
+
+
+def test_what_is_read_of_a_folder(folder):
+    read = read_sketches(folder)
+    assert [name.said for name in read.names] == ["chair with armrests", "chair", "chair", "space rocket", "mug", "mug"]
+    assert read.passed == ("notes.txt",)
+    said = str(read)
+    assert "6 sketches" in said
+    assert "chair (3), mug (2), rocket (1); passed over, for they are no sketches: notes.txt" in said
+    # Its own members come back as they were, to the rounding of files and of float32.
+    torch.testing.assert_close(read.members[1].sketch.points, drawn("chair", 1).points, atol=1e-6, rtol=0)
+
+
+def test_members_fill_the_unit_ball_whatever_their_size_place_degree_and_width(tmp_path):
+    circle = ds.Sketch(
+        torch.tensor([[[7.0, 2.0, 0.0], [7.0, 4.0, 0.0], [5.0, 4.0, 0.0]], [[5.0, 2.0, 0], [5, 2, 1], [5, 2, 2]]]),
+        torch.tensor([[1.0, 0.5**0.5, 1.0], [1.0, 1.0, 1.0]]),
+        width=0.5,
+        color=(1.0, 0.0, 0.0),
+        opacity=torch.tensor([0.3, 1.0]),
+        width_space="world",
+    )
+    ds.save(tmp_path / "arc.json", circle)
+    (found,) = (one.sketch for one in read_sketches(tmp_path).members)
+    points = points_on(found)
+    assert float(points.norm(dim=1).max()) == pytest.approx(0.95, abs=1e-3)
+    assert ((points.amin(0) + points.amax(0)) / 2).abs().max() < 1e-3
+    # A similarity: the quarter circle stays one; its centre was (5, 2, 0), its radius 2, as long as the line.
+    scale = float((found.points[1, 3] - found.points[1, 0]).norm()) / 2
+    away = (points[:65] - found.points[1, 0]).norm(dim=1)
+    torch.testing.assert_close(away, torch.full_like(away, 2 * scale), atol=1e-5, rtol=0)
+    assert found.opacity.tolist() == pytest.approx([0.3, 1.0])
+    assert found.width_space == "image"
+    assert not found.color.any()
+
+
+def test_the_digest_is_that_of_the_members(folder, tmp_path):
+    whole = hashlib.sha256()
+    ds.save(tmp_path / "chair.json", drawn("chair"))
+    content = (tmp_path / "chair.json").read_bytes()
+    whole.update(f"chair.json\0{hashlib.sha256(content).hexdigest()}\n".encode())
+    assert read_sketches(tmp_path).digest == whole.hexdigest()
+    (tmp_path / "notes.txt").write_text("passed over")
+    assert read_sketches(tmp_path).digest == whole.hexdigest()
+    (tmp_path / "chair.json").rename(tmp_path / "stool.json")
+    assert read_sketches(tmp_path).digest != whole.hexdigest()
+
+
+def test_members_that_a_phrase_means_come_first_and_all_others_follow(folder):
+    read = read_sketches(folder)
+    known = exemplars_in(read, "two red mugs")
+    assert known.fitting == (True, True, False, False, False, False)
+    assert known.color == COLORS["red"]
+    assert len(known.members[0]) == 2 * len(drawn("mug", 1))
+    assert torch.allclose(known.members[0].color, torch.tensor(COLORS["red"]))
+    assert [len(one) for one in known.members[2:]] == [len(read.members[i].sketch) for i in range(4)]
+
+
+def broken(path: Path, what: str) -> str:
+    """A folder with something wrong in it; returns what its error says."""
+    chair = drawn("chair")
+    match what:
+        case "missing":
+            path.rmdir()
+        case "file":
+            path.rmdir()
+            path.write_text("{}")
+        case "garbage":
+            (path / "chair_2.json").write_text("{")
+        case "cut":
+            content = (path / "chair_1.json").read_bytes()
+            (path / "chair_2.json").write_bytes(content[: len(content) // 2])
+        case "empty":
+            ds.save(path / "chair_2.json", chair[[]])
+        case "point":
+            ds.save(path / "chair_2.json", replace(chair, points=torch.full_like(chair.points, 0.1)))
+        case "large":
+            ds.save(path / "chair_2.json", ds.Sketch(torch.rand(1, 4, 3, dtype=torch.float64) * 1e308))
+        case "mesh":
+            (path / "chair_2.obj").write_text("v 0 0 0")
+        case "unnamed":
+            ds.save(path / "02.json", chair)
+        case "deep":
+            (path / "chair" / "more").mkdir(parents=True)
+    return {
+        "missing": "is a folder of sketches (.json, .step, .stp), and",
+        "file": "is a folder of sketches",
+        "garbage": "chair_2.json: not a JSON file",
+        "cut": "chair_2.json: not a JSON file",
+        "empty": "chair_2.json: 0 strokes",
+        "point": "chair_2.json: its strokes cannot be brought to the size of the unit ball (all points are one)",
+        "large": "chair_2.json: its strokes cannot be brought",
+        "mesh": "chair_2.obj: a mesh, and the members of a library are sketches",
+        "unnamed": "02.json: '02' does not say what it is: name it so (chair_01.json, or chair/01.json)",
+        "deep": "more: a library has sub-folders of sketches, and no folders in them",
+    }[what]
+
+
+@pytest.mark.parametrize(
+    "what", ["missing", "file", "garbage", "cut", "empty", "point", "large", "mesh", "unnamed", "deep"]
+)
+def test_what_is_wrong_in_a_folder_is_named_before_anything_is_written(what, tmp_path, capsys):
+    (tmp_path / "library").mkdir()
+    if what not in ("missing", "file"):
+        ds.save(tmp_path / "library" / "chair_1.json", drawn("chair"))
+    message = broken(tmp_path / "library", what)
+    said = fails(["text", "a chair", "--library", str(tmp_path / "library"), "-o", str(tmp_path / "out")], capsys)
+    assert message in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_folders_have_bounds(folder, tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match="holds no sketches"):
+        read_sketches(tmp_path)
+    for name, value, message in [
+        ("MOST_FILES", 5, "holds 6 sketches"),
+        ("MOST_BYTES", 100, "armrests.json: .* bytes are more than the 100"),
+        ("MOST_STROKES", 10, "armrests.json: 25 strokes; a member of a library has 1 to 10"),
+        ("MOST_STROKES_IN_ALL", 60, "more than 60 strokes in all"),
+    ]:
+        with monkeypatch.context() as patch:
+            patch.setattr(sketch_folder, name, value)
+            with pytest.raises(ValueError, match=message):
+                read_sketches(folder)
+
+
+def fails(arguments: list[str], capsys) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == FAULT
+    return " ".join(capsys.readouterr().err.split())
+
+
+def test_a_library_is_for_the_exemplar_prior():
+    assert PriorOptions(library=Path("mine")).prior == "exemplar"
+    with pytest.raises(ValueError, match="a library is for the prior exemplar, and mvdream has none"):
+        PriorOptions("mvdream", Path("mine"))
+    with pytest.raises(ValueError, match="exemplar is built in and takes no weights"):
+        PriorOptions(library=Path("mine"), weights="owner/name")
+
+
+@pytest.fixture(scope="module")
+def rocket(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("rocket") / "run"
+    main(["text", "a rocket", "--library", str(folder), "-o", str(out), "--quiet", "--steps", "250"])
+    return out
+
+
+def test_a_phrase_becomes_the_sketch_in_the_folder(rocket, folder):
+    found = ds.load(rocket / "sketch.json")
+    assert f_score(found, drawn("rocket", 5)) > 0.85
+    assert f_score(found, drawn("mug", 1)) < 0.5
+    info = json.loads((rocket / "run.json").read_text())["options"]
+    assert info["prior"] == "exemplar"
+    assert info["library"] == str(folder)
+    assert info["library_sha256"] == read_sketches(folder).digest
+
+
+def test_a_folder_of_one_kind_and_one_sketch_is_enough(tmp_path):
+    (tmp_path / "library").mkdir()
+    ds.save(tmp_path / "library" / "chair.json", drawn("chair"))
+    main(["text", "a chair", "--library", str(tmp_path / "library"), "-o", str(tmp_path / "out"), "--steps", "2"])
+    assert (tmp_path / "out" / "sketch.json").exists()
+
+
+def test_a_changed_library_is_another_run(tmp_path, capsys):
+    library = tmp_path / "library"
+    library.mkdir()
+    ds.save(library / "chair.json", drawn("chair"))
+    arguments = ["text", "a chair", "-o", str(tmp_path / "out"), "--steps", "2", "--quiet", "--sheet-every", "0"]
+    own = [*arguments, "--library", str(library)]
+    main(own)
+    before = (tmp_path / "out" / "sketch.json").read_bytes()
+    main([*own, "--resume"])
+    assert (tmp_path / "out" / "sketch.json").read_bytes() == before
+    assert f"had library={library}, not None" in fails([*arguments, "--prior", "exemplar", "--resume"], capsys)
+    digest = read_sketches(library).digest
+    ds.save(library / "mug.json", drawn("mug"))
+    assert f"had library_sha256={digest}, not" in fails([*own, "--resume"], capsys)
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory) -> Path:
+    """The second chair of the folder from 40 degrees beside its front, 20 above."""
+    path = tmp_path_factory.mktemp("picture") / "chair.png"
+    save_png(path, ds.render(drawn("chair", 2), ds.orbit(40.0, 20.0, 1.9, size=384)).color[0])
+    return path
+
+
+def test_what_a_picture_shows_of_a_folder(folder, picture):
+    lines = lines_of(read_reference(picture))
+    found, exemplars = recognise_in(read_sketches(folder), lines)
+    assert (found.category, found.attributes, found.caption) == ("chair", (), "chair")
+    assert abs(found.azimuth - 40) <= 5
+    assert abs(found.elevation - 20) <= 5
+    assert found.confidence > 0.9
+    assert found.scores[0][0] == "chair"
+    assert {name for name, _ in found.scores} == {"chair", "mug", "rocket"}
+    # The chair in the picture, and no other one.
+    assert exemplars.fitting == (True, *(False,) * 5)
+    torch.testing.assert_close(exemplars.members[0].points, drawn("chair", 2).points, atol=1e-5, rtol=0)
+
+
+def test_what_one_says_a_picture_shows(folder, picture):
+    read, lines = read_sketches(folder), lines_of(read_reference(picture))
+    found, exemplars = recognise_in(read, lines, "a red chair with armrests")
+    assert (found.attributes, found.confidence) == (("armrests",), 1.0)
+    assert exemplars.color == COLORS["red"]
+    assert sum(exemplars.fitting) == 1
+    assert len(exemplars.members[0]) == 25
+    with pytest.raises(ValueError, match="looks for one thing"):
+        recognise_in(read, lines, "two chairs")
+    with pytest.raises(ValueError, match=r"nothing in .* is named 'dragon'"):
+        recognise_in(read, lines, "a dragon")
+
+
+def test_a_picture_of_nothing_in_the_folder_is_refused(folder, tmp_path, capsys):
+    save_png(tmp_path / "bicycle.png", ds.render(drawn("bicycle"), ds.orbit(80.0, 10.0, 1.9, size=384)).color[0])
+    arguments = ["image", str(tmp_path / "bicycle.png"), "--library", str(folder), "-o", str(tmp_path / "out")]
+    assert "the drawing is not recognised: of what" in fails(arguments, capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_picture_becomes_the_sketch_in_the_folder(folder, picture, tmp_path, capsys):
+    main(["image", str(picture), "--library", str(folder), "-o", str(tmp_path), "--steps", "250", "--sheet-every", "0"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "library: 6 sketches in" in said
+    assert "recognised: chair (" in said
+    assert f_score(ds.load(tmp_path / "sketch.json"), drawn("chair", 2)) > 0.85
+    info = json.loads((tmp_path / "run.json").read_text())["options"]
+    assert info["library_sha256"] == read_sketches(folder).digest
+    assert info["recognised"]["category"] == "chair"
