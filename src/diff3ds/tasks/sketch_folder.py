@@ -8,6 +8,7 @@ from pathlib import Path
 
 import torch
 
+from diff3ds.bezier import MAX_DEGREE, elevate
 from diff3ds.formats import load
 from diff3ds.library.members import fill_ball
 from diff3ds.sketch import Sketch
@@ -148,12 +149,11 @@ def _member(file: Path) -> Sketch:
         raise ImportError(f"{file}: {error}") from error
     if not 0 < len(sketch) <= MOST_STROKES:
         raise ValueError(f"{file}: {len(sketch)} strokes; a member of a library has 1 to {MOST_STROKES}")
-    try:
-        cubics = sketch.detach().to(torch.float64).elevate()
-        extent = (cubics.points.amax((0, 1)) - cubics.points.amin((0, 1))).max()
-        if not extent > LEAST_EXTENT * cubics.points.abs().max():
-            raise ValueError("all points are one")
-        filled = fill_ball(torch.cat([cubics.points * cubics.weights[..., None], cubics.weights[..., None]], -1))
-    except ValueError as error:
-        raise ValueError(f"{file}: its strokes cannot be brought to the size of the unit ball ({error})") from error
-    return replace(filled, opacity=cubics.opacity.float())
+    points = sketch.detach().points.double()
+    # Of any size: squares of large numbers are none.
+    points = points / points.abs().max().clamp(min=torch.finfo(torch.float64).tiny)
+    if not (points.amax((0, 1)) - points.amin((0, 1))).max() > LEAST_EXTENT:
+        raise ValueError(f"{file}: all strokes are one point, and cannot be brought to the size of the unit ball")
+    points, weights = elevate(points, sketch.weights.double(), MAX_DEGREE)
+    filled = fill_ball(torch.cat([points * weights[..., None], weights[..., None]], -1))
+    return replace(filled, opacity=sketch.opacity.float())
