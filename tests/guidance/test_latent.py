@@ -12,6 +12,7 @@ import tiny
 from diff3ds.camera import orbit
 from diff3ds.guidance import latent
 from diff3ds.guidance.denoiser import gaussian
+from diff3ds.guidance.device import Work
 from diff3ds.guidance.latent import Autoencoder, place_autoencoder, predict_noise, read_schedule, step_memory
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
@@ -148,15 +149,23 @@ def test_thrift_is_for_those_short_of_memory(monkeypatch):
     cpu = torch.device("cpu")
     for free, thrifty in ((None, False), (10**12, False), (10**6, True)):
         monkeypatch.setattr(latent, "free_memory", lambda device, free=free: free)
-        assert place_autoencoder(tiny.make_vae(), SIZE, cpu, 4).thrifty is thrifty
+        assert place_autoencoder(tiny.make_vae(), SIZE, cpu, Work()).thrifty is thrifty
 
 
 def test_memory_of_a_step():
     """Four pictures of 512 pixels keep 12.8 GB for the way back in float32, a tenth when thrifty."""
-    full, half = (step_memory(512, 4, dtype) for dtype in (torch.float32, torch.bfloat16))
+    full, half = (step_memory(512, Work(), dtype) for dtype in (torch.float32, torch.bfloat16))
     assert full == pytest.approx(12.8e9 + 1.6e9, rel=0.01)
     assert half == pytest.approx(6.4e9 + 1.6e9, rel=0.01)
-    assert step_memory(512, 4, torch.float32, thrifty=True) < 0.3 * full
+    assert step_memory(512, Work(), torch.float32, thrifty=True) < 0.3 * full
+
+
+def test_memory_of_more_conditions_and_of_training():
+    """Each condition takes as much as any other; a pass that trains, as much as four; one is done after the other."""
+    two, three, five = (step_memory(256, Work(4, conditions), torch.float32) for conditions in (2, 3, 5))
+    assert five - three == 2 * (three - two) > 0
+    trained = [step_memory(256, Work(4, conditions, trained=True), torch.float32) for conditions in (2, 4, 5)]
+    assert trained == [two + 2 * (three - two), trained[0], five]
 
 
 # Schedules in files

@@ -108,6 +108,16 @@ def test_a_single_file_takes_its_words_from_stable_diffusion(single, folders, no
     assert torch.equal(*latents)
 
 
+def test_a_single_file_without_words_says_where_they_are(single, tmp_path, monkeypatch):
+    from huggingface_hub import constants
+
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
+    with pytest.raises(
+        FileNotFoundError, match=r"sd-v2.1-base-4view.safetensors is a single file, .* fetch stable"
+    ):
+        load_mvdream("a cat", source=Source(str(single[0] / "sd-v2.1-base-4view.safetensors")), device="cpu")
+
+
 def test_a_pickle_must_be_trusted_by_name(single, folders, noisy):
     root, _, _ = single
     place, words = str(root / "sd-v2.1-base-4view.pt"), Source(str(folders["stock"]))

@@ -140,6 +140,19 @@ def test_perpendicular_negatives_interpolate_the_text(made, texts, noisy, by_han
     assert torch.allclose(found, distill.perp_neg(plain, base, torch.stack([front, side]), weights), atol=1e-4)
 
 
+def test_perpendicular_negatives_count_from_where_guidance_starts(made, texts, noisy, by_hand):
+    """csd and nfsd start from no phrase at all, though there be a negative one."""
+    branches = ("conditional", "unconditional", "negative")
+    found = made(perp_neg=True).predict(noisy, TIMES, CAMERAS, branches)
+    plan = prompts.turned(*(torch.tensor(a) for a in ([0.0, 90.0, 180.0], [10.0, 20.0, 30.0])))
+    start = by_hand(texts[[4, 4, 4]])
+    away = torch.stack([by_hand(texts[plan.negative[i]]) for i in range(2)])
+    expected = distill.perp_neg(by_hand(texts[[FRONT, SIDE, BACK]]), start, away, plan.weights)
+    assert torch.allclose(found[0], expected, atol=1e-4)
+    assert torch.allclose(found[1], start, atol=1e-4)
+    assert torch.allclose(found[2], by_hand(texts[[5, 5, 5]]), atol=1e-4)
+
+
 @pytest.mark.parametrize("precision", ["float16", "bfloat16"])
 def test_half_precision_says_much_the_same(folder, prior, noisy, precision):
     half = load_stable_diffusion("a cat", "a dog", Source(str(folder)), device="cpu", precision=precision)

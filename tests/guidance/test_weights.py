@@ -13,6 +13,7 @@ from huggingface_hub import constants
 from safetensors.torch import load_file, save_file
 
 from diff3ds.guidance import device, latent, weights
+from diff3ds.guidance.device import Work
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.latent import check_memory
 from diff3ds.guidance.loading import header, load_part, load_tensors, read_tensors
@@ -80,6 +81,18 @@ def test_the_cache_of_the_hub_is_searched_by_commit_and_by_branch(folder, cache)
     assert locate(Source("a/b", "main")).path == snapshot
     assert locate(Source("a/b", COMMIT)).path == snapshot
     assert locate(Source("a/b", "other")) is None
+
+
+def test_weights_are_named_by_what_they_are(folder, cache, tmp_path):
+    """A folder by its whole path, a repository by its commit, and half precision as another file."""
+    assert Checkpoint(folder).origin() == str(folder)
+    snapshot = put(folder, cache, "a/b", branch="main")
+    assert locate(Source("a/b")).origin() == locate(Source("a/b", COMMIT)).origin() == f"a/b@{COMMIT}"
+    file = snapshot / "unet" / "diffusion_pytorch_model.safetensors"
+    file.rename(file.with_name("diffusion_pytorch_model.fp16.safetensors"))
+    assert locate(Source("a/b")).origin() == f"a/b@{COMMIT} fp16"
+    (tmp_path / "one.safetensors").touch()
+    assert locate(Source(str(tmp_path / "one.safetensors"))).origin() == str(tmp_path / "one.safetensors")
 
 
 def test_the_first_complete_mirror_is_taken(folder, cache):
@@ -361,10 +374,10 @@ def test_memory_at_the_real_size(monkeypatch):
     """867 million weights in 16 bits, and four pictures of 256 pixels, fit a GPU of 6 GB but not one of 2."""
     shapes = [(867_572_164,)]
     monkeypatch.setattr(device, "free_memory", lambda device: 6_000_000_000)
-    check_memory(shapes, 256, 4, torch.float16, torch.device("cpu"))
+    check_memory(shapes, 256, Work(), torch.float16, torch.device("cpu"))
     monkeypatch.setattr(device, "free_memory", lambda device: 2_000_000_000)
     with pytest.raises(ValueError, match=r"needs about [23]\.\d GB"):
-        check_memory(shapes, 256, 4, torch.float16, torch.device("cpu"))
+        check_memory(shapes, 256, Work(), torch.float16, torch.device("cpu"))
 
 
 @pytest.mark.parametrize(
@@ -381,5 +394,5 @@ def test_the_memory_that_is_said_is_the_memory_that_is_asked_for(prior, weights,
     """With up to a gigabyte for the GPU's own use."""
     asked = []
     monkeypatch.setattr(latent, "require_memory", lambda device, needed, what: asked.append(needed))
-    check_memory([(weights,)], size, 4, dtype, torch.device("cpu"))
+    check_memory([(weights,)], size, Work(), dtype, torch.device("cpu"))
     assert 0.4 < KNOWN[prior].memory - asked[0] / 1e9 < 1.1

@@ -1,5 +1,6 @@
 """`diff3ds text` and `diff3ds image` end to end, through the command line, on tiny random checkpoints."""
 
+import importlib
 import json
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.guidance.device import Work
+from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.weights import Source
 from diff3ds.tasks import distill as task
 from diff3ds.tasks.picture import read_reference
@@ -157,6 +160,73 @@ def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
     main(command("stable-diffusion", checkpoints, drawing, tmp_path / "sd", "--perp-neg", "--steps", "2"))
     wrong = command("mvdream", checkpoints, drawing, tmp_path / "mv", "--perp-neg")
     assert "perp_neg is for stable-diffusion" in fails(wrong, capsys)
+
+
+@pytest.mark.parametrize(
+    ("prior", "method", "more"),
+    [
+        ("mvdream", None, []),
+        ("mvdream", "nfsd", []),
+        ("mvdream", "vsd", []),
+        ("stable-diffusion", "sds", ["--perp-neg"]),
+        ("stable-diffusion", "csd", ["--perp-neg"]),
+        ("stable-diffusion", "nfsd", ["--perp-neg", "--negative", "a table"]),
+        ("stable-diffusion", "asd", ["--perp-neg"]),
+        ("zero123", "nfsd", []),
+        ("zero123", "vsd", []),
+    ],
+)
+def test_memory_is_asked_for_what_the_network_is_shown(
+    prior, method, more, checkpoints, drawing, tmp_path, monkeypatch
+):
+    module = importlib.import_module(f"diff3ds.guidance.{prior.replace('-', '_')}")
+    asked, shown, trained = [], [], []
+    check, predict = module.check_memory, module.predict_noise
+
+    def record_work(shapes, size, work, *others):
+        asked.append(work)
+        check(shapes, size, work, *others)
+
+    def record_pass(unet, noisy, timesteps, contexts, *others, **more):
+        shown.append((len(noisy), len(contexts)))
+        trained.append(torch.is_grad_enabled())
+        return predict(unet, noisy, timesteps, contexts, *others, **more)
+
+    monkeypatch.setattr(module, "check_memory", record_work)
+    monkeypatch.setattr(module, "predict_noise", record_pass)
+    arguments = command(prior, checkpoints, drawing, tmp_path, "--steps", "1", *more)
+    main([*arguments, *(["--method", method] if method else [])])
+    assert asked == [Work(*max(shown), trained=any(trained))]
+
+
+def test_a_negative_phrase_that_would_be_ignored_is_refused(checkpoints, drawing, tmp_path, capsys):
+    arguments = command("mvdream", checkpoints, drawing, tmp_path / "out", "--method", "csd", "--negative", "a table")
+    assert "leave --negative out" in fails(arguments, capsys)
+
+
+def test_what_was_loaded_is_recorded_and_a_resumed_run_has_the_same(checkpoints, drawing, tmp_path, capsys):
+    arguments = command("mvdream", checkpoints, drawing, tmp_path / "run", "--steps", "1")
+    main([*arguments, "--precision", "bfloat16"])
+    weights = str(checkpoints["mvdream"])
+    network = json.loads((tmp_path / "run" / "run.json").read_text())["network"]
+    assert network == {"weights": weights, "device": "cpu", "precision": "bfloat16"}
+    said = fails([*arguments, "--resume"], capsys)
+    assert "the run to resume had precision=bfloat16, not float32: give the same, or start a new run" in said
+    main([*arguments, "--resume", "--precision", "bfloat16"])
+
+
+def test_weights_of_the_hub_are_recorded_with_their_commit(tmp_path, monkeypatch):
+    from huggingface_hub import constants
+
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+    known, commit = KNOWN["mvdream"].repositories[1].id, 40 * "a"
+    place = tmp_path / "hub" / f"models--{known.replace('/', '--')}"
+    save_mvdream(place / "snapshots" / commit, "stock")
+    (place / "refs").mkdir()
+    (place / "refs" / "main").write_text(commit)
+    main(["text", "a chair", "--prior", "mvdream", "-o", str(tmp_path / "run"), *QUICK, "--steps", "1"])
+    network = json.loads((tmp_path / "run" / "run.json").read_text())["network"]
+    assert network["weights"] == f"{known}@{commit}"
 
 
 def test_the_picture_that_was_taken_is_kept(checkpoints, drawing, tmp_path):

@@ -1,10 +1,30 @@
 """Which device and number format a prior computes with, and whether it has the memory."""
 
+from dataclasses import dataclass
 from typing import Literal
 
 import torch
 
 Precision = Literal["auto", "float16", "bfloat16", "float32"]
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a prior does in a step, as far as its memory goes.
+
+    Attributes:
+        views: images.
+        conditions: under which its network looks at each of them at once.
+        trained: whether a network is trained on them too, as vsd does.
+    """
+
+    views: int = 4
+    conditions: int = 2
+    trained: bool = False
+
+
+# The paper's step.
+USUAL = Work()
 
 
 def pick_device(name: str = "auto") -> torch.device:
@@ -51,5 +71,6 @@ def require_memory(device: torch.device, needed: int, what: str) -> None:
     if free is not None and free < needed:
         raise ValueError(
             f"{what} needs about {needed / 1e9:.1f} GB of memory, {device} has {free / 1e9:.1f} GB free. "
-            "Close what else uses it, choose --precision float16, a prior with smaller images, or --device cpu"
+            "Close what else uses it, choose --precision float16, a smaller --batch, a prior with smaller images, or "
+            "--device cpu"
         )

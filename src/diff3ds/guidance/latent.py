@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import gaussian
-from diff3ds.guidance.device import free_memory, require_memory
+from diff3ds.guidance.device import Work, free_memory, require_memory
 from diff3ds.guidance.loading import load_part
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.weights import Checkpoint
@@ -21,9 +21,11 @@ FACTOR = 8
 # Bytes a pixel and image that a backward pass through the encoder of Stable Diffusion keeps in float32, measured; and
 # those of a thrifty one, to which comes one block of one image.
 KEPT, KEPT_THRIFTY, ONE_BLOCK = 12_200, 900, 6_000
-# Bytes a pixel and image of a UNet's forward pass under two conditions: 1,100 to 2,000 measured in float32 with MVDream
-# on a CPU, half of it in 16 bits, and something for what a GPU's convolutions take.
-UNET_PASS = 1_500
+# Bytes a pixel and image of a UNet's forward pass under each condition: 260 to 270 of live tensors in 16 bits, 530 in
+# float32, counted at full size, and something for what a GPU's convolutions take.
+UNET_PASS = 750
+# A pass that trains it, there and back, is under one condition and takes as much as so many: 3.4 to 3.9 counted.
+TRAINING = 4
 # Weights of Stable Diffusion's autoencoder, which all priors here share.
 VAE_WEIGHTS = 83_653_863
 
@@ -94,13 +96,13 @@ class Autoencoder:
 
 
 def load_autoencoder(
-    checkpoint: Checkpoint, size: int, dtype: torch.dtype, device: torch.device, views: int
+    checkpoint: Checkpoint, size: int, dtype: torch.dtype, device: torch.device, work: Work
 ) -> Autoencoder:
     """The autoencoder of a checkpoint, thrifty if the device's memory is short. Place the UNet before it.
 
     Args:
         dtype: of the UNet; the autoencoder is in bfloat16 if that is, else in float32.
-        views: pictures of a step.
+        work: of a step.
 
     Raises:
         ValueError: weights that do not fit.
@@ -108,15 +110,15 @@ def load_autoencoder(
     import diffusers
 
     return place_autoencoder(
-        load_part(diffusers.AutoencoderKL, checkpoint, "vae", vae_dtype(dtype)), size, device, views
+        load_part(diffusers.AutoencoderKL, checkpoint, "vae", vae_dtype(dtype)), size, device, work
     )
 
 
-def place_autoencoder(network: Any, size: int, device: torch.device, views: int) -> Autoencoder:
+def place_autoencoder(network: Any, size: int, device: torch.device, work: Work) -> Autoencoder:
     """An autoencoder brought to a device, as `load_autoencoder`."""
     free, network = free_memory(device), network.to(device)
     wanted = sum(p.numel() for p in network.parameters()) * network.dtype.itemsize + step_memory(
-        size, views, network.dtype
+        size, work, network.dtype
     )
     return Autoencoder(network, size, thrifty=free is not None and free < wanted)
 
@@ -126,26 +128,27 @@ def vae_dtype(dtype: torch.dtype) -> torch.dtype:
     return torch.bfloat16 if dtype == torch.bfloat16 else torch.float32
 
 
-def step_memory(size: int, views: int, dtype: torch.dtype, thrifty: bool = False) -> int:
+def step_memory(size: int, work: Work, dtype: torch.dtype, thrifty: bool = False) -> int:
     """Bytes that a step takes beside the weights; an estimate.
 
     Args:
         size: of the pictures, pixels.
-        views: pictures of a step.
+        work: of the step.
         dtype: of the autoencoder.
         thrifty: as in `Autoencoder`.
     """
-    kept = KEPT_THRIFTY * views + ONE_BLOCK if thrifty else KEPT * views
-    return int((kept * dtype.itemsize / 4 + UNET_PASS * views) * size**2)
+    kept = KEPT_THRIFTY * work.views + ONE_BLOCK if thrifty else KEPT * work.views
+    passes = max(work.conditions, TRAINING if work.trained else 0)
+    return int((kept * dtype.itemsize / 4 + UNET_PASS * passes * work.views) * size**2)
 
 
 def check_memory(
-    unet: Iterable[tuple[int, ...]], size: int, views: int, dtype: torch.dtype, device: torch.device
+    unet: Iterable[tuple[int, ...]], size: int, work: Work, dtype: torch.dtype, device: torch.device
 ) -> None:
     """Raises ValueError if a device cannot hold a UNet with weights of these shapes, and a thrifty step."""
     weights = sum(math.prod(shape) for shape in unet) * dtype.itemsize + VAE_WEIGHTS * vae_dtype(dtype).itemsize
-    step = step_memory(size, views, vae_dtype(dtype), thrifty=True)
-    require_memory(device, weights + step, f"a step of {views} pictures of {size} pixels")
+    step = step_memory(size, work, vae_dtype(dtype), thrifty=True)
+    require_memory(device, weights + step, f"a step of {work.views} pictures of {size} pixels")
 
 
 def read_schedule(checkpoint: Checkpoint) -> tuple[NoiseSchedule, Prediction]:

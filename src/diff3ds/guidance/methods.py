@@ -91,6 +91,11 @@ class Verdict:
     weighted: bool = True
 
 
+def conditions(method: Method) -> int:
+    """Branches that a method asks for at once, at most."""
+    return 3 if method == "nfsd" else 2
+
+
 def judge(method: Method, look: Look) -> Verdict:
     """The verdict of a prior, by this method."""
     methods: dict[Method, Callable[[Look], Verdict]] = {

@@ -9,7 +9,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import convert, prompts
 from diff3ds.guidance.denoiser import Branch, check_groups
-from diff3ds.guidance.device import Precision, pick_device, pick_dtype
+from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
 from diff3ds.guidance.latent import (
     FACTOR,
     Autoencoder,
@@ -122,7 +122,7 @@ def load_mvdream(
     text_source: Source | None = None,
     device: str = "auto",
     precision: Precision = "auto",
-    views: int = VIEWS,
+    work: Work = USUAL,
 ) -> MVDream:
     """MVDream for a phrase.
 
@@ -130,11 +130,10 @@ def load_mvdream(
         negative: what not to draw; the baseline of guidance.
         source: of the weights: the port of ashawkey or lzq49, one with the names of diffusers throughout, or the
             original sd-v2.1-base-4view as a single file; None looks for those known.
-        text_source: of text encoder and tokenizer for a single file, which has them in another form: any Stable
-            Diffusion 2.1; None looks for those known.
+        text_source: as in `find_words`.
         device: as in `pick_device`.
         precision: of the UNet, as in `pick_dtype`.
-        views: pictures of a step, for the memory that it takes.
+        work: of a step, for the memory that it takes.
 
     Raises:
         ImportError: the extra is not installed.
@@ -146,7 +145,7 @@ def load_mvdream(
     checkpoint, place = find("mvdream", source), pick_device(device)
     dtype = pick_dtype(precision, place)
     single = checkpoint.path.is_file()
-    words = find("stable-diffusion", text_source, ("text_encoder", "tokenizer")) if single else checkpoint
+    words = find_words(checkpoint, text_source)
     schedule = NoiseSchedule.scaled_linear()
     if not single:
         schedule, prediction = read_schedule(checkpoint)
@@ -154,14 +153,35 @@ def load_mvdream(
             raise ValueError(f"{checkpoint.path}: MVDream predicts epsilon, this scheduler says {prediction}")
     tensors, config, rest = _read_single(checkpoint) if single else _read_folder(checkpoint)
     size = FACTOR * int(config["sample_size"])
-    check_memory((tuple(t.shape) for t in tensors.values()), size, views, dtype, place)
+    check_memory((tuple(t.shape) for t in tensors.values()), size, work, dtype, place)
     texts = prompts.encode_phrases(words, phrases, int(config["cross_attention_dim"]))
     unet = _build("UNet2DConditionModel", config, tensors, dtype, f"{checkpoint.path}: UNet").to(place)
     if single:
         vae = convert.vae_to_diffusers(rest)
         network = _build("AutoencoderKL", convert.vae_config(vae), vae, vae_dtype(dtype), f"{checkpoint.path}: VAE")
-        return MVDream(unet, place_autoencoder(network, size, place, views), texts, schedule)
-    return MVDream(unet, load_autoencoder(checkpoint, size, dtype, place, views), texts, schedule)
+        return MVDream(unet, place_autoencoder(network, size, place, work), texts, schedule)
+    return MVDream(unet, load_autoencoder(checkpoint, size, dtype, place, work), texts, schedule)
+
+
+def find_words(checkpoint: Checkpoint, source: Source | None = None) -> Checkpoint:
+    """Where text encoder and tokenizer of a checkpoint are: in it, but a single file has them in another form.
+
+    Args:
+        source: for a single file; any Stable Diffusion 2.1, whose they are. None looks for those known.
+
+    Raises:
+        FileNotFoundError: there is none for a single file; it says how to get it.
+    """
+    if checkpoint.path.is_dir():
+        return checkpoint
+    try:
+        return find("stable-diffusion", source, ("text_encoder", "tokenizer"))
+    except FileNotFoundError as error:
+        raise FileNotFoundError(
+            f"{checkpoint.path} is a single file, which has the text encoder in another form. It is that of Stable "
+            f"Diffusion 2.1, which is not in {source or 'the cache of the hub'}: diff3ds fetch stable-diffusion, then "
+            "the same command"
+        ) from error
 
 
 def _read_folder(checkpoint: Checkpoint) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, Tensor]]:

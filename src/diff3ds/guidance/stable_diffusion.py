@@ -1,6 +1,7 @@
 """Stable Diffusion 2.1 as a prior: it sees each view by itself, and is told from where by words."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -9,7 +10,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import distill, prompts
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.device import Precision, pick_device, pick_dtype
+from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
 from diff3ds.guidance.latent import (
     FACTOR,
     Autoencoder,
@@ -23,6 +24,9 @@ from diff3ds.guidance.loading import header, load_part
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.weights import Source, find
+
+# Directions that perpendicular negatives turn away from.
+AWAY = 2
 
 
 class StableDiffusion:
@@ -53,7 +57,7 @@ class StableDiffusion:
             unet: a diffusers.UNet2DConditionModel.
             texts: encodings of the phrase from each of `prompts.DIRECTIONS`, the empty phrase, and the negative one.
             perp_neg: turns the conditional branch away from the directions that the camera does not have, which keeps
-                faces from the back of a head; for twice the time. Guidance must then start from the negative branch.
+                faces from the back of a head; for twice the time.
         """
         self.schedule = schedule
         self.size = autoencoder.size
@@ -78,7 +82,11 @@ class StableDiffusion:
         cameras: Cameras,
         branches: Sequence[Branch],
     ) -> Float[Tensor, "R B 4 h w"]:
-        """The noise as each branch predicts it; see `Denoiser`."""
+        """The noise as each branch predicts it; see `Denoiser`.
+
+        Perpendicular negatives count from where guidance starts: the unconditional branch if it is asked for beside
+        the conditional one (csd, nfsd), else the negative one.
+        """
         azimuth, elevation, _ = spherical(cameras)
         seen, empty, negative = self._texts[:-2], self._texts[-2], self._texts[-1]
         count = (len(noisy), -1, -1)
@@ -88,15 +96,16 @@ class StableDiffusion:
         if self.perp_neg and "conditional" in asked:
             plan = prompts.turned(azimuth, elevation)
             contexts["conditional"] = torch.einsum("bv,vld->bld", plan.positive.to(seen), seen)
-            contexts |= {"away 0": seen[plan.negative[0]], "away 1": seen[plan.negative[1]]}
-            asked |= dict.fromkeys(("negative", "away 0", "away 1"))
+            contexts |= {f"away {i}": seen[plan.negative[i]] for i in range(AWAY)}
+            start = "unconditional" if "unconditional" in asked else "negative"
+            asked |= dict.fromkeys((start, *(f"away {i}" for i in range(AWAY))))
         wanted = [contexts[name] for name in asked]
         found = predict_noise(self.unet, noisy, timesteps, wanted, self.schedule, self._prediction)
         epsilon = dict(zip(asked, found, strict=True))
-        if "away 0" in epsilon:
-            away = torch.stack([epsilon["away 0"], epsilon["away 1"]])
+        if self.perp_neg and "conditional" in asked:
+            away = torch.stack([epsilon[f"away {i}"] for i in range(AWAY)])
             epsilon["conditional"] = distill.perp_neg(
-                epsilon["conditional"], epsilon["negative"], away, plan.weights.to(noisy)
+                epsilon["conditional"], epsilon[start], away, plan.weights.to(noisy)
             )
         return torch.stack([epsilon[branch] for branch in branches])
 
@@ -110,7 +119,7 @@ def load_stable_diffusion(
     perp_neg: bool = False,
     device: str = "auto",
     precision: Precision = "auto",
-    views: int = 4,
+    work: Work = USUAL,
 ) -> StableDiffusion:
     """Stable Diffusion 2.1 for a phrase.
 
@@ -121,7 +130,7 @@ def load_stable_diffusion(
         perp_neg: as in `StableDiffusion`.
         device: as in `pick_device`.
         precision: of the UNet, as in `pick_dtype`.
-        views: pictures of a step, for the memory that it takes.
+        work: of a step, for the memory that it takes.
 
     Raises:
         ImportError: the extra is not installed.
@@ -139,10 +148,12 @@ def load_stable_diffusion(
     check_unet(config, str(checkpoint.path))
     size = FACTOR * int(config["sample_size"])
     dtype = pick_dtype(precision, place, bool(config.get("upcast_attention")))
-    check_memory(header(checkpoint.file("unet")).values(), size, views, dtype, place)
+    if perp_neg:
+        work = replace(work, conditions=work.conditions + AWAY)
+    check_memory(header(checkpoint.file("unet")).values(), size, work, dtype, place)
     texts = prompts.encode_phrases(checkpoint, phrases, int(config["cross_attention_dim"]))
     unet = load_part(diffusers.UNet2DConditionModel, checkpoint, "unet", dtype).to(place)
-    autoencoder = load_autoencoder(checkpoint, size, dtype, place, views)
+    autoencoder = load_autoencoder(checkpoint, size, dtype, place, work)
     return StableDiffusion(unet, autoencoder, texts, schedule, prediction, perp_neg)
 
 

@@ -4,7 +4,7 @@ import math
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance.device import Precision
+from diff3ds.guidance.device import USUAL, Precision, Work
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.weights import Source, find
 from diff3ds.guidance.zero123 import ReferencePose, Zero123, assemble, relative_pose
@@ -37,11 +37,11 @@ def load_stable_zero123(
     *,
     device: str = "auto",
     precision: Precision = "auto",
-    views: int = 4,
+    work: Work = USUAL,
 ) -> Zero123:
     """Stable-Zero123 with a reference picture. For arguments and errors see `load_zero123`.
 
     Its weights are for non-commercial research only; `KNOWN["stable-zero123"].warning` says so, to be shown.
     """
     checkpoint, pose = find("stable-zero123", source), reference or ReferencePose()
-    return assemble(checkpoint, picture, pose, device, precision, views, stable_pose)
+    return assemble(checkpoint, picture, pose, device, precision, work, stable_pose)

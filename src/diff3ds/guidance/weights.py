@@ -64,11 +64,18 @@ class Checkpoint:
         path: a folder with a folder for each part, or a single file.
         variant: as `Source.variant`.
         trust_pickle: as `Source.trust_pickle`.
+        repository: of the hub that the path is a copy of, owner/name@commit.
     """
 
     path: Path
     variant: str | None = None
     trust_pickle: bool = False
+    repository: str | None = None
+
+    def origin(self) -> str:
+        """Which weights these are: repository and commit, or the path, and the variant of the UNet's file."""
+        said = self.repository or str(self.path.resolve())
+        return said if self.path.is_file() else " ".join([said, *self.file("unet").name.split(".")[1:-1]])
 
     def part(self, name: str) -> str:
         """The folder of a part; of "a|b" the first that is there."""
@@ -159,10 +166,13 @@ def cached(name: str, revision: str | None = None) -> Path | None:
 
 def locate(source: Source) -> Checkpoint | None:
     """The folder or file of a source, or None if it is not on this disk."""
-    path: Path | None = Path(source.place).expanduser()
-    if path is not None and not path.exists():
-        path = cached(source.place, source.revision)
-    return None if path is None else Checkpoint(path, source.variant, source.trust_pickle)
+    path = Path(source.place).expanduser()
+    if path.exists():
+        return Checkpoint(path, source.variant, source.trust_pickle)
+    snapshot = cached(source.place, source.revision)
+    if snapshot is None:
+        return None
+    return Checkpoint(snapshot, source.variant, source.trust_pickle, f"{source.place}@{snapshot.name}")
 
 
 def find(prior: str, source: Source | None = None, parts: tuple[str, ...] | None = None) -> Checkpoint:

@@ -1,7 +1,7 @@
 """Zero-1-to-3 and Zero123-XL: what an object looks like from other sides, given one picture of it (Liu et al. 2023)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.device import Precision, pick_device, pick_dtype
+from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
 from diff3ds.guidance.latent import (
     FACTOR,
     Autoencoder,
@@ -175,7 +175,7 @@ def load_zero123(
     *,
     device: str = "auto",
     precision: Precision = "auto",
-    views: int = 4,
+    work: Work = USUAL,
 ) -> Zero123:
     """Zero123-XL, or the weights that are named, with a reference picture.
 
@@ -185,14 +185,14 @@ def load_zero123(
         source: of the weights; default the first known ones on this disk.
         device: see `pick_device`.
         precision: see `pick_dtype`.
-        views: images of a step.
+        work: of a step, for the memory that it takes.
 
     Raises:
         ImportError: the extra is not installed.
         FileNotFoundError: no weights; it says how to get them.
         ValueError: a picture that is not square, weights of another model, no such device, too little memory.
     """
-    return assemble(find("zero123", source), picture, reference or ReferencePose(), device, precision, views)
+    return assemble(find("zero123", source), picture, reference or ReferencePose(), device, precision, work)
 
 
 def assemble(
@@ -201,7 +201,7 @@ def assemble(
     reference: ReferencePose,
     device: str,
     precision: Precision,
-    views: int,
+    work: Work,
     pose: RelativePose = relative_pose,
 ) -> Zero123:
     """The prior of a checkpoint and a picture; for arguments and errors see `load_zero123`."""
@@ -217,10 +217,12 @@ def assemble(
     there, size = pick_device(device), FACTOR * int(config["sample_size"])
     picture = resized(picture, size)
     dtype = pick_dtype(precision, there, bool(config.get("upcast_attention")))
-    check_memory(header(checkpoint.file("unet")).values(), size, views, dtype, there)
+    # Nothing is the negative of a picture.
+    work = replace(work, conditions=min(work.conditions, 2))
+    check_memory(header(checkpoint.file("unet")).values(), size, work, dtype, there)
     embedding = embed(checkpoint, picture)
     unet = load_part(diffusers.UNet2DConditionModel, checkpoint, "unet", dtype).to(there)
-    autoencoder = load_autoencoder(checkpoint, size, dtype, there, views)
+    autoencoder = load_autoencoder(checkpoint, size, dtype, there, work)
     return Zero123(
         unet,
         autoencoder,

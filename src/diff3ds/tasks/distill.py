@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -55,6 +55,8 @@ class Commission:
         color: of the strokes at the start, straight RGB; None is black.
         finish: makes the sketch of the results from that of the last step.
         reference: the picture of `diff3ds image`.
+        network: which weights the prior has, the device and the precision, for run.json; a resumed run must have the
+            same, on any device.
     """
 
     about: Mapping[str, object]
@@ -64,6 +66,7 @@ class Commission:
     color: tuple[float, float, float] | None = None
     finish: Callable[[Sketch], Sketch] = lambda sketch: sketch
     reference: Reference | None = None
+    network: Mapping[str, object] = field(default_factory=dict)
 
 
 def distill(
@@ -91,7 +94,8 @@ def distill(
     values, width = options.values(wanted.preset), _width(options, wanted)
     recipe = options.recipe(wanted.guidance, denoiser.group, wanted.preset)
     judge = ScoreDistillation(denoiser, recipe, values.steps, options.seed)
-    identity = {**wanted.about, **_identity(options, values, recipe), "width": width}
+    network = {name: value for name, value in wanted.network.items() if name != "device"}
+    identity = {**wanted.about, **network, **_identity(options, values, recipe), "width": width}
     config = replace(_config(options, values, out, identity), companion=judge.particles)
     objective, cameras = _followed(judge, _orbits(denoiser, options), wanted.reference)
     if not options.resume:
@@ -103,6 +107,7 @@ def distill(
     state = read_checkpoint(out / CHECKPOINT)
     sketch, around = wanted.finish(state.sketch), turntable()
     given, chosen = {**wanted.about, **asdict(options)}, {**asdict(values), "width": width, **asdict(recipe)}
+    chosen |= {"network": dict(wanted.network)} if wanted.network else {}
     seconds = {"distill": time.perf_counter() - begun}
     info = RunInfo(given, chosen, seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)

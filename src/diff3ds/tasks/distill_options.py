@@ -3,8 +3,9 @@
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
+from diff3ds.guidance.device import Work
 from diff3ds.guidance.distill import Weighting
-from diff3ds.guidance.methods import Method
+from diff3ds.guidance.methods import Method, conditions
 from diff3ds.guidance.objective import Recipe
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import TimeAnnealing
@@ -164,6 +165,10 @@ class DistillOptions:
         preset = PRESETS[self.preset or default]
         given = {f.name: getattr(self, f.name) for f in fields(Preset)}
         return replace(preset, **{name: value for name, value in given.items() if value is not None})
+
+    def work(self) -> Work:
+        """What a prior does in a step, as far as its memory goes."""
+        return Work(self.batch, conditions(self.method or "sds"), self.method == "vsd")
 
     def recipe(self, guidance: float, group: int, preset: PresetName = "paper") -> Recipe:
         """How the prior moves the sketch.

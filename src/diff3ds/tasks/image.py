@@ -23,6 +23,7 @@ from diff3ds.tasks.priors import (
     PriorOptions,
     best_for_pictures,
     load_for_picture,
+    loaded,
     named_prior,
 )
 from diff3ds.tasks.progress import Report
@@ -99,16 +100,15 @@ def image_to_sketch(
     if KNOWN[name].warning:
         say(KNOWN[name].warning)
     pose = ReferencePose(options.view_elevation, distance=DISTANCE)
-    denoiser = load_for_picture(name, reference.image, pose, prior, settings.batch)
+    denoiser = load_for_picture(name, reference.image, pose, prior, settings.work())
     save_png(out / "reference.png", reference.image)
     known = Reference(
         reference.image,
         orbit(pose.azimuth, pose.elevation, pose.distance, fov=settings.fov, size=reference.image.shape[0]),
         options.reference_loss or 0.0,
     )
-    weights = prior.source()
-    about = {**_subject(picture, cut, options, known), "prior": name, "weights": weights and str(weights)}
-    wanted = Commission(about, GUIDANCE, reference=known if known.weight else None)
+    about, network = {**_subject(picture, cut, options, known), "prior": name}, loaded(name, prior, denoiser.unet)
+    wanted = Commission(about, GUIDANCE, reference=known if known.weight else None, network=network)
     return distill(denoiser, settings, out, wanted, report)
 
 

@@ -2,18 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.guidance.device import Precision, pick_device
+from diff3ds.guidance.device import Precision, Work, pick_device
 from diff3ds.guidance.known import KNOWN
-from diff3ds.guidance.mvdream import NEGATIVE, VIEWS, load_mvdream
-from diff3ds.guidance.stable_diffusion import load_stable_diffusion
+from diff3ds.guidance.mvdream import NEGATIVE, VIEWS, MVDream, find_words, load_mvdream
+from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.weights import Source, find, locate
-from diff3ds.guidance.zero123 import ReferencePose, load_zero123
+from diff3ds.guidance.zero123 import ReferencePose, Zero123, load_zero123
 
 BUILT_IN = ("exemplar",)
 FOR_PHRASES = ("mvdream", "stable-diffusion", "stable-diffusion-768")
@@ -137,29 +137,30 @@ def _best(name: str, called: str, device: str) -> tuple[str, str]:
 
 
 def load_for_phrase(
-    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, views: int
-) -> Denoiser:
+    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, work: Work
+) -> MVDream | StableDiffusion:
     """A network that knows phrases.
 
     Raises:
         ImportError, FileNotFoundError, ValueError: as its loader.
     """
-    source, where = options.source(), (options.device, options.precision)
+    source, device, precision = options.source(), options.device, options.precision
     if name == "mvdream":
         if perp_neg:
             raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
-        if views % VIEWS:
-            raise ValueError(f"batch must be a multiple of {VIEWS}, the views that MVDream sees at once, got {views}")
+        if work.views % VIEWS:
+            said = f"the views that MVDream sees at once, got {work.views}"
+            raise ValueError(f"batch must be a multiple of {VIEWS}, {said}")
         negative = NEGATIVE if negative is None else negative
-        return load_mvdream(phrase, negative, source, device=where[0], precision=where[1], views=views)
+        return load_mvdream(phrase, negative, source, device=device, precision=precision, work=work)
     return load_stable_diffusion(
-        phrase, negative or "", source, prior=name, perp_neg=perp_neg, device=where[0], precision=where[1], views=views
+        phrase, negative or "", source, prior=name, perp_neg=perp_neg, device=device, precision=precision, work=work
     )
 
 
 def load_for_picture(
-    name: str, picture: Float[Tensor, "S S 3"], pose: ReferencePose, options: PriorOptions, views: int
-) -> Denoiser:
+    name: str, picture: Float[Tensor, "S S 3"], pose: ReferencePose, options: PriorOptions, work: Work
+) -> Zero123:
     """A network that knows how a picture looks from elsewhere.
 
     Raises:
@@ -167,7 +168,15 @@ def load_for_picture(
     """
     load = load_stable_zero123 if name == "stable-zero123" else load_zero123
     picture = picture.to(torch.float32)
-    return load(picture, pose, options.source(), device=options.device, precision=options.precision, views=views)
+    return load(picture, pose, options.source(), device=options.device, precision=options.precision, work=work)
+
+
+def loaded(name: str, options: PriorOptions, unet: Any) -> dict[str, object]:
+    """What run.json says of a network: which weights, of which a single file lacks the text's, device and precision."""
+    checkpoint = find(name, options.source())
+    words = {"text_encoder": find_words(checkpoint).origin()} if checkpoint.path.is_file() else {}
+    precision = str(unet.dtype).removeprefix("torch.")
+    return {"weights": checkpoint.origin(), **words, "device": str(unet.device), "precision": precision}
 
 
 def _is_place(text: str) -> bool:

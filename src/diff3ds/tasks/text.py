@@ -8,7 +8,15 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import WIDTH, exemplars_in, exemplars_of, thin_lines
-from diff3ds.tasks.priors import BUILT_IN, FOR_PHRASES, PriorOptions, best_for_phrases, load_for_phrase, named_prior
+from diff3ds.tasks.priors import (
+    BUILT_IN,
+    FOR_PHRASES,
+    PriorOptions,
+    best_for_phrases,
+    load_for_phrase,
+    loaded,
+    named_prior,
+)
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import identity_of, read_sketches
@@ -61,10 +69,12 @@ def text_to_sketch(
     about: dict[str, object] = {"phrase": phrase, "prior": name}
     if name in BUILT_IN:
         return _from_library(phrase, out, options, prior.library, settings, about, report, say)
-    denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.batch)
-    weights = prior.source()
-    about |= {"negative": options.negative, "perp_neg": options.perp_neg, "weights": weights and str(weights)}
-    return distill(denoiser, settings, out, Commission(about, GUIDANCE), report)
+    if options.negative and settings.method == "csd":
+        raise ValueError("csd compares the phrase with no phrase at all, not with a negative one: leave --negative out")
+    denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.work())
+    about |= {"negative": options.negative, "perp_neg": options.perp_neg}
+    wanted = Commission(about, GUIDANCE, network=loaded(name, prior, denoiser.unet))
+    return distill(denoiser, settings, out, wanted, report)
 
 
 def _from_library(
