@@ -24,6 +24,7 @@ from diff3ds.tasks.image import ImageOptions, image_to_sketch
 from diff3ds.tasks.judges import JudgeOptions
 from diff3ds.tasks.picture import PictureOptions
 from diff3ds.tasks.plan import ViewsOptions
+from diff3ds.tasks.prior_train import TrainOptions, train_prior
 from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.text import TextOptions, text_to_sketch
@@ -210,6 +211,29 @@ class Fetch:
 
 
 @dataclass(frozen=True)
+class Prior:
+    """Train the small prior, a network for "--prior small", on the built-in library.
+
+    Writes small.safetensors, a checkpoint, a log, and pictures of what it has learned so far. Ctrl-C keeps a
+    checkpoint; --resume goes on from there.
+    """
+
+    train: OmitArgPrefixes[TrainOptions]
+    action: Positional[Literal["train"]]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("prior")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        console = Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            path = train_prior(self.out, self.train, report, _sayer(console))
+        console.print(f"use it: --prior small --weights {path}", markup=False, highlight=False, soft_wrap=True)
+
+
+@dataclass(frozen=True)
 class Doctor:
     """Say what is installed, which weights are here, what each prior needs, and how to get what is missing."""
 
@@ -232,7 +256,7 @@ def main(arguments: list[str] | None = None) -> None:
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
     commands: dict[str, Any] = {"text": Text, "image": Image, "views": views}
     command = tyro.extras.subcommand_cli_from_dict(
-        commands | {"eval": Eval, "fetch": Fetch, "doctor": Doctor},
+        commands | {"eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor},
         prog="diff3ds",
         description="3D sketches of rational Bézier strokes.",
         args=arguments,
@@ -308,7 +332,7 @@ def _progress(console: Console) -> Iterator[Report]:
                 total=progress.total,
                 completed=progress.done,
                 steps=steps + (f"  {_rate(speed)}" if speed else ""),
-                about=f"{loss}{progress.strokes} strokes  {progress.note}" if progress.strokes else "",
+                about=loss + (f"{progress.strokes} strokes  {progress.note}" if progress.strokes else ""),
             )
 
         yield report

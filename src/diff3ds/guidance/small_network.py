@@ -1,0 +1,179 @@
+"""The network of the small prior: a transformer over patches of four views of an object, and of a reference view."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from diff3ds._shapes import Float, Tensor
+
+
+# Of words, pixels, blocks: far more than a small network has; a damaged file may say anything.
+MOST = 4096
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How large a network is.
+
+    Attributes:
+        words: of the vocabulary.
+        size: of the images, pixels.
+        patch: side of a patch, pixels.
+        width: of a token.
+        depth: blocks.
+        heads: of attention.
+    """
+
+    words: int
+    size: int = 64
+    patch: int = 8
+    width: int = 256
+    depth: int = 9
+    heads: int = 4
+
+    def __post_init__(self) -> None:
+        for name in ("words", "size", "patch", "width", "depth", "heads"):
+            if not 1 <= getattr(self, name) <= MOST:
+                raise ValueError(f"{name} must lie in 1 to {MOST}, got {getattr(self, name)}")
+        if self.size % self.patch or self.width % self.heads:
+            raise ValueError("size must be a multiple of patch, and width of heads")
+
+
+class Attention(nn.Module):
+    """Between all tokens of an object: views see each other. Queries and keys are normalised, which keeps it stable."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.into = nn.Linear(width, 3 * width, bias=False)
+        self.out = nn.Linear(width, width, bias=False)
+        self.scale = nn.Parameter(torch.full((heads, 1, 1), math.log(10.0)))
+
+    def forward(self, tokens: Float[Tensor, "S N D"]) -> Float[Tensor, "S N D"]:
+        """What each token takes from the others."""
+        q, k, v = self.into(tokens).unflatten(-1, (3, self.heads, -1)).permute(2, 0, 3, 1, 4)
+        q, k = (nn.functional.normalize(x.float(), dim=-1).to(v.dtype) for x in (q, k))
+        # Written out: on CPUs, products in bfloat16 are twice as fast as torch's fused attention.
+        found = (q * self.scale.exp().to(q.dtype) @ k.mT).softmax(-1).to(v.dtype) @ v
+        taken: Tensor = self.out(found.transpose(1, 2).flatten(2))
+        return taken
+
+
+class Block(nn.Module):
+    """Attention and a perceptron, scaled, shifted and gated by what is known of the view (Peebles and Xie 2023)."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        d = shape.width
+        self.attention = Attention(d, shape.heads)
+        self.perceptron = nn.Sequential(nn.Linear(d, 4 * d), nn.GELU("tanh"), nn.Linear(4 * d, d))
+        # What all blocks share comes from outside (Chen et al. 2024, PixArt); this is the block's own part.
+        self.offset = nn.Parameter(torch.zeros(6, d))
+        self.norm = nn.LayerNorm(d, elementwise_affine=False)
+
+    def forward(self, tokens: Float[Tensor, "S N D"], known: Float[Tensor, "S N 6 D"]) -> Float[Tensor, "S N D"]:
+        """The tokens after this block."""
+        shift, scale, gate, shift2, scale2, gate2 = (known + self.offset).unbind(-2)
+        tokens = tokens + gate * self.attention(self.norm(tokens) * (1 + scale) + shift)
+        learned: Tensor = self.perceptron(self.norm(tokens) * (1 + scale2) + shift2)
+        return tokens + gate2 * learned
+
+
+class SmallNetwork(nn.Module):
+    """Predicts v in noisy views of an object, from what it is, the cameras, and perhaps one clean view of it."""
+
+    def __init__(self, shape: Shape) -> None:
+        super().__init__()
+        self.shape = shape
+        d, cells = shape.width, (shape.size // shape.patch) ** 2
+        self.patches = nn.Linear(shape.patch**2, d)
+        self.reference = nn.Linear(shape.patch**2, d)
+        self.place = nn.Parameter(0.02 * torch.randn(cells, d))
+        self.words = nn.Linear(shape.words, d, bias=False)
+        self.time = _embedding(_WAVES, d)
+        self.camera = _embedding(_ANGLES, d)
+        self.known = nn.Linear(d, 6 * d)
+        self.blocks = nn.ModuleList(Block(shape) for _ in range(shape.depth))
+        self.norm = nn.LayerNorm(d, elementwise_affine=False)
+        self.last = nn.Linear(d, 2 * d)
+        self.out = nn.Linear(d, shape.patch**2)
+        # Each block starts as the identity, and the network as zero.
+        for layer in (self.known, self.last, self.out):
+            nn.init.zeros_(layer.weight)
+            nn.init.zeros_(layer.bias)
+
+    def forward(
+        self,
+        noisy: Float[Tensor, "S V H W"],
+        time: Float[Tensor, " S"],
+        cameras: Float[Tensor, "S V 3"],
+        words: Float[Tensor, "S K"],
+        reference: Float[Tensor, "S 1 H W"] | None = None,
+        reference_camera: Float[Tensor, "S 1 3"] | None = None,
+    ) -> Float[Tensor, "S V H W"]:
+        """The v = √ᾱ ε - √(1 - ᾱ) z of S objects seen by V cameras, float32.
+
+        Args:
+            noisy: ink, standardised.
+            time: timestep as a share of all.
+            cameras: azimuth and elevation in radians, distance.
+            words: 1 for what the object is and has, 0 else; all 0 says nothing.
+            reference: a clean view of the object, in the same units.
+            reference_camera: from where.
+        """
+        what = self.words(words)[:, None]
+        known = [self.camera(_angles(cameras)) + self.time(_waves(time))[:, None] + what]
+        tokens = [self.patches(self._cut(noisy)) + self.place]
+        if reference is not None and reference_camera is not None:
+            # It has no noise: as at the timestep 0.
+            still = self.time(_waves(torch.zeros_like(time)))[:, None]
+            known.append(self.camera(_angles(reference_camera)) + still + what)
+            tokens.append(self.reference(self._cut(reference)) + self.place)
+        views = torch.cat(known, 1)
+        cells = len(self.place)
+        held = (torch.cat(tokens, 1) + views[:, :, None]).flatten(1, 2)
+        activated = nn.functional.silu(views)
+        shared = self.known(activated).unflatten(-1, (6, -1)).repeat_interleave(cells, 1)
+        for block in self.blocks:
+            held = block(held, shared)
+        seen = noisy.shape[1] * cells
+        shift, scale = self.last(activated).repeat_interleave(cells, 1)[:, :seen].chunk(2, -1)
+        return self._joined(self.out(self.norm(held[:, :seen]) * (1 + scale) + shift).float(), noisy.shape[1])
+
+    def _cut(self, images: Float[Tensor, "S V H W"]) -> Float[Tensor, "S V n p"]:
+        """Patches, row by row."""
+        p = self.shape.patch
+        count, views, side = *images.shape[:2], self.shape.size // p
+        cut = images.reshape(count, views, side, p, side, p).transpose(3, 4)
+        return cut.reshape(count, views, side * side, p * p)
+
+    def _joined(self, patches: Float[Tensor, "S n p"], views: int) -> Float[Tensor, "S V H W"]:
+        """Images of which these are the patches."""
+        p, side = self.shape.patch, self.shape.size // self.shape.patch
+        cut = patches.reshape(len(patches), views, side, side, p, p).transpose(3, 4)
+        return cut.reshape(len(patches), views, self.shape.size, self.shape.size)
+
+
+# Numbers that describe a time and a camera: sines and cosines.
+_WAVES, _ANGLES = 32, 4 * 2 + 3
+
+
+def _waves(time: Float[Tensor, " S"]) -> Float[Tensor, "S k"]:
+    """Sines and cosines of a share of all timesteps, from half a period to some hundreds."""
+    rates = torch.pi * 2 ** (torch.arange(_WAVES // 2, device=time.device) / 2)
+    angles = time[:, None] * rates
+    return torch.cat([angles.sin(), angles.cos()], 1)
+
+
+def _angles(cameras: Float[Tensor, "S V 3"]) -> Float[Tensor, "S V k"]:
+    """Harmonics of the azimuth, the elevation's sine and cosine, and the distance, of order 1."""
+    azimuth, elevation, distance = cameras.unbind(-1)
+    harmonics = [f(k * azimuth) for k in (1, 2, 3, 4) for f in (torch.sin, torch.cos)]
+    # Distances of this project's cameras lie around 1.9.
+    return torch.stack([*harmonics, elevation.sin(), elevation.cos(), 5 * (distance - 1.9)], -1)
+
+
+def _embedding(numbers: int, width: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(numbers, width), nn.SiLU(), nn.Linear(width, width))

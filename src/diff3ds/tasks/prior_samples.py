@@ -1,0 +1,47 @@
+"""Pictures that a small prior makes by itself, without strokes: what it has learned so far."""
+
+import itertools
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras, orbit
+from diff3ds.formats import save_png, tile_images
+from diff3ds.guidance import distill
+from diff3ds.guidance.small import GROUP, SmallDenoiser, Vocabulary
+from diff3ds.guidance.small_network import SmallNetwork
+from diff3ds.library.phrase import parse
+from diff3ds.tasks.prior_data import said
+
+PHRASES = ("a chair", "a chair with armrests", "a mug", "a house", "a car", "a tall lamp", "a bicycle", "a tree")
+STEPS, GUIDANCE, SEED = 30, 3.0, 0
+AZIMUTH, ELEVATION, DISTANCE = 30.0, 15.0, 1.9
+
+
+def sample(denoiser: SmallDenoiser, cameras: Cameras, generator: torch.Generator) -> Float[Tensor, "4 H W 3"]:
+    """Pictures of one object from four cameras (DDIM, Song et al. 2021) with guidance."""
+    latents = torch.randn(GROUP, 1, denoiser.size, denoiser.size, generator=generator).to(denoiser.device)
+    times = torch.linspace(980, 0, STEPS + 1).round().long()
+    for now, then in itertools.pairwise(times):
+        conditional, baseline = denoiser.predict(latents, now.expand(GROUP), cameras, ("conditional", "unconditional"))
+        epsilon = distill.guided(conditional, baseline, GUIDANCE)
+        start, end = (denoiser.schedule.alpha_bar(t.expand(GROUP), latents) for t in (now, then))
+        # Ink lies between 0 and 1; what is outside is an error that would grow.
+        seen = denoiser.decode(distill.clean_from_epsilon(epsilon, latents, start))
+        clean = denoiser.encode(seen, generator)
+        latents = distill.ddim_step(latents, distill.epsilon_from_clean(clean, latents, start), start, end)
+    return denoiser.decode(latents)
+
+
+def sample_sheet(path: Path, network: SmallNetwork, vocabulary: Vocabulary, device: torch.device) -> None:
+    """Writes a picture: a row for each of some phrases, four views in each."""
+    cameras = orbit([AZIMUTH + 90 * i for i in range(GROUP)], ELEVATION, DISTANCE, size=network.shape.size)
+    training = network.training
+    rows = []
+    for phrase in PHRASES:
+        denoiser = SmallDenoiser(network, vocabulary, vocabulary.said(said(parse(phrase))), device=device)
+        rows.append(sample(denoiser, cameras, torch.Generator().manual_seed(SEED)))
+    network.train(training)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_png(path, tile_images(torch.cat(rows), 2 * GROUP))

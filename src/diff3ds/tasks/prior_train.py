@@ -1,0 +1,288 @@
+"""Training of the small prior: what `diff3ds prior train` does."""
+
+import copy
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch.utils.data import DataLoader
+
+from diff3ds._files import replacing, write_text
+from diff3ds._shapes import Float, Tensor
+from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.objective import step_generator
+from diff3ds.guidance.schedule import TIMESTEPS, NoiseSchedule
+from diff3ds.guidance.small import Vocabulary, half_is_fast, write_network
+from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.tasks.prior_data import Examples, single_thread, typical_ink, words
+from diff3ds.tasks.prior_samples import sample_sheet
+from diff3ds.tasks.progress import Progress, Report
+
+CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
+# Steps over which the learning rate rises, and the share of the steps over which it falls to 0 at the end. Empirical.
+WARM_UP, COOL_DOWN = 50, 0.4
+# Timesteps are drawn evenly between these; at others there is nothing to learn, or nothing to see.
+FIRST, LAST = 20, 980
+# So many steps know a reference view; what else they know is then left out half of the time, in other steps seldom.
+WITH_REFERENCE, WITHOUT_WORDS = 0.35, (0.12, 0.5)
+# The mean of the weights over steps that ships looks back by a share of all steps so far, and by no more than so many.
+MEMORY = 500
+# Matrices of the blocks are moved by Muon (Jordan et al. 2024), all else by AdamW; rates share a scale.
+MUON_DECAY, ADAM_BETAS = 0.01, (0.9, 0.98)
+CLIP = 1.0
+# Batches that each process draws ahead.
+AHEAD = 8
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """Options of `diff3ds prior train`.
+
+    Attributes:
+        steps: gradient steps. May be changed when a run is resumed.
+        batch: objects a step, each seen by four cameras.
+        rate: highest learning rate.
+        depth: blocks of the network.
+        width: of the network's tokens.
+        patch: side of a patch, pixels.
+        device: auto (the first of cuda, mps, cpu), cpu, cuda, cuda:1, mps.
+        threads: of the network on a CPU; the result depends on it.
+        workers: processes that draw the examples ahead; the result does not depend on it.
+        checkpoint_every: steps between checkpoints and sheets of samples.
+        seed: of everything.
+        resume: go on from the checkpoint in the output folder.
+        overwrite: the run in the output folder may be lost.
+    """
+
+    steps: int = 5000
+    batch: int = 16
+    rate: float = 0.005
+    depth: int = Shape.depth
+    width: int = Shape.width
+    patch: int = Shape.patch
+    device: str = "auto"
+    threads: int = 1
+    workers: int = 1
+    checkpoint_every: int = 250
+    seed: int = 0
+    resume: bool = False
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "batch", "threads", "checkpoint_every"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if self.workers < 0 or self.seed < 0:
+            raise ValueError("workers and seed must not be negative")
+        if not 0 < self.rate < 1:
+            raise ValueError(f"rate must lie in (0, 1), got {self.rate}")
+        self.shape()
+
+    def shape(self) -> Shape:
+        """Of the network."""
+        return Shape(len(words()), patch=self.patch, width=self.width, depth=self.depth)
+
+    def identity(self) -> dict[str, Any]:
+        """What a resumed run must share."""
+        own = {"batch": self.batch, "rate": self.rate, "threads": self.threads, "seed": self.seed}
+        return own | asdict(self.shape())
+
+
+class Training:
+    """A network, the mean of its weights over the steps, and its optimisers."""
+
+    def __init__(self, options: TrainOptions, device: torch.device) -> None:
+        torch.manual_seed(options.seed)
+        self.options, self.device = options, device
+        self.network = SmallNetwork(options.shape()).to(device)
+        self.mean = copy.deepcopy(self.network).requires_grad_(False)
+        named = dict(self.network.named_parameters())
+        inner = {name for name, p in named.items() if name.startswith("blocks.") and name.endswith(".weight")}
+        matrices = [p for name, p in named.items() if name in inner]
+        others = [p for name, p in named.items() if name not in inner]
+        if not hasattr(torch.optim, "Muon"):
+            raise ImportError(f"training needs torch 2.9 or later, this is {torch.__version__}: pip install -U torch")
+        self.optimisers: tuple[torch.optim.Optimizer, ...] = (
+            torch.optim.Muon(matrices, options.rate, MUON_DECAY, adjust_lr_fn="match_rms_adamw"),
+            torch.optim.AdamW(others, options.rate, ADAM_BETAS, weight_decay=0.0),
+        )
+        self.vocabulary = Vocabulary(words(), *typical_ink())
+        self.schedule = NoiseSchedule.scaled_linear()
+        self.step = 0
+        self.losses: list[float] = []
+
+    def learn(self, batch: dict[str, Tensor]) -> float:
+        """One step; returns the loss."""
+        generator = step_generator(self.options.seed, self.step)
+        for optimiser in self.optimisers:
+            for group in optimiser.param_groups:
+                group["lr"] = self.options.rate * rate_share(self.step, self.options.steps)
+        loss = self._loss(batch, generator)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP)
+        for optimiser in self.optimisers:
+            optimiser.step()
+            optimiser.zero_grad()
+        share = 1 / min(MEMORY, 1 + self.step / 5)
+        with torch.no_grad():
+            for kept, new in zip(self.mean.parameters(), self.network.parameters(), strict=True):
+                kept.lerp_(new, share)
+        self.step += 1
+        self.losses.append(loss.item())
+        return self.losses[-1]
+
+    def _loss(self, batch: dict[str, Tensor], generator: torch.Generator) -> Float[Tensor, ""]:
+        clean = (batch["views"] - self.vocabulary.mean) / self.vocabulary.spread
+        steps = torch.randint(FIRST, LAST + 1, (len(clean),), generator=generator)
+        noise = torch.randn(clean.shape, generator=generator)
+        kept = self.schedule.alpha_bars[steps][:, None, None, None]
+        noisy = kept.sqrt() * clean + (1 - kept).sqrt() * noise
+        wanted = kept.sqrt() * noise - (1 - kept).sqrt() * clean
+        sees = float(torch.rand((), generator=generator)) < WITH_REFERENCE
+        told = torch.rand(len(clean), 1, generator=generator) >= WITHOUT_WORDS[sees]
+        given = [noisy, steps / TIMESTEPS, batch["cameras"], batch["words"] * told]
+        if sees:
+            standard = (batch["reference"] - self.vocabulary.mean) / self.vocabulary.spread
+            given += [standard, batch["reference_camera"]]
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=half_is_fast(self.device)):
+            predicted = self.network(*(x.to(self.device) for x in given))
+        wrong: Tensor = predicted.float() - wanted.to(self.device)
+        return wrong.square().mean()
+
+    def save(self, path: Path) -> None:
+        """Writes all of it, whole or not at all."""
+        from safetensors.torch import save_file
+
+        tensors = {f"network.{k}": v for k, v in self.network.state_dict().items()}
+        tensors |= {f"mean.{k}": v for k, v in self.mean.state_dict().items()}
+        for i, optimiser in enumerate(self.optimisers):
+            for j, state in optimiser.state_dict()["state"].items():
+                tensors |= {f"optimiser.{i}.{j}.{k}": torch.as_tensor(v) for k, v in state.items()}
+        tensors["losses"] = torch.tensor(self.losses, dtype=torch.float64)
+        about = {"identity": self.options.identity(), "step": self.step, "words": list(self.vocabulary.words)}
+        with replacing(path) as temporary:
+            held = {k: v.detach().cpu().clone().contiguous() for k, v in tensors.items()}
+            save_file(held, temporary, {"diff3ds": json.dumps(about)})
+
+    def load(self, path: Path) -> None:
+        """Goes on from a checkpoint.
+
+        Raises:
+            ValueError: it is no checkpoint of such a training.
+        """
+        from safetensors import SafetensorError, safe_open
+
+        try:
+            with safe_open(path, "pt") as file:
+                about = json.loads((file.metadata() or {})["diff3ds"])
+                tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118 (not a dict)
+            was, now = about["identity"], self.options.identity()
+            different = [name for name in now if was.get(name) != now[name]]
+            if different or about["words"] != list(self.vocabulary.words):
+                name = different[0] if different else "the library's words"
+                raise ValueError(f"the training to resume had another {name}: give the same, or start a new one")
+            for part, network in (("network.", self.network), ("mean.", self.mean)):
+                network.load_state_dict({k.removeprefix(part): v for k, v in tensors.items() if k.startswith(part)})
+            for i, optimiser in enumerate(self.optimisers):
+                self._restore(optimiser, f"optimiser.{i}.", tensors)
+            self.step, self.losses = int(about["step"]), tensors["losses"].tolist()
+        except (SafetensorError, KeyError, TypeError, RuntimeError) as error:
+            raise ValueError(f"{path}: not a checkpoint of this training ({str(error)[:200]})") from error
+
+    @staticmethod
+    def _restore(optimiser: torch.optim.Optimizer, part: str, tensors: dict[str, Tensor]) -> None:
+        state: dict[int, dict[str, Tensor]] = {}
+        for name, value in tensors.items():
+            if name.startswith(part):
+                index, key = name.removeprefix(part).split(".")
+                state.setdefault(int(index), {})[key] = value
+        optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+
+
+def rate_share(step: int, steps: int) -> float:
+    """Of the learning rate: up, level, and down to 0 over the last steps."""
+    left = (steps - step) / (COOL_DOWN * steps)
+    return min((step + 1) / WARM_UP, 1.0, max(left, 0.0))
+
+
+def train_prior(
+    out: Path,
+    options: TrainOptions | None = None,
+    report: Report = lambda progress: None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Path:
+    """Trains a small prior on the library and writes it; Ctrl-C keeps a checkpoint, then KeyboardInterrupt goes on.
+
+    Args:
+        out: folder of the network, checkpoint, samples and log.
+        report: called after every step.
+        say: told where it computes.
+
+    Returns:
+        The file of the network.
+
+    Raises:
+        ValueError: the folder holds a training that is neither to be resumed nor overwritten, or another one.
+    """
+    options = options or TrainOptions()
+    checkpoint = out / CHECKPOINT
+    if options.resume and not checkpoint.exists():
+        raise ValueError(f"{out} has no checkpoint to resume from: leave --resume out to start a training")
+    if checkpoint.exists() and not (options.resume or options.overwrite):
+        raise ValueError(f"{out} holds a training: give another folder (-o), --resume to go on, or --overwrite")
+    device = pick_device(options.device)
+    torch.set_num_threads(options.threads)
+    training = Training(options, device)
+    if options.resume:
+        training.load(checkpoint)
+    say(f"training on {device} with {sum(p.numel() for p in training.network.parameters()) / 1e6:.1f} M parameters")
+    try:
+        _run(training, out, report)
+    except KeyboardInterrupt:
+        _write(training, out)
+        raise
+    return _write(training, out)
+
+
+def _run(training: Training, out: Path, report: Report) -> None:
+    options = training.options
+    for batch in _batches(options, training.step):
+        loss = training.learn(batch)
+        if not math.isfinite(loss):
+            raise FloatingPointError(f"the loss of step {training.step} is not finite: try a lower --rate")
+        latest = training.losses[-50:]
+        report(Progress("training", training.step, options.steps, sum(latest) / len(latest), 0))
+        if training.step % options.checkpoint_every == 0:
+            _write(training, out)
+            sheet = out / SHEETS / f"step_{training.step:06d}.png"
+            sample_sheet(sheet, training.mean, training.vocabulary, training.device)
+
+
+def _batches(options: TrainOptions, first: int) -> Iterator[dict[str, Tensor]]:
+    """Batches from this step on, drawn ahead by processes of their own."""
+    examples = Examples(options.seed, options.steps * options.batch)
+    return iter(
+        DataLoader(
+            examples,
+            options.batch,
+            sampler=range(first * options.batch, len(examples)),
+            num_workers=options.workers,
+            worker_init_fn=single_thread,
+            prefetch_factor=AHEAD if options.workers else None,
+            multiprocessing_context="spawn" if options.workers else None,
+        )
+    )
+
+
+def _write(training: Training, out: Path) -> Path:
+    training.save(out / CHECKPOINT)
+    about = {"options": asdict(training.options), "steps": training.step}
+    write_network(out / NETWORK, training.mean, training.vocabulary, about)
+    every = 10
+    means = [sum(held) / len(held) for held in (training.losses[i : i + every] for i in range(0, training.step, every))]
+    write_text(out / LOG, json.dumps({**about, "loss": {"every": every, "values": means}}, indent=1))
+    return out / NETWORK
