@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from diff3ds import cli
-from diff3ds.cli import FAULT, main
+from diff3ds.cli import FAULT, STOPPED, main
 
 COMMANDS = ["text", "image", "views", "eval", "fetch", "doctor"]
 
@@ -67,6 +67,16 @@ def test_a_gpu_without_room_is_a_sentence(capsys, tmp_path, monkeypatch):
     assert code == FAULT
     assert "CUDA out of memory. Try --precision float16" in said
     assert "Traceback" not in said
+
+
+def test_a_download_that_was_stopped_goes_on_by_the_same_command(capsys, monkeypatch):
+    def stop(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "fetch", stop)
+    code, _, said = ends(["fetch", "mvdream", "--quiet"], capsys)
+    assert code == STOPPED
+    assert said == "stopped; the same command goes on"
 
 
 @pytest.mark.parametrize(

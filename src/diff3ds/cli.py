@@ -26,7 +26,7 @@ from diff3ds.tasks.picture import PictureOptions
 from diff3ds.tasks.plan import ViewsOptions
 from diff3ds.tasks.prior_train import TrainOptions, train_prior
 from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.text import TextOptions, text_to_sketch
 from diff3ds.tasks.views import fit_views
 
@@ -264,13 +264,8 @@ def main(arguments: list[str] | None = None) -> None:
     )
     try:
         command.run()
-    except KeyboardInterrupt:
-        said = (
-            "the same command goes on"
-            if isinstance(command, Fetch)
-            else "what was reached is written, --resume goes on"
-        )
-        Console(stderr=True).print(f"stopped; {said}")
+    except KeyboardInterrupt as stop:
+        Console(stderr=True).print(_stopped(command, stop))
         sys.exit(STOPPED)
     except torch.cuda.OutOfMemoryError as error:
         _fail(f"{str(error).partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu")
@@ -281,6 +276,15 @@ def main(arguments: list[str] | None = None) -> None:
         if "out of memory" not in str(error):
             raise
         _fail(f"{error}. Try a smaller --batch or --size, or --device cpu")
+
+
+def _stopped(command: object, stop: KeyboardInterrupt) -> str:
+    """What Ctrl-C has left."""
+    if isinstance(command, Fetch):
+        return "stopped; the same command goes on"
+    if isinstance(stop, Stopped):
+        return "stopped; what was reached is written, --resume goes on"
+    return "stopped before there was anything new to keep"
 
 
 def _fail(message: str) -> NoReturn:

@@ -15,6 +15,7 @@ from diff3ds.guidance.device import Work
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.weights import Source
 from diff3ds.tasks import distill as task
+from diff3ds.tasks import priors
 from diff3ds.tasks.picture import read_reference
 from diff3ds.tasks.priors import PriorOptions
 
@@ -74,7 +75,9 @@ PRIORS = ["stable-diffusion", "stable-diffusion-768", "mvdream", "zero123", "sta
 @pytest.mark.parametrize(
     ("prior", "method"), [*((prior, None) for prior in PRIORS), ("mvdream", "vsd"), ("zero123", "vsd")]
 )
-def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, method, checkpoints, drawing, tmp_path, monkeypatch):
+def test_a_run_resumed_half_way_ends_as_one_without_a_break(
+    prior, method, checkpoints, drawing, tmp_path, monkeypatch, capsys
+):
     whole, part = tmp_path / "whole", tmp_path / "part"
     more = ["--method", method] if method else []
     main(command(prior, checkpoints, drawing, whole, *more))
@@ -98,10 +101,23 @@ def test_a_run_resumed_half_way_ends_as_one_without_a_break(prior, method, check
         with pytest.raises(SystemExit) as ended:
             main(command(prior, checkpoints, drawing, part, *more))
     assert ended.value.code == STOPPED
+    assert "what was reached is written, --resume goes on" in capsys.readouterr().err
     assert json.loads((part / "run.json").read_text())["steps_done"] == 3
     assert not same(whole, part)
     main(command(prior, checkpoints, drawing, part, "--resume", *more))
     assert same(whole, part)
+
+
+def test_before_the_first_step_there_is_nothing_to_resume(checkpoints, tmp_path, monkeypatch, capsys):
+    def interrupt(*arguments, **others):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(priors, "load_mvdream", interrupt)
+    with pytest.raises(SystemExit) as ended:
+        main(command("mvdream", checkpoints, None, tmp_path / "out"))
+    assert ended.value.code == STOPPED
+    assert capsys.readouterr().err == "stopped before there was anything new to keep\n"
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(("prior", "found"), [("mvdream", "mvdream"), ("stable-diffusion", "stable-diffusion")])

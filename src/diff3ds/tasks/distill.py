@@ -20,7 +20,7 @@ from diff3ds.refine import NoiseDeletion
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill_options import DistillOptions, Preset, PresetName
-from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
 
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
@@ -78,7 +78,7 @@ def distill(
 ) -> Sketch:
     """Makes a sketch that a prior likes and writes the folder of the run.
 
-    Ctrl-C ends it early; what was reached is written, then KeyboardInterrupt goes on.
+    Ctrl-C ends it early; what was reached is written, then `Stopped` is raised, a KeyboardInterrupt.
 
     Args:
         denoiser: the prior, conditioned on a phrase or picture.
@@ -112,7 +112,7 @@ def distill(
     info = RunInfo(given, chosen, seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
     if stopped:
-        raise KeyboardInterrupt
+        raise Stopped
     return sketch
 
 

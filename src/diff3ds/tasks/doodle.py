@@ -28,7 +28,7 @@ from diff3ds.tasks.hull import visual_hull
 from diff3ds.tasks.network_files import find_file, read_network
 from diff3ds.tasks.plan import Plan
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
-from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import RunInfo, claim, spread, write_results
 from diff3ds.tasks.store import Store, is_all_known
@@ -109,7 +109,7 @@ def fit_doodle(
 ) -> Sketch:
     """Fits black strokes to posed coloured pictures and writes sketch.json, .svg, .step, preview.png and run.json.
 
-    Ctrl-C ends the fit early; what was reached is written, then KeyboardInterrupt goes on.
+    Ctrl-C ends the fit early; what was reached is written, then `Stopped` is raised, a KeyboardInterrupt.
 
     Args:
         source: a transforms.json or a folder with one.
@@ -146,7 +146,7 @@ def fit_doodle(
     info = RunInfo(about, {"target": "color"}, seconds, list(state.losses), scores, stopped)
     write_results(out, sketch, plan.pictures.cameras, preview(sketch, plan.pictures), info)
     if stopped:
-        raise KeyboardInterrupt
+        raise Stopped
     return sketch
 
 

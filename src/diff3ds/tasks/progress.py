@@ -31,6 +31,10 @@ class Progress:
 Report = Callable[[Progress], None]
 
 
+class Stopped(KeyboardInterrupt):
+    """A task that Ctrl-C ended early, from whose results --resume goes on."""
+
+
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """The end of a fit.

@@ -18,7 +18,7 @@ from diff3ds.tasks.color import color_scores, plan_color
 from diff3ds.tasks.edges import fit_edges
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
-from diff3ds.tasks.progress import Fitted, Progress, Report
+from diff3ds.tasks.progress import Fitted, Progress, Report, Stopped
 from diff3ds.tasks.random_edges import plan_random_edges
 from diff3ds.tasks.results import RunInfo, spread, write_results
 from diff3ds.tasks.store import store_of
@@ -36,7 +36,7 @@ def fit_views(
 ) -> Sketch:
     """Fits a sketch to posed pictures and writes sketch.json, .svg, .step, preview.png and run.json.
 
-    Ctrl-C ends the fit early; what was reached is written, then KeyboardInterrupt goes on.
+    Ctrl-C ends the fit early; what was reached is written, then `Stopped` is raised, a KeyboardInterrupt.
 
     Args:
         source: a transforms.json or a folder with one; None is the scene that the package generates.
@@ -73,7 +73,7 @@ def fit_views(
     )
     write_results(out, fitted.sketch, fitted.pictures.cameras, preview(fitted.sketch, fitted.pictures), info)
     if fitted.stopped:
-        raise KeyboardInterrupt
+        raise Stopped
     return fitted.sketch
 
 
