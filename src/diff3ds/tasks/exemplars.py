@@ -80,7 +80,7 @@ def exemplars_like(
         color: straight RGB of what is given, or None.
     """
     return _among_others(
-        [_colored(sketch, color) for sketch in wanted], category, torch.Generator().manual_seed(seed), color
+        [painted(sketch, color) for sketch in wanted], category, torch.Generator().manual_seed(seed), color
     )
 
 
@@ -103,7 +103,7 @@ def exemplars_among(
     Args:
         color: straight RGB of what is given, or None.
     """
-    given = [_colored(sketch, color) for sketch in wanted.values()]
+    given = [painted(sketch, color) for sketch in wanted.values()]
     others = [member.sketch for i, member in enumerate(folder.members) if i not in wanted]
     return Exemplars((*given, *others), (True,) * len(given) + (False,) * len(others), color)
 
@@ -123,10 +123,11 @@ def requested(request: Request, generator: torch.Generator) -> Sketch:
 def arranged(sketch: Sketch, request: Request) -> Sketch:
     """A member in the proportions, number and colour that a phrase asks for, in the unit ball."""
     several = _in_a_row(_stretched(sketch, request.stretch), request.count)
-    return _colored(_fitted(Sketch.concatenate(several)), request.color)
+    return painted(_fitted(Sketch.concatenate(several)), request.color)
 
 
-def _colored(sketch: Sketch, color: tuple[float, float, float] | None) -> Sketch:
+def painted(sketch: Sketch, color: tuple[float, float, float] | None) -> Sketch:
+    """With strokes of this colour, straight RGB; None leaves them."""
     if color is None:
         return sketch
     return replace(sketch, color=sketch.color.new_tensor(color).expand(len(sketch), 3).contiguous())

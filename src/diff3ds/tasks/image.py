@@ -7,13 +7,14 @@ from pathlib import Path
 
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
+from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Commission, Reference, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like, thin_lines
+from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like, painted, thin_lines
 from diff3ds.tasks.folder_views import recognise_in
 from diff3ds.tasks.lines import Lines, lines_of
 from diff3ds.tasks.picture import PictureOptions, read_reference
@@ -30,6 +31,7 @@ from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognise import Recognised, alike, drawn_over, recognise
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import identity_of, read_sketches
+from diff3ds.tasks.small_prior import ask
 
 # The paper's weight of guidance for pictures.
 GUIDANCE = 7.5
@@ -91,7 +93,7 @@ def image_to_sketch(
     else:
         name = named_prior(prior, (*FOR_PICTURES, *BUILT_IN))
     if name in BUILT_IN:
-        return _from_library(picture, out, options, cut, prior.library, settings, report, say)
+        return _built_in(picture, out, options, cut, prior, name, settings, report, say)
     if options.shows:
         raise ValueError("--shows is for the built-in prior: networks see what is there")
     settings = _at_its_distance(settings) if name == "stable-zero123" else settings
@@ -112,22 +114,23 @@ def image_to_sketch(
     return distill(denoiser, settings, out, wanted, report)
 
 
-def _from_library(
+def _built_in(
     picture: Path,
     out: Path,
     options: ImageOptions,
     cut: PictureOptions,
-    library: Path | None,
+    prior: PriorOptions,
+    name: str,
     settings: DistillOptions,
     report: Report,
     say: Callable[[str], None],
 ) -> Sketch:
-    """What the picture shows is recognised; members like it are the prior, its lines the reference."""
+    """What the picture shows is recognised, its lines are the reference; the prior is members like it, or a network."""
     if settings.method == "vsd":
-        raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
+        raise ValueError("vsd trains a network of diffusers, and the built-in priors have none: leave --method out")
     reference = read_reference(picture, options=cut)
     lines = lines_of(reference)
-    folder = None if library is None else read_sketches(library)
+    folder = None if prior.library is None else read_sketches(prior.library)
     if folder is None:
         found, exemplars = _looked_up(lines, options.shows, settings.seed)
     else:
@@ -142,17 +145,24 @@ def _from_library(
     known = Reference(drawn_over(lines, like, camera, width), camera, REFERENCE_LOSS if weight is None else weight)
     save_png(out / "reference.png", reference.image)
     save_png(out / "lines.png", drawn_over(lines, like, camera.resize(len(reference.image)), DEFAULT_WIDTH))
-    about = {**_subject(picture, cut, options, known), "prior": "exemplar", "recognised": found.as_json()}
+    about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
+    denoiser: Denoiser
+    if name == "small":
+        request = Request(found.category, found.attributes)
+        asked = ask(request, prior, drawn_over(lines, like, camera.resize(SIZE), WIDTH)[None], camera)
+        denoiser, identity, start = asked.denoiser, asked.identity, None
+    else:
+        denoiser, identity, start = exemplars.prior(width), identity_of(folder), exemplars.color
     wanted = Commission(
-        about | identity_of(folder),
+        about | identity,
         GUIDANCE,
         "swift",
         width,
-        exemplars.color,
-        finish=lambda sketch: thin_lines(sketch, settings),
+        start,
+        finish=lambda sketch: thin_lines(painted(sketch, exemplars.color), settings),
         reference=known if known.weight else None,
     )
-    return distill(exemplars.prior(width), settings, out, wanted, report)
+    return distill(denoiser, settings, out, wanted, report)
 
 
 def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Recognised, Exemplars]:

@@ -15,7 +15,7 @@ from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.weights import Source, find, locate
 from diff3ds.guidance.zero123 import ReferencePose, Zero123, load_zero123
 
-BUILT_IN = ("exemplar",)
+BUILT_IN = ("exemplar", "small")
 FOR_PHRASES = ("mvdream", "stable-diffusion", "stable-diffusion-768")
 FOR_PICTURES = ("zero123", "stable-zero123")
 # Channels of the UNet of a prior that takes the picture's latents beside the noisy ones.
@@ -56,8 +56,8 @@ class PriorOptions:
             raise ValueError(
                 f"weights are of a prior: name it (--prior mvdream --weights {self.weights}), or --prior {self.weights}"
             )
-        if self.weights and self.prior in BUILT_IN:
-            raise ValueError(f"{self.prior} is built in and takes no weights: name another prior, or leave them out")
+        if self.weights and self.prior == "exemplar":
+            raise ValueError("exemplar is built in and takes no weights: name another prior, or leave them out")
         if (self.variant or self.allow_pickle) and not (self.weights or _is_place(self.prior or "")):
             raise ValueError("variant and allow_pickle are for weights that are named: add --weights")
 

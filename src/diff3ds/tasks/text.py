@@ -4,10 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from diff3ds.guidance.denoiser import Denoiser
+from diff3ds.library.phrase import parse
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import WIDTH, exemplars_in, exemplars_of, thin_lines
+from diff3ds.tasks.exemplars import WIDTH, exemplars_in, exemplars_of, painted, thin_lines
 from diff3ds.tasks.priors import (
     BUILT_IN,
     FOR_PHRASES,
@@ -20,6 +22,7 @@ from diff3ds.tasks.priors import (
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import identity_of, read_sketches
+from diff3ds.tasks.small_prior import ask
 
 # The paper's weight of guidance for phrases.
 GUIDANCE = 50.0
@@ -68,7 +71,7 @@ def text_to_sketch(
         name = named_prior(prior, (*FOR_PHRASES, *BUILT_IN))
     about: dict[str, object] = {"phrase": phrase, "prior": name}
     if name in BUILT_IN:
-        return _from_library(phrase, out, options, prior.library, settings, about, report, say)
+        return _built_in(phrase, out, options, prior, settings, about, report, say)
     if options.negative and settings.method == "csd":
         raise ValueError("csd compares the phrase with no phrase at all, not with a negative one: leave --negative out")
     denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.work())
@@ -77,31 +80,38 @@ def text_to_sketch(
     return distill(denoiser, settings, out, wanted, report)
 
 
-def _from_library(
+def _built_in(
     phrase: str,
     out: Path,
     options: TextOptions,
-    library: Path | None,
+    prior: PriorOptions,
     settings: DistillOptions,
     about: dict[str, object],
     report: Report,
     say: Callable[[str], None],
 ) -> Sketch:
     if options.negative or options.perp_neg:
-        raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in prior has none")
+        raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in priors have none")
     if settings.method == "vsd":
-        raise ValueError("vsd trains a network of the prior, and the built-in prior has none: leave --method out")
-    folder = None if library is None else read_sketches(library)
-    known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
-    if folder is not None:
-        say(f"library: {folder}; the phrase means {sum(known.fitting)}")
+        raise ValueError("vsd trains a network of diffusers, and the built-in priors have none: leave --method out")
     width = WIDTH if settings.width is None else settings.width
+    denoiser: Denoiser
+    if about["prior"] == "small":
+        request = parse(phrase)
+        asked = ask(request, prior)
+        denoiser, identity, start, color = asked.denoiser, asked.identity, None, request.color
+    else:
+        folder = None if prior.library is None else read_sketches(prior.library)
+        known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
+        if folder is not None:
+            say(f"library: {folder}; the phrase means {sum(known.fitting)}")
+        denoiser, identity, start, color = known.prior(width), identity_of(folder), known.color, known.color
     wanted = Commission(
-        about | identity_of(folder),
+        about | identity,
         GUIDANCE,
         "swift",
         width,
-        known.color,
-        finish=lambda sketch: thin_lines(sketch, settings),
+        start,
+        finish=lambda sketch: thin_lines(painted(sketch, color), settings),
     )
-    return distill(known.prior(width), settings, out, wanted, report)
+    return distill(denoiser, settings, out, wanted, report)

@@ -1,0 +1,94 @@
+"""`diff3ds text` and `image` with the small prior: end to end with a tiny network, and what is refused."""
+
+import json
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.cli import main
+from diff3ds.formats import save_png
+from diff3ds.guidance.small import Vocabulary, write_network
+from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.library import member
+from diff3ds.library.phrase import Request
+from diff3ds.tasks import distill, small_prior
+from diff3ds.tasks.prior_data import words
+from diff3ds.tasks.priors import PriorOptions
+from diff3ds.tasks.small_prior import ask
+
+FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]
+
+
+@pytest.fixture
+def weights(tmp_path):
+    torch.manual_seed(0)
+    network = SmallNetwork(Shape(len(words()), patch=16, width=16, depth=1, heads=2))
+    for parameter in network.parameters():
+        torch.nn.init.normal_(parameter, std=0.1)
+    path = tmp_path / "small.safetensors"
+    write_network(path, network, Vocabulary(words(), 0.18, 0.37), {})
+    return path
+
+
+def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weights, tmp_path, monkeypatch):
+    def command(out, *more):
+        given = ["--weights", str(weights), "-o", str(out), "--steps", "6", "--strokes", "5", "--sheet-every", "3"]
+        main(["text", "a tall red lamp", "--prior", "small", "--quiet", *given, *more])
+
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    command(whole)
+    sketch = ds.load(whole / "sketch.json")
+    assert torch.allclose(sketch.color, torch.tensor([0.8, 0.1, 0.1]).expand(len(sketch), 3))
+    run = json.loads((whole / "run.json").read_text())["options"]
+    assert run["prior"] == "small"
+    assert len(run["weights_sha256"]) == 64
+
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(distill, "contact_sheet", interrupt)
+        with pytest.raises(SystemExit):
+            command(part)
+    assert json.loads((part / "run.json").read_text())["steps_done"] == 3
+    command(part, "--resume")
+    assert (whole / "sketch.json").read_bytes() == (part / "sketch.json").read_bytes()
+
+
+def test_a_picture_is_the_networks_reference(weights, tmp_path, capsys):
+    mug = member("mug", torch.Generator().manual_seed(5)).sketch
+    picture = tmp_path / "mug.png"
+    save_png(picture, ds.render(mug, ds.orbit(40, 20, 1.9, fov=60, size=256)).color[0])
+    main(["image", str(picture), "--prior", "small", "--weights", str(weights), "-o", str(tmp_path / "out"), *FEW])
+    assert "recognised: a mug" in capsys.readouterr().err
+    assert (tmp_path / "out" / "sketch.json").exists()
+
+
+def test_the_request_reaches_the_network(weights):
+    options = PriorOptions(prior="small", weights=str(weights))
+    plain, arms = (ask(Request("chair", kind), options).denoiser for kind in ((), ("armrests",)))
+    cameras = ds.orbit([0.0, 90, 180, 270], 15, 1.9, size=64)
+    noisy = torch.randn(4, 1, 64, 64, generator=torch.Generator().manual_seed(0))
+    asked = (noisy, torch.full((4,), 500), cameras, ("conditional", "unconditional"))
+    one, other = plain.predict(*asked), arms.predict(*asked)
+    assert torch.equal(one[1], other[1])
+    assert not torch.equal(one[0], other[0])
+
+
+def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "out"
+    for phrase, wrong, message in (
+        ("two mugs", [], "one thing, not 2"),
+        ("a zebra", [], "does not know"),
+        ("a mug", ["--method", "vsd"], "vsd trains a network"),
+        ("a mug", ["--negative", "a chair"], "built-in priors have none"),
+    ):
+        with pytest.raises(SystemExit):
+            main(["text", phrase, "--prior", "small", "--weights", str(weights), "-o", str(out), *wrong])
+        assert message in " ".join(capsys.readouterr().err.split())
+    monkeypatch.setattr(small_prior, "SHIPPED", tmp_path / "none")
+    with pytest.raises(SystemExit):
+        main(["text", "a mug", "--prior", "small", "-o", str(out)])
+    assert "diff3ds prior train" in capsys.readouterr().err
+    assert not out.exists()
