@@ -128,6 +128,7 @@ def test_counts_colours_and_proportions_of_a_phrase():
         ("a chair with armrsets", "named 'armrsets'; the nearest there: armrest"),
         ("a shelf with doors", "named 'doors'; it has shelf"),
         ("a blue red chair", "one colour"),
+        ("two three chairs", "one number of things"),
         ("a rocking chair without a back", "none in here is all of rocking, without back; it has chair, chair without"),
     ],
 )
@@ -141,7 +142,7 @@ def test_what_is_read_of_a_folder(folder):
     assert [name.said for name in read.names] == ["chair with armrests", "chair", "chair", "space rocket", "mug", "mug"]
     assert read.passed == ("notes.txt",)
     said = str(read)
-    assert "6 sketches" in said
+    assert "6 members in" in said
     assert "chair (3), mug (2), rocket (1); passed over, for they are no sketches: notes.txt" in said
     # Its own members come back as they were, to the rounding of files and of float32.
     torch.testing.assert_close(read.members[1].sketch.points, drawn("chair", 1).points, atol=1e-6, rtol=0)
@@ -176,6 +177,27 @@ def test_members_of_extreme_size_are_as_others(size, tmp_path):
     ds.save(tmp_path / "chair.json", replace(chair, points=size * chair.points))
     (found,) = (one.sketch for one in read_sketches(tmp_path).members)
     torch.testing.assert_close(found.points, drawn("chair").points, atol=1e-6, rtol=0)
+
+
+def test_a_mesh_is_its_feature_lines(tmp_path, capsys):
+    """A box of 3 by 2 by 1: twelve lines from corner to corner, .95 from the middle."""
+    pytest.importorskip("trimesh")
+    corners = [(x, y, z) for x in (0, 3) for y in (0, 2) for z in (0, 1)]
+    faces = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    lines = [*("v {} {} {}".format(*one) for one in corners), *("f {} {} {} {}".format(*one) for one in faces)]
+    (tmp_path / "box_1.obj").write_text("\n".join(lines))
+    (box,) = read_sketches(tmp_path).members
+    assert box.name.noun == "box"
+    assert len(box.sketch) == 12
+    ends = box.sketch.points[:, [0, 3]]
+    half = torch.tensor([1.5, 1.0, 0.5]) * 0.95 / (1.5**2 + 1 + 0.5**2) ** 0.5
+    torch.testing.assert_close(ends.abs(), half.expand(12, 2, 3), atol=1e-6, rtol=0)
+    # What is broken, or has no size, is named.
+    (tmp_path / "box_2.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7")
+    assert "box_2.obj: " in fails(["text", "a box", "--library", str(tmp_path), "-o", str(tmp_path / "out")], capsys)
+    (tmp_path / "box_2.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 2")
+    with pytest.raises(ValueError, match=r"box_2.obj: the mesh has"):
+        read_sketches(tmp_path)
 
 
 def test_the_digest_is_that_of_the_members(folder, tmp_path):
@@ -218,26 +240,33 @@ def broken(path: Path, what: str) -> str:
             ds.save(path / "chair_2.json", chair[[]])
         case "point":
             ds.save(path / "chair_2.json", replace(chair, points=torch.full_like(chair.points, 0.1)))
+        case "weights":
+            weights = torch.ones(chair.weights.shape, dtype=torch.float64)
+            weights[3, 1] = 1e-200
+            ds.save(path / "chair_2.json", replace(chair.to(torch.float64), weights=weights))
         case "mesh":
-            (path / "chair_2.obj").write_text("v 0 0 0")
+            (path / "chair_2.fbx").write_text("v 0 0 0")
         case "unnamed":
             ds.save(path / "02.json", chair)
         case "deep":
             (path / "chair" / "more").mkdir(parents=True)
     return {
-        "missing": "is a folder of sketches (.json, .step, .stp), and",
-        "file": "is a folder of sketches",
+        "missing": "is a folder of sketches or meshes (.json, .step, .stp, .obj, .stl, .ply, .off, .glb), and",
+        "file": "is a folder of sketches or meshes",
         "garbage": "chair_2.json: not a JSON file",
         "cut": "chair_2.json: not a JSON file",
         "empty": "chair_2.json: 0 strokes",
         "point": "chair_2.json: all strokes are one point",
-        "mesh": "chair_2.obj: a mesh, and the members of a library are sketches",
+        "weights": "chair_2.json: its numbers leave the range of float32 (weights of stroke 3",
+        "mesh": "chair_2.fbx: not a kind of mesh that is read: save it as one of .obj, .stl",
         "unnamed": "02.json: '02' does not say what it is: name it so (chair_01.json, or chair/01.json)",
         "deep": "more: a library has sub-folders of sketches, and no folders in them",
     }[what]
 
 
-@pytest.mark.parametrize("what", ["missing", "file", "garbage", "cut", "empty", "point", "mesh", "unnamed", "deep"])
+@pytest.mark.parametrize(
+    "what", ["missing", "file", "garbage", "cut", "empty", "point", "weights", "mesh", "unnamed", "deep"]
+)
 def test_what_is_wrong_in_a_folder_is_named_before_anything_is_written(what, tmp_path, capsys):
     (tmp_path / "library").mkdir()
     if what not in ("missing", "file"):
@@ -249,7 +278,7 @@ def test_what_is_wrong_in_a_folder_is_named_before_anything_is_written(what, tmp
 
 
 def test_folders_have_bounds(folder, tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match="holds no sketches"):
+    with pytest.raises(ValueError, match="holds no sketches or meshes"):
         read_sketches(tmp_path)
     for name, value, message in [
         ("MOST_FILES", 5, "holds 6 sketches"),
@@ -363,7 +392,7 @@ def test_a_picture_of_nothing_in_the_folder_is_refused(folder, tmp_path, capsys)
 def test_a_picture_becomes_the_sketch_in_the_folder(folder, picture, tmp_path, capsys):
     main(["image", str(picture), "--library", str(folder), "-o", str(tmp_path), "--steps", "250", "--sheet-every", "0"])
     said = " ".join(capsys.readouterr().err.split())
-    assert "library: 6 sketches in" in said
+    assert "library: 6 members in" in said
     assert "recognised: chair (" in said
     assert f_score(ds.load(tmp_path / "sketch.json"), drawn("chair", 2)) > 0.85
     info = json.loads((tmp_path / "run.json").read_text())["options"]

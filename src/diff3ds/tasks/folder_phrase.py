@@ -72,6 +72,9 @@ def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
         raise ValueError(_unknown(phrase, front[-1], known, place))
     of_noun = [name for name in names if name.noun == noun]
     known = {word: None for name in of_noun for word in name.words}
+    numbers = [word for word in front[:-1] if (word in COUNTS or word == "pair") and _among(word, known) is None]
+    if len(numbers) > 1:
+        raise ValueError(f"{phrase!r}: there is one number of things, got a second one, {numbers[1]}")
     request = Request(noun)
     for word in front[:-1]:
         request = _read(request, word, known, phrase, place)

@@ -1,4 +1,4 @@
-"""A folder of the user's own sketches as a library: its files are members, their names say what they are."""
+"""A folder of the user's own sketches and meshes as a library: its files are members, their names say what of."""
 
 import hashlib
 from collections import Counter
@@ -9,13 +9,17 @@ from pathlib import Path
 import torch
 
 from diff3ds.bezier import MAX_DEGREE, elevate
+from diff3ds.edges.mesh_lines import mesh_lines
 from diff3ds.formats import load
+from diff3ds.formats.mesh import MESHES, load_mesh
 from diff3ds.library.members import fill_ball
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.folder_phrase import Name, named
 
 SKETCHES = (".json", ".step", ".stp")
-MESHES = (".3mf", ".dae", ".fbx", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
+READ = (*SKETCHES, *MESHES)
+# Of meshes that are not read.
+OTHER_MESHES = (".3ds", ".3mf", ".blend", ".dae", ".fbx", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 # Bounds: every step draws all members four times. Some 20,000 strokes take half a second a step on two cores.
 MOST_FILES, MOST_BYTES, MOST_STROKES, MOST_STROKES_IN_ALL = 500, 1 << 24, 2000, 20_000
 # Of a sketch, relative to its farthest coordinate: some steps of float32.
@@ -45,7 +49,7 @@ class SketchFolder:
     Attributes:
         path: as it was given.
         members: in the order of their files' names.
-        passed: names of files that are no sketches by their suffix.
+        passed: names of files that are neither sketches nor meshes by their suffix.
         digest: SHA-256 of the members' places and bytes.
     """
 
@@ -70,7 +74,7 @@ class SketchFolder:
         kinds = ", ".join(f"{noun} ({count})" for noun, count in sorted(counts.items()))
         rest = [*self.passed[:SAID], *(["..."] if len(self.passed) > SAID else [])]
         passed = f"; passed over, for they are no sketches: {', '.join(rest)}" if rest else ""
-        return f"{len(self.members)} sketches in {self.path}: {kinds}{passed}"
+        return f"{len(self.members)} members in {self.path}: {kinds}{passed}"
 
 
 def identity_of(folder: SketchFolder | None) -> dict[str, object]:
@@ -79,31 +83,28 @@ def identity_of(folder: SketchFolder | None) -> dict[str, object]:
 
 
 def read_sketches(path: Path) -> SketchFolder:
-    """Reads the sketches in a folder and in its sub-folders; hidden files are left alone.
+    """Reads the sketches and meshes in a folder and in its sub-folders; hidden files are left alone.
 
     Raises:
-        ValueError: no folder, no sketches or too many, a mesh, a sub-folder in a sub-folder, a file without a name, one
-            that is too large or no sketch; the message names the file.
+        ValueError: no folder, no members or too many, a sub-folder in a sub-folder, a file without a name, one that is
+            too large, broken or no sketch, a mesh without feature lines; the message names the file.
         OSError: a file cannot be read.
-        ImportError: there are STEP files, and not the extra that reads them.
+        ImportError: there are STEP files or meshes, and not the extra that reads them.
     """
     if not path.is_dir():
-        raise ValueError(f"a library is a folder of sketches ({', '.join(SKETCHES)}), and {path} is none")
+        raise ValueError(f"a library is a folder of sketches or meshes ({', '.join(READ)}), and {path} is none")
     files = list(_files(path))
     for file in files:
-        if file.suffix.lower() in MESHES:
-            raise ValueError(
-                f"{file}: a mesh, and the members of a library are sketches ({', '.join(SKETCHES)}): put its feature "
-                "lines there, as a STEP file of its edges or as what diff3ds views makes of its pictures"
-            )
-    sketches = [file for file in files if file.suffix.lower() in SKETCHES]
-    if not 0 < len(sketches) <= MOST_FILES:
+        if file.suffix.lower() in OTHER_MESHES:
+            raise ValueError(f"{file}: not a kind of mesh that is read: save it as one of {', '.join(MESHES)}")
+    read = [file for file in files if file.suffix.lower() in READ]
+    if not 0 < len(read) <= MOST_FILES:
         raise ValueError(
-            f"{path} holds {len(sketches) or 'no'} sketches ({', '.join(SKETCHES)}): a library has 1 to {MOST_FILES}"
+            f"{path} holds {len(read) or 'no'} sketches or meshes ({', '.join(READ)}): a library has 1 to {MOST_FILES}"
         )
-    names = [_named(file, path) for file in sketches]
+    names = [_named(file, path) for file in read]
     digest, members, strokes = hashlib.sha256(), [], 0
-    for file, name in zip(sketches, names, strict=True):
+    for file, name in zip(read, names, strict=True):
         sketch = _member(file)
         strokes += len(sketch)
         if strokes > MOST_STROKES_IN_ALL:
@@ -112,7 +113,7 @@ def read_sketches(path: Path) -> SketchFolder:
         digest.update(
             f"{file.relative_to(path).as_posix()}\0{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode()
         )
-    passed = tuple(file.name for file in files if file.suffix.lower() not in SKETCHES)
+    passed = tuple(file.name for file in files if file.suffix.lower() not in READ)
     return SketchFolder(path, tuple(members), passed, digest.hexdigest())
 
 
@@ -143,10 +144,7 @@ def _member(file: Path) -> Sketch:
     size = file.stat().st_size
     if size > MOST_BYTES:
         raise ValueError(f"{file}: {size} bytes are more than the {MOST_BYTES} that a member of a library may have")
-    try:
-        sketch = load(file)
-    except ImportError as error:
-        raise ImportError(f"{file}: {error}") from error
+    sketch = _feature_lines(file) if file.suffix.lower() in MESHES else _loaded(file)
     if not 0 < len(sketch) <= MOST_STROKES:
         raise ValueError(f"{file}: {len(sketch)} strokes; a member of a library has 1 to {MOST_STROKES}")
     points = sketch.detach().points.double()
@@ -155,5 +153,23 @@ def _member(file: Path) -> Sketch:
     if not (points.amax((0, 1)) - points.amin((0, 1))).max() > LEAST_EXTENT:
         raise ValueError(f"{file}: all strokes are one point, and cannot be brought to the size of the unit ball")
     points, weights = elevate(points, sketch.weights.double(), MAX_DEGREE)
-    filled = fill_ball(torch.cat([points * weights[..., None], weights[..., None]], -1))
+    try:
+        filled = fill_ball(torch.cat([points * weights[..., None], weights[..., None]], -1))
+    except ValueError as error:
+        raise ValueError(f"{file}: its numbers leave the range of float32 ({error})") from error
     return replace(filled, opacity=sketch.opacity.float())
+
+
+def _loaded(file: Path) -> Sketch:
+    try:
+        return load(file)
+    except ImportError as error:
+        raise ImportError(f"{file}: {error}") from error
+
+
+def _feature_lines(file: Path) -> Sketch:
+    vertices, faces = load_mesh(file)
+    try:
+        return mesh_lines(vertices, faces, MOST_STROKES).sketch(DEFAULT_WIDTH)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error

@@ -1,0 +1,50 @@
+"""Triangle meshes from files: vertices and faces; needs the extra `mesh`."""
+
+import importlib.util
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Float, Int
+
+MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
+# A mesh of some million triangles; more is taken for a mistake or an attack.
+MAX_MESH_BYTES = 1 << 26
+
+
+def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"]]:
+    """The vertices and triangles of a mesh; larger faces are cut into triangles, scenes joined into one mesh.
+
+    glTF has y up and z in front, and comes with z up and x in front; files of other formats as they are. Only this file
+    is read: materials and textures that it names are not.
+
+    Raises:
+        ImportError: the extra `mesh` is not installed.
+        ValueError: another suffix; larger than 64 MiB, broken, or without triangles.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in MESHES:
+        raise ValueError(f"{path}: cannot load {path.suffix.lower()!r} as a mesh, only {', '.join(MESHES)}")
+    size = path.stat().st_size
+    if size > MAX_MESH_BYTES:
+        raise ValueError(f"{path}: {size} bytes are more than the {MAX_MESH_BYTES} that are read")
+    if importlib.util.find_spec("trimesh") is None:
+        raise ImportError(f"{path}: reading meshes takes trimesh: install it with pip install 'diff3ds[mesh]'")
+    import trimesh
+
+    try:
+        loaded: Any = trimesh.load(io.BytesIO(path.read_bytes()), path.suffix.lower()[1:], force="mesh", process=False)
+        vertices = np.array(loaded.vertices, np.float64).reshape(-1, 3)
+        faces = np.array(loaded.faces, np.int64).reshape(-1, 3)
+    except OSError:
+        raise
+    except Exception as error:
+        # What trimesh raises for broken files is of any type.
+        raise ValueError(f"{path}: not a mesh that can be read ({type(error).__name__}: {error})") from error
+    if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices[faces]).all():
+        raise ValueError(f"{path}: a mesh needs triangles between finite vertices")
+    return vertices[:, [2, 0, 1]] if path.suffix.lower() == ".glb" else vertices, faces

@@ -1,0 +1,89 @@
+"""Meshes from files: one triangle and a square, written by hand in every text format, and what is no mesh."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from diff3ds.formats.mesh import load_mesh
+
+trimesh = pytest.importorskip("trimesh")
+
+# A square at z = 2, right-handed about z.
+OBJ = "mtllib none.mtl\nv 0 0 2\nv 3 0 2\nv 3 1 2\nv 0 1 2\nf 1 2 3 4\n"
+OFF = "OFF\n4 1 0\n0 0 2\n3 0 2\n3 1 2\n0 1 2\n4 0 1 2 3\n"
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 2\n3 0 2\n3 1 2\n0 1 2\n4 0 1 2 3\n"
+)
+FACET = "facet normal 0 0 1\nouter loop\nvertex {}\nvertex {}\nvertex {}\nendloop\nendfacet\n"
+STL = f"solid s\n{FACET.format('0 0 2', '3 0 2', '3 1 2')}{FACET.format('0 0 2', '3 1 2', '0 1 2')}endsolid s\n"
+
+
+def corners(vertices: np.ndarray, faces: np.ndarray) -> set:
+    return {tuple(point) for point in vertices[faces].reshape(-1, 3).tolist()}
+
+
+def area(vertices: np.ndarray, faces: np.ndarray) -> list[float]:
+    """As a vector, so that it tells which way the faces turn."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    return (np.cross(b - a, c - a).sum(0) / 2).tolist()
+
+
+@pytest.mark.parametrize(("suffix", "text"), [(".obj", OBJ), (".OFF", OFF), (".ply", PLY), (".stl", STL)])
+def test_a_square_in_every_format(suffix, text, tmp_path):
+    (tmp_path / f"square{suffix}").write_text(text)
+    vertices, faces = load_mesh(tmp_path / f"square{suffix}")
+    assert len(faces) == 2
+    assert corners(vertices, faces) == {(0.0, 0.0, 2.0), (3.0, 0.0, 2.0), (3.0, 1.0, 2.0), (0.0, 1.0, 2.0)}
+    assert area(vertices, faces) == [0, 0, 3]
+
+
+def test_gltf_stands_upright_and_looks_at_us(tmp_path):
+    """Its y is our z, its z, the front, our x; a scene's places count."""
+    scene = trimesh.Scene()
+    one = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]], process=False)
+    scene.add_geometry(one, transform=trimesh.transformations.translation_matrix([0, 0, 5]))
+    (tmp_path / "one.glb").write_bytes(scene.export(file_type="glb"))
+    vertices, faces = load_mesh(tmp_path / "one.glb")
+    assert corners(vertices, faces) == {(5.0, 0.0, 0.0), (5.0, 1.0, 0.0), (5.0, 0.0, 2.0)}
+    assert area(vertices, faces) == [1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.obj", b"v 0 0 0\nv 1 0 0\n", "a.obj: "),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a.obj: "),
+        ("a.obj", b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "a.obj: a mesh needs triangles between finite vertices"),
+        ("a.obj", b"\xff\xfe\x00", "a.obj: "),
+        ("a.obj", b"", "a.obj: "),
+        ("a.stl", b"garbage", "a.stl: "),
+        ("a.ply", b"ply\nformat", "a.ply: not a mesh that can be read"),
+        ("a.glb", b"glTF\x02\0\0\0", "a.glb: not a mesh that can be read"),
+        ("a.fbx", b"", "cannot load '.fbx' as a mesh, only .obj"),
+    ],
+)
+def test_what_is_no_mesh(name, content, message, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        load_mesh(tmp_path / name)
+
+
+def test_a_mesh_has_bounds(tmp_path, monkeypatch):
+    (tmp_path / "a.obj").write_text(OBJ)
+    monkeypatch.setattr("diff3ds.formats.mesh.MAX_MESH_BYTES", 10)
+    with pytest.raises(ValueError, match="bytes are more than the 10"):
+        load_mesh(tmp_path / "a.obj")
+
+
+def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch):
+    (tmp_path / "a.obj").write_text(OBJ)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"a.obj: .*pip install 'diff3ds\[mesh\]'"):
+        load_mesh(tmp_path / "a.obj")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none.obj"):
+        load_mesh(tmp_path / "none.obj")
