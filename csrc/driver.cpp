@@ -1,5 +1,8 @@
 // The driver: flattening and binning of strokes, threads over tiles, choice of instruction set.
 #include "driver.h"
+#include "touch.h"
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 
 namespace stroke {
@@ -69,7 +72,6 @@ template <class S> std::vector<Scratch> &scratch() {
 int grain(size_t n) { return std::clamp(int(n / (16 * threads().size())), 1, 8); }
 
 constexpr int CHUNK = 16;  // strokes flattened at a time
-constexpr double MAX_COORDINATE = 1e100;
 
 // What one thread needs to flatten strokes.
 struct Binner {
@@ -94,19 +96,9 @@ template <class S> std::vector<Part<S>> &parts_of(size_t chunks) {
   for (auto &p : *parts) p.clear();
   return *parts;
 }
-template <class S> double largest_half_width(const Input<S> &in, const double *cubic, double half_width) {
-  if (!in.world) return half_width;
-  double depth = 1e300;  // of the control points, whose hull holds all depths
-  for (int i = 0; i < 4; i++) depth = std::min(depth, cubic[4 * i + 2] / cubic[4 * i + 3]);
-  return half_width / std::max(depth, in.near);
-}
-
 template <class S> void check(const Input<S> &in, size_t i, const double *cubic, double half_width, const S *color, double opacity) {
-  bool good = half_width >= 0 && half_width < MAX_COORDINATE && opacity >= 0 && opacity <= 1;
-  for (int k = 0; k < 3; k++) good = good && std::isfinite(color[k]);
-  for (int k = 0; k < 16; k++) good = good && std::abs(cubic[k]) < MAX_COORDINATE;
-  for (int k = 3; k < 16; k += 4) good = good && cubic[k] > 0;
-  if (!good) throw InvalidStroke("stroke " + std::to_string(i % in.strokes) + " in view " + std::to_string(i / in.strokes));
+  if (drawable(cubic, half_width, color, opacity)) return;
+  throw InvalidStroke("stroke " + std::to_string(i % in.strokes) + " in view " + std::to_string(i / in.strokes));
 }
 
 template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_t i, Part<S> &part) {
@@ -118,9 +110,7 @@ template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_
   for (int k = 3; k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
   st.scale[i] = 1 / largest;
   for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] / largest;
-  // Farther than the image is wide nothing changes.
-  const double cap = 4. * (in.width + in.height), wide = std::min(largest_half_width(in, cubic, half_width), cap);
-  const double reach = wide + st.job.filter.reach + CHORD_TOL;
+  const double reach = reach_of(cubic, half_width, in.world, in.near, st.job.filter.reach, in.width, in.height);
   st.reach[i] = S(reach);
   Piece<S> look{};
   look.half_width = half_width, look.opacity = in.opacity[n];
@@ -133,29 +123,15 @@ template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_
   const Job<S> &J = st.job;
   const float R = float(st.reach[i]);
   const uint32_t first_tile = uint32_t(i / J.strokes) * J.tiles_x * J.tiles_y, first_touch = uint32_t(part.touches.size());
-  const float half = TILE / 2 - (J.strata ? 0 : .5f);  // from a tile's middle to its outer points: pixel centres, or samples anywhere in pixels
-  auto tile_of = [](float x, int n) { return int(std::min(std::max(x * (1.f / TILE), 0.f), float(n))); };
-  for (uint32_t s = first_chord; s < part.flat.chords.size(); s++) {
-    const Chord<S> &c = part.flat.chords[s];
-    const float ax = float(c.ax), ay = float(c.ay), ex = float(c.ex), ey = float(c.ey);
-    const float x0 = std::min(ax, ax + ex) - R, x1 = std::max(ax, ax + ex) + R, y0 = std::min(ay, ay + ey) - R, y1 = std::max(ay, ay + ey) + R;
-    if (x1 < 0 || y1 < 0) continue;
-    const int tx0 = tile_of(x0, J.tiles_x), tx1 = tile_of(x1, J.tiles_x - 1), ty0 = tile_of(y0, J.tiles_y), ty1 = tile_of(y1, J.tiles_y - 1);
-    // A tile is skipped if none of its points lies in the band or in the box around the chord. The slack is for rounding.
-    const float across = R * part.flat.chord_info[s].length + half * (std::abs(ex) + std::abs(ey)) + .01f;
-    for (int ty = ty0; ty <= ty1; ty++)
-      for (int tx = tx0; tx <= tx1; tx++) {
-        const float cx = float(tx * TILE + TILE / 2), cy = float(ty * TILE + TILE / 2);
-        if (tx0 < tx1 && ty0 < ty1 && std::abs(ex * (cy - ay) - ey * (cx - ax)) > across) continue;
-        if (x0 > cx + half || x1 < cx - half || y0 > cy + half || y1 < cy - half) continue;
-        uint32_t &mark = binner.mark[ty * J.tiles_x + tx];
-        if (!mark) {
-          part.touches.add({first_tile + uint32_t(ty * J.tiles_x + tx), uint32_t(i), s, s, 0, 0, 0, false});
-          mark = uint32_t(part.touches.size());
-        }
-        part.touches[mark - 1].last = s;
+  for (uint32_t s = first_chord; s < part.flat.chords.size(); s++)
+    visit_tiles(part.flat.chords[s], part.flat.chord_info[s].length, R, J.strata > 0, J.tiles_x, J.tiles_y, [&](int tx, int ty) {
+      uint32_t &mark = binner.mark[ty * J.tiles_x + tx];
+      if (!mark) {
+        part.touches.add({first_tile + uint32_t(ty * J.tiles_x + tx), uint32_t(i), s, s, 0, 0, 0, false});
+        mark = uint32_t(part.touches.size());
       }
-  }
+      part.touches[mark - 1].last = s;
+    });
   for (uint32_t k = first_touch; k < part.touches.size(); k++) {
     auto &t = part.touches[k];
     const ChordInfo &a = part.flat.chord_info[t.first], &b = part.flat.chord_info[t.last];
@@ -271,7 +247,7 @@ template <class S> struct Outlines {
 template <class S> Outlines<S> sample_outlines(const State<S> &st) {
   const Job<S> &J = st.job;
   const size_t pieces = st.flat.pieces.size(), tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
-  const OutlineSampler<S> sampler(st.flat, J.world, J.strata, J.seed);
+  const OutlineSampler<S, Flat<S>> sampler(st.flat, J.world, J.strata, J.seed);
   auto tile_of = [&](const OutlinePoint<S> &o) -> int64_t {
     if (!(o.x >= 0 && o.y >= 0 && o.x < J.width && o.y < J.height)) return -1;
     return (int64_t(st.piece_stroke[o.piece] / J.strokes) * J.tiles_y + int(o.y) / TILE) * J.tiles_x + int(o.x) / TILE;
@@ -282,7 +258,7 @@ template <class S> Outlines<S> sample_outlines(const State<S> &st) {
   first[pieces] = 0;
   threads().run(int(pieces), 8, [&](int p, int) {
     first[p] = 0;
-    sampler.piece(uint32_t(p), [&](const OutlinePoint<S> &o) { first[p] += tile_of(o) >= 0; });
+    sampler.piece(uint32_t(p), [&](uint32_t, const OutlinePoint<S> &o) { first[p] += tile_of(o) >= 0; });
   });
   uint64_t total = 0;
   for (size_t p = 0; p <= pieces; p++) {
@@ -292,7 +268,7 @@ template <class S> Outlines<S> sample_outlines(const State<S> &st) {
   out.points = Buffer<OutlinePoint<S>>(total + 1), out.order = Buffer<uint32_t>(total + 1), out.gradient = Buffer<S>(total + 1);
   threads().run(int(pieces), 8, [&](int p, int) {
     uint32_t at = first[p];
-    sampler.piece(uint32_t(p), [&](const OutlinePoint<S> &o) { if (tile_of(o) >= 0) out.points[at++] = o; });
+    sampler.piece(uint32_t(p), [&](uint32_t, const OutlinePoint<S> &o) { if (tile_of(o) >= 0) out.points[at++] = o; });
   });
   uint32_t *tile = out.tile_first.get(), sum = 0;
   std::fill_n(tile, tiles + 1, 0);

@@ -1,5 +1,6 @@
 // One call of the renderer on the CPU: strokes to images, and gradients back.
 #pragma once
+#include "flatten.h"
 #include "outline.h"
 #include "threads.h"
 #include <cstdint>

@@ -8,6 +8,7 @@ namespace stroke {
 template <class S> struct Piece;
 template <class S> struct Chord;
 template <class S> struct Filter;
+template <class S> struct OutlinePoint;
 
 // Growing memory of one thread, in driver.cpp. grow: block `index` with at least `bytes`, its first `keep` bytes kept, 64-byte aligned.
 struct Scratch;
@@ -23,10 +24,7 @@ void *arena_take(Arena &, size_t bytes);
 // the chord and behind it; gaps, ends of pieces and bends too tight count as SHARP.
 struct ChordInfo { uint32_t piece; float bend_before, bend_after, length, turn; };
 constexpr float SHARP = 100;
-// A run of chords that turns less than this, nowhere tighter than TIGHT times the stroke's reach, has one nearest point within its reach:
-// for a second the curve would have to turn round.
-constexpr float SMOOTH_TURN = 2.5f;
-constexpr double TIGHT = .75;
+// Whether a run of chords has one nearest point to anything within its reach (SMOOTH_TURN, stroke_math.h).
 inline bool smooth(const ChordInfo &first, const ChordInfo &last) { return last.bend_after - first.bend_before < SMOOTH_TURN; }
 
 // Chords first .. last (inclusive) of one stroke may touch the tile; they belong to `pieces` pieces from `piece` on, whose sums go to the slots
@@ -37,9 +35,6 @@ struct Entry { uint32_t stroke, first, last, piece, pieces, slot; bool smooth; }
 // sums to slot[l]. order: fragments near to far per pixel;
 // tau, a, T: parameter, alpha and transmittance in front of each.
 struct Tile { uint32_t layers, fragments; uint32_t *piece, *slot, *first, *order; void *tau, *a, *T; uint8_t *pixel; char *end; };
-
-// One point on the outline of a piece (Monte Carlo), at o + p(tau) + r u; along, slope: see outline_adjoint. It stands for along * dtau px.
-template <class S> struct OutlinePoint { S x, y, ux, uy, tau, along, slope, dtau; uint32_t piece; };
 
 template <class S> struct Job {
   int views, strokes, height, width, tiles_x, tiles_y;

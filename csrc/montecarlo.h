@@ -1,6 +1,7 @@
 // Monte Carlo antialiasing, the paper's estimator: stratified samples, and the Reynolds term on outlines (docs/mathematics.md, eq. 10-12).
 // Included by kernel.cpp only.
 #pragma once
+#include "outline.h"
 #include "shade.h"
 
 namespace stroke {

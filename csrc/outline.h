@@ -1,67 +1,72 @@
-// Points on the outlines of strokes, spent in proportion to their length (Monte Carlo; docs/mathematics.md, eq. 11).
+// Points on the outlines of strokes, spent in proportion to their length (Monte Carlo; docs/mathematics.md, eq. 11), for every driver.
 #pragma once
-#include "flatten.h"
+#include "flatten_math.h"
 
 namespace stroke {
+// One point on the outline of a piece, at o + p(tau) + r u; along, slope: see outline_adjoint. It stands for along * dtau px.
+template <class S> struct OutlinePoint { S x, y, ux, uy, tau, along, slope, dtau; uint32_t piece; };
 
 // The outline of a piece: both sides of every chord, a half circle at each visible end of the stroke, and an arc wherever the normal jumps.
-// Points on it that lie inside the stroke are sorted out later.
-template <class S> class OutlineSampler {
+// Points on it that lie inside the stroke are sorted out later. Flat: pieces, piece_info, chords, chord_info (length, turn) and tangents, by index.
+template <class S, class Flat> class OutlineSampler {
   static constexpr double PI = 3.14159265358979323846;
-  const Flat<S> &flat_;
+  const Flat &flat_;
   bool world_;
   int density_;                            // points per px of outline
   uint64_t seed_;
+  uint32_t first_, step_;                  // of the points of each part this caller makes: number first, first + step, ..
 
-  double half_width(const Piece<S> &c, double tau) const {
+  HD double half_width(const Piece<S> &c, double tau) const {
     return world_ ? double(c.half_width) / depth_at(c, S(tau), cubic(c.z, S(tau))) : double(c.half_width);
   }
-  float random(uint32_t piece, uint32_t arc, uint32_t i) const {
+  HD float random(uint32_t piece, uint32_t arc, uint32_t i) const {
     const PieceInfo &info = flat_.piece_info[piece];
     const uint32_t place = mix(info.stroke ^ mix(uint32_t(info.start * 4294967295.0) ^ mix(arc)));
     return unit(mix(uint32_t(seed_) ^ mix(uint32_t(seed_ >> 32) ^ mix(place ^ mix(i)))));
   }
-  static uint32_t count(double length, int density) { return length > 0 ? uint32_t(std::ceil(std::min(length, 1e7) * density)) : 0; }
+  HD static uint32_t count(double length, int density) { return length > 0 ? uint32_t(upwards(least(length, 1e7) * density)) : 0; }
   // A chord that is but a jump of the tangent has no sides.
-  bool jump(uint32_t chord) const { return flat_.chord_info[chord].turn > OUTLINE_TURN; }
-  double measure(const Piece<S> &c, uint32_t chord) const {
+  HD bool jump(uint32_t chord) const { return flat_.chord_info[chord].turn > OUTLINE_TURN; }
+  HD double measure(const Piece<S> &c, uint32_t chord) const {
     const Chord<S> &k = flat_.chords[chord];
-    const ChordInfo &info = flat_.chord_info[chord];
-    const double r = std::max(half_width(c, k.tau0), half_width(c, double(k.tau0) + k.dtau));
-    return jump(chord) ? 0 : info.length + info.turn * r;
+    const double r = most(half_width(c, k.tau0), half_width(c, double(k.tau0) + k.dtau));
+    return jump(chord) ? 0 : flat_.chord_info[chord].length + flat_.chord_info[chord].turn * r;
   }
 
-  // Points of a circle around the piece at tau, from `angle` on.
-  template <class Put> void circle(uint32_t piece, double tau, double angle, double extent, uint32_t arc, Put put) const {
+  // Points of a circle around the piece at tau, from `angle` on; as all parts, it returns how many there may be.
+  template <class Put> HD uint32_t circle(uint32_t piece, double tau, double angle, double extent, uint32_t arc, uint32_t slot, Put put) const {
     const Piece<S> &c = flat_.pieces[piece];
     const double r = half_width(c, tau);
-    const uint32_t n = std::max(4u, count(r * extent, density_));
+    const uint32_t n = most(4u, count(r * extent, density_));
     const Jet<S> j = jet(c, S(tau));
-    for (uint32_t i = 0; i < n && r > 0; i++) {
-      const double a = angle + extent * (i + double(random(piece, arc, i))) / n, ux = std::cos(a), uy = std::sin(a);
-      put(OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(1), S(0), S(r * extent / n), piece});
+    for (uint32_t i = first_; i < n && r > 0; i += step_) {
+      const double a = angle + extent * (i + double(random(piece, arc, i))) / n, ux = cosine(a), uy = sine(a);
+      put(slot + i, OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(1), S(0), S(r * extent / n), piece});
     }
+    return n;
   }
   // Where the tangent jumps from (ax, ay) to (bx, by): the arc on the outside of the turn.
-  template <class Put> void turn_arc(uint32_t piece, double tau, float ax, float ay, float bx, float by, uint32_t arc, Put put) const {
-    const double turn = std::atan2(ax * by - ay * bx, ax * bx + ay * by), from = std::atan2(ay, ax);
-    if (std::abs(turn) > OUTLINE_TURN) circle(piece, tau, turn > 0 ? from - PI / 2 : from + PI / 2 + turn, std::abs(turn), arc, put);
+  template <class Put>
+  HD uint32_t turn_arc(uint32_t piece, double tau, float ax, float ay, float bx, float by, uint32_t arc, uint32_t slot, Put put) const {
+    const double turn = angle_of(ax * by - ay * bx, ax * bx + ay * by), from = angle_of(ay, ax);
+    if (!(magnitude(turn) > OUTLINE_TURN)) return 0;
+    return circle(piece, tau, turn > 0 ? from - PI / 2 : from + PI / 2 + turn, magnitude(turn), arc, slot, put);
   }
 
-  template <class Put> void side(uint32_t piece, double sign, uint32_t arc, double total, Put put) const {
+  template <class Put> HD uint32_t side(uint32_t piece, double sign, uint32_t arc, double total, uint32_t slot, Put put) const {
     const Piece<S> &c = flat_.pieces[piece];
     const PieceInfo &info = flat_.piece_info[piece];
     const uint32_t n = count(total, density_);
     uint32_t chord = info.first_chord;
     double before = 0, here = measure(c, chord);
-    for (uint32_t i = 0; i < n; i++) {
+    for (uint32_t i = first_; i < n; i += step_) {
       const double at = (i + double(random(piece, arc, i))) / n * total;
       while (at >= before + here && chord + 1 < info.end_chord) before += here, here = measure(c, ++chord);
       if (jump(chord)) continue;
       const Chord<S> &k = flat_.chords[chord];
-      const double tau = k.tau0 + std::clamp((at - before) / here, 0., 1.) * k.dtau;
+      const double tau = k.tau0 + clamp((at - before) / here, 0., 1.) * k.dtau;
       const Jet<S> j = jet(c, S(tau));
-      const double speed = std::sqrt(double(j.vx) * j.vx + double(j.vy) * j.vy);
+      const double speed = root(double(j.vx) * j.vx + double(j.vy) * j.vy);
       if (!(speed > 0)) continue;
       const double ux = -sign * j.vy / speed, uy = sign * j.vx / speed, r = half_width(c, tau);
       // |q'| = |v| (1 - r (u . a) / |v|^2), negative on the inside of bends tighter than r, which is no outline.
@@ -73,34 +78,41 @@ template <class S> class OutlineSampler {
         const S w = cubic(c.w, S(tau), w1), depth = j.z / w;
         slope = S(-r * (j.z1 - depth * w1) / (w * depth));
       }
-      put(OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(along), slope,
-                          S(k.dtau / here * total / n), piece});
+      put(slot + i, OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(along), slope,
+                                    S(k.dtau / here * total / n), piece});
     }
+    return n;
   }
 
 public:
-  OutlineSampler(const Flat<S> &flat, bool world, int density, uint64_t seed) : flat_(flat), world_(world), density_(density), seed_(seed) {}
+  // The caller makes the points first, first + step, .. of every part; first = -1 makes none.
+  HD OutlineSampler(const Flat &flat, bool world, int density, uint64_t seed, uint32_t first = 0, uint32_t step = 1)
+      : flat_(flat), world_(world), density_(density), seed_(seed), first_(first), step_(step) {}
 
-  // put(OutlinePoint) for every point of a piece, always in the same order.
-  template <class Put> void piece(uint32_t piece, Put put) const {
+  // put(slot, OutlinePoint) for every point of a piece, always in the same order; returns the number of slots. Some may stay empty.
+  template <class Put> HD uint32_t piece(uint32_t piece, Put put) const {
     const Piece<S> &c = flat_.pieces[piece];
     const PieceInfo &info = flat_.piece_info[piece];
+    if (info.first_chord == info.end_chord) return 0;
     double total = 0, length = 0;
     for (uint32_t s = info.first_chord; s < info.end_chord; s++) total += measure(c, s), length += flat_.chord_info[s].length;
-    if (length < 1e-6 && info.cap_start && info.cap_stop) return circle(piece, -.5, 0, 2 * PI, 0, put);  // a dot
-    if (total > 0) side(piece, 1, 0, total, put), side(piece, -1, 1, total, put);
-    const Tangents *tangents = flat_.tangents.begin(), &start = tangents[info.first_chord], &stop = tangents[info.end_chord - 1];
-    if (info.cap_start) circle(piece, -.5, std::atan2(start.ay, start.ax) + PI / 2, PI, 2, put);
-    if (info.cap_stop) circle(piece, .5, std::atan2(stop.by, stop.bx) - PI / 2, PI, 3, put);
-    const bool follows = piece > 0 && flat_.piece_info[piece - 1].stroke == info.stroke && !info.cap_start;
+    if (length < 1e-6 && info.cap_start && info.cap_stop) return circle(piece, -.5, 0, 2 * PI, 0, 0, put);  // a dot
+    uint32_t n = 0;
+    if (total > 0) n += side(piece, 1, 0, total, n, put), n += side(piece, -1, 1, total, n, put);
+    const auto *tangents = &flat_.tangents[0];
+    const Tangents &start = tangents[info.first_chord], &stop = tangents[info.end_chord - 1];
+    if (info.cap_start) n += circle(piece, -.5, angle_of(start.ay, start.ax) + PI / 2, PI, 2, n, put);
+    if (info.cap_stop) n += circle(piece, .5, angle_of(stop.by, stop.bx) - PI / 2, PI, 3, n, put);
+    const bool follows = info.first_chord > 0 && piece > 0 && flat_.piece_info[piece - 1].stroke == info.stroke && !info.cap_start;
     for (uint32_t s = info.first_chord; s < info.end_chord; s++) {
       const Chord<S> &k = flat_.chords[s];
       const Tangents &t = tangents[s];
       const uint32_t arc = 4 + 2 * (s - info.first_chord);
-      if (jump(s)) turn_arc(piece, k.tau0 + .5 * k.dtau, t.ax, t.ay, t.bx, t.by, arc, put);
+      if (jump(s)) n += turn_arc(piece, k.tau0 + .5 * k.dtau, t.ax, t.ay, t.bx, t.by, arc, n, put);
       // Where a chord is left out before this one, that is far from the image.
-      if (s > info.first_chord || follows) turn_arc(piece, k.tau0, tangents[s - 1].bx, tangents[s - 1].by, t.ax, t.ay, arc + 1, put);
+      if (s > info.first_chord || follows) n += turn_arc(piece, k.tau0, tangents[s - 1].bx, tangents[s - 1].by, t.ax, t.ay, arc + 1, n, put);
     }
+    return n;
   }
 };
 }  // namespace stroke

@@ -17,6 +17,10 @@ constexpr double TIGHT_CHORD_TOL = .05;  // the same in bends as tight as the st
 constexpr double BLUR_REACH = 3.5;    // the normal distribution is cut here ...
 constexpr double BLUR_TAIL = 2.3262907903552504e-4;  // ... where it still has this much, given back by scaling
 constexpr double MIN_ALPHA = 1e-6;    // pixels with less ink than this have no depth
+// A run of chords that turns less than this, nowhere tighter than TIGHT times the stroke's reach, has one nearest point within its reach:
+// for a second the curve would have to turn round.
+constexpr float SMOOTH_TURN = 2.5f;
+constexpr double TIGHT = .75;
 
 HD float select(bool m, float a, float b) { return m ? a : b; }
 HD double select(bool m, double a, double b) { return m ? a : b; }
@@ -25,11 +29,25 @@ HD double clamp(double x, double lo, double hi) { return x < lo ? lo : x > hi ? 
 #ifdef __CUDACC__
 HD float root(float x) { return sqrtf(x); }
 HD double root(double x) { return sqrt(x); }
+HD float exponential(float x) { return expf(x); }
+HD double exponential(double x) { return exp(x); }
+HD double cube_root(double x) { return cbrt(x); }
+HD double nearest(double x) { return round(x); }
+HD double upwards(double x) { return ceil(x); }
+HD double cosine(double x) { return cos(x); }
+HD double sine(double x) { return sin(x); }
+HD float angle_of(float y, float x) { return atan2f(y, x); }
 #else
 HD float root(float x) { return __builtin_sqrtf(x); }
 HD double root(double x) { return __builtin_sqrt(x); }
 HD float exponential(float x) { return __builtin_expf(x); }
 HD double exponential(double x) { return __builtin_exp(x); }
+HD double cube_root(double x) { return __builtin_cbrt(x); }
+HD double nearest(double x) { return __builtin_round(x); }
+HD double upwards(double x) { return __builtin_ceil(x); }
+HD double cosine(double x) { return __builtin_cos(x); }
+HD double sine(double x) { return __builtin_sin(x); }
+HD float angle_of(float y, float x) { return __builtin_atan2f(y, x); }
 #endif
 HD float lesser(float a, float b) { return a < b ? a : b; }
 HD double lesser(double a, double b) { return a < b ? a : b; }

@@ -1,0 +1,225 @@
+// What flattening is, for every driver: when a part of a stroke is tame, when a curve may pass for its chord, and the pieces and chords that
+// come of it (docs/mathematics.md, section "Flattening"). The drivers differ in how they walk through the parts.
+#pragma once
+#include "stroke_math.h"
+#ifndef __CUDACC_RTC__
+#include <cstdint>
+#else
+using uint32_t = unsigned;
+using uint64_t = unsigned long long;
+#endif
+
+namespace stroke {
+#if defined(__CUDACC__) || defined(STROKE_EMULATE)
+template <class T> struct Four {
+  T v[4];
+  HD T &operator[](int i) { return v[i]; }
+  HD T operator[](int i) const { return v[i]; }
+};
+#define STROKE_FOUR(op)                                                                                                  \
+  template <class T> HD Four<T> operator op(const Four<T> &a, const Four<T> &b) {                                        \
+    return {a.v[0] op b.v[0], a.v[1] op b.v[1], a.v[2] op b.v[2], a.v[3] op b.v[3]};                                     \
+  }                                                                                                                      \
+  template <class T> HD Four<T> operator op(const Four<T> &a, T b) { return a op Four<T>{b, b, b, b}; }                  \
+  template <class T> HD Four<T> &operator op##=(Four<T> &a, const Four<T> &b) { return a = a op b; }
+STROKE_FOUR(+)
+STROKE_FOUR(-)
+STROKE_FOUR(*)
+STROKE_FOUR(/)
+#undef STROKE_FOUR
+using v4d = Four<double>;
+using v4f = Four<float>;
+#else
+typedef double v4d __attribute__((vector_size(32)));
+typedef float v4f __attribute__((vector_size(16)));
+#endif
+
+// Four homogeneous control points (X, Y, Z, W).
+struct Control { v4d c[4]; };
+// Of a piece. start, stop: parameters in the stroke; map: from the stroke's control points to those of the piece.
+struct PieceInfo { uint32_t stroke; double start, stop; uint32_t first_chord, end_chord; bool cap_start, cap_stop; double map[16]; };
+// Directions of the curve at the ends of a chord.
+struct Tangents { float ax, ay, bx, by; };
+
+// Monte Carlo: chords turn by less than this (about radians) unless they are shorter than that (px): these stand for a jump of the tangent.
+constexpr float OUTLINE_TURN = .3, OUTLINE_MIN = .002;
+constexpr int MAX_DEPTH = 48;         // cuts of a span into pieces
+// Cuts of a stroke: the largest image takes some hundreds. At coordinates of 1e20 rounding may leave parts that no cut tames.
+constexpr int MAX_CUTS = 4096;
+constexpr int MAX_CHORD_DEPTH = 15;   // halvings of a piece: below, float has no digits left
+constexpr double MAX_RATIO = 16;      // of the weights Z, and W, within a piece: float32 keeps its digits
+constexpr double MAX_EXTENT = 1024;   // px of a piece: float32 resolves 1e-4 px in it
+constexpr float MAX_SKEW = .25;       // of a chord's length: how unevenly the parameter may run along it
+constexpr float FOLD_TOL = .01;       // px along the chord; a curve that folds back within less does no harm
+constexpr double MAX_COORDINATE = 1e100;
+
+// As std::min and std::max, which device code has not.
+template <class T> HD T least(T a, T b) { return b < a ? b : a; }
+template <class T> HD T most(T a, T b) { return a < b ? b : a; }
+template <class T> HD T least(T a, T b, T c, T d) { return least(least(a, b), least(c, d)); }
+template <class T> HD T most(T a, T b, T c, T d) { return most(most(a, b), most(c, d)); }
+template <class T> HD T magnitude(T x) { return x < 0 ? -x : x; }
+template <class T> HD T length(T x, T y) { return root(x * x + y * y); }
+HD double low(const v4d *p, int k) { return least(p[0][k], p[1][k], p[2][k], p[3][k]); }
+HD double high(const v4d *p, int k) { return most(p[0][k], p[1][k], p[2][k], p[3][k]); }
+
+// Whether a stroke with these numbers can be drawn.
+template <class S> HD bool drawable(const double *cubic, double half_width, const S *color, double opacity) {
+  bool good = half_width >= 0 && half_width < MAX_COORDINATE && opacity >= 0 && opacity <= 1;
+  for (int k = 0; k < 3; k++) good = good && color[k] - color[k] == 0;  // finite
+  for (int k = 0; k < 16; k++) good = good && magnitude(cubic[k]) < MAX_COORDINATE;
+  for (int k = 3; k < 16; k += 4) good = good && cubic[k] > 0;
+  return good;
+}
+
+// px beyond which a stroke covers nothing; farther than the image is wide nothing changes.
+HD double reach_of(const double *cubic, double half_width, bool world, double near, double filter_reach, int width, int height) {
+  double wide = half_width;
+  if (world) {
+    double depth = 1e300;  // of the control points, whose hull holds all depths
+    for (int i = 0; i < 4; i++) depth = least(depth, cubic[4 * i + 2] / cubic[4 * i + 3]);
+    wide = half_width / most(depth, near);
+  }
+  return least(wide, 4. * (width + height)) + filter_reach + CHORD_TOL;
+}
+
+HD bool positive(const Control &k) { return k.c[0][2] > 0 && k.c[1][2] > 0 && k.c[2][2] > 0 && k.c[3][2] > 0; }
+HD v4d on_screen(v4d c) { return c / c[2]; }
+HD bool tame(const Control &k, const v4d *p) {
+  return high(k.c, 2) <= MAX_RATIO * low(k.c, 2) && high(k.c, 3) <= MAX_RATIO * low(k.c, 3) && high(p, 0) - low(p, 0) <= MAX_EXTENT &&
+         high(p, 1) - low(p, 1) <= MAX_EXTENT;
+}
+
+// The matrix from the stroke's control points to those of its part from a to b: row i is the blossom at (a, .., b, .. i times).
+template <class T> HD void blossom(T a, T b, T *map) {
+  for (int i = 0; i < 4; i++) {
+    T row[5] = {1, 0, 0, 0, 0};
+    for (int k = 0; k < 3; k++) {
+      const T t = k < i ? b : a;
+      for (int j = k + 1; j >= 0; j--) row[j] = row[j] * (1 - t) + (j ? row[j - 1] * t : 0);
+    }
+    for (int j = 0; j < 4; j++) map[4 * i + j] = row[j];
+  }
+}
+HD Control mapped(const Control &k, const double *map) {
+  Control out = {};
+  for (int i = 0; i < 4; i++)
+    for (int j = 0; j < 4; j++) out.c[i] += k.c[j] * map[4 * i + j];
+  return out;
+}
+
+// Lanes of x, y, z: the homogeneous control points of a part of a piece relative to its origin (float is exact to 1e-4 px); of u, v: the same
+// on screen.
+struct Arc { v4f x, y, z, u, v; };
+HD void project(Arc &k) { k.u = k.x / k.z, k.v = k.y / k.z; }
+
+// A piece without its looks, and its Arc, from control points k with the points p on screen.
+template <class S> HD Arc make_piece(const Control &k, const v4d *p, Piece<S> &c) {
+  const double ox = nearest((p[0][0] + p[3][0]) / 2), oy = nearest((p[0][1] + p[3][1]) / 2);
+  for (int i = 0; i < 4; i++) {
+    v4d s = {};
+    for (int j = 0; j < 4; j++) s += (k.c[j] - v4d{ox, oy, 0, 0} * k.c[j][2]) * bern(j, i);
+    c.x[i] = S(s[0]), c.y[i] = S(s[1]), c.z[i] = S(s[2]), c.w[i] = S(s[3]);
+  }
+  const bool flat_w = k.c[0][3] == k.c[1][3] && k.c[0][3] == k.c[2][3] && k.c[0][3] == k.c[3][3];
+  c.flat_w = flat_w ? S(1 / k.c[0][3]) : S(0);
+  c.ox = S(ox), c.oy = S(oy);
+  Arc arc;
+  for (int i = 0; i < 4; i++) {
+    const v4d local = k.c[i] - v4d{ox, oy, 0, 0} * k.c[i][2];
+    arc.x[i] = float(local[0]), arc.y[i] = float(local[1]), arc.z[i] = float(local[2]);
+  }
+  project(arc);
+  return arc;
+}
+
+// Directions of the curve at both ends of an arc, the angle between them (about), and the length of the chord.
+struct Direction { float x, y; };
+HD float turning(Direction a, Direction b) { return length(a.x - b.x, a.y - b.y); }
+// The direction in which the points leave lane `from` where its neighbour coincides with it.
+HD Direction leaving(const Arc &k, int from, int step, float small) {
+  for (int i = 2; i <= 3; i++) {
+    const float dx = (k.u[from + i * step] - k.u[from]) * step, dy = (k.v[from + i * step] - k.v[from]) * step, l = length(dx, dy);
+    if (l > small) return {dx / l, dy / l};
+  }
+  return {0, 0};
+}
+struct Ends { Direction a, b; float turn, length; };
+HD Ends ends_of(const Arc &k) {
+  const v4f d = {k.u[1] - k.u[0], k.v[1] - k.v[0], k.u[3] - k.u[2], k.v[3] - k.v[2]};
+  const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0];
+  v4f l = {d[0] * d[0] + d[1] * d[1], d[2] * d[2] + d[3] * d[3], ex * ex + ey * ey, 1};
+  for (int i = 0; i < 4; i++) l[i] = root(l[i]);
+  const float small = 1e-6f * (1 + l[2]);
+  const v4f e = d / v4f{l[0], l[0], l[1], l[1]};
+  Ends out = {{e[0], e[1]}, {e[2], e[3]}, 0, l[2]};
+  if (!(l[0] > small)) out.a = leaving(k, 0, 1, small);
+  if (!(l[1] > small)) out.b = leaving(k, 3, -1, small);
+  out.turn = turning(out.a, out.b);
+  return out;
+}
+
+// The chord of an arc of piece c that begins at t0 and is dt long in the piece's parameter from 0 to 1.
+template <class S> HD Chord<S> make_chord(const Piece<S> &c, const Arc &k, float t0, float dt) {
+  const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey, il = ee > 1e-24f ? 1 / ee : 0;
+  // Share of the chord reached in the middle of the parameter; the bow brings that point to one half.
+  const float z = 1 / (k.z[0] + 3 * (k.z[1] + k.z[2]) + k.z[3]);
+  const float mx = (k.x[0] + 3 * (k.x[1] + k.x[2]) + k.x[3]) * z - k.u[0], my = (k.y[0] + 3 * (k.y[1] + k.y[2]) + k.y[3]) * z - k.v[0];
+  const float m = clamp((mx * ex + my * ey) * il, .3f, .7f), bow = dt * (.5f - m) / (m * (1 - m));
+  return {S(k.u[0] + c.ox), S(k.v[0] + c.oy), S(ex), S(ey), S(ex * il), S(ey * il), S(t0 - .5f), S(dt), S(bow)};
+}
+
+// Whether the curve may pass for its chord, but for its turning. Squares throughout: no roots, no divisions.
+HD bool flat(const Arc &k, float &most_across) {
+  const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey;
+  // Of the inner control points from even places on the chord: across and along it, both times its length.
+  const v4f even = {0, 1 / 3.f, 2 / 3.f, 1}, du = k.u - k.u[0] - even * ex, dv = k.v - k.v[0] - even * ey;
+  v4f across = du * ey - dv * ex, along = du * ex + dv * ey;
+  across *= across, along *= along;
+  // A control point at distance d pulls the curve .75 d away at most.
+  constexpr float TOL2 = CHORD_TOL * CHORD_TOL / .5625;
+  most_across = most(across[1], across[2]);
+  if (most_across > TOL2 * ee || most(along[1], along[2]) > most(FOLD_TOL * FOLD_TOL * ee, MAX_SKEW * MAX_SKEW * ee * ee)) return false;
+  if (ee < 1e-12f && most(du[1] * du[1] + dv[1] * dv[1], du[2] * du[2] + dv[2] * dv[2]) > FOLD_TOL * FOLD_TOL) return false;
+  // Newton starts where the parameter runs evenly along the chord.
+  return most(k.z[0], k.z[1], k.z[2], k.z[3]) <= 1.5f * least(k.z[0], k.z[1], k.z[2], k.z[3]);
+}
+// Whether it turns little enough for that, for a stroke of this reach; outline: as little as the Monte Carlo boundary samples need.
+HD bool gentle(const Ends &e, float most_across, double reach, bool outline) {
+  constexpr float TIGHT2 = TIGHT_CHORD_TOL * TIGHT_CHORD_TOL / .5625;
+  const float ee = e.length * e.length;
+  if (most_across > TIGHT2 * ee && e.turn * e.turn * float(reach * reach) > float(TIGHT * TIGHT) * ee) return false;
+  return !(outline && e.turn > OUTLINE_TURN && e.length > OUTLINE_MIN);
+}
+
+// A piece is halved so often without a question: half as finely as the largest second difference asks for.
+HD int sure_depth(const Arc &k) {
+  const float ax = k.u[0] - 2 * k.u[1] + k.u[2], ay = k.v[0] - 2 * k.v[1] + k.v[2], bx = k.u[1] - 2 * k.u[2] + k.u[3], by = k.v[1] - 2 * k.v[2] + k.v[3];
+  // n^2 for chords of even length in the parameter: |p''| / (8 tol), |p''| <= 6 times the second difference.
+  const float n2 = .75f / float(CHORD_TOL) * root(most(ax * ax + ay * ay, bx * bx + by * by));
+  int depth = 0;
+  while (depth < MAX_CHORD_DEPTH && n2 > 16.f * float(1 << (2 * depth))) depth++;
+  return depth;
+}
+
+// The image, widened by a stroke's reach.
+struct Frame {
+  double left, right, top, bottom;
+  // The control points' hull, which holds the curve, misses the image by more than the stroke's reach. NaN counts as a miss.
+  HD bool outside(const v4d *p) const {
+    return !(high(p, 0) >= left && low(p, 0) <= right && high(p, 1) >= top && low(p, 1) <= bottom);
+  }
+  HD bool inside(const v4d *p) const { return low(p, 0) >= left && high(p, 0) <= right && low(p, 1) >= top && high(p, 1) <= bottom; }
+  template <class S> HD bool outside(const Arc &k, const Piece<S> &c) const {
+    const float x0 = least(k.u[0], k.u[1], k.u[2], k.u[3]), x1 = most(k.u[0], k.u[1], k.u[2], k.u[3]);
+    const float y0 = least(k.v[0], k.v[1], k.v[2], k.v[3]), y1 = most(k.v[0], k.v[1], k.v[2], k.v[3]);
+    return !(x1 + c.ox >= left && x0 + c.ox <= right && y1 + c.oy >= top && y0 + c.oy <= bottom);
+  }
+};
+
+// The parameter at which a part is cut: the middle of the parameter that makes both end weights equal.
+HD double cut_at(const Control &k) {
+  const double c = cube_root(k.c[0][2] / k.c[3][2]);
+  return clamp(c / (1 + c), 1e-6, 1 - 1e-6);
+}
+}  // namespace stroke
