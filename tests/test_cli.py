@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from diff3ds import cli
+from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
 
 COMMANDS = ["text", "image", "views", "eval", "fetch", "doctor"]
@@ -46,7 +47,18 @@ def test_doctor_as_json_is_json(capsys):
         (["views", "nowhere"], "nowhere"),
         (["views"], "give either a transforms.json"),
         (["text", "", "--prior", "exemplar"], "the phrase is empty"),
-        (["text", "a chair", "--steps", "0"], "steps must be positive"),
+        (["text", "a chair", "--steps", "0"], "diff3ds: --steps must be positive, got 0"),
+        (["text", "a chair", "--color-rate", "-1"], "diff3ds: --color-rate must be finite"),
+        (["text", "a chair", "--delete-from", "2"], "--delete-from must lie in [0, 1] and --delete-every in (0, 1]"),
+        (
+            ["text", "a chair", "--optimize", "width", "--width", "0.5"],
+            "--width must lie in --width-range (0.001, 0.1)",
+        ),
+        (["text", "a chair", "--t-low", "0.9", "0.1"], "--t-low, --t-high, --anneal-share: timesteps must be drawn"),
+        (["image", "x.png", "--reference-loss", "-1"], "--reference-loss must not be negative, got -1.0"),
+        (["views", "--recipe", "3doodle", "x", "--clip-weight", "-1"], "--clip-weight and --vgg-weight must not be"),
+        (["text", "a chair", "--steps", "many"], "Error parsing --steps"),
+        (["text", "a chair", "--stepz", "3"], "Unrecognized options: --stepz"),
     ],
 )
 def test_faults_are_sentences(arguments, message, capsys, tmp_path, monkeypatch):
@@ -55,7 +67,20 @@ def test_faults_are_sentences(arguments, message, capsys, tmp_path, monkeypatch)
     assert code in (FAULT, 2)
     assert message in said
     assert "Traceback" not in said
+    assert "tyro" not in said
     assert not list(tmp_path.iterdir())
+
+
+def test_only_options_are_written_as_options():
+    """Steps of a run, a width that something has, positional arguments and files are none."""
+    message = (
+        "/a/color_rate.json, color_rate: the run to resume had seed=0, not 1, and steps with width 2; x.color_rate"
+    )
+    expected = message.replace(", color_rate", ", --color-rate").replace("seed", "--seed")
+    assert as_typed(message, cli.Text) == expected
+    assert as_typed("prior must be one of mvdream", cli.Fetch) == "prior must be one of mvdream"
+    assert as_typed("prior must be one of mvdream", cli.Text) == "--prior must be one of mvdream"
+    assert as_typed("steps must be positive", cli.Doctor) == "steps must be positive"
 
 
 def test_a_gpu_without_room_is_a_sentence(capsys, tmp_path, monkeypatch):

@@ -23,6 +23,7 @@ HELPERS = {"_files", "_shapes"}
 SCENE = {"bezier", "camera", "sketch"} | HELPERS
 ALLOWED = {
     "_files": set(),
+    "_options": set(),
     "_shapes": set(),
     "bezier": {"_shapes"},
     "camera": HELPERS,
@@ -45,7 +46,7 @@ ALLOWED = {
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
     "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
               "refine", "density", "render", "project", "transforms"} | SCENE,
-    "cli": {"tasks", "fit", "sketch"},
+    "cli": {"tasks", "fit", "sketch", "_options"},
 }  # fmt: skip
 
 

@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 import torch
-import tyro
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 from rich.progress import Progress as Bars
-from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
+from diff3ds._options import as_typed, read_options
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
@@ -254,22 +254,20 @@ def main(arguments: list[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else arguments
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
-    commands: dict[str, Any] = {"text": Text, "image": Image, "views": views}
-    command = tyro.extras.subcommand_cli_from_dict(
-        commands | {"eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor},
-        prog="diff3ds",
-        description="3D sketches of rational Bézier strokes.",
-        args=arguments,
-        config=(FlagCreatePairsOff,),
-    )
+    commands = {"text": Text, "image": Image, "views": views}
+    commands |= {"eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor}
+    command = None
     try:
+        command = read_options(commands, arguments, "3D sketches of rational Bézier strokes.")
         command.run()
     except KeyboardInterrupt as stop:
         Console(stderr=True).print(_stopped(command, stop))
         sys.exit(STOPPED)
     except torch.cuda.OutOfMemoryError as error:
         _fail(f"{str(error).partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu")
-    except (ValueError, OSError, ImportError, FloatingPointError) as error:
+    except ValueError as error:
+        _fail(as_typed(str(error), commands.get(arguments[0])))
+    except (OSError, ImportError, FloatingPointError) as error:
         _fail(str(error))
     except RuntimeError as error:
         # Other devices than CUDA's have no error of their own for it.

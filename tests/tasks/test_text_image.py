@@ -133,7 +133,7 @@ def test_other_weights_of_the_same_kind_are_another_run(checkpoints, tmp_path, c
     main([*arguments, "--prior", str(checkpoints["stable-diffusion"])])
     other = save_stable_diffusion(tmp_path / "other")
     said = fails([*arguments, "--prior", str(other), "--resume"], capsys)
-    assert f"the run to resume had weights={checkpoints['stable-diffusion']}, not {other}" in said
+    assert f"the run to resume had --weights={checkpoints['stable-diffusion']}, not {other}" in said
 
 
 def test_a_name_is_a_prior_though_there_is_a_folder_of_that_name(checkpoints, tmp_path, capsys, monkeypatch):
@@ -175,7 +175,7 @@ def test_every_method_runs(method, checkpoints, drawing, tmp_path):
 def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
     main(command("stable-diffusion", checkpoints, drawing, tmp_path / "sd", "--perp-neg", "--steps", "2"))
     wrong = command("mvdream", checkpoints, drawing, tmp_path / "mv", "--perp-neg")
-    assert "perp_neg is for stable-diffusion" in fails(wrong, capsys)
+    assert "--perp-neg is for stable-diffusion" in fails(wrong, capsys)
 
 
 @pytest.mark.parametrize(
@@ -227,7 +227,7 @@ def test_what_was_loaded_is_recorded_and_a_resumed_run_has_the_same(checkpoints,
     network = json.loads((tmp_path / "run" / "run.json").read_text())["network"]
     assert network == {"weights": weights, "device": "cpu", "precision": "bfloat16"}
     said = fails([*arguments, "--resume"], capsys)
-    assert "the run to resume had precision=bfloat16, not float32: give the same, or start a new run" in said
+    assert "the run to resume had --precision=bfloat16, not float32: give the same, or start a new run" in said
     main([*arguments, "--resume", "--precision", "bfloat16"])
 
 
@@ -290,4 +290,4 @@ def test_a_run_is_not_lost(checkpoints, drawing, tmp_path, capsys):
     assert "holds a run" in fails(arguments, capsys)
     assert (tmp_path / "run.json").read_bytes() == before
     main([*arguments, "--overwrite"])
-    assert "had seed=0, not 1" in fails([*arguments, "--resume", "--seed", "1"], capsys)
+    assert "had --seed=0, not 1" in fails([*arguments, "--resume", "--seed", "1"], capsys)

@@ -158,7 +158,10 @@ class DistillOptions:
 
     def annealing(self) -> TimeAnnealing:
         """The timesteps that are drawn."""
-        return TimeAnnealing(self.t_low[0], self.t_high[0], self.t_low[1], self.t_high[1], self.anneal_share)
+        try:
+            return TimeAnnealing(self.t_low[0], self.t_high[0], self.t_low[1], self.t_high[1], self.anneal_share)
+        except ValueError as error:
+            raise ValueError(f"t_low, t_high, anneal_share: {error}") from error
 
     def values(self, default: PresetName = "paper") -> Preset:
         """The values of the preset, except where options are given."""

@@ -59,7 +59,7 @@ class PriorOptions:
         if self.weights and self.prior == "exemplar":
             raise ValueError("exemplar is built in and takes no weights: name another prior, or leave them out")
         if (self.variant or self.allow_pickle) and not (self.weights or _is_place(self.prior or "")):
-            raise ValueError("variant and allow_pickle are for weights that are named: add --weights")
+            raise ValueError("--variant and --allow-pickle are for weights that are named: add --weights")
 
     def source(self) -> Source | None:
         """The weights that are named, or None for those that are known."""

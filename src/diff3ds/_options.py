@@ -1,0 +1,69 @@
+"""Options of a command line, read by tyro into dataclasses; what is wrong with them, in the words of their user."""
+
+import contextlib
+import dataclasses
+import io
+import re
+import sys
+import traceback
+from collections.abc import Mapping
+from typing import Any, get_type_hints
+
+import tyro
+
+
+def read_options(commands: Mapping[str, type], arguments: list[str], description: str) -> Any:
+    """The command that arguments name, with its options.
+
+    Raises:
+        ValueError: as the dataclasses of options themselves; tyro would name their fields in it.
+        SystemExit: arguments that tyro does not understand, which it has said; --help.
+    """
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.extras.subcommand_cli_from_dict(
+                dict(commands),
+                prog="diff3ds",
+                description=description,
+                args=arguments,
+                config=(tyro.conf.FlagCreatePairsOff,),
+            )
+    except SystemExit as ended:
+        fault = _own_fault(ended)
+        if fault is None:
+            sys.stderr.write(said.getvalue())
+            raise
+    raise fault
+
+
+def as_typed(message: str, command: type | None) -> str:
+    """A message about fields of a command's options with the fields named as they are typed: --color-rate.
+
+    Fields of one word are words of other sentences as well: they are options where they "must" be something, and where
+    a run that is to be resumed "had" another one.
+    """
+    names = _fields(command) if command is not None else []
+    joined, single = ("|".join(n for n in names if ("_" in n) is wanted) for wanted in (True, False))
+    patterns = [rf"(?<![\w./-])({joined})(?!\w|[./-]\w)"] if joined else []
+    patterns += [rf"^({single})(?= must\b)", rf"(?<=\bhad )({single})(?==)"] if single else []
+    for pattern in patterns:
+        message = re.sub(pattern, lambda found: "--" + found[0].replace("_", "-"), message)
+    return message
+
+
+def _fields(command: type) -> list[str]:
+    """Names of all fields of the dataclasses of options that a command has."""
+    kinds = [kind for kind in get_type_hints(command).values() if dataclasses.is_dataclass(kind)]
+    return [field.name for kind in kinds for field in dataclasses.fields(kind)]
+
+
+def _own_fault(ended: SystemExit) -> ValueError | None:
+    """The error of one of our dataclasses for which tyro gave up; None if it gave up by itself."""
+    error: BaseException | None = ended
+    while error is not None:
+        frames = list(traceback.walk_tb(error.__traceback__))
+        if isinstance(error, ValueError) and frames[-1][0].f_globals["__name__"].startswith("diff3ds."):
+            return error
+        error = error.__context__
+    return None
