@@ -341,10 +341,10 @@ def test_a_changed_library_is_another_run(tmp_path, capsys):
     before = (tmp_path / "out" / "sketch.json").read_bytes()
     main([*own, "--resume"])
     assert (tmp_path / "out" / "sketch.json").read_bytes() == before
-    assert f"had library={library}, not None" in fails([*arguments, "--prior", "exemplar", "--resume"], capsys)
+    assert f"library={library}, not None" in fails([*arguments, "--prior", "exemplar", "--resume"], capsys)
     digest = read_sketches(library).digest
     ds.save(library / "mug.json", drawn("mug"))
-    assert f"had library_sha256={digest}, not" in fails([*own, "--resume"], capsys)
+    assert f"library_sha256={digest}, not" in fails([*own, "--resume"], capsys)
 
 
 @pytest.fixture(scope="module")

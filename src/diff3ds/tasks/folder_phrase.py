@@ -84,7 +84,7 @@ def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
             raise ValueError(_unknown(phrase, word, known or {noun: None}, place))
         request = replace(request, attributes=(*request.attributes, found))
     if not any(fits(name, request) for name in of_noun):
-        there = _listed(name.said for name in of_noun)
+        there = listed(name.said for name in of_noun)
         raise ValueError(f"{phrase!r}: none in {place} is all of {', '.join(request.attributes)}; it has {there}")
     return request
 
@@ -145,10 +145,11 @@ def _among(said: str, known: Collection[str]) -> str | None:
 def _unknown(phrase: str, said: str, known: Iterable[str], place: str) -> str:
     words = list(known)
     near = difflib.get_close_matches(said, words, SUGGESTIONS, cutoff=0.5)
-    hint = f"the nearest there: {', '.join(near)}" if near else f"it has {_listed(words)}"
+    hint = f"the nearest there: {', '.join(near)}" if near else f"it has {listed(words)}"
     return f"{phrase!r}: nothing in {place} is named {said!r}; {hint}"
 
 
-def _listed(words: Iterable[str]) -> str:
+def listed(words: Iterable[str]) -> str:
+    """The first dozen in the order of the alphabet, and how many more."""
     there = sorted({*words})
     return ", ".join([*there[:LISTED], *([f"{len(there) - LISTED} more"] if len(there) > LISTED else [])])

@@ -104,7 +104,7 @@ def _built_in(
         folder = None if prior.library is None else read_sketches(prior.library)
         known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
         if folder is not None:
-            say(f"library: {folder}; the phrase means {sum(known.fitting)}")
+            say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
         denoiser, identity, start, color = known.prior(width), identity_of(folder), known.color, known.color
     wanted = Commission(
         about | identity,
