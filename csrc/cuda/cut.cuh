@@ -1,0 +1,169 @@
+// Strokes to pieces, one thread each, and pieces to chords, one warp each (docs/mathematics.md, section "Flattening"). Both walk twice: to
+// count, and, when all know where to write, to write.
+#pragma once
+#include "device.cuh"
+
+namespace stroke {
+// A stroke as the flattening wants it: normalised so that the largest W is 1.
+struct Whole {
+  Control control;
+  Frame frame;
+  double reach, scale;
+  Piece<real> look;
+};
+// False if it cannot be drawn.
+__device__ inline bool load_stroke(const Job &J, u32 i, Whole &s) {
+  const u32 n = i % J.strokes;
+  const double *cubic = J.cubics + 16 * u64(i);
+  const double half_width = J.half_width[J.half_width_per_view ? i : n];
+  if (!drawable(cubic, half_width, J.color + 3 * n, double(J.opacity[n]))) return false;
+  double largest = 0, scaled[16];
+  for (int k = 3; k < 16; k += 4) largest = most(largest, cubic[k]);
+  s.scale = 1 / largest;
+  for (int k = 0; k < 16; k++) scaled[k] = cubic[k] / largest, s.control.c[k / 4][k % 4] = scaled[k];
+  s.reach = reach_of(scaled, half_width, J.world, J.near, J.filter_reach, J.width, J.height);
+  s.frame = {-s.reach, J.width + s.reach, -s.reach, J.height + s.reach};
+  s.look = {};
+  s.look.half_width = real(half_width), s.look.opacity = J.opacity[n];
+  for (int k = 0; k < 3; k++) s.look.color[k] = J.color[3 * n + k];
+  return true;
+}
+
+// Visible spans: where Z - near W, a cubic, is positive. f(a, b), at most twice.
+template <class Visit> __device__ void visible_spans(const Control &k, double near, Visit f) {
+  double margin[4], map[16], open = -1;
+  for (int i = 0; i < 4; i++) margin[i] = k.c[i][2] - near * k.c[i][3];
+  // Dyadic intervals, halved until the coefficients agree on a sign.
+  u64 index = 0;
+  for (int depth = 0;;) {
+    const double a = double(index) / double(u64(1) << depth), b = double(index + 1) / double(u64(1) << depth);
+    bool up = true, down = true;
+    blossom(a, b, map);
+    for (int i = 0; i < 4; i++) {
+      double g = 0;
+      for (int j = 0; j < 4; j++) g += map[4 * i + j] * margin[j];
+      up = up && g > 0, down = down && g <= 0;
+    }
+    if (!up && !down && depth < MAX_DEPTH) {
+      index *= 2, depth++;
+      continue;
+    }
+    if (up && open < 0) open = a;
+    if (!up && open >= 0) f(open, a), open = -1;
+    for (index++; depth && index % 2 == 0;) index /= 2, depth--;
+    if (depth == 0) break;
+  }
+  if (open >= 0) f(open, 1.);
+}
+
+// Cuts a visible span until its parts are tame, dropping those off the image: f(control, points on screen, start, stop).
+template <class Visit> __device__ void visit_pieces(const Whole &s, double a, double b, Visit f) {
+  double stops[MAX_DEPTH + 1], start = a;  // of the parts that are open, the next one last
+  int open = 1, cuts = 0;
+  for (stops[0] = b; open > 0;) {
+    const double stop = stops[open - 1];
+    double map[16];
+    blossom(start, stop, map);
+    const Control k = start == 0 && stop == 1 ? s.control : mapped(s.control, map);
+    bool drop = high(k.c, 2) <= 0, done = open > MAX_DEPTH;
+    if (positive(k)) {
+      v4d p[4];
+      for (int i = 0; i < 4; i++) p[i] = on_screen(k.c[i]);
+      drop = s.frame.outside(p);
+      if (!drop && (done || tame(k, p))) f(k, p, start, stop), drop = true;
+    }
+    if (drop || done || ++cuts > MAX_CUTS) start = stop, open--;
+    else stops[open++] = start + (stop - start) * cut_at(k);
+  }
+}
+
+// The pieces of one stroke in one view.
+template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
+  Whole s;
+  u32 n = 0;
+  const u32 at = WRITE ? J.piece_first[i] : 0;
+  const bool good = load_stroke(J, i, s);
+  if (!WRITE && !good) J.counters[BAD] = i + 1;
+  if (good) {
+    if (WRITE) J.reach[i] = real(s.reach), J.scale[i] = s.scale;
+    visible_spans(s.control, J.near, [&](double a, double b) {
+      visit_pieces(s, a, b, [&](const Control &k, const v4d *p, double start, double stop) {
+        const u32 piece = at + n++;
+        if (!WRITE) return;
+        Piece<real> c = s.look;
+        J.arcs[piece] = make_piece(k, p, c);
+        J.pieces[piece] = c;
+        PieceInfo &info = J.piece_info[piece];
+        info.stroke = i, info.start = start, info.stop = stop, info.cap_start = start == a, info.cap_stop = stop == b;
+        blossom(start, stop, info.map);
+      });
+    });
+  } else if (WRITE) J.reach[i] = 0, J.scale[i] = 0;
+  if (!WRITE) J.piece_first[i] = n;
+}
+
+// The arc of a piece over part `index` of 2^depth of its parameter.
+__device__ inline Arc part_of(const Arc &k, int depth, u32 index) {
+  if (depth == 0) return k;
+  const float dt = 1 / float(1u << depth), t = float(index) * dt;
+  float map[16];
+  blossom(t, t + dt, map);
+  Arc out;
+  for (int i = 0; i < 4; i++) {
+    out.x[i] = out.y[i] = out.z[i] = 0;
+    for (int j = 0; j < 4; j++) out.x[i] += map[4 * i + j] * k.x[j], out.y[i] += map[4 * i + j] * k.y[j], out.z[i] += map[4 * i + j] * k.z[j];
+  }
+  project(out);
+  return out;
+}
+
+// The chords of part `index` of 2^depth of a piece, halved where they must be: f(arc, its ends, t0, dt), in order.
+template <class Visit>
+__device__ void visit_chords(const Arc &whole, const Piece<real> &c, const Frame &frame, double reach, bool outline, int depth, u32 index, Visit f) {
+  const int top = depth;
+  for (;;) {
+    const Arc k = part_of(whole, depth, index);
+    if (!frame.outside(k, c)) {
+      float across;
+      Ends e;
+      const bool fine = flat(k, across) && (e = ends_of(k), gentle(e, across, reach, outline));
+      if (!fine && depth < MAX_CHORD_DEPTH) {
+        index *= 2, depth++;
+        continue;
+      }
+      if (!fine) e = ends_of(k);
+      const float dt = 1 / float(1u << depth);
+      f(k, e, float(index) * dt, dt);
+    }
+    if (depth == top) return;
+    for (index++; depth > top && index % 2 == 0;) index /= 2, depth--;
+    if (depth == top) return;
+  }
+}
+
+// The chords of one piece, by one warp: a lane takes the parts that are halved without a question in its turn.
+template <bool WRITE> __device__ void cut_piece(const Job &J, u32 piece) {
+  const Arc whole = J.arcs[piece];
+  const Piece<real> &c = J.pieces[piece];
+  const double reach = J.reach[J.piece_info[piece].stroke];
+  const Frame frame = {-reach, J.width + reach, -reach, J.height + reach};
+  const int depth = sure_depth(whole);
+  u32 at = WRITE ? J.chord_first[piece] : 0, counted = 0;
+  if (WRITE && lane() == 0) J.piece_info[piece].first_chord = at, J.piece_info[piece].end_chord = J.chord_first[piece + 1];
+  for (u32 base = 0; base < 1u << depth; base += WARP) {
+    const u32 index = base + lane();
+    const bool active = index < 1u << depth;
+    u32 n = 0, total;
+    if (active) visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc &, const Ends &, float, float) { n++; });
+    u32 next = at + warp_prefix(n, total);
+    at += total, counted += total;
+    if (!WRITE || !active) continue;
+    visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc &k, const Ends &e, float t0, float dt) {
+      J.chords[next] = make_chord(c, k, t0, dt);
+      J.chord_info[next] = {piece, e.length, e.turn};
+      J.tangents[next++] = {e.a.x, e.a.y, e.b.x, e.b.y};
+    });
+  }
+  if (!WRITE && lane() == 0) J.chord_first[piece] = counted;
+}
+}  // namespace stroke

@@ -1,0 +1,170 @@
+// What the CUDA kernels share: the job that all of them are given, and sums and places within warps and blocks. No host headers, so that NVRTC
+// compiles this as it is. REAL: the precision of pixels.
+#pragma once
+#include "../touch.h"
+#ifndef REAL
+#define REAL float
+#endif
+
+namespace stroke {
+using u32 = unsigned;
+using u64 = unsigned long long;
+using real = REAL;
+constexpr u32 NONE = ~0u, ALL = ~0u;                // no index; all lanes
+constexpr int PIX = TILE * TILE, WARP = 32, WARPS = PIX / WARP;
+template <class S> struct OutlinePoint;
+
+// Of a chord: its piece, length in px, turning of the tangent in radians.
+struct ChordInfo { u32 piece; float length, turn; };
+// The chords of one piece over one tile: those of tile_list from `first` to the next run's. smooth: they have one nearest point.
+struct Run { u32 piece, stroke, first, smooth; };
+// One stroke over one point: parameter and alpha there, depth, piece.
+struct alignas(4 * sizeof(real)) Cover { real tau, a, z; u32 piece; };
+// The fragments of one run in the 32 points of one warp: from `first` on, one for every bit of mask.
+struct Segment { u32 first, mask; };
+
+// What is counted on the device, and bounded by the memory there is.
+enum { PIECES, CHORDS, PAIRS, RUNS, FRAGMENTS, OUTLINE, OUTLINE_FRAGMENTS, BOUNDED, ORDER = BOUNDED, OUTLINE_ORDER, BAD, COUNTERS };
+
+// Everything a kernel reads and writes; job.py has the same fields in the same order. Arrays of bounded length are as long as limit[..] says.
+// A pair is a chord and a tile that it may touch.
+struct Job {
+  // strokes and images, as the CPU kernels' (kernel.h)
+  const double *cubics;
+  const real *half_width, *color, *opacity, *background;
+  real *out_color, *out_alpha, *out_depth;
+  // per stroke and view
+  real *reach;
+  double *scale;
+  u32 *piece_first;
+  // per piece, and one more
+  Piece<real> *pieces;
+  PieceInfo *piece_info;
+  Arc *arcs;
+  u32 *chord_first, *outline_first;
+  // per chord, and one more
+  Chord<real> *chords;
+  ChordInfo *chord_info;
+  Tangents *tangents;
+  u32 *pair_first;
+  // per pair: its chord; the run that it is the first of, or NONE
+  u32 *pair_chord, *pair_run;
+  // per tile, and one more: its part of tile_list, its runs; cursors for filling
+  u32 *tile_first, *tile_cursor, *tile_run_first, *tile_runs;
+  u32 *tile_list;                    // pairs, later chords, of each tile in order
+  Run *runs;
+  Segment *segments;                 // per stratum, run and warp
+  Cover *fragments;
+  u32 *order;                        // fragments of each point near to far
+  u32 *point_first, *point_count;    // per stratum, tile and thread: its part of order
+  u64 *counters;
+  volatile u64 *report;              // memory of the host
+  // backward
+  const real *g_color, *g_alpha, *g_depth;
+  real *front, *g_fragment;          // per fragment: transmittance in front of it, dL/d(alpha)
+  real *g_run;                       // per run: NGRAD sums
+  real *g_background;
+  double *g_cubics, *g_look;         // per stroke and view: 16 and 5 numbers
+  // outlines (Monte Carlo)
+  OutlinePoint<real> *outline;
+  u32 *outline_list, *outline_tile_first, *outline_tile_cursor;
+  real *g_outline, *outline_sums;
+  Segment *outline_segments;
+  Cover *outline_fragments;
+  u32 *outline_order;
+  // numbers
+  u64 limit[BOUNDED];
+  u64 seed;
+  long long background_view, background_row, background_pixel;
+  double near, inv_sigma, filter_reach;
+  int views, strokes, height, width, tiles_x, tiles_y, world, strata, half_width_per_view, save;
+};
+
+__device__ inline u32 stroke_count(const Job &J) { return u32(J.views) * u32(J.strokes); }
+__device__ inline u32 tile_count(const Job &J) { return u32(J.views) * u32(J.tiles_x) * u32(J.tiles_y); }
+__device__ inline int samples(const Job &J) { return J.strata ? J.strata * J.strata : 1; }
+__device__ inline Filter<real> filter_of(const Job &J) { return {real(J.inv_sigma), real(J.filter_reach)}; }
+
+// Whether all that was counted up to `last` found room. If not, nothing is drawn, and the host does it again with more.
+__device__ inline bool fits(const Job &J, int last) {
+  for (int k = 0; k <= last; k++)
+    if (J.counters[k] > J.limit[k]) return false;
+  return true;
+}
+// Length of a list, 0 where it, or one before it, did not fit.
+__device__ inline u32 length_of(const Job &J, int list) { return fits(J, list) ? u32(J.counters[list]) : 0; }
+
+__device__ inline u32 lane() { return threadIdx.x % WARP; }
+__device__ inline u32 thread_index() { return blockIdx.x * blockDim.x + threadIdx.x; }
+__device__ inline u32 thread_total() { return gridDim.x * blockDim.x; }
+__device__ inline u32 below(u32 mask) { return mask & ((1u << lane()) - 1); }
+
+// The same sum in all lanes, in a fixed order.
+template <class T> __device__ T warp_sum(T x) {
+  for (int k = WARP / 2; k; k /= 2) x += __shfl_xor_sync(ALL, x, k);
+  return x;
+}
+// Sum over the lanes before this one, and over all.
+__device__ inline u32 warp_prefix(u32 x, u32 &total) {
+  u32 sum = x;
+  for (u32 k = 1; k < WARP; k *= 2) {
+    const u32 other = __shfl_up_sync(ALL, sum, k);
+    if (lane() >= k) sum += other;
+  }
+  total = __shfl_sync(ALL, sum, WARP - 1);
+  return sum - x;
+}
+// The same over the threads of a block.
+__device__ inline u32 block_prefix(u32 x, u32 &total) {
+  __shared__ u32 sums[WARP];
+  u32 of_warp;
+  const u32 before = warp_prefix(x, of_warp), warp = threadIdx.x / WARP;
+  __syncthreads();
+  if (lane() == 0) sums[warp] = of_warp;
+  __syncthreads();
+  u32 at = 0;
+  total = 0;
+  for (u32 w = 0; w < blockDim.x / WARP; w++) at += w < warp ? sums[w] : 0, total += sums[w];
+  return at + before;
+}
+
+// From n counts to the first of each, and behind them their sum; one block.
+__device__ inline u64 add_up(u32 *a, u32 n) {
+  u64 sum = 0;
+  for (u32 start = 0; start < n; start += blockDim.x) {
+    const u32 i = start + threadIdx.x;
+    u32 total;
+    const u32 before = block_prefix(i < n ? a[i] : 0, total);
+    if (i < n) a[i] = u32(sum) + before;
+    sum += total;
+  }
+  if (threadIdx.x == 0) a[n] = u32(sum);
+  return sum;
+}
+
+// Position of the n-th bit that is set, counted from 0.
+__device__ inline u32 nth_bit(u32 mask, u32 n) {
+  u32 at = 0;
+  for (u32 w = WARP / 2; w; w /= 2) {
+    const u32 c = __popc(mask >> at & ((1u << w) - 1));
+    if (n >= c) n -= c, at += w;
+  }
+  return at;
+}
+
+// A tile of one view: corner and size inside the image, runs.
+struct Tile { u32 index; int view, x, y, w, h; u32 run_first, run_last; };
+__device__ inline Tile tile_at(const Job &J, u32 t) {
+  const int x = int(t % J.tiles_x) * TILE, y = int(t / J.tiles_x % J.tiles_y) * TILE;
+  const u32 first = fits(J, RUNS) ? J.tile_run_first[t] : 0, runs = fits(J, RUNS) ? J.tile_runs[t] : 0;
+  return {t, int(t / (J.tiles_x * J.tiles_y)), x, y, J.width - x < TILE ? J.width - x : TILE, J.height - y < TILE ? J.height - y : TILE,
+          first, first + runs};
+}
+// The pixel of a thread in its tile: a warp has 8 x 4 of them, which fewer strokes touch than two rows.
+__device__ inline int pixel_x(u32 thread) { return int(thread / WARP % 2 * 8 + thread % 8); }
+__device__ inline int pixel_y(u32 thread) { return int(thread / WARP / 2 * 4 + thread % WARP / 8); }
+__device__ inline u64 pixel_index(const Job &J, const Tile &p, int x, int y) { return (u64(p.view) * J.height + p.y + y) * J.width + p.x + x; }
+__device__ inline const real *background_at(const Job &J, const Tile &p, int x, int y) {
+  return J.background + p.view * J.background_view + (p.y + y) * J.background_row + (p.x + x) * J.background_pixel;
+}
+}  // namespace stroke

@@ -1,0 +1,194 @@
+// From the strokes of a tile to its fragments, one thread for every point: the nearest point of each stroke within reach, kept per warp, and
+// each point's fragments sorted by depth.
+#pragma once
+#include "device.cuh"
+
+namespace stroke {
+// A stroke over a point; run: NONE if it does not reach it.
+struct Hit { real tau, a, z; u32 run; };
+
+// Nearest of some chords to a point, R2 if out of reach, and the nearest that is no neighbour of it: the curve may come near twice.
+struct Nearest { real d2, tau, second, second_tau; };
+template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u32 last, const Tile &p, real x, real y, real R2) {
+  Nearest n = {R2, 0, R2, 0};
+  u32 at = NONE;
+  for (u32 i = first; i < last; i++) {
+    const u32 index = J.tile_list[i];
+    const Chord<real> c = J.chords[index];
+    real s;
+    const real d2 = chord_dist2(c, real(p.x) - c.ax + x, real(p.y) - c.ay + y, s), tau = chord_tau(c, s);
+    const bool nearer = d2 < n.d2;
+    if (TWO) {
+      // What comes second: this chord, or the one that it beats.
+      const real rest = nearer ? n.d2 : d2;
+      if (at != NONE && index > at + 1 && rest < n.second) n.second = rest, n.second_tau = nearer ? n.tau : tau;
+    }
+    if (nearer) n.d2 = d2, n.tau = tau, at = index;
+  }
+  return n;
+}
+
+// The nearest point of a piece from a chord's parameter, as a candidate among others.
+struct Candidate { real d2, tau; u32 run; };
+__device__ inline void improve(const Piece<real> &c, u32 run, real start, real qx, real qy, Candidate &best) {
+  const Approach<real> first = newton_step(c, start, qx, qy), again = newton_step(c, first.tau, qx, qy);
+  const Point<real> end = point_at(c, again.tau);
+  const real end_d2 = (end.x - qx) * (end.x - qx) + (end.y - qy) * (end.y - qy);
+  // In a bend tighter than the distance Newton may go astray: then the start is better.
+  const bool good = end_d2 <= first.start;
+  const real d2 = good ? end_d2 : first.start;
+  if (d2 < best.d2) best = {d2, good ? end.tau : start, run};
+}
+
+// Newton steps after the second, where the parameter runs unevenly along a chord (rare).
+constexpr int MORE_STEPS = 6;
+__device__ inline Point<real> settle(const Piece<real> &c, real start, real qx, real qy) {
+  const Approach<real> first = newton_step(c, start, qx, qy);
+  real rate = first.rate;
+  bool far;
+  Point<real> point = second_step(c, first.tau, rate, qx, qy, far);
+  for (int tries = 0; tries < MORE_STEPS && far; tries++) {
+    const Approach<real> step = newton_step(c, point.tau, qx, qy);
+    rate = step.rate;
+    point = second_step(c, step.tau, rate, qx, qy, far);
+  }
+  const bool astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > first.start * real(1.0001);
+  return astray ? point_at(c, start) : point;
+}
+
+__device__ inline u32 run_end(const Job &J, const Tile &p, u32 run) {
+  return run + 1 < p.run_last ? J.runs[run + 1].first : J.tile_first[p.index + 1];
+}
+
+// Where to begin on one stroke, of which the tile has the runs first .. last: the nearest point so far.
+__device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first, u32 last, real x, real y, real R) {
+  Candidate best = {real(1e30), 0, NONE};
+  for (u32 r = first; r < last; r++) {
+    const Run run = J.runs[r];
+    const u32 end = run_end(J, p, r);
+    if (last - first == 1 && run.smooth) {
+      const Nearest n = nearest_chords<false>(J, run.first, end, p, x, y, R * R);
+      return {n.d2, n.tau, n.d2 < R * R ? r : NONE};
+    }
+    const Nearest n = nearest_chords<true>(J, run.first, end, p, x, y, R * R);
+    if (!(n.d2 < R * R)) continue;
+    const real limit = root(n.d2) + real(2 * CHORD_TOL);  // chords this much farther may still lead to the nearest point
+    const bool two = n.second < limit * limit && n.second < R * R;
+    if (last - first == 1 && !two) return {n.d2, n.tau, r};
+    const Piece<real> &c = J.pieces[run.piece];
+    const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
+    improve(c, r, n.tau, qx, qy, best);
+    if (two) improve(c, r, n.second_tau, qx, qy, best);
+  }
+  return best;
+}
+
+template <bool WORLD> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y) {
+  const Candidate start = nearest_start(J, p, first, last, x, y, J.reach[J.runs[first].stroke]);
+  if (start.run == NONE) return {0, 0, 0, NONE};
+  const Piece<real> &c = J.pieces[J.runs[start.run].piece];
+  const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
+  const Point<real> point = settle(c, start.tau, qx, qy);
+  const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point, qx, qy);
+  // Monte Carlo: a point is inside or not.
+  const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
+  return {point.tau, a * c.opacity, g.depth, a > 0 ? start.run : NONE};
+}
+
+// Memory for the fragments of a warp, taken in chunks: fewer atomic additions, at the price of some that stay empty.
+constexpr u32 CHUNK = 128;
+struct Pool {
+  Cover *fragments;
+  u32 *order;
+  Segment *segments;                  // of the tile's runs
+  u64 *counter, *ordered;
+  u64 limit;
+  u32 at, left;
+  // Room for n fragments, n <= 32; NONE if there is none.
+  __device__ u32 take(u32 n) {
+    if (left < n) {
+      u64 start = 0;
+      if (lane() == 0) start = atomicAdd(counter, u64(CHUNK));
+      start = __shfl_sync(ALL, start, 0);
+      if (start + CHUNK > limit) return left = 0, NONE;
+      at = u32(start), left = CHUNK;
+    }
+    left -= n, at += n;
+    return at - n;
+  }
+};
+
+// Whether fragment i is nearer than j; equal depths are in the order of strokes, as their numbers are.
+__device__ inline bool nearer(const Cover *f, u32 i, u32 j) { return f[i].z < f[j].z || (f[i].z == f[j].z && i < j); }
+// Heap sort, near to far, of a list of any length.
+__device__ inline void sort_long(u32 *a, u32 n, const Cover *f) {
+  for (u32 start = n / 2, end = n;;) {
+    u32 x;
+    if (start > 0) x = a[--start];
+    else {
+      if (--end == 0) return;
+      x = a[end], a[end] = a[0];
+    }
+    u32 i = start;
+    for (u32 child; (child = 2 * i + 1) < end; i = child) {
+      if (child + 1 < end && nearer(f, a[child], a[child + 1])) child++;
+      if (!nearer(f, x, a[child])) break;
+      a[i] = a[child];
+    }
+    a[i] = x;
+  }
+}
+
+// A point's fragments near to far: the first few as they come, in shared memory; if there are more, they are sorted where they lie.
+constexpr u32 SHORT_LIST = 64 / sizeof(real);  // half of the 48 kB that every GPU has for a block (empirical: few points have more)
+struct ShortLists { real z[SHORT_LIST][PIX]; u32 fragment[SHORT_LIST][PIX]; };
+__device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
+  if (n >= SHORT_LIST) return;
+  const u32 t = threadIdx.x;
+  for (; n > 0 && s.z[n - 1][t] > z; n--) s.z[n][t] = s.z[n - 1][t], s.fragment[n][t] = s.fragment[n - 1][t];
+  s.z[n][t] = z, s.fragment[n][t] = fragment;
+}
+
+// The fragments of this thread's point, relative to the tile, if `active`: their number, and in `first` where their order begins. accept: which
+// hits count. All threads of the block call this together.
+template <bool WORLD, class Accept>
+__device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active, Pool &pool, u32 &first, Accept accept) {
+  __shared__ ShortLists lists;
+  const u32 warp = threadIdx.x / WARP;
+  u32 n = 0;
+  for (u32 r = p.run_first, next; r < p.run_last; r = next) {
+    for (next = r + 1; next < p.run_last && J.runs[next].stroke == J.runs[r].stroke;) next++;
+    Hit hit = {0, 0, 0, NONE};
+    if (active) hit = nearest_hit<WORLD>(J, p, r, next, x, y);
+    if (hit.run != NONE && !accept(hit)) hit.run = NONE;
+    for (u32 k = r; k < next; k++) {
+      const bool in = hit.run == k;
+      u32 mask = __ballot_sync(ALL, in);
+      const u32 start = mask ? pool.take(__popc(mask)) : 0;
+      if (start == NONE) mask = 0;
+      if (lane() == 0) pool.segments[u64(k - p.run_first) * WARPS + warp] = {start, mask};
+      if (!in || !mask) continue;
+      const u32 at = start + __popc(below(mask));
+      pool.fragments[at] = {hit.tau, hit.a, hit.z, J.runs[k].piece};
+      insert(lists, n++, hit.z, at);
+    }
+  }
+  __syncwarp();
+  u32 total;
+  const u32 before = warp_prefix(n, total);
+  u64 start = 0;
+  if (lane() == 0 && total) start = atomicAdd(pool.ordered, u64(total));
+  first = u32(__shfl_sync(ALL, start, 0)) + before;
+  u32 *order = pool.order + first;
+  for (u32 k = 0; k < n && n <= SHORT_LIST; k++) order[k] = lists.fragment[k][threadIdx.x];
+  if (n > SHORT_LIST) {
+    u32 k = 0;
+    for (u32 r = p.run_first; r < p.run_last; r++) {
+      const Segment s = pool.segments[u64(r - p.run_first) * WARPS + warp];
+      if (s.mask >> lane() & 1) order[k++] = s.first + __popc(below(s.mask));
+    }
+    sort_long(order, n, pool.fragments);
+  }
+  return n;
+}
+}  // namespace stroke

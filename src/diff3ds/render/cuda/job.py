@@ -1,0 +1,149 @@
+"""What a kernel is given, `Job` of csrc/cuda/device.cuh field by field, and the memory that its arrays take."""
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+
+from diff3ds._shapes import Tensor
+
+# Lists that grow with the drawing, in the order of their counters; then the other counters.
+LISTS = ("pieces", "chords", "pairs", "runs", "fragments", "outline", "outline_fragments")
+BAD = len(LISTS) + 2
+COUNTERS = BAD + 1
+TILE, PIXELS, WARPS = 16, 256, 8
+SUMS = 21
+
+_POINTERS = """
+cubics half_width color opacity background out_color out_alpha out_depth
+reach scale piece_first
+pieces piece_info arcs chord_first outline_first
+chords chord_info tangents pair_first
+pair_chord pair_run
+tile_first tile_cursor tile_run_first tile_runs
+tile_list runs segments fragments order point_first point_count counters report
+g_color g_alpha g_depth front g_fragment g_run g_background g_cubics g_look
+outline outline_list outline_tile_first outline_tile_cursor g_outline outline_sums
+outline_segments outline_fragments outline_order
+""".split()
+
+
+class Job(ctypes.Structure):
+    """Addresses of arrays, bounds of lists, and the options of a drawing."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in _POINTERS),
+        ("limit", ctypes.c_uint64 * len(LISTS)),
+        ("seed", ctypes.c_uint64),
+        *((f"background_{axis}", ctypes.c_int64) for axis in ("view", "row", "pixel")),
+        *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach")),
+        *((name, ctypes.c_int32) for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y")),
+        *((name, ctypes.c_int32) for name in ("world", "strata", "half_width_per_view", "save")),
+    )
+
+    def point(self, arrays: Mapping[str, Tensor | int | None]) -> None:
+        """Sets addresses."""
+        for name, array in arrays.items():
+            setattr(self, name, array.data_ptr() if isinstance(array, Tensor) else array)
+
+    def copy(self) -> "Job":
+        """One that can be changed apart from this."""
+        return Job.from_buffer_copy(self)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The numbers that decide how long arrays are; `real` is the size of a pixel's number in bytes."""
+
+    views: int
+    strokes: int
+    height: int
+    width: int
+    strata: int
+    real: int
+    save: bool
+
+    @property
+    def seen(self) -> int:
+        """Strokes times views."""
+        return self.views * self.strokes
+
+    @property
+    def tiles_x(self) -> int:
+        """Tiles in a row."""
+        return -(-self.width // TILE)
+
+    @property
+    def tiles_y(self) -> int:
+        """Tiles in a column."""
+        return -(-self.height // TILE)
+
+    @property
+    def tiles(self) -> int:
+        """Of all views."""
+        return self.views * self.tiles_x * self.tiles_y
+
+    @property
+    def samples(self) -> int:
+        """Of a pixel."""
+        return max(1, self.strata**2)
+
+    def zeroed(self) -> dict[str, int]:
+        """Bytes of the arrays that begin as zeros."""
+        return {"counters": 8 * COUNTERS, "tile_first": 4 * (self.tiles + 1), "tile_cursor": 4 * self.tiles}
+
+    def forward(self, limits: Mapping[str, int]) -> dict[str, int]:
+        """Bytes of the other arrays of a forward pass; they are kept for the backward pass."""
+        pieces, chords, pairs, runs, fragments = (limits[name] for name in LISTS[:5])
+        kept = self.samples if self.save else 1
+        points = PIXELS * self.tiles * self.samples if self.save else 0
+        return {
+            "reach": self.real * self.seen,
+            "scale": 8 * self.seen,
+            "piece_first": 4 * (self.seen + 1),
+            "pieces": 24 * self.real * pieces,
+            "piece_info": 168 * pieces,
+            "arcs": 80 * pieces,
+            "chord_first": 4 * (pieces + 1),
+            "outline_first": 4 * (pieces + 1),
+            "chords": 9 * self.real * chords,
+            "chord_info": 12 * chords,
+            "tangents": 16 * chords,
+            "pair_first": 4 * (chords + 1),
+            **{name: 4 * pairs for name in ("pair_chord", "pair_run", "tile_list")},
+            **{name: 4 * self.tiles for name in ("tile_run_first", "tile_runs")},
+            "runs": 16 * runs,
+            "segments": 8 * WARPS * kept * runs,
+            "fragments": 4 * self.real * fragments,
+            "order": 4 * fragments,
+            "point_first": 4 * points,
+            "point_count": 4 * points,
+        }
+
+    def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
+        """Bytes of the arrays that a backward pass needs beside."""
+        sizes = {name: self.real * limits["fragments"] for name in ("front", "g_fragment")}
+        if not self.strata:
+            return sizes
+        points, fragments = limits["outline"], limits["outline_fragments"]
+        return sizes | {
+            "outline_list": 4 * points,
+            "g_outline": self.real * points,
+            "outline_sums": SUMS * self.real * limits["pieces"],
+            "outline_segments": 8 * WARPS * limits["runs"],
+            "outline_fragments": 4 * self.real * fragments,
+            "outline_order": 4 * fragments,
+        }
+
+
+def arrays(sizes: Mapping[str, int], device: torch.device, *, zeros: bool = False) -> dict[str, Tensor]:
+    """Arrays of these sizes in bytes, parts of one allocation, not initialised unless `zeros`."""
+    # Addresses that any vector load may start at, and lines of the memory do.
+    places, total = {}, 0
+    for name, size in sizes.items():
+        places[name] = total
+        total += -(-size // 256) * 256
+    make = torch.zeros if zeros else torch.empty
+    memory = make(total, dtype=torch.uint8, device=device)
+    return {name: memory[start : start + sizes[name]] for name, start in places.items()}

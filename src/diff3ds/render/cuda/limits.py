@@ -1,0 +1,92 @@
+"""How long the lists of a drawing may become: remembered from one call to the next, so that no call has to wait.
+
+The kernels count what they need and tell the host through memory that both see. A call whose bounds are not proven waits
+for that and is done again with more where it was too little. Once two times the need fits, calls no longer wait; what is
+told is read at the next one. A drawing that outgrows proven bounds in one step is spoilt: NaN, with gradients of zero.
+"""
+
+import warnings
+from dataclasses import dataclass, field
+
+from diff3ds._shapes import Int, Tensor
+from diff3ds.render.cuda.job import BAD, LISTS, Shape
+
+# Numbers of fragments and others fill 32 bits.
+MOST = 2**32 - 256
+# Room for so many times the need. Less than half of it used is proven; more costs memory only.
+MARGIN = 3
+# The first guess, by stroke and view, and per pixel (empirical); it only decides how often a first call is done again.
+PIECES, CHORDS, PAIRS, FRAGMENTS = 2, 32, 96, 2
+
+
+@dataclass(eq=False)
+class Limits:
+    """Bounds of the lists for drawings of one kind.
+
+    Attributes:
+        report: greatest needs so far, written by the device.
+        proven: the number of strokes up to which calls need not wait.
+        checked: passes ("forward", "backward") that are proven.
+    """
+
+    report: Int[Tensor, " C"]
+    length: dict[str, int] = field(default_factory=dict)
+    proven: dict[str, int] = field(default_factory=dict)
+
+    def guess(self, shape: Shape) -> None:
+        """Raises the bounds to what a drawing like this may need."""
+        pixels = shape.views * shape.height * shape.width * shape.samples
+        seen, points = shape.seen, max(shape.strata, 1)
+        first = (PIECES * seen, CHORDS * seen, PAIRS * seen, PAIRS * seen, FRAGMENTS * pixels)
+        outlines = (1024 * seen * points, 2048 * seen * points) if shape.strata else (1, 1)
+        for name, need in zip(LISTS, (*first, *outlines), strict=True):
+            self.length[name] = min(MOST, max(self.length.get(name, 0), need + 1024))
+
+    def needs(self) -> dict[str, int]:
+        """The greatest so far."""
+        return dict(zip(LISTS, self.report.tolist(), strict=False))
+
+    def may_skip_waiting(self, shape: Shape, which: str) -> bool:
+        """Whether a pass needs no look at what it needed; grows the bounds that earlier passes came near."""
+        self._look_back()
+        return shape.strokes <= self.proven.get(which, -1)
+
+    def _look_back(self) -> None:
+        needs = self.needs()
+        if any(need > self.length[name] for name, need in needs.items()):
+            warnings.warn(
+                "an earlier drawing needed more memory than foreseen, more than twice as much as any before it: its "
+                "images are NaN and its gradients 0. From now on there is enough for it",
+                RuntimeWarning,
+                stacklevel=6,
+            )
+        if any(2 * need > self.length[name] for name, need in needs.items()):
+            self.proven.clear()
+            self.grow()
+
+    def grow(self) -> None:
+        """Makes room for MARGIN times what was needed.
+
+        Raises:
+            MemoryError: more than 2^32 of something.
+        """
+        for name, need in self.needs().items():
+            if need > MOST:
+                raise MemoryError(f"the drawing needs {need:,} {name}, at most {MOST:,} are possible: draw fewer views at once")
+            if 2 * need > self.length[name]:
+                self.length[name] = min(MOST, MARGIN * need)
+
+    def enough(self, shape: Shape, which: str) -> bool:
+        """After a pass has run: whether it had room. If it had plenty, it is proven; if not, there is more now."""
+        needs = self.needs()
+        fitted = all(need <= self.length[name] for name, need in needs.items())
+        self.grow()
+        if fitted:
+            self.proven[which] = max(shape.strokes, self.proven.get(which, -1))
+        return fitted
+
+    def take_bad(self) -> bool:
+        """Whether a stroke could not be drawn since the last question."""
+        bad = bool(self.report[BAD])
+        self.report[BAD] = 0
+        return bad
