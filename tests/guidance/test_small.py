@@ -12,7 +12,7 @@ from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.small import SmallDenoiser, View, Vocabulary, angles, ink, read_network, write_network
 from diff3ds.guidance.small_network import Attention, Shape, SmallNetwork
 
-SHAPE = Shape(words=3, size=16, patch=4, width=32, depth=2, heads=2)
+SHAPE = Shape(words=3, size=16, patch=4, channels=4, width=32, depth=2, heads=2)
 VOCABULARY = Vocabulary(("mug", "mug: steam", "stretch z"), 0.2, 0.4)
 
 
@@ -43,10 +43,10 @@ def test_a_new_network_predicts_nothing():
 
 
 def test_patches_are_squares_and_come_back(network):
-    images = torch.arange(2 * 4 * 16 * 16.0).reshape(2, 4, 16, 16)
-    patches = network._cut(images)
-    assert torch.equal(patches[1, 2, 4 + 3], images[1, 2, 4:8, 12:16].flatten())
-    assert torch.equal(network._joined(patches.flatten(1, 2), 4), images)
+    features = torch.arange(2 * 4 * 16 * 16.0).reshape(2, 4, 16, 16)
+    patches = network._cut(features)
+    assert torch.equal(patches[1, 4 + 3], features[1, :, 4:8, 12:16].flatten())
+    assert torch.equal(network._joined(patches[None]), features)
 
 
 def test_attention_is_that_of_torch_with_unit_queries_and_keys():

@@ -1,4 +1,4 @@
-"""The network of the small prior: a transformer over patches of four views of an object, and of a reference view."""
+"""The network of the small prior: convolutions for lines, and between them a transformer over patches of all views."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ import torch
 from torch import nn
 
 from diff3ds._shapes import Float, Tensor
-
 
 # Of words, pixels, blocks: far more than a small network has; a damaged file may say anything.
 MOST = 4096
@@ -21,6 +20,7 @@ class Shape:
         words: of the vocabulary.
         size: of the images, pixels.
         patch: side of a patch, pixels.
+        channels: of the convolutions.
         width: of a token.
         depth: blocks.
         heads: of attention.
@@ -29,12 +29,13 @@ class Shape:
     words: int
     size: int = 64
     patch: int = 8
+    channels: int = 16
     width: int = 256
-    depth: int = 9
+    depth: int = 8
     heads: int = 4
 
     def __post_init__(self) -> None:
-        for name in ("words", "size", "patch", "width", "depth", "heads"):
+        for name in ("words", "size", "patch", "channels", "width", "depth", "heads"):
             if not 1 <= getattr(self, name) <= MOST:
                 raise ValueError(f"{name} must lie in 1 to {MOST}, got {getattr(self, name)}")
         if self.size % self.patch or self.width % self.heads:
@@ -88,8 +89,10 @@ class SmallNetwork(nn.Module):
         super().__init__()
         self.shape = shape
         d, cells = shape.width, (shape.size // shape.patch) ** 2
-        self.patches = nn.Linear(shape.patch**2, d)
-        self.reference = nn.Linear(shape.patch**2, d)
+        held = shape.channels * shape.patch**2
+        self.stem = _convolutions(1, shape.channels, shape.channels)
+        self.patches = nn.Linear(held, d)
+        self.reference = nn.Linear(held, d)
         self.place = nn.Parameter(0.02 * torch.randn(cells, d))
         self.words = nn.Linear(shape.words, d, bias=False)
         self.time = _embedding(_WAVES, d)
@@ -98,9 +101,12 @@ class SmallNetwork(nn.Module):
         self.blocks = nn.ModuleList(Block(shape) for _ in range(shape.depth))
         self.norm = nn.LayerNorm(d, elementwise_affine=False)
         self.last = nn.Linear(d, 2 * d)
-        self.out = nn.Linear(d, shape.patch**2)
+        self.out = nn.Linear(d, held)
+        # A patch alone does not know how its lines go on in the next one: convolutions over the whole picture do.
+        self.join = _convolutions(2 * shape.channels, shape.channels, shape.channels)
+        self.head = nn.Conv2d(shape.channels, 1, 3, padding=1)
         # Each block starts as the identity, and the network as zero.
-        for layer in (self.known, self.last, self.out):
+        for layer in (self.known, self.last, self.head):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)
 
@@ -125,12 +131,13 @@ class SmallNetwork(nn.Module):
         """
         what = self.words(words)[:, None]
         known = [self.camera(_angles(cameras)) + self.time(_waves(time))[:, None] + what]
-        tokens = [self.patches(self._cut(noisy)) + self.place]
+        lines = self.stem(noisy.flatten(0, 1)[:, None])
+        tokens = [self.patches(self._cut(lines)).unflatten(0, noisy.shape[:2]) + self.place]
         if reference is not None and reference_camera is not None:
             # It has no noise: as at the timestep 0.
             still = self.time(_waves(torch.zeros_like(time)))[:, None]
             known.append(self.camera(_angles(reference_camera)) + still + what)
-            tokens.append(self.reference(self._cut(reference)) + self.place)
+            tokens.append(self.reference(self._cut(self.stem(reference)))[:, None] + self.place)
         views = torch.cat(known, 1)
         cells = len(self.place)
         held = (torch.cat(tokens, 1) + views[:, :, None]).flatten(1, 2)
@@ -140,20 +147,18 @@ class SmallNetwork(nn.Module):
             held = block(held, shared)
         seen = noisy.shape[1] * cells
         shift, scale = self.last(activated).repeat_interleave(cells, 1)[:, :seen].chunk(2, -1)
-        return self._joined(self.out(self.norm(held[:, :seen]) * (1 + scale) + shift).float(), noisy.shape[1])
+        found = self._joined(self.out(self.norm(held[:, :seen]) * (1 + scale) + shift).unflatten(1, (-1, cells)))
+        v: Tensor = self.head(self.join(torch.cat([found, lines.to(found.dtype)], 1)))
+        return v.float().reshape(noisy.shape)
 
-    def _cut(self, images: Float[Tensor, "S V H W"]) -> Float[Tensor, "S V n p"]:
-        """Patches, row by row."""
-        p = self.shape.patch
-        count, views, side = *images.shape[:2], self.shape.size // p
-        cut = images.reshape(count, views, side, p, side, p).transpose(3, 4)
-        return cut.reshape(count, views, side * side, p * p)
+    def _cut(self, features: Float[Tensor, "B C H W"]) -> Float[Tensor, "B n p"]:
+        """Patches of features, row by row."""
+        return nn.functional.unfold(features, self.shape.patch, stride=self.shape.patch).mT
 
-    def _joined(self, patches: Float[Tensor, "S n p"], views: int) -> Float[Tensor, "S V H W"]:
-        """Images of which these are the patches."""
-        p, side = self.shape.patch, self.shape.size // self.shape.patch
-        cut = patches.reshape(len(patches), views, side, side, p, p).transpose(3, 4)
-        return cut.reshape(len(patches), views, self.shape.size, self.shape.size)
+    def _joined(self, patches: Float[Tensor, "S V n p"]) -> Float[Tensor, "B C H W"]:
+        """Features of which these are the patches."""
+        size, patch = self.shape.size, self.shape.patch
+        return nn.functional.fold(patches.flatten(0, 1).mT, (size, size), patch, stride=patch)
 
 
 # Numbers that describe a time and a camera: sines and cosines.
@@ -177,3 +182,9 @@ def _angles(cameras: Float[Tensor, "S V 3"]) -> Float[Tensor, "S V k"]:
 
 def _embedding(numbers: int, width: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(numbers, width), nn.SiLU(), nn.Linear(width, width))
+
+
+def _convolutions(before: int, between: int, after: int) -> nn.Sequential:
+    """Two layers that see 5 x 5 pixels."""
+    first, second = nn.Conv2d(before, between, 3, padding=1), nn.Conv2d(between, after, 3, padding=1)
+    return nn.Sequential(first, nn.GELU("tanh"), second, nn.GELU("tanh"))

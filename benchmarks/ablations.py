@@ -1,0 +1,128 @@
+"""The paper's ablations on `diff3ds text` with the built-in prior: the command's own recipe with one thing changed.
+
+    python benchmarks/ablations.py FOLDER --classifier FILE [--only radius] [--categories chair,lamp] [--seeds N]
+
+FILE is written by classifier.py. Runs that FOLDER has are not made again. Writes FOLDER/ablations.json, and
+FOLDER/ablations.png: a row for each recipe, a column for each category. Figures as in categories.py; F-scores are those
+to the nearest of the members that the prior was given.
+"""
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import classifier as sight
+import torch
+from categories import nearest
+from report import environment, show, write_json
+
+import diff3ds as ds
+from diff3ds.formats import save_png, tile_images
+from diff3ds.library import CATEGORIES
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.exemplars import exemplars_of
+from diff3ds.tasks.priors import PriorOptions
+from diff3ds.tasks.text import text_to_sketch
+
+CATEGORIES_SHOWN = ("chair", "lamp", "house", "mug")
+RECIPES: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "no time annealing": {"t_low": (0.02, 0.02), "t_high": (0.98, 0.98)},
+    "only low noise": {"t_low": (0.10, 0.10), "t_high": (0.30, 0.30)},
+    "only high noise": {"t_low": (0.85, 0.85), "t_high": (0.85, 0.85)},
+    "timesteps from .98": {"t_low": (0.98, 0.10), "t_high": (0.98, 0.30)},
+    "annealing over half the steps": {"anneal_share": 0.5},
+    "no noise deletion": {"delete_length": 0.0},
+    "guidance 1": {"guidance": 1.0},
+    "guidance 25": {"guidance": 25.0},
+    "guidance 50": {"guidance": 50.0},
+    "guidance 100": {"guidance": 100.0},
+    "14 strokes": {"strokes": 14},
+    "28 strokes": {"strokes": 28},
+    "56 strokes": {"strokes": 56},
+    "radius .4": {"radius": 0.4},
+    "radius 1.2": {"radius": 1.2},
+    "radius 1.5": {"radius": 1.5},
+    "and color": {"optimize": ("position", "color")},
+    "and alpha": {"optimize": ("position", "alpha")},
+    "and color, alpha": {"optimize": ("position", "color", "alpha")},
+    "and width": {"optimize": ("position", "width")},
+    "sds": {"method": "sds"},
+    "1,600 steps": {"steps": 1600, "rate": 0.0025},
+}
+COLUMNS = ("F5", "F5_worst", "F2", "chamfer_percent", "top1", "views", "strokes", "seconds")
+VIEW, CELL = (35.0, 18.0), 160
+
+
+def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
+    """One run and its figures."""
+    torch.set_num_threads(1)
+    ds.set_num_threads(1)
+    begun, phrase = time.perf_counter(), CATEGORIES[category].captions()[0]
+    with tempfile.TemporaryDirectory() as run:
+        options = replace(DistillOptions(seed=seed, sheet_every=0), **RECIPES[recipe])
+        sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"), settings=options)
+    seconds = time.perf_counter() - begun
+    known = exemplars_of(phrase, seed)
+    judge = sight.load(looks)
+    with torch.no_grad():
+        single = judge(sight.looks(sketch)).argmax(1)
+    return {
+        **nearest(sketch, [m for m, fits in zip(known.members, known.fitting, strict=True) if fits]),
+        "top1": float(sight.recognised(judge, sketch)[0] == category),
+        "views": float((single == list(CATEGORIES).index(category)).float().mean()),
+        "strokes": len(sketch),
+        "seconds": seconds,
+        "sketch": {name: value.tolist() for name, value in sketch.tensors().items()},
+    }
+
+
+def main() -> None:
+    """Runs them all and shows the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--classifier", type=Path, required=True)
+    parser.add_argument("--only", default="", help="recipes whose name has this in it")
+    parser.add_argument("--categories", type=lambda text: text.split(","), default=list(CATEGORIES_SHOWN))
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    chosen = parser.parse_args()
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    about, rows = environment(), {}
+    recipes = [name for name in RECIPES if chosen.only in name]
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        waiting = {}
+        for key in [(r, c, s) for r in recipes for c in chosen.categories for s in range(chosen.seeds)]:
+            path = chosen.folder / ("-".join(map(str, key)).replace(" ", "_") + ".json")
+            if path.exists():
+                rows[key] = json.loads(path.read_text())
+            else:
+                waiting[key] = (path, pool.submit(draw, *key, chosen.classifier))
+        for key, (path, job) in waiting.items():
+            rows[key] = job.result()
+            path.write_text(json.dumps(rows[key]))
+            print(key, f"F5 {rows[key]['F5']:.3f} F2 {rows[key]['F2']:.3f}", file=sys.stderr)
+    figures = {}
+    for recipe in recipes:
+        mine = [row for key, row in rows.items() if key[0] == recipe]
+        figures[recipe] = {c: sum(r[c] for r in mine) / len(mine) for c in COLUMNS if c != "F5_worst"}
+        figures[recipe]["F5_worst"] = min(r["F5"] for r in mine)
+    title = f"diff3ds text with the built-in prior: {', '.join(chosen.categories)}, {chosen.seeds} seeds"
+    show(title, ("recipe", *COLUMNS), [(name, *(row[c] for c in COLUMNS)) for name, row in figures.items()])
+    write_json(chosen.folder / "ablations.json", about, figures)
+    camera = ds.orbit(VIEW[0], VIEW[1], 2.0, fov=58, size=CELL)
+    shown = [rows[r, c, 0]["sketch"] for r in recipes for c in chosen.categories]
+    sketches = [ds.Sketch(**{name: torch.tensor(value) for name, value in held.items()}) for held in shown]
+    views = torch.cat([ds.render(sketch, camera).color for sketch in sketches])
+    save_png(chosen.folder / "ablations.png", tile_images(views, columns=2 * len(chosen.categories)))
+
+
+if __name__ == "__main__":
+    main()
