@@ -1,13 +1,18 @@
 """The command line as a whole: every command says what it needs, and fails with a sentence."""
 
+import io
 import json
+import re
+from datetime import timedelta
 
 import pytest
 import torch
+from rich.console import Console
 
 from diff3ds import cli
 from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.tasks.progress import Progress
 
 COMMANDS = ["text", "image", "views", "eval", "fetch", "doctor"]
 
@@ -109,3 +114,17 @@ def test_a_download_that_was_stopped_goes_on_by_the_same_command(capsys, monkeyp
 )
 def test_the_rate_of_slow_steps_is_not_zero(speed, shown):
     assert cli._rate(speed) == shown
+
+
+@pytest.mark.parametrize(("seconds", "shown"), [(0.5, "2.0 steps/s"), (10.0, "10.0 s a step"), (60.0, "60.0 s a step")])
+def test_rate_and_time_left_are_there_after_two_steps(seconds, shown):
+    """However slow they are; of a run that goes on from step 1000, too, whose first step counts from there."""
+    screen, now = io.StringIO(), [0.0]
+    console = Console(file=screen, force_terminal=True, width=140, get_time=lambda: now[0])
+    with cli._progress(console) as report:
+        for step in (1001, 1002):
+            now[0] += seconds
+            report(Progress("distill", step, 1062, 0.5, 56))
+    last = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", screen.getvalue()).split("distill")[-1]
+    assert f"1002/1062  {shown}" in last
+    assert f" {timedelta(seconds=60 * seconds)} " in last

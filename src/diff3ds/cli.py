@@ -32,6 +32,9 @@ from diff3ds.tasks.views import fit_views
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
 FAULT, STOPPED = 1, 130
+# The rate is that of the last so many seconds, at most of the last 1000 steps. A step of a large network may take one
+# minute, or ten on a CPU, and a rate needs two.
+RATE_PERIOD = 1800.0
 
 Recipe = Literal["3doodle"]
 
@@ -315,7 +318,7 @@ def _progress(console: Console) -> Iterator[Report]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[about]}"),
     )
-    with Bars(*columns, console=console, disable=console.quiet) as bars:
+    with Bars(*columns, console=console, disable=console.quiet, speed_estimate_period=RATE_PERIOD) as bars:
         task = None
         stage = ""
 
@@ -326,13 +329,12 @@ def _progress(console: Console) -> Iterator[Report]:
                     bars.update(task, total=bars.tasks[-1].completed, steps="", about="")
                 stage = progress.stage
                 task = bars.add_task(stage, total=progress.total, steps="", about="")
+            bars.update(task, total=progress.total, completed=progress.done)
             speed = bars.tasks[-1].speed
             loss = "" if progress.loss is None else f"loss {progress.loss:.5g}  "
             steps = f"{progress.done}/{progress.total}" if progress.total else ""
             bars.update(
                 task,
-                total=progress.total,
-                completed=progress.done,
                 steps=steps + (f"  {_rate(speed)}" if speed else ""),
                 about=loss + (f"{progress.strokes} strokes  {progress.note}" if progress.strokes else ""),
             )
