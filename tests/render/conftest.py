@@ -1,12 +1,16 @@
 """Fixtures of the renderer's tests: every backend of this machine, and both kinds of antialiasing."""
 
 import pytest
+from emulated import use_emulation
 
 from diff3ds.render import available_backends, get_num_threads, set_num_threads
 
 
-@pytest.fixture(params=available_backends())
-def backend(request) -> str:
+@pytest.fixture(params=[*(name for name in available_backends() if name != "cuda"), "cuda"])
+def backend(request, monkeypatch) -> str:
+    """A backend that draws tensors on the CPU; the CUDA kernels are emulated."""
+    if request.param == "cuda":
+        use_emulation(monkeypatch)
     return request.param
 
 

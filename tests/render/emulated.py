@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -70,10 +71,13 @@ def use_emulation(monkeypatch, device_for=emulated) -> None:
     """From now on the backend "cuda" draws tensors on the CPU."""
     if compiler() is None:
         pytest.skip("no C++ compiler to emulate the CUDA kernels with")
-    monkeypatch.setattr("diff3ds.render.cuda.rasterize.device_for", device_for)
-    choose = __import__("diff3ds.render.backends").render.backends.choose_backend
+    # `diff3ds.render` is the function; its module has to be asked for.
+    module, cuda = import_module("diff3ds.render"), import_module("diff3ds.render.cuda.rasterize")
+    monkeypatch.setattr(cuda, "device_for", device_for)
+    choose = module.choose_backend
 
     def chosen(backend, device, dtype):
-        return "cuda" if backend == "cuda" and dtype in (torch.float32, torch.float64) else choose(backend, device, dtype)
+        can = device.type == "cpu" and dtype in (torch.float32, torch.float64)
+        return "cuda" if backend == "cuda" and can else choose(backend, device, dtype)
 
-    monkeypatch.setattr("diff3ds.render.choose_backend", chosen)
+    monkeypatch.setattr(module, "choose_backend", chosen)

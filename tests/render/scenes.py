@@ -8,8 +8,9 @@ from diff3ds.bezier.curves import elevate_homogeneous
 from diff3ds.project import Strokes2D
 from diff3ds.render import Rendering, rasterize
 
-# Of the Monte Carlo mode where a picture is compared with a known one; the reference is slow.
-SAMPLES = {"reference": 16, "cpu": 64}
+# Of the Monte Carlo mode where a picture is compared with a known one; the reference and the emulated CUDA kernels
+# are slow.
+SAMPLES = {"reference": 16, "cpu": 64, "cuda": 16}
 
 
 def strokes_at(

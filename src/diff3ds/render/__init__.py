@@ -1,6 +1,8 @@
 """Strokes to pixels, differentiably: `render` for sketches and cameras, `rasterize` for strokes already projected."""
 
 from dataclasses import dataclass
+from importlib import import_module
+from typing import cast
 
 import torch
 
@@ -81,7 +83,7 @@ def render(
             0 is the box of a pixel. Analytic only.
         samples: samples per pixel, a square number. Monte Carlo only.
         generator: source of the samples; None is torch's default generator. Monte Carlo only.
-        backend: "reference", "cpu", or None for the best there is for these tensors.
+        backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
 
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
@@ -131,8 +133,8 @@ def rasterize(
     canvas = canvas_from(background, strokes.color, (len(strokes.cubics), *size, 3))
     check_blur(blur, antialiasing)
     strata, seed = (strata_from(samples), seed_from(generator)) if antialiasing == "montecarlo" else (0, 0)
-    if chosen == "cpu":
-        return Rendering(*_drawn_by_kernels(strokes, size, canvas, blur, strata, seed))
+    if chosen != "reference":
+        return Rendering(*_drawn_by_kernels(chosen, strokes, size, canvas, blur, strata, seed))
     check_stroke_values(strokes)
     if strata:
         return Rendering(*montecarlo.rasterize(strokes, size, canvas, strata, seed))
@@ -140,10 +142,12 @@ def rasterize(
 
 
 def _drawn_by_kernels(
-    strokes: Strokes2D, size: tuple[int, int], canvas: Tensor, blur: float, strata: int, seed: int
+    backend: Backend, strokes: Strokes2D, size: tuple[int, int], canvas: Tensor, blur: float, strata: int, seed: int
 ) -> autograd.Images:
+    # Imported by those who draw with it only.
+    draw = autograd.rasterize if backend == "cpu" else import_module("diff3ds.render.cuda.rasterize").rasterize
     try:
-        return autograd.rasterize(strokes, size, canvas, blur, strata, seed)
+        return cast(autograd.Images, draw(strokes, size, canvas, blur, strata, seed))
     except ValueError:
         # The kernels only know that some value is bad; say which.
         check_stroke_values(strokes)

@@ -103,16 +103,18 @@ public:
   }
 };
 
-// The value of lane `from` of this warp, from(lane) being any function of the own one.
-template <class T> T exchange(T x, unsigned from) {
+// The values of all lanes of this warp, once all have given theirs. Two sets take turns: a lane may be one exchange ahead of another.
+template <class T> const uint64_t *exchange(T x) {
   static_assert(sizeof(T) <= 8);
   Block &b = Block::current();
   uint64_t *slots = b.slots[b.next_parity()], bits = 0;
   std::memcpy(&bits, &x, sizeof x);
   slots[thread.x] = bits;
   b.yield(State::at_exchange);
-  const unsigned source = thread.x / 32 * 32 + from;
-  std::memcpy(&x, &slots[source], sizeof x);
+  return slots + thread.x / 32 * 32;
+}
+template <class T> T value_of(T x, unsigned lane) {
+  std::memcpy(&x, exchange(x) + lane, sizeof x);
   return x;
 }
 }  // namespace emulation
@@ -122,16 +124,17 @@ template <class T> T exchange(T x, unsigned from) {
 #define blockDim emulation::block_size
 #define gridDim emulation::grid_size
 inline void __syncthreads() { emulation::Block::current().yield(emulation::State::at_barrier); }
-inline void __syncwarp() { emulation::exchange(0, 0); }
-template <class T> T __shfl_sync(unsigned, T x, unsigned from) { return emulation::exchange(x, from % 32); }
-template <class T> T __shfl_xor_sync(unsigned, T x, unsigned bits) { return emulation::exchange(x, (threadIdx.x % 32) ^ bits); }
+inline void __syncwarp() { emulation::exchange(0); }
+template <class T> T __shfl_sync(unsigned, T x, unsigned from) { return emulation::value_of(x, from % 32); }
+template <class T> T __shfl_xor_sync(unsigned, T x, unsigned bits) { return emulation::value_of(x, (threadIdx.x % 32) ^ bits); }
 template <class T> T __shfl_up_sync(unsigned, T x, unsigned by) {
   const unsigned lane = threadIdx.x % 32;
-  return emulation::exchange(x, lane >= by ? lane - by : lane);
+  return emulation::value_of(x, lane >= by ? lane - by : lane);
 }
 inline unsigned __ballot_sync(unsigned, bool vote) {
-  unsigned mask = unsigned(vote) << threadIdx.x % 32;
-  for (unsigned k = 1; k < 32; k *= 2) mask |= __shfl_xor_sync(~0u, mask, k);
+  const uint64_t *votes = emulation::exchange(unsigned(vote));
+  unsigned mask = 0;
+  for (unsigned k = 0; k < 32; k++) mask |= unsigned(votes[k]) << k;
   return mask;
 }
 inline int __popc(unsigned x) { return __builtin_popcount(x); }

@@ -1,7 +1,7 @@
 """What runs the kernels: a GPU, or in the tests its emulation on the CPU."""
 
 import functools
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 
@@ -18,6 +18,7 @@ def threads_of(name: str) -> int:
     return THREADS.get(name.split("_")[0], 128)
 
 
+@runtime_checkable
 class Device(Protocol):
     """Runs kernels of one precision in order.
 
