@@ -87,7 +87,9 @@ def test_the_run_says_what_it_was(chair):
 
 
 def test_colour_and_count_arrive(tmp_path):
-    main(["text", "two blue mugs", "-o", str(tmp_path), "--quiet", "--steps", "3", "--prior", "exemplar"])
+    main(
+        ["text", "two blue mugs", "-o", str(tmp_path), "--quiet", "--steps", "3", "--no-sharpen", "--prior", "exemplar"]
+    )
     assert torch.allclose(ds.load(tmp_path / "sketch.json").color, torch.tensor(COLORS["blue"]))
 
 
@@ -102,7 +104,7 @@ def test_what_it_does_not_know_is_an_error_that_helps(tmp_path, capsys):
 
 
 def test_without_a_gpu_or_weights_the_built_in_prior_is_taken_and_said(tmp_path, capsys):
-    main(["text", "a mug", "-o", str(tmp_path), "--steps", "1"])
+    main(["text", "a mug", "-o", str(tmp_path), "--steps", "1", "--no-sharpen"])
     said = " ".join(capsys.readouterr().err.split())
     assert "prior: the built-in prior, because" in said
 

@@ -159,14 +159,25 @@ def test_the_run_says_what_was_recognised(run, chair):
 
 
 def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
-    main(["image", str(chair), "-o", str(tmp_path), "--steps", "1"])
+    main(["image", str(chair), "-o", str(tmp_path), "--steps", "1", "--no-sharpen"])
     said = " ".join(capsys.readouterr().err.split())
     assert "prior: the built-in prior, because" in said
     assert "recognised: a chair with armrests (" in said
 
 
 def test_a_run_goes_on_with_what_it_recognised(chair, tmp_path):
-    arguments = ["image", str(chair), "--steps", "4", "--prior", "exemplar", "--quiet", "--sheet-every", "0"]
+    arguments = [
+        "image",
+        str(chair),
+        "--steps",
+        "4",
+        "--no-sharpen",
+        "--prior",
+        "exemplar",
+        "--quiet",
+        "--sheet-every",
+        "0",
+    ]
     main([*arguments, "-o", str(tmp_path / "out")])
     before = (tmp_path / "out" / "sketch.json").read_bytes()
     main([*arguments, "-o", str(tmp_path / "out"), "--resume"])
@@ -191,7 +202,20 @@ def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
 
 
 def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
-    main(["image", str(cross), "--shows", "a red windmill", "-o", str(tmp_path), "--steps", "2", "--quiet"])
+    main(
+        [
+            "image",
+            str(cross),
+            "--shows",
+            "a red windmill",
+            "-o",
+            str(tmp_path),
+            "--steps",
+            "2",
+            "--no-sharpen",
+            "--quiet",
+        ]
+    )
     info = json.loads((tmp_path / "run.json").read_text())["options"]
     assert info["recognised"]["category"] == "windmill"
     red = torch.tensor([0.8, 0.1, 0.1])

@@ -327,7 +327,19 @@ def test_a_phrase_becomes_the_sketch_in_the_folder(rocket, folder):
 def test_a_folder_of_one_kind_and_one_sketch_is_enough(tmp_path):
     (tmp_path / "library").mkdir()
     ds.save(tmp_path / "library" / "chair.json", drawn("chair"))
-    main(["text", "a chair", "--library", str(tmp_path / "library"), "-o", str(tmp_path / "out"), "--steps", "2"])
+    main(
+        [
+            "text",
+            "a chair",
+            "--library",
+            str(tmp_path / "library"),
+            "-o",
+            str(tmp_path / "out"),
+            "--steps",
+            "2",
+            "--no-sharpen",
+        ]
+    )
     assert (tmp_path / "out" / "sketch.json").exists()
 
 
@@ -335,7 +347,18 @@ def test_a_changed_library_is_another_run(tmp_path, capsys):
     library = tmp_path / "library"
     library.mkdir()
     ds.save(library / "chair.json", drawn("chair"))
-    arguments = ["text", "a chair", "-o", str(tmp_path / "out"), "--steps", "2", "--quiet", "--sheet-every", "0"]
+    arguments = [
+        "text",
+        "a chair",
+        "-o",
+        str(tmp_path / "out"),
+        "--steps",
+        "2",
+        "--no-sharpen",
+        "--quiet",
+        "--sheet-every",
+        "0",
+    ]
     own = [*arguments, "--library", str(library)]
     main(own)
     before = (tmp_path / "out" / "sketch.json").read_bytes()

@@ -107,8 +107,8 @@ class SmallNetwork(nn.Module):
         self.head = nn.Conv2d(shape.channels, 1, 3, padding=1)
         # Each block starts as the identity, and the network as zero.
         for layer in (self.known, self.last, self.head):
-            nn.init.zeros_(layer.weight)
-            nn.init.zeros_(layer.bias)
+            for parameter in layer.parameters():
+                nn.init.zeros_(parameter)
 
     def forward(
         self,

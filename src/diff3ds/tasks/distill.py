@@ -11,36 +11,23 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.checkpoint import read_checkpoint
-from diff3ds.fit import CameraSampler, FitConfig, Objective, Rates, Step, fit
+from diff3ds.fit import FitConfig, Rates, Step, fit
 from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.refine import NoiseDeletion
-from diff3ds.render import Rendering, render
+from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill_options import DistillOptions, Preset, PresetName
 from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.reference import Reference, followed
 from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.sharpen import STEPS, Sharpening
 
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
 # What a preview shows: all around, seen a little from above.
 PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
-
-
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """A view that is known: the picture of `diff3ds image`.
-
-    Attributes:
-        picture: on white.
-        cameras: one view, of its size.
-        weight: of its mean squared difference against the prior's loss; 0 leaves it out.
-    """
-
-    picture: Float[Tensor, "H W 3"]
-    cameras: Cameras
-    weight: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +42,7 @@ class Commission:
         color: of the strokes at the start, straight RGB; None is black.
         finish: makes the sketch of the results from that of the last step.
         reference: the picture of `diff3ds image`.
+        sharpening: further steps on finer pictures, or None.
         network: which weights the prior has, the device and the precision, for run.json; a resumed run must have the
             same, on any device.
     """
@@ -66,6 +54,7 @@ class Commission:
     color: tuple[float, float, float] | None = None
     finish: Callable[[Sketch], Sketch] = lambda sketch: sketch
     reference: Reference | None = None
+    sharpening: Sharpening | None = None
     network: Mapping[str, object] = field(default_factory=dict)
 
 
@@ -97,7 +86,7 @@ def distill(
     network = {name: value for name, value in wanted.network.items() if name != "device"}
     identity = {**wanted.about, **network, **_identity(options, values, recipe), "width": width}
     config = replace(_config(options, values, out, identity), companion=judge.particles)
-    objective, cameras = _followed(judge, _orbits(denoiser, options), wanted.reference)
+    objective, cameras = followed(judge, _orbits(denoiser, options), wanted.reference)
     if not options.resume:
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
@@ -105,10 +94,13 @@ def distill(
     steps = fit(_start(options, values, width, wanted.color), objective, cameras, config)
     stopped = _stopped(steps, judge, options, out, report)
     state = read_checkpoint(out / CHECKPOINT)
-    sketch, around = wanted.finish(state.sketch), turntable()
+    sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
+    if wanted.sharpening is not None and options.sharpens and not stopped:
+        sketch, stopped = _sharpened(sketch, wanted.sharpening, options, report)
+        seconds["sharpen"] = time.perf_counter() - begun - seconds["distill"]
+    sketch, around = wanted.finish(sketch), turntable()
     given, chosen = {**wanted.about, **asdict(options)}, {**asdict(values), "width": width, **asdict(recipe)}
     chosen |= {"network": dict(wanted.network)} if wanted.network else {}
-    seconds = {"distill": time.perf_counter() - begun}
     info = RunInfo(given, chosen, seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
     if stopped:
@@ -131,6 +123,18 @@ def _stopped(
         except KeyboardInterrupt:
             return True
     return False
+
+
+def _sharpened(sketch: Sketch, sharpening: Sharpening, options: DistillOptions, report: Report) -> tuple[Sketch, bool]:
+    """The sketch after the last steps, and whether Ctrl-C came before their end: a resumed run does them anew."""
+    with closing(sharpening.steps(sketch, options)) as steps:
+        try:
+            for step in steps:
+                sketch = step.sketch
+                report(Progress("sharpen", step.index + 1, STEPS, step.loss, len(sketch)))
+        except KeyboardInterrupt:
+            return sketch, True
+    return sketch, False
 
 
 def _width(options: DistillOptions, wanted: Commission) -> float:
@@ -197,35 +201,3 @@ def _identity(options: DistillOptions, values: Preset, recipe: Recipe) -> dict[s
     names = ("batch", "size", "fov", "delete_length", "delete_from", "delete_every")
     pairs = {name: list(getattr(options, name)) for name in ("distance", "elevation", "width_range", "optimize")}
     return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(values), **asdict(recipe)}
-
-
-def _followed(judge: ScoreDistillation, orbits: Orbits, reference: Reference | None) -> tuple[Objective, CameraSampler]:
-    """What the sketch follows: the prior, and a known view, which is drawn behind those of the prior."""
-    if reference is None:
-        return judge, orbits
-    count, size = orbits.batch, (orbits.size, orbits.size)
-    picture = reference.picture.movedim(-1, 0)[None]
-    picture = torch.nn.functional.interpolate(picture, size, mode="bilinear", antialias=True)[0].movedim(0, -1)
-
-    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
-        prior = Rendering(rendering.color[:count], rendering.alpha[:count], rendering.depth[:count])
-        difference = (rendering.color[count] - picture).square().mean()
-        return judge(prior, cameras[:count], step) + reference.weight * difference
-
-    return objective, _OneMoreView(orbits, reference.cameras.resize(orbits.size))
-
-
-@dataclass(frozen=True, eq=False)
-class _OneMoreView:
-    """The cameras of a step and, behind them, the reference's."""
-
-    orbits: Orbits
-    last: Cameras
-
-    def __call__(self, step: int, generator: torch.Generator) -> Cameras:
-        drawn = self.orbits(step, generator)
-        return replace(
-            drawn,
-            world_to_camera=torch.cat([drawn.world_to_camera, self.last.world_to_camera]),
-            intrinsics=torch.cat([drawn.intrinsics, self.last.intrinsics]),
-        )

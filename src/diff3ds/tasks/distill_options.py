@@ -88,6 +88,7 @@ class DistillOptions:
         delete_length: strokes shorter than this are deleted, world units; 0 deletes none.
         delete_from: share of the steps before the first deletion.
         delete_every: share of the steps between deletions.
+        sharpen: end with 300 further steps on finer pictures, where the prior is exemplar and widths are its own.
         sheet_every: steps between contact sheets (renderings above what the prior sees in them); 0 makes none.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
@@ -123,6 +124,7 @@ class DistillOptions:
     delete_length: float = 0.1
     delete_from: float = 0.5
     delete_every: float = 0.025
+    sharpen: bool = True
     sheet_every: int = 500
     seed: int = 0
     resume: bool = False
@@ -155,6 +157,11 @@ class DistillOptions:
         least, most = self.width_range
         if "width" in self.optimize and self.width is not None and not least <= self.width <= most:
             raise ValueError(f"width must lie in width_range {self.width_range}, got {self.width}: give another one")
+
+    @property
+    def sharpens(self) -> bool:
+        """Whether the last steps may change widths: not those that the user has chosen, or has optimised."""
+        return self.sharpen and self.width is None and "width" not in self.optimize
 
     def annealing(self) -> TimeAnnealing:
         """The timesteps that are drawn."""

@@ -27,6 +27,8 @@ SIZE, GROUP = 64, 4
 WIDTH = 0.05
 # Space between several things in a row, in their widths. Empirical.
 GAP = 0.25
+# Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
+HIDDEN = 0.02
 # Points on a stroke when extents are measured.
 SAMPLES = 33
 
@@ -44,6 +46,11 @@ class Exemplars:
     members: tuple[Sketch, ...]
     fitting: tuple[bool, ...]
     color: tuple[float, float, float] | None
+
+    @property
+    def meant(self) -> list[Sketch]:
+        """The members that the phrase means."""
+        return [member for member, fits in zip(self.members, self.fitting, strict=True) if fits]
 
     def prior(self, width: float) -> ExemplarDenoiser:
         """The denoiser that knows them, drawn with strokes of this width."""
@@ -156,10 +163,10 @@ def _fitted(sketch: Sketch) -> Sketch:
 
 
 def thin_lines(sketch: Sketch, settings: DistillOptions) -> Sketch:
-    """Strokes as thin as others, and without the gaps that thick ones hide: up to half their width where they are."""
+    """Strokes as thin as others, and without the gaps that thick ones hide."""
     away = sum(settings.distance) / 2
     image_height = 2 * away * math.tan(math.radians(settings.fov / 2))
-    met = close_gaps(sketch, float(sketch.width.median()) * image_height / 2)
+    met = close_gaps(sketch, min(float(sketch.width.median()), HIDDEN) * image_height)
     if settings.width is not None or "width" in settings.optimize:
         return met
     return replace(met, width=torch.full_like(met.width, DEFAULT_WIDTH))

@@ -12,7 +12,8 @@ from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.distill import CHECKPOINT, Commission, Reference, distill
+from diff3ds.tasks import sharpen
+from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like, painted, thin_lines
 from diff3ds.tasks.folder_views import recognise_in
@@ -29,6 +30,7 @@ from diff3ds.tasks.priors import (
 )
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognise import Recognised, alike, drawn_over, recognise
+from diff3ds.tasks.reference import Reference
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import identity_of, read_sketches
 from diff3ds.tasks.small_prior import ask
@@ -150,9 +152,12 @@ def _built_in(
     if name == "small":
         request = Request(found.category, found.attributes)
         asked = ask(request, prior, drawn_over(lines, like, camera.resize(SIZE), WIDTH)[None], camera)
-        denoiser, identity, start = asked.denoiser, asked.identity, None
+        denoiser, identity, start, sharpening = asked.denoiser, asked.identity, None, None
     else:
         denoiser, identity, start = exemplars.prior(width), identity_of(folder), exemplars.color
+        fine = camera.resize(sharpen.SIZE)
+        thin = replace(known, picture=drawn_over(lines, like, fine, sharpen.WIDTH), cameras=fine)
+        sharpening = sharpen.Sharpening(exemplars.meant, thin if known.weight else None)
     wanted = Commission(
         about | identity,
         GUIDANCE,
@@ -161,6 +166,7 @@ def _built_in(
         start,
         finish=lambda sketch: thin_lines(painted(sketch, exemplars.color), settings),
         reference=known if known.weight else None,
+        sharpening=sharpening,
     )
     return distill(denoiser, settings, out, wanted, report)
 

@@ -21,6 +21,7 @@ from diff3ds.tasks.priors import (
 )
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
+from diff3ds.tasks.sharpen import Sharpening
 from diff3ds.tasks.sketch_folder import identity_of, read_sketches
 from diff3ds.tasks.small_prior import ask
 
@@ -100,12 +101,14 @@ def _built_in(
         request = parse(phrase)
         asked = ask(request, prior)
         denoiser, identity, start, color = asked.denoiser, asked.identity, None, request.color
+        sharpening = None
     else:
         folder = None if prior.library is None else read_sketches(prior.library)
         known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
         if folder is not None:
             say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
         denoiser, identity, start, color = known.prior(width), identity_of(folder), known.color, known.color
+        sharpening = Sharpening(known.meant)
     wanted = Commission(
         about | identity,
         GUIDANCE,
@@ -113,5 +116,6 @@ def _built_in(
         width,
         start,
         finish=lambda sketch: thin_lines(painted(sketch, color), settings),
+        sharpening=sharpening,
     )
     return distill(denoiser, settings, out, wanted, report)
