@@ -29,8 +29,8 @@ class PriorOptions:
     Attributes:
         prior: a name (see the command's help), or weights: a folder in the layout of diffusers, or a repository of the
             Hugging Face hub that was fetched, owner/name or owner/name@revision.
-        library: a folder of sketches (sketch.json, STEP) for exemplar to know instead of the built-in library; files
-            are named after what they are: chair_01.json, or chair/01.json.
+        library: a folder of sketches (sketch.json, STEP) or meshes for exemplar to know instead of the built-in
+            library; files are named after what they are: chair_01.json, or chair/01.json.
         weights: other weights for the prior of that name.
         variant: of the files of weights, such as fp16.
         allow_pickle: read the weights from this single file although it is a pickle. Pickles can run code of whoever
