@@ -82,3 +82,11 @@ def test_views_of_an_object_share_a_timestep():
     assert (int(drawn.min()), int(drawn.max())) == (100, 300)
     single = draw_timesteps(100, 300, 8, 1, generator)
     assert len(single.unique()) > 4
+
+
+def test_a_noisier_schedule_has_a_share_of_the_signal():
+    plain = NoiseSchedule.scaled_linear()
+    noisier = plain.noisier(0.1)
+    ratio = [schedule.alpha_bars.double() / (1 - schedule.alpha_bars.double()) for schedule in (plain, noisier)]
+    assert torch.allclose(ratio[1] / ratio[0], torch.tensor(0.1, dtype=torch.float64), rtol=1e-3)
+    assert torch.allclose(plain.noisier(1.0).alpha_bars, plain.alpha_bars, rtol=1e-6)

@@ -26,6 +26,15 @@ class NoiseSchedule:
         betas = torch.linspace(first**0.5, last**0.5, TIMESTEPS) ** 2
         return cls(torch.cumprod(1 - betas, 0))
 
+    def noisier(self, factor: float) -> "NoiseSchedule":
+        """The same with the signal-to-noise ratio ᾱ / (1 - ᾱ) of every timestep times a factor below 1.
+
+        Large areas of a picture show what they are through more noise than a latent's few numbers do (Hoogeboom et al.
+        2023, simple diffusion, equation 3; Chen 2023).
+        """
+        kept = factor * self.alpha_bars
+        return NoiseSchedule(kept / (kept + 1 - self.alpha_bars))
+
     def __len__(self) -> int:
         return len(self.alpha_bars)
 

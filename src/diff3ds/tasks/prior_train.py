@@ -15,8 +15,8 @@ from diff3ds._files import replacing, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.objective import step_generator
-from diff3ds.guidance.schedule import TIMESTEPS, NoiseSchedule
-from diff3ds.guidance.small import Vocabulary, half_is_fast, write_network
+from diff3ds.guidance.schedule import TIMESTEPS
+from diff3ds.guidance.small import SCHEDULE, Vocabulary, half_is_fast, write_network
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.tasks.prior_data import Examples, single_thread, typical_ink, words
 from diff3ds.tasks.prior_samples import sample_sheet
@@ -111,7 +111,6 @@ class Training:
             torch.optim.AdamW(others, options.rate, ADAM_BETAS, weight_decay=0.0),
         )
         self.vocabulary = Vocabulary(words(), *typical_ink())
-        self.schedule = NoiseSchedule.scaled_linear()
         self.step = 0
         self.losses: list[float] = []
 
@@ -139,7 +138,7 @@ class Training:
         clean = (batch["views"] - self.vocabulary.mean) / self.vocabulary.spread
         steps = torch.randint(FIRST, LAST + 1, (len(clean),), generator=generator)
         noise = torch.randn(clean.shape, generator=generator)
-        kept = self.schedule.alpha_bars[steps][:, None, None, None]
+        kept = SCHEDULE.alpha_bars[steps][:, None, None, None]
         noisy = kept.sqrt() * clean + (1 - kept).sqrt() * noise
         wanted = kept.sqrt() * noise - (1 - kept).sqrt() * clean
         sees = float(torch.rand((), generator=generator)) < WITH_REFERENCE
