@@ -185,15 +185,16 @@ class Eval:
 
 @dataclass(frozen=True)
 class Fetch:
-    """Download the weights of a prior, once; a download that stopped goes on where it did.
+    """Download the weights of a prior or judge, once; a download that stopped goes on where it did.
 
-    Priors: mvdream, stable-diffusion, stable-diffusion-768, zero123, stable-zero123. They go to the cache of the
-    Hugging Face hub.
+    Priors: mvdream, stable-diffusion, stable-diffusion-768, zero123, stable-zero123. Judges of "diff3ds eval" and
+    "diff3ds views --recipe 3doodle": clip-b16, clip-b32, blip, vgg16, clip-rn101. They go to the cache of the Hugging
+    Face hub.
     """
 
     fetch: OmitArgPrefixes[FetchOptions]
-    # Name of the prior.
-    prior: Positional[str]
+    # Name of the prior or judge.
+    name: Positional[str]
     # No progress, only errors.
     quiet: bool = False
 
@@ -201,7 +202,7 @@ class Fetch:
         """Runs the command."""
         console = Console(stderr=True, quiet=self.quiet)
         say = _sayer(console)
-        say(notice(self.prior))
+        say(notice(self.name))
         columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
         with Bars(*columns, TimeRemainingColumn(), console=console, disable=self.quiet) as bars:
             task = bars.add_task("weights", total=None)
@@ -209,8 +210,8 @@ class Fetch:
             def report(transfer: Transfer) -> None:
                 bars.update(task, description=transfer.name, total=transfer.total, completed=transfer.done)
 
-            folder = fetch(self.prior, self.fetch, report)
-        say(f"{self.prior}: {folder}")
+            folder = fetch(self.name, self.fetch, report)
+        say(f"{self.name}: {folder}")
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from rich.console import Console
 from diff3ds.guidance.known import KNOWN
 from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+from diff3ds.tasks.doodle import DoodleOptions
+from diff3ds.tasks.judges import JudgeOptions
 
 REPOSITORY = KNOWN["zero123"].repositories[0].id
 COMMIT = 40 * "1"
@@ -117,6 +119,46 @@ def test_what_incomplete_weights_lack(cache):
     assert f"zero123: {REPOSITORY} lacks unet/diffusion_pytorch_model.safetensors" in printed(diagnose(), 160)
 
 
+def judge(diagnosis, name):
+    (found,) = (judge for judge in diagnosis.judges if judge.name == name)
+    return found
+
+
+def test_judges_are_found(cache, tmp_path, monkeypatch):
+    """In the cache of the hub, of the main branch or of a pull request; or where torchvision keeps its files."""
+    monkeypatch.setattr(torch.hub, "get_dir", lambda: str(tmp_path / "torch"))
+    missing = diagnose()
+    assert (judge(missing, "blip").found, judge(missing, "blip").advice) == (None, "diff3ds fetch blip")
+    assert judge(missing, "alexnet").advice.startswith("https://download.pytorch.org/models/alexnet-owt-7be5be79.pth")
+    assert re.search(r"^clip-rn101 +--clip-rn101 +diff3ds fetch clip-rn101 *$", printed(missing), re.MULTILINE)
+    for name, branch, files in (
+        ("openai/clip-vit-base-patch16", "main", ["config.json", "model.safetensors", "vocab.json"]),
+        ("openai/clip-vit-base-patch32", None, ["config.json", "model.safetensors", "tokenizer.json"]),
+        ("Salesforce/blip-itm-large-coco", "main", ["config.json", "model.safetensors"]),
+    ):
+        folder = cache / f"models--{name.replace('/', '--')}"
+        (folder / "snapshots" / COMMIT).mkdir(parents=True)
+        for file in files:
+            (folder / "snapshots" / COMMIT / file).touch()
+        if branch:
+            (folder / "refs").mkdir()
+            (folder / "refs" / branch).write_text(COMMIT)
+    alexnet = tmp_path / "torch" / "checkpoints" / "alexnet-owt-7be5be79.pth"
+    alexnet.parent.mkdir(parents=True)
+    alexnet.touch()
+    there = diagnose()
+    assert judge(there, "clip-b16").found == "openai/clip-vit-base-patch16"
+    assert judge(there, "clip-b16").advice == ""
+    assert judge(there, "clip-b32").found == f"openai/clip-vit-base-patch32@{COMMIT}"
+    assert judge(there, "blip").found is None
+    assert judge(there, "alexnet").advice == f"--allow-pickle {alexnet}"
+
+
+def test_every_judge_has_an_option():
+    options = {"--" + name.replace("_", "-") for kind in (JudgeOptions, DoodleOptions) for name in kind.__annotations__}
+    assert {found.option for found in diagnose().judges} <= options
+
+
 def test_priors_run_where_they_fit(monkeypatch):
     """Two GPUs, one with 4.5 GB free."""
     free = [int(4.5e9), int(70e9)]
@@ -155,7 +197,7 @@ def test_eighty_columns_do():
 def test_json_says_the_same():
     diagnosis = diagnose()
     assert json.loads(as_json(diagnosis)) == json.loads(json.dumps(dataclasses.asdict(diagnosis)))
-    assert set(json.loads(as_json(diagnosis))) == {"base", "packages", "devices", "weights", "priors"}
+    assert set(json.loads(as_json(diagnosis))) == {"base", "packages", "devices", "weights", "priors", "judges"}
 
 
 def test_without_the_hubs_client_weights_cannot_be_found(monkeypatch):
@@ -166,6 +208,7 @@ def test_without_the_hubs_client_weights_cannot_be_found(monkeypatch):
     diagnosis = diagnose()
     assert diagnosis.weights == doctor.Finding("weights", None, 'pip install "diff3ds[diffusion]"')
     assert prior(diagnosis).command == "diff3ds fetch zero123"
+    assert judge(diagnosis, "blip").advice == "diff3ds fetch blip"
 
 
 def test_forbidden_connections_are_named(monkeypatch):

@@ -11,6 +11,8 @@ from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.weights import Source, find
 from diff3ds.tasks import download
 from diff3ds.tasks.fetch import FetchOptions, Transfer, fetch, notice
+from diff3ds.tasks.judge_weights import JUDGES
+from diff3ds.tasks.network_files import find_folder
 
 FIRST, SECOND, THIRD = (repository.id for repository in KNOWN["zero123"].repositories)
 UNET = "unet/diffusion_pytorch_model.safetensors"
@@ -164,6 +166,35 @@ def test_files_longer_than_announced_are_refused(hub, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+CLIP = "openai/clip-vit-base-patch32"
+CLIP_FILES = {"config.json": b"{}", "model.safetensors": content("clip"), "vocab.json": b"{}", "merges.txt": b"m"}
+
+
+def test_judges_are_fetched_with_their_tokenizer(hub):
+    hub.files[CLIP] = CLIP_FILES | {"pytorch_model.bin": content("pickle"), "README.md": b"read me"}
+    folder = fetch("clip-b32")
+    assert {path.name for path in folder.iterdir()} == CLIP_FILES.keys()
+    assert (folder / "model.safetensors").read_bytes() == content("clip")
+    assert find_folder(CLIP, "CLIP") == folder
+    hub.files["timm/vgg16.tv_in1k"] = CLIP_FILES
+    assert [path.name for path in fetch("vgg16").iterdir()] == ["model.safetensors"]
+
+
+def test_judges_with_pickles_only_come_from_a_pull_request(hub):
+    """The hub that stands for the real one answers to every revision alike."""
+    safe = hub.files.setdefault(CLIP, {"pytorch_model.bin": content("pickle")})
+    with pytest.raises(ConnectionError) as caught:
+        fetch("clip-b32")
+    said = str(caught.value)
+    assert f"  {CLIP}@main: lacks config.json, model.safetensors, tokenizer.json, which a revision refs/pr/N by" in said
+    assert f"often has: --weights {CLIP}@refs/pr/N\n" in said
+    assert said.endswith("or name a folder with --clip")
+    safe |= CLIP_FILES
+    folder = fetch("clip-b32", FetchOptions(f"{CLIP}@refs/pr/3"))
+    assert find_folder(f"{CLIP}@refs/pr/3", "CLIP") == folder
+    assert JUDGES["clip-b32"].found() == f"{CLIP}@{COMMIT}"
+
+
 def test_copies_are_tried_in_their_order(hub):
     """The first is gone, the second gated, the third has only pickles."""
     files = hub.files.pop(FIRST)
@@ -237,6 +268,12 @@ def test_offline_mode_is_named(hub, monkeypatch):
 def test_bad_names(hub, tmp_path):
     with pytest.raises(ValueError, match=r"prior must be one of stable-diffusion, .* got 'dalle'"):
         fetch("dalle")
+    with pytest.raises(ValueError, match=r"judge of clip-b16, .* got 'dalle'"):
+        fetch("dalle")
+    with pytest.raises(ValueError, match=r"alexnet is not on the hub. Get https://download.pytorch.org"):
+        fetch("alexnet")
+    with pytest.raises(ValueError, match="variant is for priors"):
+        fetch("blip", FetchOptions(variant="fp16"))
     with pytest.raises(ValueError, match="is on this disk: nothing to fetch"):
         fetch("zero123", FetchOptions(str(tmp_path)))
     with pytest.raises(ValueError, match="weights must be a folder or file that exists or owner/name"):
@@ -246,5 +283,6 @@ def test_bad_names(hub, tmp_path):
 def test_licences_are_said():
     assert notice("zero123") == "zero123: licence of the weights: MIT (Zero123-XL, cvlab-columbia)."
     assert "non-commercial research only" in notice("stable-zero123")
+    assert notice("blip") == "blip: licence of the weights: BSD-3-Clause."
     with pytest.raises(ValueError, match="prior must be one of"):
         notice("dalle")

@@ -20,6 +20,7 @@ import diff3ds
 from diff3ds.guidance.device import free_memory
 from diff3ds.guidance.known import KNOWN, Known
 from diff3ds.guidance.weights import Source, lacking, locate
+from diff3ds.tasks.judge_weights import ELSEWHERE, JUDGES
 
 GPU_ADVICE = "no GPU is seen; priors want one, and torch built for it (https://pytorch.org)"
 KERNEL_ADVICE = "only the slow reference renders: install a C++20 compiler, then diff3ds again"
@@ -92,6 +93,25 @@ class PriorFinding:
 
 
 @dataclass(frozen=True)
+class JudgeFinding:
+    """The weights of a network that judges sketches.
+
+    Attributes:
+        name: of the network.
+        option: of `diff3ds eval` or `diff3ds views --recipe 3doodle` that takes them.
+        found: what to give the option; None if they are not here.
+        licence: of the weights.
+        advice: how to get them, or how to use those that are here; may be empty.
+    """
+
+    name: str
+    option: str
+    found: str | None
+    licence: str
+    advice: str
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """All that `diff3ds doctor` finds.
 
@@ -101,6 +121,7 @@ class Diagnosis:
         devices: that compute.
         weights: where weights are kept.
         priors: all known ones.
+        judges: networks of `diff3ds eval` and of 3Doodle's losses.
     """
 
     base: tuple[Finding, ...]
@@ -108,13 +129,14 @@ class Diagnosis:
     devices: tuple[Device, ...]
     weights: Finding
     priors: tuple[PriorFinding, ...]
+    judges: tuple[JudgeFinding, ...]
 
 
 def diagnose() -> Diagnosis:
     """Looks at this machine. Nothing is loaded onto a GPU, nothing downloaded."""
     packages, devices = _packages(), _devices()
     priors = tuple(_prior(name, known, devices) for name, known in KNOWN.items())
-    return Diagnosis(_base(devices), packages, devices, _weights(), priors)
+    return Diagnosis(_base(devices), packages, devices, _weights(), priors, _judges())
 
 
 def as_json(diagnosis: Diagnosis) -> str:
@@ -136,8 +158,11 @@ def as_tables(diagnosis: Diagnosis) -> Group:
         weights = "here" if prior.folder else prior.command
         _add(priors, prior.name, weights, f"{prior.memory} GB", ", ".join(prior.devices) or slow)
         _add(licences, prior.name, f"{prior.download} GB", f"{prior.licence}. {prior.warning}".strip())
+    judges = _table("judge", "option", "weights")
+    for judge in diagnosis.judges:
+        _add(judges, judge.name, judge.option, " ".join(filter(None, (judge.found, judge.advice))))
     broken = [Text(f"{prior.name}: {copy}") for prior in diagnosis.priors for copy in prior.incomplete]
-    return Group(software, "", devices, "", priors, *broken, "", licences)
+    return Group(software, "", devices, "", priors, *broken, "", licences, "", judges)
 
 
 def _table(*columns: str) -> Table:
@@ -229,6 +254,19 @@ def _prior(name: str, known: Known, devices: tuple[Device, ...]) -> PriorFinding
     command = "" if folder else f"diff3ds fetch {name}"
     needs = known.download, known.memory, fitting
     return PriorFinding(name, folder, incomplete, *needs, known.licence, known.warning, command)
+
+
+def _judges() -> tuple[JudgeFinding, ...]:
+    client, found = importlib.util.find_spec("huggingface_hub"), []
+    for name, judge in JUDGES.items():
+        place = judge.found() if client else None
+        advice = "" if place else f"diff3ds fetch {name}"
+        found.append(JudgeFinding(name, judge.option, place, judge.licence, advice))
+    for name, other in ELSEWHERE.items():
+        path = other.found()
+        advice = f"--allow-pickle {path}" if path else f"{other.url}, a pickle: docs/evaluation.md"
+        found.append(JudgeFinding(name, other.option, path, other.licence, advice))
+    return tuple(found)
 
 
 def _copies(known: Known) -> tuple[str | None, tuple[str, ...]]:

@@ -1,8 +1,8 @@
-"""Getting the weights of a prior from the Hugging Face hub: what `diff3ds fetch` does."""
+"""Getting the weights of a prior or judge from the Hugging Face hub: what `diff3ds fetch` does."""
 
 import re
 import shutil
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +10,11 @@ from pathlib import Path
 from diff3ds.guidance.known import KNOWN, Known
 from diff3ds.guidance.weights import Source, cached, lacking, needed, require_extra
 from diff3ds.tasks.download import TIMEOUT, RemoteFile, begun, digest_of, disk_full, download, transport_error
+from diff3ds.tasks.judge_weights import ELSEWHERE, JUDGES, Judge
 
 DIGEST = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")
+# Of the names of a repository's files: what it lacks, and which of them are needed.
+Selection = Callable[[Iterable[str]], tuple[list[str], list[str]]]
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,7 @@ class FetchOptions:
 
     Attributes:
         weights: a repository of the hub, owner/name or owner/name@revision, instead of those that are known.
-        variant: of the files, such as fp16; by default half precision where it is published.
+        variant: of a prior's files, such as fp16; by default half precision where it is published.
     """
 
     weights: str | None = None
@@ -45,27 +48,28 @@ class UnavailableError(Exception):
     """A repository that cannot be had, or lacks what is needed; the next one may."""
 
 
-def notice(prior: str) -> str:
-    """The licence of a prior's weights, and what a user must know of it, to be shown before they are fetched or used.
+def notice(name: str) -> str:
+    """The licence of some weights, and what a user must know of it, to be shown before they are fetched or used.
 
     Raises:
-        ValueError: no such prior.
+        ValueError: no such prior or judge.
     """
-    known = KNOWN[_known(prior)]
-    return f"{prior}: licence of the weights: {known.licence}." + (f" {known.warning}" if known.warning else "")
+    known = _known(name)
+    warning = known.warning if isinstance(known, Known) else ""
+    return f"{name}: licence of the weights: {known.licence}. {warning}".strip()
 
 
 def fetch(
-    prior: str, options: FetchOptions | None = None, report: Callable[[Transfer], None] = lambda transfer: None
+    name: str, options: FetchOptions | None = None, report: Callable[[Transfer], None] = lambda transfer: None
 ) -> Path:
-    """Downloads the weights of a prior into the hub's cache, where they are found from then on.
+    """Downloads the weights of a prior or judge into the hub's cache, where they are found from then on.
 
-    Only the files that are needed: settings, and one file of safetensors for each part. Copies of the weights are tried
-    in their order. A download that stopped goes on where it did. Every file is checked by its digest, also those that
-    were there before.
+    Only the files that are needed: settings, and one file of safetensors for each part of a prior. Copies of
+    the weights are tried in their order. A download that stopped goes on where it did. Every file is checked by its
+    digest, also those that were there before.
 
     Args:
-        prior: its name.
+        name: of the prior or judge.
         options: default `FetchOptions()`.
         report: called as bytes arrive.
 
@@ -74,32 +78,51 @@ def fetch(
 
     Raises:
         ImportError: the extra is not installed.
-        ValueError: no such prior; a source that is no repository; a file that arrived damaged.
+        ValueError: no such prior or judge; a source that is no repository; a file that arrived damaged.
         ConnectionError: no copy can be had, with the reason of each; a connection that broke.
         OSError: no room.
     """
-    known, options = KNOWN[_known(prior)], options or FetchOptions()
+    known, options = _known(name), options or FetchOptions()
+    if isinstance(known, Judge) and options.variant:
+        raise ValueError(f"variant is for priors: {name} has one file of weights")
     require_extra(("huggingface_hub",))
     sources, reasons = _sources(known, options), []
     for source in sources:
         try:
-            return _fetch_from(source, known.parts, report)
+            return _fetch_from(source, _selection(known, source.variant), report)
         except UnavailableError as error:
             reasons.append(f"{source}: {error}")
     raise ConnectionError(
-        f"no copy of the weights of {prior} can be had:\n  " + "\n  ".join(reasons) + "\n"
+        f"no copy of the weights of {name} can be had:\n  " + "\n  ".join(reasons) + "\n"
         "Without a connection: run the same command on a machine that has one, copy its folder "
-        f"{_cache() / _folder(sources[0].place)} to this machine, same place; or name a folder with --weights"
+        f"{_cache() / _folder(sources[0].place)} to this machine, same place; or name a folder with "
+        f"{known.option if isinstance(known, Judge) else '--weights'}"
     )
 
 
-def _known(prior: str) -> str:
-    if prior not in KNOWN:
-        raise ValueError(f"prior must be one of {', '.join(KNOWN)}, got {prior!r}")
-    return prior
+def _known(name: str) -> Known | Judge:
+    if name in ELSEWHERE:
+        url = ELSEWHERE[name].url
+        raise ValueError(
+            f"{name} is not on the hub. Get {url} and convert it, or allow it as it is (docs/evaluation.md)"
+        )
+    if name not in KNOWN and name not in JUDGES:
+        raise ValueError(f"prior must be one of {', '.join(KNOWN)}, or judge of {', '.join(JUDGES)}, got {name!r}")
+    return KNOWN[name] if name in KNOWN else JUDGES[name]
 
 
-def _sources(known: Known, options: FetchOptions) -> list[Source]:
+def _selection(known: Known | Judge, variant: str | None) -> Selection:
+    if isinstance(known, Judge):
+        return known.select
+
+    def select(names: Iterable[str]) -> tuple[list[str], list[str]]:
+        there = set(names)
+        return lacking(there, known.parts, variant), needed(there, known.parts, variant)
+
+    return select
+
+
+def _sources(known: Known | Judge, options: FetchOptions) -> list[Source]:
     if options.weights is None:
         return [Source(r.id, r.revision, options.variant) for r in known.repositories]
     if Path(options.weights).expanduser().exists():
@@ -107,8 +130,8 @@ def _sources(known: Known, options: FetchOptions) -> list[Source]:
     return [Source.parse(options.weights, options.variant)]
 
 
-def _fetch_from(source: Source, parts: tuple[str, ...], report: Callable[[Transfer], None]) -> Path:
-    commit, files = _files(source, parts)
+def _fetch_from(source: Source, select: Selection, report: Callable[[Transfer], None]) -> Path:
+    commit, files = _files(source, select)
     store = _cache() / _folder(source.place)
     # A file of the cache is its blob, or, on systems without links, only the name that shows it.
     places = {name: (store / "blobs" / f.digest, store / "snapshots" / commit / name) for name, f in files.items()}
@@ -127,7 +150,7 @@ def _fetch_from(source: Source, parts: tuple[str, ...], report: Callable[[Transf
             download(file, places[name][0], received)
         before += file.size
     report(Transfer("", total, total))
-    return _linked(source, list(files), parts)
+    return _linked(source, list(files), select)
 
 
 def _drop_damaged(places: tuple[Path, Path], digest: str) -> None:
@@ -136,17 +159,18 @@ def _drop_damaged(places: tuple[Path, Path], digest: str) -> None:
             place.unlink(missing_ok=True)
 
 
-def _files(source: Source, parts: tuple[str, ...]) -> tuple[str, dict[str, RemoteFile]]:
+def _files(source: Source, select: Selection) -> tuple[str, dict[str, RemoteFile]]:
     """The commit of a repository, and its files that are needed, by their path in it."""
     from huggingface_hub import HfApi, hf_hub_url
 
     with _unavailable(source):
         info = HfApi().model_info(source.place, revision=source.revision, files_metadata=True, timeout=TIMEOUT)
     there = {file.rfilename: file for file in info.siblings or []}
-    if missing := lacking(there, parts, source.variant):
+    missing, wanted = select(there)
+    if missing:
         raise UnavailableError(f"lacks {', '.join(missing)}")
     files = {}
-    for name in needed(there, parts, source.variant):
+    for name in wanted:
         size, large = there[name].size, there[name].lfs
         digest = large.sha256 if large else there[name].blob_id
         if size is None or digest is None or not DIGEST.fullmatch(digest):
@@ -156,7 +180,7 @@ def _files(source: Source, parts: tuple[str, ...]) -> tuple[str, dict[str, Remot
     return info.sha or "", files
 
 
-def _linked(source: Source, names: list[str], parts: tuple[str, ...]) -> Path:
+def _linked(source: Source, names: list[str], select: Selection) -> Path:
     """The folder in the cache that shows downloaded files under their names."""
     from huggingface_hub import hf_hub_download
 
@@ -164,7 +188,7 @@ def _linked(source: Source, names: list[str], parts: tuple[str, ...]) -> Path:
         for name in names:
             hf_hub_download(source.place, name, revision=source.revision, etag_timeout=TIMEOUT)
     folder = cached(source.place, source.revision)
-    if folder is None or lacking(names := [n for n in names if (folder / n).is_file()], parts, source.variant):
+    if folder is None or select(n for n in names if (folder / n).is_file())[0]:
         raise UnavailableError("changed while it was downloaded: run the same command again")
     return folder
 
