@@ -9,11 +9,12 @@ import torch
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.guidance.small import angles, read_network
-from diff3ds.library import CATEGORIES
+from diff3ds.library import CATEGORIES, member
 from diff3ds.library.phrase import parse
 from diff3ds.tasks import prior_data, prior_train
-from diff3ds.tasks.prior_data import Examples, combinations, draw_request, inked, said, words
+from diff3ds.tasks.prior_data import Examples, OwnSketches, combinations, draw_request, inked, said, words
 from diff3ds.tasks.prior_train import CHECKPOINT, LOG, NETWORK, TrainOptions, rate_share, train_prior
+from diff3ds.tasks.sketch_folder import read_sketches
 
 TINY = {"batch": 2, "depth": 1, "width": 16, "patch": 16, "workers": 0, "checkpoint_every": 100}
 
@@ -87,20 +88,20 @@ def test_the_rate_rises_stays_and_falls_to_nothing():
 
 def test_a_network_learns(tmp_path, monkeypatch):
     """What it can learn at once: where there is ink at all. Noise alone has a loss of 1."""
-    monkeypatch.setattr(prior_train, "typical_ink", lambda: (0.18, 0.37))
-    path = train_prior(tmp_path, TrainOptions(steps=40, rate=0.02, **(TINY | {"batch": 2, "width": 32, "patch": 8})))
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
+    path = train_prior(tmp_path, TrainOptions(steps=90, rate=0.02, **(TINY | {"batch": 2, "width": 32, "patch": 8})))
     log = json.loads((tmp_path / LOG).read_text())
-    assert log["steps"] == 40
+    assert log["steps"] == 90
     values = log["loss"]["values"]
     assert values[0] > 0.9
-    assert values[-1] < 0.8
+    assert sum(values[-3:]) / 3 < 0.8
     network, vocabulary = read_network(path)
     assert vocabulary.words == words()
     assert network.shape.width == 32
 
 
 def test_a_training_that_is_resumed_is_the_same_bit_for_bit(tmp_path, monkeypatch):
-    monkeypatch.setattr(prior_train, "typical_ink", lambda: (0.18, 0.37))
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
     whole = train_prior(tmp_path / "whole", TrainOptions(steps=8, **TINY))
 
     def stop(progress):
@@ -119,7 +120,7 @@ def test_a_training_that_is_resumed_is_the_same_bit_for_bit(tmp_path, monkeypatc
 
 
 def test_workers_change_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(prior_train, "typical_ink", lambda: (0.18, 0.37))
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
     alone = train_prior(tmp_path / "alone", TrainOptions(steps=3, **TINY))
     helped = train_prior(tmp_path / "helped", TrainOptions(steps=3, **(TINY | {"workers": 1})))
     first, second = read_network(alone)[0].state_dict(), read_network(helped)[0].state_dict()
@@ -157,3 +158,37 @@ def test_sizes_agree_with_those_of_the_exemplars():
 
     assert prior_data.SIZE == exemplars.SIZE
     assert exemplars.GROUP == prior_data.GROUP
+
+
+def test_a_network_learns_a_folder_of_ones_own(tmp_path, capsys):
+    folder, out = tmp_path / "sketches", tmp_path / "prior"
+    folder.mkdir()
+    for name, category in (("gizmo_1", "mug"), ("round_gizmo_with_lid", "lamp"), ("widget", "key")):
+        ds.save(folder / f"{name}.json", member(category, torch.Generator().manual_seed(0)).sketch)
+    small = ["--batch", "1", "--depth", "1", "--width", "16", "--patch", "16", "--workers", "0"]
+    arguments = ["prior", "train", "--library", str(folder), "-o", str(out), "--checkpoint-every", "2", *small]
+    main([*arguments, "--steps", "2"])
+    learned = read_network(out / NETWORK)[1].words
+    assert sorted(learned) == sorted(["gizmo", "widget", "gizmo: round", "gizmo: lid", *prior_data.AXES])
+    drawing = ["--prior", "small", "--weights", str(out / NETWORK), "-o", str(tmp_path / "run"), "--quiet"]
+    main(["text", "a tall round gizmo", *drawing, "--steps", "2", "--strokes", "4", "--sheet-every", "0"])
+    assert (tmp_path / "run" / "sketch.json").exists()
+    with pytest.raises(SystemExit):
+        main(["text", "a mug", *drawing[:-3], "-o", str(tmp_path / "other")])
+    assert "nothing in" in capsys.readouterr().err
+    ds.save(folder / "widget.json", member("sword", torch.Generator().manual_seed(0)).sketch)
+    with pytest.raises(SystemExit):
+        main([*arguments, "--steps", "4", "--resume"])
+    assert "another library_sha256" in capsys.readouterr().err
+
+
+def test_own_sketches_vary_as_a_whole(tmp_path):
+    ds.save(tmp_path / "mug.json", member("mug", torch.Generator().manual_seed(0)).sketch)
+    subjects = OwnSketches(read_sketches(tmp_path))
+    drawn = [subjects.draw(torch.Generator().manual_seed(i)) for i in range(20)]
+    for sketch, values in drawn:
+        assert values["mug"] == 1
+        assert all(abs(value) <= math.log(1.35) + 1e-6 for name, value in values.items() if name in prior_data.AXES)
+        assert ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 9)).norm(dim=-1).max() < 1
+    heights = [float((s.points.amax((0, 1)) - s.points.amin((0, 1)))[2]) for s, _ in drawn]
+    assert max(heights) > 1.1 * min(heights)

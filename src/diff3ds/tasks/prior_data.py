@@ -1,9 +1,10 @@
-"""What the small prior is trained on: renderings of the library's members, drawn from a seed one by one."""
+"""What the small prior is trained on: renderings of a library's members, drawn from a seed one by one."""
 
 import hashlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -15,10 +16,11 @@ from diff3ds.camera import Cameras, orbit
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.small import GROUP, angles, ink
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.phrase import STRETCHES, Request
+from diff3ds.library.phrase import STRETCHES, Request, parse
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.exemplars import WIDTH, requested
+from diff3ds.tasks.exemplars import WIDTH, arranged, requested
+from diff3ds.tasks.sketch_folder import SketchFolder
 
 SIZE = 64
 # Of the members, so many are plain, and so many are stretched ("tall"). Empirical.
@@ -27,6 +29,10 @@ PLAIN, STRETCHED = 0.35, 0.15
 HELD_OUT = 4
 # Reference views are jittered, each control point by up to this (world units), as a hand would. Empirical.
 JITTER = 0.03
+# Sketches of a folder, as fixed as they are, by this.
+OWN_JITTER = 0.01
+# Of the library, in pictures of the training.
+SHOWN = ("a chair", "a chair with armrests", "a mug", "a house", "a car", "a tall lamp", "a bicycle", "a tree")
 AXES = ("stretch x", "stretch y", "stretch z")
 
 
@@ -91,18 +97,89 @@ def inked(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "V H W"]:
     return ink(seen)[:, 0]
 
 
+@runtime_checkable
+class Subjects(Protocol):
+    """Things that a network is trained on."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """All that can be said of them."""
+        ...
+
+    @property
+    def shown(self) -> list[dict[str, float]]:
+        """What is said of some of them, to see what a network has learned so far."""
+        ...
+
+    def draw(self, generator: torch.Generator) -> tuple[Sketch, dict[str, float]]:
+        """One of them, in the unit ball, and what is said of it."""
+        ...
+
+
 @dataclass(frozen=True)
+class BuiltIn:
+    """The library of the package."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Every category, every attribute of each, and the stretches."""
+        return words()
+
+    @property
+    def shown(self) -> list[dict[str, float]]:
+        """The same in every training."""
+        return [said(parse(phrase)) for phrase in SHOWN]
+
+    def draw(self, generator: torch.Generator) -> tuple[Sketch, dict[str, float]]:
+        """A member of any category, with any attributes that are not held out."""
+        request = draw_request(generator)
+        return requested(request, generator), said(request)
+
+
+@dataclass(frozen=True, eq=False)
+class OwnSketches:
+    """A folder of the user's: its members vary as a whole, because nothing is known of their parts.
+
+    Attributes:
+        folder: as it was read.
+    """
+
+    folder: SketchFolder
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Every noun, the words of its names, and the stretches."""
+        known = (w for n in self.folder.names for w in (n.noun, *(attribute(n.noun, word) for word in n.words)))
+        return (*dict.fromkeys(known), *AXES)
+
+    @property
+    def shown(self) -> list[dict[str, float]]:
+        """The first few."""
+        names = dict.fromkeys((name.noun, name.words) for name in self.folder.names)
+        return [said(Request(*name)) for name in [*names][: len(SHOWN)]]
+
+    def draw(self, generator: torch.Generator) -> tuple[Sketch, dict[str, float]]:
+        """A member, its control points jittered a little, stretched along the axes by up to a third."""
+        member = self.folder.members[int(torch.randint(len(self.folder.members), (), generator=generator))]
+        x, y, z = (1.35 ** (2 * torch.rand(3, generator=generator) - 1)).tolist()
+        request = Request(member.name.noun, member.name.words, 1, None, (x, y, z))
+        return arranged(shaken(member.sketch, OWN_JITTER, generator), request), said(request)
+
+
+@dataclass(frozen=True, eq=False)
 class Examples(Dataset[dict[str, Tensor]]):
     """Members as four cameras see them, and as a fifth one does. Example i depends on the seed and i alone.
 
     Attributes:
         seed: of all.
         count: how many there are.
+        subjects: what is drawn.
         size: of the images, pixels.
     """
 
     seed: int
     count: int
+    subjects: Subjects = field(default_factory=BuiltIn)
     size: int = SIZE
 
     def __len__(self) -> int:
@@ -112,22 +189,21 @@ class Examples(Dataset[dict[str, Tensor]]):
         """One member: views (V, H, W) and reference (1, H, W) as ink; cameras (V, 3) and (1, 3); words (K)."""
         (mixed,) = np.random.SeedSequence([self.seed, index]).generate_state(1)
         generator = torch.Generator().manual_seed(int(mixed))
-        request = draw_request(generator)
-        sketch = requested(request, generator)
+        sketch, values = self.subjects.draw(generator)
         views = Orbits(GROUP, GROUP, self.size)(0, generator)
         turn, up, away, shake = torch.rand(4, generator=generator).tolist()
         camera = orbit(360 * turn - 180, 30 * up, 1.8 + 0.2 * away, size=self.size)
-        values = said(request)
         return {
             "views": inked(sketch, views),
             "cameras": angles(views),
-            "reference": inked(_shaken(sketch, JITTER * max(0.0, 2 * shake - 1), generator), camera),
+            "reference": inked(shaken(sketch, JITTER * max(0.0, 2 * shake - 1), generator), camera),
             "reference_camera": angles(camera),
-            "words": torch.tensor([values.get(word, 0.0) for word in words()]),
+            "words": torch.tensor([values.get(word, 0.0) for word in self.subjects.words]),
         }
 
 
-def _shaken(sketch: Sketch, amount: float, generator: torch.Generator) -> Sketch:
+def shaken(sketch: Sketch, amount: float, generator: torch.Generator) -> Sketch:
+    """A sketch whose control points are moved at random, by such a standard deviation (world units)."""
     moved = amount * torch.randn(sketch.points.shape, generator=generator)
     return replace(sketch, points=sketch.points + moved)
 
@@ -139,7 +215,7 @@ def single_thread(worker: int) -> None:
 
 
 @cache
-def typical_ink(seed: int = 0, count: int = 256) -> tuple[float, float]:
+def typical_ink(subjects: Subjects, seed: int = 0, count: int = 256) -> tuple[float, float]:
     """Mean and standard deviation of the ink in training images."""
-    held = torch.stack([Examples(seed, count)[i]["views"] for i in range(count)])
+    held = torch.stack([Examples(seed, count, subjects)[i]["views"] for i in range(count)])
     return float(held.mean()), float(held.std())

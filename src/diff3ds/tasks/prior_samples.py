@@ -1,6 +1,7 @@
 """Pictures that a small prior makes by itself, without strokes: what it has learned so far."""
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -11,10 +12,7 @@ from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance import distill
 from diff3ds.guidance.small import GROUP, SmallDenoiser, Vocabulary
 from diff3ds.guidance.small_network import SmallNetwork
-from diff3ds.library.phrase import parse
-from diff3ds.tasks.prior_data import said
 
-PHRASES = ("a chair", "a chair with armrests", "a mug", "a house", "a car", "a tall lamp", "a bicycle", "a tree")
 STEPS, GUIDANCE, SEED = 30, 3.0, 0
 AZIMUTH, ELEVATION, DISTANCE = 30.0, 15.0, 1.9
 
@@ -34,14 +32,18 @@ def sample(denoiser: SmallDenoiser, cameras: Cameras, generator: torch.Generator
     return denoiser.decode(latents)
 
 
-def sample_sheet(path: Path, network: SmallNetwork, vocabulary: Vocabulary, device: torch.device) -> None:
-    """Writes a picture: a row for each of some phrases, four views in each."""
+def sample_sheet(
+    path: Path,
+    network: SmallNetwork,
+    vocabulary: Vocabulary,
+    shown: Sequence[dict[str, float]],
+    device: torch.device,
+) -> None:
+    """Writes a picture: four views for each of what is asked for, in the words of `prior_data.Subjects`."""
     cameras = orbit([AZIMUTH + 90 * i for i in range(GROUP)], ELEVATION, DISTANCE, size=network.shape.size)
-    training = network.training
     rows = []
-    for phrase in PHRASES:
-        denoiser = SmallDenoiser(network, vocabulary, vocabulary.said(said(parse(phrase))), device=device)
+    for values in shown:
+        denoiser = SmallDenoiser(network, vocabulary, vocabulary.said(values), device=device)
         rows.append(sample(denoiser, cameras, torch.Generator().manual_seed(SEED)))
-    network.train(training)
     path.parent.mkdir(parents=True, exist_ok=True)
     save_png(path, tile_images(torch.cat(rows), 2 * GROUP))

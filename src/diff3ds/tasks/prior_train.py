@@ -18,9 +18,10 @@ from diff3ds.guidance.objective import step_generator
 from diff3ds.guidance.schedule import TIMESTEPS
 from diff3ds.guidance.small import SCHEDULE, Vocabulary, half_is_fast, write_network
 from diff3ds.guidance.small_network import Shape, SmallNetwork
-from diff3ds.tasks.prior_data import Examples, single_thread, typical_ink, words
+from diff3ds.tasks.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.prior_samples import sample_sheet
 from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.sketch_folder import read_sketches
 
 CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
 # Steps over which the learning rate rises, and the share of the steps over which it falls to 0 at the end. Empirical.
@@ -43,6 +44,8 @@ class TrainOptions:
     """Options of `diff3ds prior train`.
 
     Attributes:
+        library: a folder of sketches or meshes to train on instead of the built-in library; files are named after what
+            they are: chair_01.json, or chair/01.json.
         steps: gradient steps. May be changed when a run is resumed.
         batch: objects a step, each seen by four cameras.
         rate: highest learning rate.
@@ -58,7 +61,8 @@ class TrainOptions:
         overwrite: the run in the output folder may be lost.
     """
 
-    steps: int = 5000
+    library: Path | None = None
+    steps: int = 20000
     batch: int = 16
     rate: float = 0.005
     depth: int = Shape.depth
@@ -80,25 +84,21 @@ class TrainOptions:
             raise ValueError("workers and seed must not be negative")
         if not 0 < self.rate < 1:
             raise ValueError(f"rate must lie in (0, 1), got {self.rate}")
-        self.shape()
+        self.shape(1)
 
-    def shape(self) -> Shape:
-        """Of the network."""
-        return Shape(len(words()), patch=self.patch, width=self.width, depth=self.depth)
-
-    def identity(self) -> dict[str, Any]:
-        """What a resumed run must share."""
-        own = {"batch": self.batch, "rate": self.rate, "threads": self.threads, "seed": self.seed}
-        return own | asdict(self.shape())
+    def shape(self, words: int) -> Shape:
+        """Of the network, for so many words."""
+        return Shape(words, patch=self.patch, width=self.width, depth=self.depth)
 
 
 class Training:
     """A network, the mean of its weights over the steps, and its optimisers."""
 
-    def __init__(self, options: TrainOptions, device: torch.device) -> None:
+    def __init__(self, options: TrainOptions, subjects: Subjects, device: torch.device) -> None:
         torch.manual_seed(options.seed)
-        self.options, self.device = options, device
-        self.network = SmallNetwork(options.shape()).to(device)
+        self.options, self.subjects, self.device = options, subjects, device
+        self.vocabulary = Vocabulary(subjects.words, *typical_ink(subjects))  # type: ignore[arg-type] # a protocol
+        self.network = SmallNetwork(options.shape(len(subjects.words))).to(device)
         self.mean = copy.deepcopy(self.network).requires_grad_(False)
         named = dict(self.network.named_parameters())
         inner = {name for name, p in named.items() if name.startswith("blocks.") and name.endswith(".weight")}
@@ -110,9 +110,14 @@ class Training:
             torch.optim.Muon(matrices, options.rate, MUON_DECAY, adjust_lr_fn="match_rms_adamw"),
             torch.optim.AdamW(others, options.rate, ADAM_BETAS, weight_decay=0.0),
         )
-        self.vocabulary = Vocabulary(words(), *typical_ink())
         self.step = 0
         self.losses: list[float] = []
+
+    def identity(self) -> dict[str, Any]:
+        """What a resumed run must share."""
+        own = {name: getattr(self.options, name) for name in ("batch", "rate", "threads", "seed")}
+        own |= self.subjects.folder.identity if isinstance(self.subjects, OwnSketches) else {}
+        return own | asdict(self.network.shape)
 
     def learn(self, batch: dict[str, Tensor]) -> float:
         """One step; returns the loss."""
@@ -162,7 +167,7 @@ class Training:
             for j, state in optimiser.state_dict()["state"].items():
                 tensors |= {f"optimiser.{i}.{j}.{k}": torch.as_tensor(v) for k, v in state.items()}
         tensors["losses"] = torch.tensor(self.losses, dtype=torch.float64)
-        about = {"identity": self.options.identity(), "step": self.step, "words": list(self.vocabulary.words)}
+        about = {"identity": self.identity(), "step": self.step, "words": list(self.vocabulary.words)}
         with replacing(path) as temporary:
             held = {k: v.detach().cpu().clone().contiguous() for k, v in tensors.items()}
             save_file(held, temporary, {"diff3ds": json.dumps(about)})
@@ -179,7 +184,7 @@ class Training:
             with safe_open(path, "pt") as file:
                 about = json.loads((file.metadata() or {})["diff3ds"])
                 tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118 (not a dict)
-            was, now = about["identity"], self.options.identity()
+            was, now = about["identity"], self.identity()
             different = [name for name in now if was.get(name) != now[name]]
             if different or about["words"] != list(self.vocabulary.words):
                 name = different[0] if different else "the library's words"
@@ -235,7 +240,8 @@ def train_prior(
         raise ValueError(f"{out} holds a training: give another folder (-o), --resume to go on, or --overwrite")
     device = pick_device(options.device)
     torch.set_num_threads(options.threads)
-    training = Training(options, device)
+    subjects = BuiltIn() if options.library is None else OwnSketches(read_sketches(options.library))
+    training = Training(options, subjects, device)
     if options.resume:
         training.load(checkpoint)
     say(f"training on {device} with {sum(p.numel() for p in training.network.parameters()) / 1e6:.1f} M parameters")
@@ -249,7 +255,7 @@ def train_prior(
 
 def _run(training: Training, out: Path, report: Report) -> None:
     options = training.options
-    for batch in _batches(options, training.step):
+    for batch in _batches(training):
         loss = training.learn(batch)
         if not math.isfinite(loss):
             raise FloatingPointError(f"the loss of step {training.step} is not finite: try a lower --rate")
@@ -258,17 +264,18 @@ def _run(training: Training, out: Path, report: Report) -> None:
         if training.step % options.checkpoint_every == 0:
             _write(training, out)
             sheet = out / SHEETS / f"step_{training.step:06d}.png"
-            sample_sheet(sheet, training.mean, training.vocabulary, training.device)
+            sample_sheet(sheet, training.mean, training.vocabulary, training.subjects.shown, training.device)
 
 
-def _batches(options: TrainOptions, first: int) -> Iterator[dict[str, Tensor]]:
-    """Batches from this step on, drawn ahead by processes of their own."""
-    examples = Examples(options.seed, options.steps * options.batch)
+def _batches(training: Training) -> Iterator[dict[str, Tensor]]:
+    """Batches from the next step on, drawn ahead by processes of their own."""
+    options = training.options
+    examples = Examples(options.seed, options.steps * options.batch, training.subjects)
     return iter(
         DataLoader(
             examples,
             options.batch,
-            sampler=range(first * options.batch, len(examples)),
+            sampler=range(training.step * options.batch, len(examples)),
             num_workers=options.workers,
             worker_init_fn=single_thread,
             prefetch_factor=AHEAD if options.workers else None,
@@ -279,7 +286,8 @@ def _batches(options: TrainOptions, first: int) -> Iterator[dict[str, Tensor]]:
 
 def _write(training: Training, out: Path) -> Path:
     training.save(out / CHECKPOINT)
-    about = {"options": asdict(training.options), "steps": training.step}
+    options = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(training.options).items()}
+    about = {"options": options, "steps": training.step}
     write_network(out / NETWORK, training.mean, training.vocabulary, about)
     every = 10
     means = [sum(held) / len(held) for held in (training.losses[i : i + every] for i in range(0, training.step, every))]

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.library.phrase import parse
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
@@ -23,7 +22,7 @@ from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sharpen import Sharpening
 from diff3ds.tasks.sketch_folder import identity_of, read_sketches
-from diff3ds.tasks.small_prior import ask
+from diff3ds.tasks.small_prior import ask, asked_for
 
 # The paper's weight of guidance for phrases.
 GUIDANCE = 50.0
@@ -98,7 +97,7 @@ def _built_in(
     width = WIDTH if settings.width is None else settings.width
     denoiser: Denoiser
     if about["prior"] == "small":
-        request = parse(phrase)
+        request = asked_for(phrase, prior)
         asked = ask(request, prior)
         denoiser, identity, start, color = asked.denoiser, asked.identity, None, request.color
         sharpening = None
