@@ -74,7 +74,6 @@ __device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first
     if (!(n.d2 < R * R)) continue;
     const real limit = root(n.d2) + real(2 * CHORD_TOL);  // chords this much farther may still lead to the nearest point
     const bool two = n.second < limit * limit && n.second < R * R;
-    if (last - first == 1 && !two) return {n.d2, n.tau, r};
     const Piece<real> &c = J.pieces[run.piece];
     const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
     improve(c, r, n.tau, qx, qy, best);

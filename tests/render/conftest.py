@@ -1,17 +1,33 @@
 """Fixtures of the renderer's tests: every backend of this machine, and both kinds of antialiasing."""
 
 import pytest
-from emulated import use_emulation
+from cuda_backends import on_device, use_device, use_emulation
 
 from diff3ds.render import available_backends, get_num_threads, set_num_threads
 
+# The CUDA kernels are emulated everywhere, and run on the device where there is one, or one is promised.
+KERNELS = [*(name for name in available_backends() if name == "cpu"), "cuda", *on_device("cuda on the device")]
 
-@pytest.fixture(params=[*(name for name in available_backends() if name != "cuda"), "cuda"])
+
+@pytest.fixture(params=["reference", *KERNELS])
 def backend(request, monkeypatch) -> str:
-    """A backend that draws tensors on the CPU; the CUDA kernels are emulated."""
-    if request.param == "cuda":
+    """A backend that draws tensors on the CPU, or as if they were there."""
+    return _ready(request.param, monkeypatch)
+
+
+@pytest.fixture(params=KERNELS)
+def kernels(request, monkeypatch) -> str:
+    """The same without the reference."""
+    return _ready(request.param, monkeypatch)
+
+
+def _ready(name: str, monkeypatch) -> str:
+    if name == "cuda":
         use_emulation(monkeypatch)
-    return request.param
+    elif name == "cuda on the device":
+        use_device(monkeypatch)
+        return "cuda"
+    return name
 
 
 @pytest.fixture(params=["analytic", "montecarlo"])

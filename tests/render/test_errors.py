@@ -95,7 +95,7 @@ def test_fields(backend, strokes, change, error, message):
         ({"background": torch.ones(3)}, TypeError, "background must be torch.float64 on cpu as the colours are"),
         ({"background": torch.ones(1, 1, 1, 1, 3).double()}, ValueError, "background must broadcast"),
         ({"background": "white"}, TypeError, "background must be a number, three numbers or a tensor, got str"),
-        ({"backend": "gpu"}, ValueError, 'backend must be "reference", "cpu" or None, got \'gpu\''),
+        ({"backend": "gpu"}, ValueError, 'backend must be "reference", "cpu", "cuda" or None, got \'gpu\''),
     ],
 )
 def test_options(backend, strokes, options, error, message):

@@ -1,7 +1,8 @@
-"""Which implementation renders: the compiled kernels where they are, else the reference."""
+"""Which implementation renders: the kernels for the tensors' device where they are, else the reference."""
 
 import functools
 import importlib
+import importlib.util
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -63,7 +64,19 @@ def torch_on_one_thread() -> Iterator[None]:
 
 def available_backends() -> list[Backend]:
     """Backends that run on this machine, the reference first."""
-    return ["reference"] if kernels() is None else ["reference", "cpu"]
+    compiled: list[Backend] = [] if kernels() is None else ["cpu"]
+    on_gpu: list[Backend] = [] if _why_no_cuda() else ["cuda"]
+    return ["reference", *compiled, *on_gpu]
+
+
+@functools.cache
+def _why_no_cuda() -> str:
+    """What keeps the CUDA kernels from running here; empty if nothing does."""
+    if torch.version.hip is not None or not torch.cuda.is_available():
+        return "There is no NVIDIA GPU that torch sees"
+    if any(importlib.util.find_spec(name) is None for name in ("cuda", "cuda.core", "cuda.bindings")):
+        return 'The kernels for NVIDIA GPUs need cuda-core: `pip install "diff3ds[cuda]"`'
+    return ""
 
 
 def choose_backend(backend: Backend | None, device: torch.device, dtype: torch.dtype) -> Backend:
@@ -74,18 +87,24 @@ def choose_backend(backend: Backend | None, device: torch.device, dtype: torch.d
     """
     if backend is None:
         return _best_backend(device, dtype)
-    if backend not in ("reference", "cpu"):
-        raise ValueError(f'backend must be "reference", "cpu" or None, got {backend!r}')
-    if backend == "cpu":
-        if kernels() is None:
-            raise ValueError(f'backend "cpu" is not installed. {_HOW_TO_BUILD}')
-        if device.type != "cpu":
-            raise ValueError(f'backend "cpu" draws tensors on the CPU, got {device}: use .to("cpu") or backend=None')
-        if dtype not in (torch.float32, torch.float64):
-            raise ValueError(f'backend "cpu" draws float32 and float64, got {dtype}: use .to(torch.float32)')
+    if backend not in ("reference", "cpu", "cuda"):
+        raise ValueError(f'backend must be "reference", "cpu", "cuda" or None, got {backend!r}')
+    if backend == "reference":
+        return backend
+    if backend == "cpu" and kernels() is None:
+        raise ValueError(f'backend "cpu" is not installed. {_HOW_TO_BUILD}')
+    if backend == "cuda" and _why_no_cuda():
+        raise ValueError(f'backend "cuda" does not run here. {_why_no_cuda()}')
+    if device.type != backend:
+        raise ValueError(
+            f'backend "{backend}" draws tensors on {backend}, got {device}: use .to("{backend}") or backend=None'
+        )
+    if dtype not in _KERNEL_DTYPES:
+        raise ValueError(f'backend "{backend}" draws float32 and float64, got {dtype}: use .to(torch.float32)')
     return backend
 
 
+_KERNEL_DTYPES = (torch.float32, torch.float64)
 _HOW_TO_BUILD = (
     "Install a C++20 compiler (g++ or clang++, for example `apt install g++` or `xcode-select --install`) and install "
     "diff3ds again: `pip install --force-reinstall --no-deps diff3ds`, or for a checkout `pip install -e .`"
@@ -93,12 +112,31 @@ _HOW_TO_BUILD = (
 
 
 def _best_backend(device: torch.device, dtype: torch.dtype) -> Backend:
-    if device.type != "cpu" or dtype not in (torch.float32, torch.float64):
+    if device.type not in ("cpu", "meta"):
+        if device.type == "cuda" and not _why_no_cuda():
+            return "cuda" if dtype in _KERNEL_DTYPES else "reference"
+        _warn_about_slow_device(device.type)
+        return "reference"
+    if device.type != "cpu" or dtype not in _KERNEL_DTYPES:
         return "reference"
     if kernels() is None:
         _warn_about_missing_kernels()
         return "reference"
     return "cpu"
+
+
+@functools.cache
+def _warn_about_slow_device(kind: str) -> None:
+    """Once a process and kind of device."""
+    amd = torch.version.hip is not None
+    why = "There are no kernels for AMD GPUs" if amd else f"There are no kernels for {kind} devices"
+    why = _why_no_cuda() if kind == "cuda" and not amd else why
+    warnings.warn(
+        f"{why}; the reference in PyTorch draws, much slower. On the CPU compiled kernels draw: move the sketch and "
+        'the cameras there with .to("cpu").',
+        RuntimeWarning,
+        stacklevel=5,
+    )
 
 
 @functools.cache

@@ -1,5 +1,6 @@
 // The CUDA kernels as a library for the CPU: -DREAL=float or double, -DSTROKE_EMULATE, include path csrc/cuda.
 #include "emulate.h"
+#include "strokes.cu"
 #include "draw.cu"
 #include "differentiate.cu"
 #include "samples.cu"

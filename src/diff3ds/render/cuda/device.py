@@ -9,15 +9,6 @@ from diff3ds._shapes import Int, Tensor
 from diff3ds.render.cuda.job import Job
 
 
-# Threads of a block, by the first word of a kernel's name (entry.cuh has them too).
-THREADS = {"place": 1024, "draw": 256, "conclude": 256, "differentiate": 256, "value": 256}
-
-
-def threads_of(name: str) -> int:
-    """Threads of a block of this kernel."""
-    return THREADS.get(name.split("_")[0], 128)
-
-
 @runtime_checkable
 class Device(Protocol):
     """Runs kernels of one precision in order.

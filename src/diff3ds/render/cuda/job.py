@@ -15,18 +15,15 @@ COUNTERS = BAD + 1
 TILE, PIXELS, WARPS = 16, 256, 8
 SUMS = 21
 
-_POINTERS = """
-cubics half_width color opacity background out_color out_alpha out_depth
-reach scale piece_first
-pieces piece_info arcs chord_first outline_first
-chords chord_info tangents pair_first
-pair_chord pair_run
-tile_first tile_cursor tile_run_first tile_runs
-tile_list runs segments fragments order point_first point_count counters report
-g_color g_alpha g_depth front g_fragment g_run g_background g_cubics g_look
-outline outline_list outline_tile_first outline_tile_cursor g_outline outline_sums
-outline_segments outline_fragments outline_order
-""".split()
+_POINTERS = (
+    "cubics", "half_width", "color", "opacity", "background", "out_color", "out_alpha", "out_depth", "reach", "scale",
+    "piece_first", "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents",
+    "pair_first", "pair_chord", "pair_run", "tile_first", "tile_cursor", "tile_run_first", "tile_runs", "tile_list",
+    "runs", "segments", "fragments", "order", "point_first", "point_count", "counters", "report", "g_color",
+    "g_alpha", "g_depth", "front", "g_fragment", "g_run", "g_background", "g_cubics", "g_look", "outline",
+    "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline", "outline_sums", "outline_segments",
+    "outline_fragments", "outline_order",
+)  # fmt: skip
 
 
 class Job(ctypes.Structure):
@@ -111,8 +108,8 @@ class Shape:
             "chord_info": 12 * chords,
             "tangents": 16 * chords,
             "pair_first": 4 * (chords + 1),
-            **{name: 4 * pairs for name in ("pair_chord", "pair_run", "tile_list")},
-            **{name: 4 * self.tiles for name in ("tile_run_first", "tile_runs")},
+            **dict.fromkeys(("pair_chord", "pair_run", "tile_list"), 4 * pairs),
+            **dict.fromkeys(("tile_run_first", "tile_runs"), 4 * self.tiles),
             "runs": 16 * runs,
             "segments": 8 * WARPS * kept * runs,
             "fragments": 4 * self.real * fragments,
@@ -123,7 +120,7 @@ class Shape:
 
     def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
         """Bytes of the arrays that a backward pass needs beside."""
-        sizes = {name: self.real * limits["fragments"] for name in ("front", "g_fragment")}
+        sizes = dict.fromkeys(("front", "g_fragment"), self.real * limits["fragments"])
         if not self.strata:
             return sizes
         points, fragments = limits["outline"], limits["outline_fragments"]

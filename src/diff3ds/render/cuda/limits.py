@@ -1,8 +1,9 @@
 """How long the lists of a drawing may become: remembered from one call to the next, so that no call has to wait.
 
-The kernels count what they need and tell the host through memory that both see. A call whose bounds are not proven waits
-for that and is done again with more where it was too little. Once two times the need fits, calls no longer wait; what is
-told is read at the next one. A drawing that outgrows proven bounds in one step is spoilt: NaN, with gradients of zero.
+The kernels count what they need and tell the host through memory that both see. A call whose bounds are not proven
+waits for that, and is done again with more where it was too little. Once twice the need fits, calls no longer wait;
+what is told is read at the next one. A drawing that outgrows proven bounds in one step is spoilt: its images are NaN,
+its gradients zero.
 """
 
 import warnings
@@ -72,7 +73,9 @@ class Limits:
         """
         for name, need in self.needs().items():
             if need > MOST:
-                raise MemoryError(f"the drawing needs {need:,} {name}, at most {MOST:,} are possible: draw fewer views at once")
+                raise MemoryError(
+                    f"the drawing needs {need:,} {name}, at most {MOST:,} are possible: draw fewer views at once"
+                )
             if 2 * need > self.length[name]:
                 self.length[name] = min(MOST, MARGIN * need)
 

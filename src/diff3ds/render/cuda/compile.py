@@ -1,0 +1,47 @@
+"""From the sources of the kernels to code for one kind of GPU, by NVRTC, kept on disk: no compiler is needed."""
+
+import hashlib
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from diff3ds._files import write_bytes
+from diff3ds.render.cuda.sources import source_digest, source_folder
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: `diff3ds/kernels` in XDG_CACHE_HOME, or in ~/.cache."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "diff3ds" / "kernels"
+
+
+def compiled(part: str, real: str, arch: str) -> bytes:
+    """The cubin of a part for pixels in "float" or "double" on an architecture like "sm_90", from disk if it is there.
+
+    Safe for several processes at once: files are written whole under another name and then renamed. Where nothing can
+    be written, every process compiles for itself.
+    """
+    from cuda.bindings import nvrtc
+
+    version = nvrtc.nvrtcVersion()[1:]
+    key = hashlib.sha256(repr((source_digest(), version)).encode()).hexdigest()[:32]
+    path = cache_folder() / f"{part}-{real}-{arch}-{key}.cubin"
+    try:
+        return path.read_bytes()
+    except OSError:
+        code = compile_part(part, real, arch)
+    with suppress(OSError):
+        write_bytes(path, code)
+    return code
+
+
+def compile_part(part: str, real: str, arch: str) -> bytes:
+    """The cubin of a part, compiled now."""
+    from cuda.core import Program, ProgramOptions
+
+    folder = source_folder() / "cuda"
+    options = ProgramOptions(
+        name=f"{part}.cu", std="c++20", arch=arch, define_macro=[("REAL", real)], include_path=str(folder)
+    )
+    source = (folder / f"{part}.cu").read_text(encoding="utf-8")
+    return bytes(Program(source, "c++", options).compile("cubin").code)

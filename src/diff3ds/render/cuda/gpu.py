@@ -1,0 +1,76 @@
+"""A GPU that runs the kernels: on torch's current stream, in torch's context of that GPU."""
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Int, Tensor
+from diff3ds.render.cuda.compile import compiled
+from diff3ds.render.cuda.job import Job
+from diff3ds.render.cuda.sources import PARTS, kernels
+
+# Blocks of kernels over lists, for every processor of the GPU: enough to hide the latency of memory (empirical).
+BLOCKS_PER_PROCESSOR = 8
+
+
+class Gpu:
+    """Runs kernels of one precision ("float" or "double") on one GPU."""
+
+    def __init__(self, device: torch.device, real: str) -> None:
+        self._device = device
+        properties = torch.cuda.get_device_properties(device)
+        self._arch = f"sm_{properties.major}{properties.minor}"
+        self.strides: int = BLOCKS_PER_PROCESSOR * properties.multi_processor_count
+        # All parts at once: the first kernel does not wait for the last one's compilation.
+        pool = ThreadPoolExecutor(len(PARTS), thread_name_prefix="diff3ds-compile")
+        self._codes = {part: pool.submit(compiled, part, real, self._arch) for part in PARTS}
+        pool.shutdown(wait=False)
+        self._parts: dict[str, Any] = {}
+        self._kernels: dict[str, Any] = {}
+
+    def launch(self, name: str, blocks: int, job: Job) -> None:
+        """Starts a kernel on the current stream.
+
+        Raises:
+            RuntimeError: the driver refuses.
+        """
+        from cuda.bindings import driver
+
+        with torch.cuda.device(self._device):
+            kernel = self._kernels.get(name) or self._load(name)
+            stream = torch.cuda.current_stream(self._device).cuda_stream
+            # The driver copies the job before it returns.
+            arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
+            (error,) = driver.cuLaunchKernel(
+                kernel, blocks, 1, 1, kernels()[name].threads, 1, 1, 0, stream, ctypes.addressof(arguments), 0
+            )
+        if error != driver.CUresult.CUDA_SUCCESS:
+            raise RuntimeError(f"{self._device} does not run the kernel {name}: {error.name}")
+
+    def _load(self, name: str) -> Any:
+        from cuda.bindings import driver
+        from cuda.core import ObjectCode
+
+        part = kernels()[name].part
+        if part not in self._parts:
+            # torch's context is current: its allocations came first.
+            self._parts[part] = ObjectCode.from_cubin(self._codes[part].result())
+        kernel = self._parts[part].get_kernel(name)
+        # Kept with its library; the driver takes either kind of handle.
+        self._kernels[name] = driver.CUfunction(int(kernel.handle))
+        return self._kernels[name]
+
+    def wait(self) -> None:
+        """Until the current stream is done."""
+        torch.cuda.current_stream(self._device).synchronize()
+
+    def capturing(self) -> bool:
+        """Whether the current stream records a graph."""
+        with torch.cuda.device(self._device):
+            return torch.cuda.is_current_stream_capturing()
+
+    def report(self, length: int) -> Int[Tensor, " C"]:
+        """Pinned memory, which the GPU sees at the same address."""
+        return torch.zeros(length, dtype=torch.int64).pin_memory()

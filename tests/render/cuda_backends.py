@@ -1,0 +1,59 @@
+"""How tests with tensors on the CPU run the CUDA kernels: emulated, or on the device."""
+
+import functools
+import os
+from dataclasses import replace
+from importlib import import_module
+
+import pytest
+import torch
+from emulated import Emulated, compiler
+
+
+def promised() -> bool:
+    """Whether this machine is said to have a GPU: then a test that cannot use it has failed."""
+    return os.environ.get("DIFF3DS_GPU") == "1"
+
+
+def on_device(name: str) -> list:
+    """A parameter for tests on the device, where there is one or one is promised."""
+    return [pytest.param(name, marks=pytest.mark.gpu)] if promised() or torch.cuda.is_available() else []
+
+
+@functools.cache
+def emulated(device: torch.device, dtype: torch.dtype) -> Emulated:
+    return Emulated("float" if dtype == torch.float32 else "double")
+
+
+def use_emulation(monkeypatch, device_for=emulated) -> None:
+    """From now on the backend "cuda" draws tensors on the CPU, by emulation."""
+    if compiler() is None:
+        pytest.skip("no C++ compiler to emulate the CUDA kernels with")
+    monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "device_for", device_for)
+    _let_cuda_draw(monkeypatch)
+
+
+def use_device(monkeypatch) -> None:
+    """From now on the backend "cuda" moves tensors to the device, draws, and moves the images back."""
+    assert torch.cuda.is_available(), "DIFF3DS_GPU=1 promises a GPU, and torch sees none"
+    module = import_module("diff3ds.render.cuda.rasterize")
+    draw = module.rasterize
+
+    def there_and_back(strokes, size, background, *options):
+        moved = {name: getattr(strokes, name).cuda() for name in ("cubics", "half_width", "color", "opacity")}
+        return tuple(x.cpu() for x in draw(replace(strokes, **moved), size, background.cuda(), *options))
+
+    monkeypatch.setattr(module, "rasterize", there_and_back)
+    _let_cuda_draw(monkeypatch)
+
+
+def _let_cuda_draw(monkeypatch) -> None:
+    # `diff3ds.render` is the function; its module has to be asked for.
+    module = import_module("diff3ds.render")
+    choose = module.choose_backend
+
+    def chosen(backend, device, dtype):
+        can = device.type == "cpu" and dtype in (torch.float32, torch.float64)
+        return "cuda" if backend == "cuda" and can else choose(backend, device, dtype)
+
+    monkeypatch.setattr(module, "choose_backend", chosen)

@@ -1,0 +1,171 @@
+"""What is the CUDA kernels' own, emulated: order of work, memory that must grow, long lists, calls that do not wait."""
+
+from importlib import import_module
+
+import pytest
+import torch
+from cuda_backends import use_emulation
+from emulated import Emulated, compiler
+from scenes import TENSORS, draw, strokes_at, tracked
+
+from diff3ds.render import available_backends, rasterize
+from diff3ds.render.cuda.job import BAD
+
+pytestmark = pytest.mark.skipif(compiler() is None, reason="no C++ compiler to emulate the CUDA kernels with")
+limits = import_module("diff3ds.render.cuda.limits")
+
+
+@pytest.fixture
+def memories(monkeypatch) -> dict:
+    """What is remembered of earlier drawings, empty."""
+    monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "_limits", {})
+    return import_module("diff3ds.render.cuda.rasterize")._limits
+
+
+@pytest.fixture
+def device(monkeypatch, memories) -> Emulated:
+    """A device without a past."""
+    one = Emulated("float")
+    use_emulation(monkeypatch, lambda *_: one)
+    return one
+
+
+def crowd(count: int = 40, size: int = 30, seed: int = 0, **options):
+    """Bent strokes over each other, in float32."""
+    g = torch.Generator().manual_seed(seed)
+    points = size / 2 + size / 4 * torch.randn(count, 4, 2, generator=g)
+    looks = {
+        "depth": 1 + torch.rand(count, 4, generator=g),
+        "half_width": 2 * torch.rand(count, generator=g),
+        "color": torch.rand(count, 3, generator=g),
+        "opacity": torch.rand(count, generator=g),
+    }
+    return strokes_at(points, dtype=torch.float32, **{**looks, **options})
+
+
+def results(strokes, size, antialiasing="analytic", backend="cuda", **options) -> list[torch.Tensor]:
+    """Images, and gradients of all tensors and the background."""
+    tensors = tracked(strokes)
+    background = torch.full((3,), 0.4, requires_grad=True)
+    options = {"samples": 4, **options} if antialiasing == "montecarlo" else options
+    image = draw(strokes, size, backend, antialiasing, background=background, **options)
+    loss = image.color.square().sum() + image.alpha.sum() + image.depth.sum()
+    return [image.color, image.alpha, image.depth, *torch.autograd.grad(loss, [*tensors, background])]
+
+
+def assert_same(got, expected) -> None:
+    for a, b in zip(got, expected, strict=True):
+        assert torch.equal(a, b)
+
+
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_order_of_threads_and_blocks_does_not_matter(device, antialiasing, width_space):
+    """To the bit, whichever thread or block comes first: sums have an order, and no thread reads too early."""
+    strokes = crowd(width_space=width_space)
+    expected = results(strokes, (40, 50), antialiasing)
+    device.backwards = True
+    assert_same(results(strokes, (40, 50), antialiasing), expected)
+    assert any(x.abs().sum() > 0 for x in expected[3:])
+
+
+def test_backward_twice(device, antialiasing):
+    """The backward leaves what the forward kept as it is."""
+    strokes = crowd(12)
+    tensors = tracked(strokes)
+    image = (
+        draw(strokes, 30, "cuda", antialiasing, samples=4)
+        if antialiasing == "montecarlo"
+        else draw(strokes, 30, "cuda")
+    )
+    first, second = (torch.autograd.grad(image.color.square().sum(), tensors, retain_graph=True) for _ in range(2))
+    assert_same(first, second)
+
+
+def test_too_little_memory_is_found_out(device, memories, antialiasing, monkeypatch):
+    """Every list begins far too short: the first call grows them, and draws what it always draws."""
+    expected = results(crowd(), 40, antialiasing)
+    monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "_limits", {})
+    monkeypatch.setattr(
+        limits.Limits, "guess", lambda self, shape: [self.length.setdefault(n, 1) for n in limits.LISTS]
+    )
+    before = device.waits
+    assert_same(results(crowd(), 40, antialiasing), expected)
+    assert device.waits - before > len(limits.LISTS[:5])
+
+
+def test_proven_calls_do_not_wait(device, antialiasing):
+    results(crowd(), 40, antialiasing)
+    before = device.waits
+    results(crowd(seed=1), 40, antialiasing)
+    results(crowd(30), 40, antialiasing)
+    assert device.waits == before
+    results(crowd(41), 40, antialiasing)
+    assert device.waits > before, "more strokes than were ever drawn"
+
+
+def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories):
+    """Strokes that turn from thin to thick in one step: NaN and gradients of 0, and a call later all is well."""
+    thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    expected = results(thick, (60, 80))
+    memories.clear()
+    results(thin, (60, 80))
+    spoilt = results(thick, (60, 80))
+    assert all(x.isnan().all() for x in spoilt[:3])
+    assert all((x == 0).all() for x in spoilt[3:7])
+    with pytest.warns(RuntimeWarning, match="an earlier drawing needed more memory than foreseen"):
+        again = results(thick, (60, 80))
+    assert_same(again, expected)
+
+
+def test_bad_strokes_are_named(device):
+    bad = crowd(5)
+    bad.opacity[3] = 2.0
+    with pytest.raises(ValueError, match=r"opacity of stroke 3 \(view 0\) must be in \[0, 1\], got 2.0"):
+        rasterize(bad, 20, backend="cuda")
+
+
+def test_bad_strokes_of_earlier_calls_are_reported_once(device, memories):
+    """A call that does not wait may end before its kernels begin: the next one hears of them."""
+    good = crowd(5)
+    expected = rasterize(good, 20, backend="cuda").color
+    (only,) = memories.values()
+    only.report[BAD] = 3
+    with pytest.raises(ValueError, match="a stroke of this drawing, or of one before it, cannot be drawn"):
+        rasterize(good, 20, backend="cuda")
+    assert torch.equal(rasterize(good, 20, backend="cuda").color, expected)
+
+
+def test_capture_needs_a_call_before(device):
+    device.recording = True
+    with pytest.raises(RuntimeError, match="draw a picture of this kind once before the capture"):
+        rasterize(crowd(5), 20, backend="cuda")
+    device.recording = False
+    expected = rasterize(crowd(5), 20, backend="cuda").color
+    before = device.waits
+    device.recording = True
+    assert torch.equal(rasterize(crowd(5), 20, backend="cuda").color, expected)
+    assert device.waits == before
+
+
+def test_strokes_that_cannot_be_drawn_are_left_out_of_a_captured_drawing(device):
+    without, bad = crowd(5), crowd(5)
+    without.opacity[3], bad.opacity[3] = 0.0, 2.0
+    expected = rasterize(without, 20, backend="cuda").color
+    device.recording = True
+    assert torch.equal(rasterize(bad, 20, backend="cuda").color, expected)
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+def test_crowded_tiles(device):
+    """More chords in a tile than shared memory holds, and more strokes over a pixel than a short list."""
+    g = torch.Generator().manual_seed(0)
+    points = 8 + 6 * torch.randn(1100, 1, 2, generator=g) + torch.randn(1100, 4, 2, generator=g)
+    looks = {"opacity": 0.02, "color": torch.rand(1100, 3, generator=g), "depth": 1 + torch.rand(1100, 1, generator=g)}
+    got, expected = (
+        results(strokes_at(points, half_width=1.0, dtype=torch.float32, **looks), 17, backend=b)
+        for b in ("cuda", "cpu")
+    )
+    for name, a, b in zip(("color", "alpha", "depth"), got[:3], expected[:3], strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, msg=name)
+    for name, a, b in zip(TENSORS, got[3:], expected[3:], strict=False):
+        assert (a - b).norm() < 1e-3 * b.norm(), name

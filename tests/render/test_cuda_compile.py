@@ -1,0 +1,84 @@
+"""The CUDA kernels compile for all architectures, by NVRTC and without a GPU, and compiled code is kept safely."""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from diff3ds.render.cuda import compile as compiling
+from diff3ds.render.cuda.sources import PARTS, kernels
+
+nvrtc = pytest.importorskip("cuda.bindings.nvrtc", reason="cuda-bindings is not installed")
+pytest.importorskip("cuda.core", reason="cuda-core is not installed")
+
+
+@pytest.mark.parametrize("arch", ["sm_75", "sm_80", "sm_90", "sm_100"])
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part_compiles(part, arch):
+    code = compiling.compile_part(part, "float", arch)
+    assert code.startswith(b"\x7fELF")
+    here = {name for name, kernel in kernels().items() if kernel.part == part}
+    assert here
+    for name in kernels():
+        assert (b"\0.text." + name.encode() + b"\0" in code) == (name in here), name
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_double_precision_compiles(part):
+    assert compiling.compile_part(part, "double", "sm_90").startswith(b"\x7fELF")
+
+
+@pytest.fixture
+def compiler(monkeypatch, tmp_path):
+    """A compiler that counts its calls; the cache is empty."""
+    calls = []
+
+    def compile_part(part: str, real: str, arch: str) -> bytes:
+        calls.append((part, real, arch))
+        return f"{part} {real} {arch}".encode() * 1000
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(compiling, "compile_part", compile_part)
+    return calls
+
+
+def test_code_is_compiled_once(compiler):
+    first = compiling.compiled("draw", "float", "sm_90")
+    assert compiling.compiled("draw", "float", "sm_90") == first
+    assert compiler == [("draw", "float", "sm_90")]
+
+
+def test_code_is_kept_by_what_it_hangs_on(compiler, monkeypatch):
+    """Part, precision and architecture; the sources; the version of NVRTC."""
+    for case in (("draw", "float", "sm_90"), ("strokes", "float", "sm_90"), ("draw", "double", "sm_90")):
+        compiling.compiled(*case)
+    compiling.compiled("draw", "float", "sm_100")
+    assert len(compiler) == 4
+    with monkeypatch.context() as patch:
+        patch.setattr(compiling, "source_digest", lambda: "other sources")
+        compiling.compiled("draw", "float", "sm_90")
+    assert len(compiler) == 5
+    monkeypatch.setattr(nvrtc, "nvrtcVersion", lambda: (0, 99, 0))
+    compiling.compiled("draw", "float", "sm_90")
+    assert len(compiler) == 6
+
+
+def test_several_at_once(compiler, tmp_path):
+    """All get whole code, and nothing but it is left on disk."""
+    workers = 8
+    start = threading.Barrier(workers)
+
+    def work(_) -> bytes:
+        start.wait()
+        return compiling.compiled("draw", "float", "sm_90")
+
+    with ThreadPoolExecutor(workers) as pool:
+        codes = set(pool.map(work, range(workers)))
+    assert codes == {b"draw float sm_90" * 1000}
+    assert [p.suffix for p in compiling.cache_folder().iterdir()] == [".cubin"]
+
+
+def test_a_cache_that_cannot_be_written(compiler, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert compiling.compiled("draw", "float", "sm_90") == b"draw float sm_90" * 1000
