@@ -7,15 +7,15 @@ from pathlib import Path
 
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
-from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks import sharpen
+from diff3ds.tasks.built_in import Chosen, check, run, start_width
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like, painted, thin_lines
+from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like
 from diff3ds.tasks.folder_views import recognise_in
 from diff3ds.tasks.lines import Lines, lines_of
 from diff3ds.tasks.picture import PictureOptions, read_reference
@@ -32,7 +32,7 @@ from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognise import Recognised, alike, drawn_over, recognise
 from diff3ds.tasks.reference import Reference
 from diff3ds.tasks.results import claim
-from diff3ds.tasks.sketch_folder import identity_of, read_sketches
+from diff3ds.tasks.sketch_folder import read_sketches
 from diff3ds.tasks.small_prior import ask
 
 # The paper's weight of guidance for pictures.
@@ -128,8 +128,7 @@ def _built_in(
     say: Callable[[str], None],
 ) -> Sketch:
     """What the picture shows is recognised, its lines are the reference; the prior is members like it, or a network."""
-    if settings.method == "vsd":
-        raise ValueError("vsd trains a network of diffusers, and the built-in priors have none: leave --method out")
+    check(settings)
     reference = read_reference(picture, options=cut)
     lines = lines_of(reference)
     folder = None if prior.library is None else read_sketches(prior.library)
@@ -142,33 +141,23 @@ def _built_in(
     say(f"recognised: {found}")
     like = exemplars.members[0]
     weight = options.reference_loss
-    width = WIDTH if settings.width is None else settings.width
-    camera = found.camera.resize(settings.size or SIZE)
-    known = Reference(drawn_over(lines, like, camera, width), camera, REFERENCE_LOSS if weight is None else weight)
+
+    def seen(size: int, width: float) -> Reference:
+        resized = found.camera.resize(size)
+        return Reference(drawn_over(lines, like, resized, width), resized, REFERENCE_LOSS if weight is None else weight)
+
+    known = seen(settings.size or SIZE, start_width(settings))
     save_png(out / "reference.png", reference.image)
-    save_png(out / "lines.png", drawn_over(lines, like, camera.resize(len(reference.image)), DEFAULT_WIDTH))
-    about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
-    denoiser: Denoiser
+    save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
     if name == "small":
-        request = Request(found.category, found.attributes)
-        asked = ask(request, prior, drawn_over(lines, like, camera.resize(SIZE), WIDTH)[None], camera)
-        denoiser, identity, start, sharpening = asked.denoiser, asked.identity, None, None
+        view = seen(SIZE, WIDTH)
+        asked = ask(Request(found.category, found.attributes), prior, view.picture[None], view.cameras)
+        chosen = Chosen.of_network(asked, exemplars.color)
     else:
-        denoiser, identity, start = exemplars.prior(width), identity_of(folder), exemplars.color
-        fine = camera.resize(sharpen.SIZE)
-        thin = replace(known, picture=drawn_over(lines, like, fine, sharpen.WIDTH), cameras=fine)
-        sharpening = sharpen.Sharpening(exemplars.meant, thin if known.weight else None)
-    wanted = Commission(
-        about | identity,
-        GUIDANCE,
-        "swift",
-        width,
-        start,
-        finish=lambda sketch: thin_lines(painted(sketch, exemplars.color), settings),
-        reference=known if known.weight else None,
-        sharpening=sharpening,
-    )
-    return distill(denoiser, settings, out, wanted, report)
+        chosen = Chosen.of_members(exemplars, folder, settings)
+    about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
+    both = (known, seen(sharpen.SIZE, sharpen.WIDTH)) if known.weight else ()
+    return run(chosen, about, GUIDANCE, settings, out, report, *both)
 
 
 def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Recognised, Exemplars]:

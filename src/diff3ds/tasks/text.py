@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.built_in import Chosen, check, run
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import WIDTH, exemplars_in, exemplars_of, painted, thin_lines
+from diff3ds.tasks.exemplars import exemplars_in, exemplars_of
 from diff3ds.tasks.priors import (
     BUILT_IN,
     FOR_PHRASES,
@@ -20,8 +20,7 @@ from diff3ds.tasks.priors import (
 )
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
-from diff3ds.tasks.sharpen import Sharpening
-from diff3ds.tasks.sketch_folder import identity_of, read_sketches
+from diff3ds.tasks.sketch_folder import read_sketches
 from diff3ds.tasks.small_prior import ask, asked_for
 
 # The paper's weight of guidance for phrases.
@@ -92,29 +91,12 @@ def _built_in(
 ) -> Sketch:
     if options.negative or options.perp_neg:
         raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in priors have none")
-    if settings.method == "vsd":
-        raise ValueError("vsd trains a network of diffusers, and the built-in priors have none: leave --method out")
-    width = WIDTH if settings.width is None else settings.width
-    denoiser: Denoiser
+    check(settings)
     if about["prior"] == "small":
         request = asked_for(phrase, prior)
-        asked = ask(request, prior)
-        denoiser, identity, start, color = asked.denoiser, asked.identity, None, request.color
-        sharpening = None
-    else:
-        folder = None if prior.library is None else read_sketches(prior.library)
-        known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
-        if folder is not None:
-            say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
-        denoiser, identity, start, color = known.prior(width), identity_of(folder), known.color, known.color
-        sharpening = Sharpening(known.meant)
-    wanted = Commission(
-        about | identity,
-        GUIDANCE,
-        "swift",
-        width,
-        start,
-        finish=lambda sketch: thin_lines(painted(sketch, color), settings),
-        sharpening=sharpening,
-    )
-    return distill(denoiser, settings, out, wanted, report)
+        return run(Chosen.of_network(ask(request, prior), request.color), about, GUIDANCE, settings, out, report)
+    folder = None if prior.library is None else read_sketches(prior.library)
+    known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
+    if folder is not None:
+        say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
+    return run(Chosen.of_members(known, folder, settings), about, GUIDANCE, settings, out, report)
