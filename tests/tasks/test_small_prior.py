@@ -91,4 +91,10 @@ def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit):
         main(["text", "a mug", "--prior", "small", "-o", str(out)])
     assert "diff3ds prior train" in capsys.readouterr().err
+    picture = tmp_path / "mug.png"
+    mug = member("mug", torch.Generator().manual_seed(5)).sketch
+    save_png(picture, ds.render(mug, ds.orbit(40, 20, 1.9, fov=60, size=256)).color[0])
+    with pytest.raises(SystemExit):
+        main(["image", str(picture), "--prior", "small", "-o", str(out)])
+    assert "diff3ds prior train" in capsys.readouterr().err
     assert not out.exists()

@@ -147,14 +147,14 @@ def _built_in(
         return Reference(drawn_over(lines, like, resized, width), resized, REFERENCE_LOSS if weight is None else weight)
 
     known = seen(settings.size or SIZE, start_width(settings))
-    save_png(out / "reference.png", reference.image)
-    save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
     if name == "small":
         view = seen(SIZE, WIDTH)
         asked = ask(Request(found.category, found.attributes), prior, view.picture[None], view.cameras)
         chosen = Chosen.of_network(asked, exemplars.color)
     else:
         chosen = Chosen.of_members(exemplars, folder, settings)
+    save_png(out / "reference.png", reference.image)
+    save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
     about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
     both = (known, seen(sharpen.SIZE, sharpen.WIDTH)) if known.weight else ()
     return run(chosen, about, GUIDANCE, settings, out, report, *both)
