@@ -1,5 +1,7 @@
 """The paper's ablations on `diff3ds text` with the built-in prior: the command's own recipe with one thing changed.
 
+Without the command's last steps on finer pictures, which would hide the differences; one row has them.
+
     python benchmarks/ablations.py FOLDER --classifier FILE [--only radius] [--categories chair,lamp] [--seeds N]
 
 FILE is written by classifier.py. Runs that FOLDER has are not made again. Writes FOLDER/ablations.json, and
@@ -56,6 +58,7 @@ RECIPES: dict[str, dict[str, Any]] = {
     "and width": {"optimize": ("position", "width")},
     "sds": {"method": "sds"},
     "1,600 steps": {"steps": 1600, "rate": 0.0025},
+    "sharpened": {"sharpen": True},
 }
 COLUMNS = ("F5", "F5_worst", "F2", "chamfer_percent", "top1", "views", "strokes", "seconds")
 VIEW, CELL = (35.0, 18.0), 160
@@ -67,7 +70,7 @@ def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
     ds.set_num_threads(1)
     begun, phrase = time.perf_counter(), CATEGORIES[category].captions()[0]
     with tempfile.TemporaryDirectory() as run:
-        options = replace(DistillOptions(seed=seed, sheet_every=0), **RECIPES[recipe])
+        options = replace(DistillOptions(seed=seed, sheet_every=0, sharpen=False), **RECIPES[recipe])
         sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"), settings=options)
     seconds = time.perf_counter() - begun
     known = exemplars_of(phrase, seed)
