@@ -1,5 +1,6 @@
 """The optimisation loop: it finds what it should, repeats bit for bit, resumes, and says what is wrong."""
 
+import importlib
 import math
 from dataclasses import replace
 
@@ -197,6 +198,25 @@ def test_bad_objectives_say_what_is_wrong(unchecked, start, views):
         fails(lambda r, c, i: r.color.sum() * math.nan)()
     with pytest.raises(FloatingPointError, match="the gradient of points in step 0 is not finite"):
         fails(lambda r, c, i: (r.color - r.color.detach()).abs().sum().sqrt())()
+
+
+def test_losses_of_a_gpu_are_looked_at_now_and_then(start, views, objective, tmp_path, monkeypatch):
+    """As if the loss were on a device that nobody waits for: the same run, and a bad step is named later."""
+    config = ds.FitConfig(steps=7, rates=ALL_RATES, checkpoint=tmp_path / "now.safetensors")
+    expected = list(ds.fit(start, objective, views, config))
+    fit = importlib.import_module("diff3ds.fit")
+    monkeypatch.setattr(fit, "_known_at_once", lambda loss: False)
+    monkeypatch.setattr(fit, "LOOK_EVERY", 5)
+    config = replace(config, checkpoint=tmp_path / "later.safetensors")
+    steps = list(ds.fit(start, objective, views, config))
+    assert [s.loss for s in steps] == [s.loss for s in expected]
+    assert torch.equal(steps[-1].sketch.points, expected[-1].sketch.points)
+    kept = [read_checkpoint(tmp_path / f"{name}.safetensors").losses for name in ("now", "later")]
+    assert kept[0] == kept[1] == tuple(s.loss for s in expected)
+    bad = ds.fit(start, lambda r, c, i: r.color.sum() * (math.nan if i == 2 else 1), views, config)
+    assert all(next(bad).sketch.points.isfinite().all() for _ in range(4))
+    with pytest.raises(FloatingPointError, match="the loss of step 2, or a gradient in it, is not finite"):
+        next(bad)
 
 
 def test_no_strokes_to_fit(start, views, objective):

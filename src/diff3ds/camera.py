@@ -49,21 +49,27 @@ class Cameras:
                 raise TypeError(f"{name} must be a floating point tensor, got {type(value).__name__}")
             if value.ndim != 3 or value.shape[1:] != (side, side):
                 raise ValueError(f"{name} must have shape (V, {side}, {side}), got {tuple(value.shape)}")
-            finite = value.detach().isfinite().flatten(1).all(1)
-            if not bool(finite.all()):
-                raise ValueError(f"{name} of view {int(finite.int().argmin())} has a value that is not finite")
         if len(self.world_to_camera) != len(self.intrinsics):
             got = f"{len(self.world_to_camera)} and {len(self.intrinsics)}"
             raise ValueError(f"world_to_camera and intrinsics must have one matrix a view, got {got}")
         if self.world_to_camera.device != self.intrinsics.device:
             got = f"{self.world_to_camera.device} and {self.intrinsics.device}"
             raise ValueError(f"world_to_camera and intrinsics must be on one device, got {got}")
+        if not (isinstance(self.near, int | float) and 0 < self.near < math.inf):
+            raise ValueError(f"near must be a positive number, got {self.near}")
+        # A look at values on a GPU would wait for it; `render` refuses strokes that bad cameras spoil.
+        if self.intrinsics.device.type == "cpu":
+            self._check_values()
+
+    def _check_values(self) -> None:
+        for name in ("world_to_camera", "intrinsics"):
+            finite = getattr(self, name).detach().isfinite().flatten(1).all(1)
+            if not bool(finite.all()):
+                raise ValueError(f"{name} of view {int(finite.int().argmin())} has a value that is not finite")
         focal = self.intrinsics.detach()[:, [0, 1], [0, 1]]
         if not bool((focal > 0).all()):
             view = int((focal <= 0).any(1).int().argmax())
             raise ValueError(f"intrinsics of view {view}: focal lengths must be positive, got {focal[view].tolist()}")
-        if not (isinstance(self.near, int | float) and 0 < self.near < math.inf):
-            raise ValueError(f"near must be a positive number, got {self.near}")
 
     def __len__(self) -> int:
         return len(self.world_to_camera)

@@ -30,8 +30,9 @@ class State:
         first, second: Adam's moments of every field of the sketch.
         age: steps that each stroke has seen.
         random: state of the generator, bytes.
-        losses: of all steps so far.
+        losses: of all steps so far, but for the last ones on a GPU.
         companion: what else learns beside the sketch, by name.
+        unseen: losses of the last steps on a GPU, which nobody has waited for.
     """
 
     index: int
@@ -42,6 +43,11 @@ class State:
     random: Tensor
     losses: tuple[float, ...]
     companion: dict[str, Tensor] = field(default_factory=dict)
+    unseen: tuple[Tensor, ...] = ()
+
+    def all_losses(self) -> tuple[float, ...]:
+        """Of all steps; waits once for those that are unseen."""
+        return (*self.losses, *(torch.stack(self.unseen).tolist() if self.unseen else ()))
 
     def generator(self) -> torch.Generator:
         """A generator in the state of this moment."""
@@ -80,7 +86,7 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         **{f"second.{name}": value for name, value in state.second.items()},
         "age": state.age,
         "random": state.random,
-        "losses": torch.tensor(state.losses, dtype=torch.float64),
+        "losses": torch.tensor(state.all_losses(), dtype=torch.float64),
         **{f"{COMPANION}{name}": value for name, value in state.companion.items()},
     }
     about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}

@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import torch
 
-from diff3ds._shapes import Tensor
+from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.checkpoint import State, read_checkpoint, start, write_checkpoint
 from diff3ds.project import Strokes2D
@@ -21,6 +21,8 @@ from diff3ds.sketch import Sketch
 # Adam's usual constants (Kingma and Ba 2015).
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
 
+# Losses on a GPU are looked at every so many steps: a look waits for the device (empirical).
+LOOK_EVERY = 100
 
 # Fields that Adam moves as logarithms, because they are positive.
 LOGARITHMIC = ("weights", "width")
@@ -127,14 +129,19 @@ class Step:
     Attributes:
         index: 0 for the first.
         sketch: after the step, detached.
-        loss: before it.
+        loss_tensor: what the objective returned, detached; NaN on a GPU where a gradient was not finite.
         rendering: before it, what the objective saw, detached.
     """
 
     index: int
     sketch: Sketch
-    loss: float
+    loss_tensor: Float[Tensor, ""]
     rendering: Rendering
+
+    @property
+    def loss(self) -> float:
+        """The loss before the step; on a GPU, reading it waits for the device."""
+        return float(self.loss_tensor)
 
 
 # Maps a rendering, its cameras and the index of the step to a scalar loss.
@@ -157,7 +164,8 @@ def fit(
 
     Raises:
         ValueError: an empty sketch; a checkpoint of another run.
-        FloatingPointError: in the loop, when a loss or a gradient is not finite; names the step.
+        FloatingPointError: in the loop, when a loss or a gradient is not finite; names the step. On a GPU, for which no
+            step waits, up to `LOOK_EVERY` steps later; such a step has no gradient.
     """
     config = config or FitConfig()
     if not len(sketch):
@@ -190,6 +198,8 @@ def _run(state: State, objective: Objective, cameras: CameraSampler, config: Fit
         while state.index < config.steps:
             with torch_on_one_thread():
                 state, step = _advance(state, objective, cameras, config)
+            if state.index % LOOK_EVERY == 0 or state.index == config.steps:
+                state = _looked_at(state)
             if config.checkpoint is not None and state.index % config.checkpoint_every == 0:
                 write_checkpoint(config.checkpoint, state, _settings(config))
             yield step
@@ -205,7 +215,7 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
     leaves = _leaves(state.sketch, config.rates)
     rendering = _drawn(_assembled(state.sketch, leaves), views, state.index, config, generator)
     loss = objective(rendering, views, state.index)
-    gradients = _gradients(loss, leaves, state.index)
+    loss, gradients = _gradients(loss, leaves, state.index)
     decay = config.final_rate ** (state.index / config.steps)
     state = _descended(state, leaves, gradients, config, decay)
     for refine in config.refinements:
@@ -214,9 +224,9 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
             state = state.edited(edit)
     if config.companion is not None:
         state = replace(state, companion=config.companion.state())
-    value = float(loss.detach())
-    step = Step(state.index, state.sketch, value, Rendering(*(x.detach() for x in vars(rendering).values())))
-    return replace(state, index=state.index + 1, losses=(*state.losses, value), random=generator.get_state()), step
+    step = Step(state.index, state.sketch, loss, Rendering(*(x.detach() for x in vars(rendering).values())))
+    state = replace(state, index=state.index + 1, unseen=(*state.unseen, loss), random=generator.get_state())
+    return (_looked_at(state) if _known_at_once(loss) else state), step
 
 
 def _drawn(sketch: Sketch, views: Cameras, index: int, config: FitConfig, generator: torch.Generator) -> Rendering:
@@ -240,19 +250,45 @@ def _assembled(sketch: Sketch, leaves: dict[str, Tensor]) -> Sketch:
     return Sketch(**{**sketch.tensors(), **moved}, width_space=sketch.width_space)
 
 
-def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> dict[str, Tensor]:
+def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """The loss, detached, and the gradients. On a GPU, if not all is finite, NaN and zeros: nothing waits here."""
     if not isinstance(loss, Tensor) or loss.numel() != 1:
         got = tuple(loss.shape) if isinstance(loss, Tensor) else type(loss).__name__
         raise ValueError(f"the objective must return a scalar tensor, got {got}")
-    if not bool(loss.isfinite()):
+    loss = loss.reshape(())
+    at_once = _known_at_once(loss)
+    if at_once and not bool(loss.isfinite()):
         raise FloatingPointError(f"the loss of step {index} is {loss.item()}")
-    values = torch.autograd.grad(loss.reshape(()), list(leaves.values()), allow_unused=True)
+    values = torch.autograd.grad(loss, list(leaves.values()), allow_unused=True)
     gradients = {}
     for (name, leaf), value in zip(leaves.items(), values, strict=True):
         gradients[name] = torch.zeros_like(leaf) if value is None else value
-        if not bool(gradients[name].isfinite().all()):
+        if at_once and not bool(gradients[name].isfinite().all()):
             raise FloatingPointError(f"the gradient of {name} in step {index} is not finite")
-    return gradients
+    loss = loss.detach()
+    if at_once:
+        return loss, gradients
+    good = torch.stack([loss.isfinite(), *(g.isfinite().all().to(loss.device) for g in gradients.values())]).all()
+    kept = {name: torch.where(good.to(g.device), g, torch.zeros_like(g)) for name, g in gradients.items()}
+    return torch.where(good, loss, torch.full_like(loss, math.nan)), kept
+
+
+def _known_at_once(loss: Tensor) -> bool:
+    """Whether a look at a value waits for nothing."""
+    return loss.device.type == "cpu"
+
+
+def _looked_at(state: State) -> State:
+    """The state with all losses as numbers.
+
+    Raises:
+        FloatingPointError: one of them is not finite.
+    """
+    losses = state.all_losses()
+    for step in range(len(state.losses), len(losses)):
+        if not math.isfinite(losses[step]):
+            raise FloatingPointError(f"the loss of step {step}, or a gradient in it, is not finite")
+    return replace(state, losses=losses, unseen=())
 
 
 def _descended(

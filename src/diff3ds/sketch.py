@@ -33,7 +33,8 @@ class Sketch:
 
     Raises:
         TypeError, ValueError: a wrong type, shape, dtype, device or value; the message names the field, the stroke and
-            the value.
+            the value. Values on a GPU are not looked at here, because that would wait for it: `render` refuses bad
+            ones, and `check_values` looks at once.
     """
 
     points: Float[Tensor, "N K 3"]
@@ -70,7 +71,8 @@ class Sketch:
         for name, value in given.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "width_space", width_space)
-        self.check_values()
+        if points.device.type == "cpu":
+            self.check_values()
 
     def check_values(self) -> None:
         """Raises ValueError for the first value out of range; names the field, the stroke and the value."""
