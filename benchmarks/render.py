@@ -1,9 +1,10 @@
 """Speed and memory of `diff3ds.render`: forward, and forward with backward, next to floor, reference and prototype.
 
-    python benchmarks/render.py [--quick] [--only AB] [--prototype FOLDER] [--json FILE]
+    python benchmarks/render.py [--quick] [--only AB] [--prototype FOLDER] [--json FILE] [--device cuda]
 
 Backward is the gradient of sum(color * upstream), upstream standard normal and fixed, with respect to all five tensors
-of the sketch. "copy" is the floor: a copy of colour, alpha and depth to memory that is there already.
+of the sketch. "copy" is the floor: a copy of colour, alpha and depth to memory that is there already. On a GPU:
+render_cuda.py.
 """
 
 import argparse
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import render_cuda
 import torch
 from memory import peak_memory
 from report import environment, say, show, write_json
@@ -203,12 +205,17 @@ def options() -> argparse.Namespace:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few rounds, no reference on B and D, less growth")
-    parser.add_argument("--only", default="".join(WORKLOADS), help="workloads to run, for example AB; skips growth")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where to draw")
+    parser.add_argument("--only", help="workloads to run, for example AB; skips growth")
     parser.add_argument("--prototype", type=Path, help="a folder with the package `stroke` of the prototype kernels")
     parser.add_argument("--json", type=Path, help="file for the figures")
     chosen = parser.parse_args()
-    if not chosen.only or set(chosen.only) - set(WORKLOADS):
-        parser.error(f"--only takes letters of {''.join(WORKLOADS)}, got {chosen.only!r}")
+    letters = "".join(WORKLOADS if chosen.device == "cpu" else render_cuda.GPU_WORKLOADS)
+    chosen.only = letters if chosen.only is None else chosen.only
+    if not chosen.only or set(chosen.only) - set(letters):
+        parser.error(f"--only takes letters of {letters}, got {chosen.only!r}")
+    if chosen.device == "cuda" and "cuda" not in ds.available_backends():
+        parser.error("--device cuda: the CUDA kernels do not run here")
     if chosen.prototype and not (chosen.prototype / "stroke").is_dir():
         parser.error(f"--prototype: no package `stroke` in {chosen.prototype}")
     return chosen
@@ -217,6 +224,9 @@ def options() -> argparse.Namespace:
 def main() -> None:
     """Measures and prints."""
     chosen = options()
+    if chosen.device == "cuda":
+        render_cuda.main(chosen.only, chosen.quick, chosen.json)
+        return
     stroke = None
     if chosen.prototype:
         sys.path.insert(0, str(chosen.prototype))

@@ -1,0 +1,112 @@
+"""On a device only: graphs, streams, several GPUs, steps that wait for nothing. All else runs as it does emulated."""
+
+import math
+
+import pytest
+import torch
+from cuda_backends import promised
+
+import diff3ds as ds
+
+if not promised() and not torch.cuda.is_available():
+    pytest.skip("no GPU here, and none promised by DIFF3DS_GPU=1", allow_module_level=True)
+
+pytestmark = pytest.mark.gpu
+
+
+@pytest.fixture
+def gpu() -> torch.device:
+    assert "cuda" in ds.available_backends(), "a GPU is here or promised, and the CUDA kernels do not run"
+    return torch.device("cuda")
+
+
+def scene(device, seed: int = 0) -> tuple[ds.Sketch, ds.Cameras]:
+    """Strokes with gradients, and two views."""
+    g = torch.Generator().manual_seed(seed)
+    sketch = ds.Sketch.random(40, generator=g, radius=0.8, width=0.02).to(device)
+    tensors = {name: t.detach().clone().requires_grad_() for name, t in sketch.tensors().items()}
+    return ds.Sketch(**tensors), ds.orbit([10.0, 100.0], 20.0, 2.0, size=96).to(device)
+
+
+def drawn(sketch: ds.Sketch, cameras: ds.Cameras, **options) -> list[torch.Tensor]:
+    """Colour and gradients."""
+    color = ds.render(sketch, cameras, **options).color
+    return [color, *torch.autograd.grad(color.square().sum(), list(sketch.tensors().values()))]
+
+
+def assert_same(got, expected) -> None:
+    for a, b in zip(got, expected, strict=True):
+        assert torch.equal(a, b)
+
+
+def test_kernels_are_chosen_and_agree_with_the_cpu(gpu):
+    sketch, cameras = scene(gpu)
+    on_cpu = ds.render(sketch.to("cpu"), cameras.to("cpu")).color
+    torch.testing.assert_close(ds.render(sketch, cameras).color.cpu(), on_cpu, rtol=0, atol=1e-4)
+
+
+def test_repeats_to_the_bit(gpu):
+    sketch, cameras = scene(gpu)
+    expected = drawn(sketch, cameras)
+    for _ in range(20):
+        assert_same(drawn(sketch, cameras), expected)
+
+
+def test_graphs(gpu):
+    """A captured call draws what is in the strokes when it is replayed."""
+    sketch, cameras = scene(gpu)
+    stream = torch.cuda.Stream()
+    with torch.cuda.stream(stream):
+        for _ in range(3):
+            drawn(sketch, cameras)
+    torch.cuda.current_stream().wait_stream(stream)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        captured = drawn(sketch, cameras)
+    other, _ = scene(gpu, seed=1)
+    with torch.no_grad():
+        for name, tensor in sketch.tensors().items():
+            tensor.copy_(other.tensors()[name])
+    graph.replay()
+    torch.cuda.synchronize()
+    assert_same(captured, drawn(other, cameras))
+
+
+def test_other_streams(gpu):
+    """Strokes that are still being written on a side stream."""
+    sketch, cameras = scene(gpu)
+    expected = drawn(sketch, cameras)
+    stream = torch.cuda.Stream()
+    stream.wait_stream(torch.cuda.current_stream())
+    with torch.cuda.stream(stream):
+        torch.cuda._sleep(50_000_000)
+        late = ds.Sketch(**{name: (t * 1).detach().requires_grad_() for name, t in sketch.tensors().items()})
+        got = drawn(late, cameras)
+    stream.synchronize()
+    assert_same(got, expected)
+
+
+def test_several_devices(gpu):
+    if torch.cuda.device_count() < 2:
+        pytest.skip("one GPU only")
+    first, second = (drawn(*scene(torch.device("cuda", k))) for k in (0, 1))
+    assert_same([t.cpu() for t in second], [t.cpu() for t in first])
+
+
+@pytest.mark.filterwarnings("ignore:Synchronization debug mode")
+def test_a_step_of_fit_waits_for_nothing(gpu):
+    """Once memory is known; torch raises where anything copies to the host."""
+    sketch, cameras = scene(gpu)
+    target = torch.zeros(2, 96, 96, 3, device=gpu)
+    rates = ds.Rates(points=0.01, weights=0.01, width=0.01, color=0.01, opacity=0.01)
+    config = ds.FitConfig(steps=20, rates=rates)
+    steps = ds.fit(sketch.detach(), lambda r, c, i: (r.color - target).square().mean(), cameras, config)
+    for _ in range(5):
+        next(steps)
+    torch.cuda.set_sync_debug_mode("error")
+    try:
+        for _ in range(10):
+            next(steps)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")
+    assert math.isfinite(next(steps).loss)
