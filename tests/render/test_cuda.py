@@ -1,5 +1,7 @@
 """What is the CUDA kernels' own, emulated: order of work, memory that must grow, long lists, calls that do not wait."""
 
+import gc
+import weakref
 from importlib import import_module
 
 import pytest
@@ -79,6 +81,21 @@ def test_backward_twice(device, antialiasing):
     )
     first, second = (torch.autograd.grad(image.color.square().sum(), tensors, retain_graph=True) for _ in range(2))
     assert_same(first, second)
+
+
+def test_images_are_freed_with_their_last_name(device):
+    """What the backward needs must not hold the images that hold it."""
+    strokes = crowd(5)
+    tracked(strokes)
+    gc.disable()
+    try:
+        image = rasterize(strokes, 20, backend="cuda")
+        image.color.sum().backward()
+        gone = weakref.ref(image.color)
+        del image
+        assert gone() is None
+    finally:
+        gc.enable()
 
 
 def test_too_little_memory_is_found_out(device, memories, antialiasing, monkeypatch):

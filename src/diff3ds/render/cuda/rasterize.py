@@ -76,10 +76,10 @@ def _forward(
         "color": color.contiguous(),
         "opacity": opacity.contiguous(),
         "background": background.contiguous().expand(views, *size, 3),
-        **dict(zip(("out_color", "out_alpha", "out_depth"), images, strict=True)),
     }
     job = _job(shape, options, inputs["background"], len(half_width) > 1)
-    job.point(inputs)
+    # The images are not kept with the rest: they would hold what made them, and never be freed.
+    job.point(inputs | dict(zip(("out_color", "out_alpha", "out_depth"), images, strict=True)))
     waiting = not device.capturing() and not limits.may_skip_waiting(shape, "forward")
     while True:
         # Until it fits: each pass counts at least one list further.
@@ -143,7 +143,7 @@ class _Rasterize(torch.autograd.Function):
         *tensors, size, options = inputs
         ctx.set_materialize_grads(False)
         images, ctx.drawing = _forward(tuple(tensors), size, options, save=True)
-        # The job points to the background: saved, a change of it before the backward is an error.
+        # The job points to them: saved, they live, and a change of one before the backward is an error.
         ctx.save_for_backward(images[1], images[2], tensors[4])
         return images
 
@@ -178,7 +178,7 @@ def _backward(
     outputs = {
         "g_cubics": memory["cubics"].new_empty(*seen, 4, 4),
         "g_look": memory["cubics"].new_empty(*seen, 5),
-        "g_background": torch.empty_like(memory["out_color"]) if background else None,
+        "g_background": like.new_empty(shape.views, shape.height, shape.width, 3) if background else None,
     }
     job.point(given | outputs)
     waiting = not device.capturing() and bool(shape.strata) and not limits.may_skip_waiting(shape, "backward")
