@@ -20,7 +20,7 @@ from diff3ds.guidance.small import SCHEDULE, Vocabulary, half_is_fast, write_net
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.tasks.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.prior_samples import sample_sheet
-from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.sketch_folder import read_sketches
 
 CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
@@ -219,7 +219,7 @@ def train_prior(
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Path:
-    """Trains a small prior on the library and writes it; Ctrl-C keeps a checkpoint, then KeyboardInterrupt goes on.
+    """Trains a small prior on the library and writes it; Ctrl-C keeps a checkpoint, then `Stopped` is raised.
 
     Args:
         out: folder of the network, checkpoint, samples and log.
@@ -249,7 +249,7 @@ def train_prior(
         _run(training, out, report)
     except KeyboardInterrupt:
         _write(training, out)
-        raise
+        raise Stopped from None
     return _write(training, out)
 
 
