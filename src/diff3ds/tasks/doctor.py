@@ -32,6 +32,7 @@ OPTIONAL = {
     "cad": ("cadquery-ocp-novtk",),
     "svg": ("resvg-py",),
     "mesh": ("trimesh",),
+    "cuda": ("cuda-core", "cuda-bindings"),
 }
 
 
