@@ -3,6 +3,7 @@
 import hashlib
 import os
 from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 
 from diff3ds._files import write_bytes
@@ -21,10 +22,9 @@ def compiled(part: str, real: str, arch: str) -> bytes:
     Safe for several processes at once: files are written whole under another name and then renamed. Where nothing can
     be written, every process compiles for itself.
     """
-    from cuda.bindings import nvrtc
-
-    version = nvrtc.nvrtcVersion()[1:]
-    key = hashlib.sha256(repr((source_digest(), version)).encode()).hexdigest()[:32]
+    # They decide which NVRTC compiles; to load it and ask would take longer than to read what it made.
+    versions = [metadata.version(name) for name in ("torch", "cuda-core", "cuda-bindings")]
+    key = hashlib.sha256(repr((source_digest(), versions)).encode()).hexdigest()[:32]
     path = cache_folder() / f"{part}-{real}-{arch}-{key}.cubin"
     try:
         return path.read_bytes()

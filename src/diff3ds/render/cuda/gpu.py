@@ -43,24 +43,34 @@ class Gpu:
             stream = torch.cuda.current_stream(self._device).cuda_stream
             # The driver copies the job before it returns.
             arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
-            (error,) = driver.cuLaunchKernel(
+            started = driver.cuLaunchKernel(
                 kernel, blocks, 1, 1, kernels()[name].threads, 1, 1, 0, stream, ctypes.addressof(arguments), 0
             )
-        if error != driver.CUresult.CUDA_SUCCESS:
-            raise RuntimeError(f"{self._device} does not run the kernel {name}: {error.name}")
+        self._checked(started, name)
 
     def _load(self, name: str) -> Any:
+        """By the driver itself, not by cuda-core: its import alone takes longer than all of a later process may."""
         from cuda.bindings import driver
-        from cuda.core import ObjectCode
 
         part = kernels()[name].part
         if part not in self._parts:
             # torch's context is current: its allocations came first.
-            self._parts[part] = ObjectCode.from_cubin(self._codes[part].result())
-        kernel = self._parts[part].get_kernel(name)
-        # Kept with its library; the driver takes either kind of handle.
-        self._kernels[name] = driver.CUfunction(int(kernel.handle))
+            code = self._codes[part].result()
+            self._parts[part] = self._checked(driver.cuLibraryLoadData(code, [], [], 0, [], [], 0), part)
+        kernel = self._checked(driver.cuLibraryGetKernel(self._parts[part], name.encode()), name)
+        # A launch takes either kind of handle.
+        self._kernels[name] = driver.CUfunction(int(kernel))
         return self._kernels[name]
+
+    def _checked(self, answer: tuple[Any, ...], what: str) -> Any:
+        """What the driver gives beside its error code.
+
+        Raises:
+            RuntimeError: there was an error.
+        """
+        if int(answer[0]):
+            raise RuntimeError(f"{self._device} refuses {what} of the renderer's kernels: {answer[0].name}")
+        return answer[1] if len(answer) > 1 else None
 
     def wait(self) -> None:
         """Until the current stream is done."""
