@@ -112,9 +112,7 @@ def test_a_single_file_without_words_says_where_they_are(single, tmp_path, monke
     from huggingface_hub import constants
 
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
-    with pytest.raises(
-        FileNotFoundError, match=r"sd-v2.1-base-4view.safetensors is a single file, .* fetch stable"
-    ):
+    with pytest.raises(FileNotFoundError, match=r"sd-v2.1-base-4view.safetensors is a single file, .* fetch stable"):
         load_mvdream("a cat", source=Source(str(single[0] / "sd-v2.1-base-4view.safetensors")), device="cpu")
 
 
