@@ -67,9 +67,16 @@ def test_a_reference_is_followed_too():
 
 @pytest.mark.parametrize(
     ("given", "sharpens"),
-    [({}, True), ({"sharpen": False}, False), ({"width": 0.05}, False), ({"optimize": ("position", "width")}, False)],
+    [
+        ({}, True),
+        ({"optimize": ("position", "color")}, True),
+        ({"sharpen": False}, False),
+        ({"width": 0.05}, False),
+        ({"optimize": ("position", "width")}, False),
+        ({"optimize": ("color",)}, False),
+    ],
 )
-def test_widths_that_the_user_chose_stay(given, sharpens):
+def test_widths_that_the_user_chose_and_positions_that_stay_are_left_alone(given, sharpens):
     assert DistillOptions(**given).sharpens is sharpens
 
 
@@ -104,6 +111,18 @@ def test_a_stop_in_the_last_steps_is_resumed_to_the_same_sketch(tmp_path, monkey
     main(command(without, "--no-sharpen"))
     assert "sharpen" not in json.loads((without / "run.json").read_text())["seconds"]
     assert not np.array_equal(ds.load(without / "sketch.json").points, ds.load(whole / "sketch.json").points)
+
+
+def test_a_stop_before_the_first_of_the_last_steps_keeps_the_sketch_so_far(tmp_path, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sharpen, "likely", interrupt)
+    with pytest.raises(SystemExit) as ended:
+        main(command(tmp_path / "run"))
+    assert ended.value.code == STOPPED
+    run = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (run["steps_done"], run["stopped_early"]) == (4, True)
 
 
 def test_sizes_fit_the_prior():

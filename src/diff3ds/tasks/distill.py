@@ -127,13 +127,13 @@ def _stopped(
 
 def _sharpened(sketch: Sketch, sharpening: Sharpening, options: DistillOptions, report: Report) -> tuple[Sketch, bool]:
     """The sketch after the last steps, and whether Ctrl-C came before their end: a resumed run does them anew."""
-    with closing(sharpening.steps(sketch, options)) as steps:
-        try:
+    try:
+        with closing(sharpening.steps(sketch, options)) as steps:
             for step in steps:
                 sketch = step.sketch
                 report(Progress("sharpen", step.index + 1, STEPS, step.loss, len(sketch)))
-        except KeyboardInterrupt:
-            return sketch, True
+    except KeyboardInterrupt:
+        return sketch, True
     return sketch, False
 
 

@@ -88,7 +88,8 @@ class DistillOptions:
         delete_length: strokes shorter than this are deleted, world units; 0 deletes none.
         delete_from: share of the steps before the first deletion.
         delete_every: share of the steps between deletions.
-        sharpen: end with 300 further steps on finer pictures, where the prior is exemplar and widths are its own.
+        sharpen: end with 300 further steps on finer pictures, where the prior is exemplar, widths are its own, and
+            positions are optimised.
         sheet_every: steps between contact sheets (renderings above what the prior sees in them); 0 makes none.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
@@ -160,8 +161,8 @@ class DistillOptions:
 
     @property
     def sharpens(self) -> bool:
-        """Whether the last steps may change widths: not those that the user has chosen, or has optimised."""
-        return self.sharpen and self.width is None and "width" not in self.optimize
+        """Whether the last steps may move strokes and change widths: not widths that are chosen or optimised."""
+        return self.sharpen and self.width is None and "position" in self.optimize and "width" not in self.optimize
 
     def annealing(self) -> TimeAnnealing:
         """The timesteps that are drawn."""
