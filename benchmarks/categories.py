@@ -7,9 +7,10 @@ The second draws members with several attributes: as many that the small prior w
 FILE is written by classifier.py. Runs that FOLDER has are not made again. Writes FOLDER/figures.json.
 
 Figures: F-scores at 5 and 2 % of the size and mean distance to the nearest of 24 members of that caption, of seeds that
-no run has; the same for fresh members, whose distance is what a prior has that knows the category and copies nothing;
-whether a classifier names the category from 8 views together (top 1) and from single ones (views); how often the
-nearest member of all combinations of attributes has the ones that were asked for (kind).
+no run has; the same distance of fresh members, which is what a prior has that knows the category and copies nothing;
+for the exact prior also the F-scores to the nearest of the members that it was given; whether a classifier names the
+category from 8 views together (top 1) and from single ones (views); how often the nearest member of all combinations of
+attributes has the ones that were asked for (kind).
 """
 
 import argparse
@@ -33,12 +34,15 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.exemplars import exemplars_of
 from diff3ds.tasks.prior_data import combinations
 from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.text import text_to_sketch
 
 POOL, POOL_SEEDS, KIND_POOL, THIN = 24, 3_000_000, 6, 8
 COLUMNS = ("F5", "F2", "chamfer_percent", "fresh_chamfer_percent", "top1", "views", "strokes", "seconds")
+# Of the exact prior, against the members that the run was given.
+GIVEN = ("given_F5", "given_F2")
 
 
 def members(category: str, kind: Sequence[str], count: int, first: int = POOL_SEEDS) -> list[ds.Sketch]:
@@ -84,13 +88,17 @@ def draw(category: str, kind: tuple[str, ...], seed: int, prior: PriorOptions, l
     named = sight.recognised(judge, sketch)
     with torch.no_grad():
         single = judge(sight.looks(sketch)).argmax(1)
-    pool = members(category, kind, POOL)
+    pool, given = members(category, kind, POOL), {}
+    if prior.prior == "exemplar":
+        known = nearest(sketch, exemplars_of(phrase, seed).meant)
+        given = {f"given_{name}": known[name] for name in ("F5", "F2")}
     return {
         "phrase": phrase,
         "category": category,
         "kind": list(kind),
         "seed": seed,
         **nearest(sketch, pool),
+        **given,
         "fresh_chamfer_percent": nearest(members(category, kind, 1, seed)[0], pool)["chamfer_percent"],
         "top1": float(named[0] == category),
         "named": named[:3],
@@ -157,6 +165,7 @@ def summary(chosen: argparse.Namespace, rows: Sequence[dict[str, Any]]) -> dict[
         columns: tuple[str, ...] = (*COLUMNS, "right_kind")
     else:
         sorts, columns = [row["category"] for row in rows], COLUMNS
+    columns += GIVEN if chosen.prior == "exemplar" else ()
     figures = {}
     for name in dict.fromkeys(sorts):
         mine = [row for row, sort in zip(rows, sorts, strict=True) if sort == name]
