@@ -101,19 +101,17 @@ struct Pool {
   u32 *order;
   Segment *segments;                  // of the tile's runs
   u64 *counter, *ordered;
-  u64 limit;
-  u32 at, left;
-  // Room for n fragments, n <= 32; NONE if there is none.
+  u64 limit, at;
+  u32 left;
+  // Room for n fragments, n <= 32; NONE if there is none. What finds no room is counted as what does: the host then knows how much it takes.
   __device__ u32 take(u32 n) {
     if (left < n) {
       u64 start = 0;
       if (lane() == 0) start = atomicAdd(counter, u64(CHUNK));
-      start = __shfl_sync(ALL, start, 0);
-      if (start + CHUNK > limit) return left = 0, NONE;
-      at = u32(start), left = CHUNK;
+      at = __shfl_sync(ALL, start, 0), left = CHUNK;
     }
     left -= n, at += n;
-    return at - n;
+    return at <= limit ? u32(at - n) : NONE;
   }
 };
 
