@@ -6,8 +6,11 @@
 namespace stroke {
 KERNEL(differentiate_samples, 256) { differentiate_tile<false, false, true>(J); }
 KERNEL(differentiate_samples_depth, 256) { differentiate_tile<false, true, true>(J); }
-KERNEL(count_outlines, 128) { each_thread(length_of(J, PIECES), [&](u32 i) { count_outline(J, i); }); }
-KERNEL(place_outlines, 1024) { total(J, OUTLINE, J.outline_first, length_of(J, PIECES)); }
+// Where the drawing found no room its pieces know no chords.
+KERNEL(count_outlines, 128) {
+  if (fits(J, FRAGMENTS)) each_thread(length_of(J, PIECES), [&](u32 i) { count_outline(J, i); });
+}
+KERNEL(place_outlines, 1024) { total(J, OUTLINE, J.outline_first, fits(J, FRAGMENTS) ? length_of(J, PIECES) : 0); }
 KERNEL(write_outlines, 128) {
   if (fits(J, OUTLINE)) each_warp(length_of(J, PIECES), [&](u32 i) { sample_outline(J, i); });
 }

@@ -120,18 +120,39 @@ def test_proven_calls_do_not_wait(device, antialiasing):
     assert device.waits > before, "more strokes than were ever drawn"
 
 
-def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories):
+def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories, antialiasing):
     """Strokes that turn from thin to thick in one step: NaN and gradients of 0, and a call later all is well."""
     thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
-    expected = results(thick, (60, 80))
+    expected = results(thick, (60, 80), antialiasing)
     memories.clear()
-    results(thin, (60, 80))
-    spoilt = results(thick, (60, 80))
+    results(thin, (60, 80), antialiasing)
+    with pytest.warns(RuntimeWarning, match="an earlier drawing needed more memory than foreseen"):
+        spoilt = results(thick, (60, 80), antialiasing)
+        again = results(thick, (60, 80), antialiasing)
     assert all(x.isnan().all() for x in spoilt[:3])
     assert all((x == 0).all() for x in spoilt[3:7])
-    with pytest.warns(RuntimeWarning, match="an earlier drawing needed more memory than foreseen"):
-        again = results(thick, (60, 80))
     assert_same(again, expected)
+
+
+@pytest.mark.parametrize("name", limits.LISTS[:5])
+def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories, antialiasing, name, monkeypatch):
+    """Also in calls that do not wait, and if memory that nobody wrote holds anything."""
+    rasterizing = import_module("diff3ds.render.cuda.rasterize")
+    results(crowd(6), 20, antialiasing)
+    (only,) = memories.values()
+    needs, make = only.needs(), rasterizing.arrays
+
+    def dirty(*args, zeros=False):
+        return {key: made if zeros else made.random_() for key, made in make(*args, zeros=zeros).items()}
+
+    monkeypatch.setattr(rasterizing, "arrays", dirty)
+    monkeypatch.setattr(limits.Limits, "guess", lambda *_: None)
+    monkeypatch.setattr(limits.Limits, "may_skip_waiting", lambda *_: True)
+    only.length[name] = 1
+    spoilt = results(crowd(6), 20, antialiasing)
+    assert all(x.isnan().all() for x in spoilt[:3])
+    assert all((x == 0).all() for x in spoilt[3:7])
+    assert only.needs() == needs
 
 
 def test_bad_strokes_are_named(device):
