@@ -127,8 +127,7 @@ def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memori
     memories.clear()
     results(thin, (60, 80), antialiasing)
     with pytest.warns(RuntimeWarning, match="an earlier drawing needed more memory than foreseen"):
-        spoilt = results(thick, (60, 80), antialiasing)
-        again = results(thick, (60, 80), antialiasing)
+        spoilt, again = (results(thick, (60, 80), antialiasing) for _ in range(2))
     assert all(x.isnan().all() for x in spoilt[:3])
     assert all((x == 0).all() for x in spoilt[3:7])
     assert_same(again, expected)

@@ -49,7 +49,7 @@ def test_code_is_compiled_once(compiler):
 
 
 def test_code_is_kept_by_what_it_hangs_on(compiler, monkeypatch):
-    """Part, precision and architecture; the sources; the versions of what compiles."""
+    """Part, precision and architecture; the sources; the options and the versions of what compiles."""
     for case in (("draw", "float", "sm_90"), ("strokes", "float", "sm_90"), ("draw", "double", "sm_90")):
         compiling.compiled(*case)
     compiling.compiled("draw", "float", "sm_100")
@@ -58,9 +58,13 @@ def test_code_is_kept_by_what_it_hangs_on(compiler, monkeypatch):
         patch.setattr(compiling, "source_digest", lambda: "other sources")
         compiling.compiled("draw", "float", "sm_90")
     assert len(compiler) == 5
+    with monkeypatch.context() as patch:
+        patch.setitem(compiling.OPTIONS, "draw", {"std": "c++20", "fma": False})
+        compiling.compiled("draw", "float", "sm_90")
+    assert len(compiler) == 6
     monkeypatch.setattr(compiling.metadata, "version", lambda name: "99")
     compiling.compiled("draw", "float", "sm_90")
-    assert len(compiler) == 6
+    assert len(compiler) == 7
 
 
 def test_several_at_once(compiler, tmp_path):

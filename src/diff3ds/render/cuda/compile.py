@@ -7,7 +7,11 @@ from importlib import metadata
 from pathlib import Path
 
 from diff3ds._files import write_bytes
-from diff3ds.render.cuda.sources import source_digest, source_folder
+from diff3ds.render.cuda.sources import PARTS, source_digest, source_folder
+
+# Strokes are walked through twice, to count and to write, and both must come to the same to the bit: a product is
+# rounded before it is added to, wherever the compiler meets it.
+OPTIONS = {part: {"std": "c++20", "fma": part != "strokes"} for part in PARTS}
 
 
 def cache_folder() -> Path:
@@ -24,7 +28,7 @@ def compiled(part: str, real: str, arch: str) -> bytes:
     """
     # They decide which NVRTC compiles; to load it and ask would take longer than to read what it made.
     versions = [metadata.version(name) for name in ("torch", "cuda-core", "cuda-bindings")]
-    key = hashlib.sha256(repr((source_digest(), versions)).encode()).hexdigest()[:32]
+    key = hashlib.sha256(repr((source_digest(), versions, OPTIONS[part])).encode()).hexdigest()[:32]
     path = cache_folder() / f"{part}-{real}-{arch}-{key}.cubin"
     try:
         return path.read_bytes()
@@ -41,7 +45,7 @@ def compile_part(part: str, real: str, arch: str) -> bytes:
 
     folder = source_folder() / "cuda"
     options = ProgramOptions(
-        name=f"{part}.cu", std="c++20", arch=arch, define_macro=[("REAL", real)], include_path=str(folder)
+        name=f"{part}.cu", arch=arch, define_macro=[("REAL", real)], include_path=str(folder), **OPTIONS[part]
     )
     source = (folder / f"{part}.cu").read_text(encoding="utf-8")
     return bytes(Program(source, "c++", options).compile("cubin").code)
