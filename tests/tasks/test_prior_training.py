@@ -2,9 +2,11 @@
 
 import json
 import math
+import signal
 
 import pytest
 import torch
+from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.cli import main
@@ -105,12 +107,21 @@ def test_a_training_that_is_resumed_is_the_same_bit_for_bit(tmp_path, monkeypatc
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
     whole = train_prior(tmp_path / "whole", TrainOptions(steps=8, **TINY))
 
-    def stop(progress):
-        if progress.done == 3:
-            raise KeyboardInterrupt
+    class Interrupted(torch.optim.AdamW):
+        """Ctrl-C comes in the fourth step, when some of the weights have moved."""
 
-    with pytest.raises(Stopped):
-        train_prior(tmp_path / "parts", TrainOptions(steps=8, **TINY), stop)
+        moves = 0
+
+        def step(self, closure=None):
+            Interrupted.moves += 1
+            if Interrupted.moves == 4:
+                signal.raise_signal(signal.SIGINT)
+            super().step(closure)
+
+    with monkeypatch.context() as patch, pytest.raises(Stopped):
+        patch.setattr(torch.optim, "AdamW", Interrupted)
+        train_prior(tmp_path / "parts", TrainOptions(steps=8, **TINY))
+    assert json.loads((tmp_path / "parts" / LOG).read_text())["steps"] == 4
     parts = train_prior(tmp_path / "parts", TrainOptions(steps=8, resume=True, **TINY))
     first, second = read_network(whole)[0].state_dict(), read_network(parts)[0].state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
@@ -137,7 +148,7 @@ def test_the_command_trains_and_shows_samples(tmp_path, capsys):
     assert sorted(p.name for p in out.iterdir()) == sorted([CHECKPOINT, LOG, NETWORK, "samples"])
     assert [p.name for p in (out / "samples").iterdir()] == ["step_000002.png"]
     for wrong, message in (
-        ([], "holds a training"),
+        ([], "holds a run"),
         (["--resume", "--rate", "0.1"], "had another rate"),
         (["--overwrite", "--rate", "2"], "rate must lie in"),
         (["--overwrite", "--width", "30"], "multiple"),
@@ -145,10 +156,18 @@ def test_the_command_trains_and_shows_samples(tmp_path, capsys):
         with pytest.raises(SystemExit):
             main(["prior", "train", "-o", str(out), *arguments, *wrong])
         assert message in capsys.readouterr().err
+    for meta in ("", "[]", '{"identity": [], "words": []}'):
+        save_file({"losses": torch.zeros(1)}, out / CHECKPOINT, {"diff3ds": meta})
+        with pytest.raises(SystemExit):
+            main(["prior", "train", "-o", str(out), *arguments, "--resume"])
+        assert "not a checkpoint of this training" in capsys.readouterr().err
     (out / CHECKPOINT).write_bytes(b"damaged")
     with pytest.raises(SystemExit):
         main(["prior", "train", "-o", str(out), *arguments, "--resume"])
     assert "not a checkpoint of this training" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["prior", "train", "-o", str(out / LOG), *arguments])
+    assert "is a file, not a folder" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["prior", "train", "-o", str(tmp_path / "none"), "--resume"])
     assert "no checkpoint" in capsys.readouterr().err

@@ -3,7 +3,10 @@
 import copy
 import json
 import math
+import signal
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,7 @@ from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.tasks.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.prior_samples import sample_sheet
 from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import read_sketches
 
 CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
@@ -128,15 +132,16 @@ class Training:
         loss = self._loss(batch, generator)
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP)
-        for optimiser in self.optimisers:
-            optimiser.step()
-            optimiser.zero_grad()
-        share = 1 / min(MEMORY, 1 + self.step / 5)
-        with torch.no_grad():
-            for kept, new in zip(self.mean.parameters(), self.network.parameters(), strict=True):
-                kept.lerp_(new, share)
-        self.step += 1
-        self.losses.append(loss.item())
+        with _whole():
+            for optimiser in self.optimisers:
+                optimiser.step()
+                optimiser.zero_grad()
+            share = 1 / min(MEMORY, 1 + self.step / 5)
+            with torch.no_grad():
+                for kept, new in zip(self.mean.parameters(), self.network.parameters(), strict=True):
+                    kept.lerp_(new, share)
+            self.step += 1
+            self.losses.append(loss.item())
         return self.losses[-1]
 
     def _loss(self, batch: dict[str, Tensor], generator: torch.Generator) -> Float[Tensor, ""]:
@@ -186,15 +191,18 @@ class Training:
                 tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118 (not a dict)
             was, now = about["identity"], self.identity()
             different = [name for name in now if was.get(name) != now[name]]
-            if different or about["words"] != list(self.vocabulary.words):
-                name = different[0] if different else "the library's words"
-                raise ValueError(f"the training to resume had another {name}: give the same, or start a new one")
+            if about["words"] != list(self.vocabulary.words):
+                different = ["library"]
+            if different:
+                raise ValueError(
+                    f"the training to resume had another {different[0]}: give the same, or start a new one"
+                )
             for part, network in (("network.", self.network), ("mean.", self.mean)):
                 network.load_state_dict({k.removeprefix(part): v for k, v in tensors.items() if k.startswith(part)})
             for i, optimiser in enumerate(self.optimisers):
                 self._restore(optimiser, f"optimiser.{i}.", tensors)
             self.step, self.losses = int(about["step"]), tensors["losses"].tolist()
-        except (SafetensorError, KeyError, TypeError, RuntimeError) as error:
+        except (SafetensorError, json.JSONDecodeError, AttributeError, KeyError, TypeError, RuntimeError) as error:
             raise ValueError(f"{path}: not a checkpoint of this training ({str(error)[:200]})") from error
 
     @staticmethod
@@ -205,6 +213,22 @@ class Training:
                 index, key = name.removeprefix(part).split(".")
                 state.setdefault(int(index), {})[key] = value
         optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+
+
+@contextmanager
+def _whole() -> Iterator[None]:
+    """Ctrl-C waits for the end of this block: half a step would be in the checkpoint, and done again after it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: asked.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if asked:
+        signal.raise_signal(signal.SIGINT)
 
 
 def rate_share(step: int, steps: int) -> float:
@@ -230,14 +254,13 @@ def train_prior(
         The file of the network.
 
     Raises:
-        ValueError: the folder holds a training that is neither to be resumed nor overwritten, or another one.
+        ValueError, OSError: as `claim` and `read_sketches`; the folder holds another training than that to be resumed.
+        ImportError: torch is older than 2.9.
+        FloatingPointError: a loss is not finite.
     """
     options = options or TrainOptions()
     checkpoint = out / CHECKPOINT
-    if options.resume and not checkpoint.exists():
-        raise ValueError(f"{out} has no checkpoint to resume from: leave --resume out to start a training")
-    if checkpoint.exists() and not (options.resume or options.overwrite):
-        raise ValueError(f"{out} holds a training: give another folder (-o), --resume to go on, or --overwrite")
+    claim(out, checkpoint, options.resume, options.overwrite)
     device = pick_device(options.device)
     torch.set_num_threads(options.threads)
     subjects = BuiltIn() if options.library is None else OwnSketches(read_sketches(options.library))
