@@ -1,6 +1,7 @@
 """The small prior's network and what it is behind: patches, attention, views that see each other, files."""
 
 import json
+from dataclasses import asdict
 
 import pytest
 import torch
@@ -9,7 +10,16 @@ from safetensors.torch import load_file, save_file
 import diff3ds as ds
 from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.guidance.small import SmallDenoiser, View, Vocabulary, angles, ink, read_network, write_network
+from diff3ds.guidance.small import (
+    SmallDenoiser,
+    View,
+    Vocabulary,
+    angles,
+    half_is_fast,
+    ink,
+    read_network,
+    write_network,
+)
 from diff3ds.guidance.small_network import Attention, Shape, SmallNetwork
 
 SHAPE = Shape(words=3, size=16, patch=4, channels=4, width=32, depth=2, heads=2)
@@ -156,11 +166,35 @@ def test_files_that_are_no_networks_are_refused(network, tmp_path):
     save_file({"x": torch.zeros(1)}, path)
     with pytest.raises(ValueError, match="not a network of the small prior"):
         read_network(path)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"version": 2},
+        {"shape": {"words": 10**9}},
+        {"shape": []},
+        {"vocabulary": {"words": ["mug"], "mean": 0, "spread": 1}},
+        {"vocabulary": asdict(VOCABULARY) | {"mean": float("nan")}},
+        {"vocabulary": asdict(VOCABULARY) | {"spread": 0}},
+    ],
+)
+def test_damaged_descriptions_are_refused(network, tmp_path, wrong):
+    path = tmp_path / "small.safetensors"
     write_network(path, network, VOCABULARY, {})
-    meta = {"version": 1, "shape": {"words": 10**9}, "vocabulary": {"words": [], "mean": 0, "spread": 1}}
-    save_file(load_file(path), path, {"diff3ds": json.dumps(meta)})
+    meta = {"version": 1, "shape": asdict(SHAPE), "vocabulary": asdict(VOCABULARY)}
+    tensors = load_file(path)
+    save_file(tensors, path, {"diff3ds": json.dumps(meta)})
+    read_network(path)
+    save_file(tensors, path, {"diff3ds": json.dumps(meta | wrong)})
     with pytest.raises(ValueError, match="not a network of the small prior"):
         read_network(path)
+
+
+def test_without_onednn_a_cpu_computes_in_float32(monkeypatch):
+    monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: False)
+    monkeypatch.delattr(torch.ops.mkldnn, "_is_mkldnn_bf16_supported")
+    assert half_is_fast(torch.device("cpu")) is False
 
 
 def test_unknown_words_are_refused():

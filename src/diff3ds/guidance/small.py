@@ -1,6 +1,7 @@
 """The small prior: a network of this project that fits in the package, in pixel space, for four views at once."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -166,7 +167,9 @@ def half_is_fast(device: torch.device) -> bool:
     """Whether a device multiplies matrices in bfloat16 by itself; others would emulate it, slowly."""
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    return device.type == "cpu" and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
+    # A torch built without oneDNN lacks its operations too.
+    there = device.type == "cpu" and torch.backends.mkldnn.is_available()  # type: ignore[no-untyped-call]
+    return bool(there and torch.ops.mkldnn._is_mkldnn_bf16_supported())
 
 
 def write_network(path: Path, network: SmallNetwork, vocabulary: Vocabulary, about: dict[str, Any]) -> None:
@@ -196,13 +199,17 @@ def read_network(path: Path) -> tuple[SmallNetwork, Vocabulary]:
         with safe_open(path, "pt") as file:
             meta = json.loads((file.metadata() or {})["diff3ds"])
             tensors = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118 (not a dict)
+        if meta["version"] != VERSION:
+            raise ValueError(f"of version {meta['version']}, where {VERSION} is read")
         said = meta["vocabulary"]
         vocabulary = Vocabulary(tuple(map(str, said["words"])), float(said["mean"]), float(said["spread"]))
         shape = Shape(**{name: int(value) for name, value in meta["shape"].items()})
+        if shape.words != len(vocabulary.words) or not (math.isfinite(vocabulary.mean) and vocabulary.spread > 0):
+            raise ValueError("its vocabulary does not fit it")
         # Takes no memory before the file's tensors are known to fit.
         with torch.device("meta"):
             network = SmallNetwork(shape)
         network.load_state_dict(tensors, assign=True)
-    except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ValueError(f"{path}: not a network of the small prior ({str(error)[:200]})") from error
     return network, vocabulary

@@ -166,7 +166,7 @@ _WAVES, _ANGLES = 32, 4 * 2 + 3
 
 
 def _waves(time: Float[Tensor, " S"]) -> Float[Tensor, "S k"]:
-    """Sines and cosines of a share of all timesteps, from half a period to some hundreds."""
+    """Sines and cosines of a share of all timesteps, from half a period to ninety."""
     rates = torch.pi * 2 ** (torch.arange(_WAVES // 2, device=time.device) / 2)
     angles = time[:, None] * rates
     return torch.cat([angles.sin(), angles.cos()], 1)
