@@ -15,10 +15,12 @@ __device__ inline u32 outline_tile(const Job &J, const OutlinePoint<real> &o) { 
 __device__ inline void count_outline(const Job &J, u32 piece) {
   J.outline_first[piece] = OutlineSampler<real, Job>(J, J.world, J.strata, J.seed, NONE).piece(piece, [](u32, const OutlinePoint<real> &) {});
 }
-// By one warp. Slots that stay empty lie nowhere: the host has filled them with NaN.
+// By one warp. Slots that stay empty lie nowhere: the host has filled them with NaN. The count was made by other code, which may round otherwise:
+// a point too many is left out.
 __device__ inline void sample_outline(const Job &J, u32 piece) {
-  const u32 first = J.outline_first[piece];
+  const u32 first = J.outline_first[piece], slots = J.outline_first[piece + 1] - first;
   OutlineSampler<real, Job>(J, J.world, J.strata, J.seed, lane(), WARP).piece(piece, [&](u32 slot, const OutlinePoint<real> &o) {
+    if (slot >= slots) return;
     J.outline[first + slot] = o;
     const u32 tile = outline_tile(J, o);
     if (tile != NONE) atomicAdd(J.outline_tile_first + tile, 1u);
