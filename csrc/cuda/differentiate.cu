@@ -8,9 +8,5 @@ KERNEL(differentiate_image, 256) { differentiate_tile<false, false, false>(J); }
 KERNEL(differentiate_image_depth, 256) { differentiate_tile<false, true, false>(J); }
 KERNEL(differentiate_world, 256) { differentiate_tile<true, true, false>(J); }
 KERNEL(finish_gradients, 128) { each_warp(stroke_count(J), [&](u32 i) { finish_stroke(J, i); }); }
-KERNEL(conclude_gradients, 256) {
-  if (thread_index() == 0)
-    for (int k = 0; k < COUNTERS; k++)
-      if (J.report && J.counters[k] > J.report[k]) J.report[k] = J.counters[k];
-}
+KERNEL(conclude_gradients, 256) { report_needs(J); }
 }  // namespace stroke

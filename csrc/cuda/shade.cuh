@@ -157,12 +157,16 @@ template <bool WORLD, bool DEPTH, bool SAMPLES> __device__ void differentiate_ti
   out[0] = background * u.r, out[1] = background * u.g, out[2] = background * u.b;
 }
 
+// Tells the host what was needed. A thread for each counter: one after the other would wait for the host's memory each time.
+__device__ inline void report_needs(const Job &J) {
+  const u32 k = thread_index();
+  if (k < COUNTERS && J.report && J.counters[k] > J.report[k]) J.report[k] = J.counters[k];
+}
+
 // The last of the forward: tells the host what was needed, and where that was more than there was, spoils the images so that nobody takes them
 // for a drawing.
 __device__ inline void conclude(const Job &J) {
-  if (thread_index() == 0)
-    for (int k = 0; k < COUNTERS; k++)
-      if (J.report && J.counters[k] > J.report[k]) J.report[k] = J.counters[k];
+  report_needs(J);
   if (fits(J, FRAGMENTS)) return;
   const u64 pixels = u64(J.views) * J.height * J.width;
   for (u64 i = thread_index(); i < pixels; i += thread_total()) {
