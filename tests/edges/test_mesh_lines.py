@@ -51,6 +51,13 @@ def test_repeated_vertices_are_one():
     assert kinds(curves) == [Kind.LINE] * 12
 
 
+def test_faces_wound_either_way_and_shown_from_both_sides_are_the_same_mesh():
+    vertices, faces = prism(around(48))
+    mixed = np.where(np.arange(len(faces))[:, None] % 2, faces, faces[:, ::-1])
+    for other in (mixed, np.concatenate([faces, faces[:, ::-1]])):
+        assert torch.equal(mesh_lines(vertices, other, 100).points, mesh_lines(vertices, faces, 100).points)
+
+
 @pytest.mark.parametrize("count", [10, 48])
 def test_the_rims_of_a_cylinder_are_exact_circles(count):
     curves = mesh_lines(*prism(around(count)), 100)

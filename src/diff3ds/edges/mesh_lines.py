@@ -61,20 +61,25 @@ def mesh_lines(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3
 
 
 def _features(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"]) -> Int[NDArray[np.int64], "E 2"]:
-    """Edges of one face or more than two, and those of two faces that meet sharply."""
+    """Edges of one face or more than two, and those of two faces that meet sharply, however each is wound."""
+    # Files that show both sides have every face twice.
+    faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
     a, b, c = vertices[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
     flat = length > 0
     faces, normals = faces[flat], normals[flat] / length[flat, None]
-    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges, edge, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    rising = sides[:, 0] < sides[:, 1]
+    edges, edge, count = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(edge.reshape(-1), kind="stable")
     start = np.cumsum(count) - count
     two = count == 2
-    beside = [order[start[two] + k] // 3 for k in (0, 1)]
+    one, other = (order[start[two] + k] for k in (0, 1))
+    cosine = (normals[one // 3] * normals[other // 3]).sum(1)
+    # Faces that are wound alike go along their edge in opposite directions.
     sharp = ~two
-    sharp[two] = (normals[beside[0]] * normals[beside[1]]).sum(1) < np.cos(np.deg2rad(SHARP))
+    sharp[two] = np.where(rising[one] == rising[other], -cosine, cosine) < np.cos(np.deg2rad(SHARP))
     return edges[sharp]
 
 
