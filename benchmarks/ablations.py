@@ -5,7 +5,7 @@ Without the command's last steps on finer pictures, which would hide the differe
     python benchmarks/ablations.py FOLDER --classifier FILE [--only radius] [--categories chair,lamp] [--seeds N]
 
 FILE is written by classifier.py. Runs that FOLDER has are not made again. Writes FOLDER/ablations.json, and
-FOLDER/ablations.png: a row for each recipe, a column for each category. Figures as in categories.py; F-scores are those
+FOLDER/ablations.png: two recipes in a row, a column for each category. Figures as in categories.py; F-scores are those
 to the nearest of the members that the prior was given.
 """
 
@@ -61,7 +61,7 @@ RECIPES: dict[str, dict[str, Any]] = {
     "sharpened": {"sharpen": True},
 }
 COLUMNS = ("F5", "F5_worst", "F2", "chamfer_percent", "top1", "views", "strokes", "seconds")
-VIEW, CELL = (35.0, 18.0), 160
+VIEW, CELL = (35.0, 18.0), 120
 
 
 def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
