@@ -62,7 +62,7 @@ template <bool WORLD> __device__ void draw_tile(const Job &J) {
 struct Upstream { real r, g, b, ink, depth, mean, background[3]; };
 __device__ inline Upstream upstream_at(const Job &J, const Tile &p, int x, int y, real scale) {
   Upstream u = {};
-  if (x >= p.w || y >= p.h) return u;
+  if (x >= p.w || y >= p.h || !fits(J, FRAGMENTS)) return u;  // an image that was spoilt has no gradient
   const u64 at = pixel_index(J, p, x, y);
   if (J.g_color) u.r = scale * J.g_color[3 * at], u.g = scale * J.g_color[3 * at + 1], u.b = scale * J.g_color[3 * at + 2];
   if (J.g_alpha) u.ink = scale * J.g_alpha[at];
