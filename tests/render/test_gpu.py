@@ -56,6 +56,7 @@ def test_graphs(gpu):
     """A captured call draws what is in the strokes when it is replayed."""
     sketch, cameras = scene(gpu)
     stream = torch.cuda.Stream()
+    stream.wait_stream(torch.cuda.current_stream())
     with torch.cuda.stream(stream):
         for _ in range(3):
             drawn(sketch, cameras)
