@@ -83,6 +83,9 @@ def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
         ("a zebra", [], "does not know"),
         ("a mug", ["--method", "vsd"], "vsd trains a network"),
         ("a mug", ["--negative", "a chair"], "built-in priors have none"),
+        ("a mug", ["--precision", "float16"], "--precision is for networks of diffusers"),
+        ("a mug", ["--variant", "fp16"], "--variant is for networks of diffusers"),
+        ("a mug", ["--allow-pickle"], "--allow-pickle is for networks of diffusers"),
     ):
         with pytest.raises(SystemExit):
             main(["text", phrase, "--prior", "small", "--weights", str(weights), "-o", str(out), *wrong])

@@ -60,6 +60,10 @@ class PriorOptions:
             raise ValueError("exemplar is built in and takes no weights: name another prior, or leave them out")
         if (self.variant or self.allow_pickle) and not (self.weights or _is_place(self.prior or "")):
             raise ValueError("--variant and --allow-pickle are for weights that are named: add --weights")
+        for name in ("variant", "allow_pickle", "precision"):
+            if self.prior in BUILT_IN and getattr(self, name) != getattr(PriorOptions, name):
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} is for networks of diffusers, and {self.prior} is none: leave it out")
 
     def source(self) -> Source | None:
         """The weights that are named, or None for those that are known."""
