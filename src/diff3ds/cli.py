@@ -99,10 +99,10 @@ class Text:
     """Make a 3D sketch of a phrase, by score distillation from a diffusion prior.
 
     Priors: mvdream (knows several views at once; the best, and the default where its weights and a GPU are there),
-    stable-diffusion, stable-diffusion-768; and exemplar, which is built in, needs neither, and knows forty kinds of
-    things. Weights are fetched once by "diff3ds fetch PRIOR"; "diff3ds doctor" says what is there. Writes sketch.json,
-    sketch.svg, sketch.step, preview.png, run.json, and pictures of the progress. Ctrl-C ends the run early and writes
-    what was reached; --resume goes on from there.
+    stable-diffusion, stable-diffusion-768; exemplar, which is built in, needs neither, and knows forty kinds of
+    things; and small, a network that "diff3ds prior train" makes. Weights are fetched once by "diff3ds fetch PRIOR";
+    "diff3ds doctor" says what is there. Writes sketch.json, sketch.svg, sketch.step, preview.png, run.json, and
+    pictures of the progress. Ctrl-C ends the run early and writes what was reached; --resume goes on from there.
     """
 
     text: OmitArgPrefixes[TextOptions]
@@ -128,8 +128,9 @@ class Image:
     """Make a 3D sketch of the object in a picture, by score distillation from a prior that knows other views of it.
 
     Priors: zero123 (Zero123-XL, the default where its weights and a GPU are there), stable-zero123 (weights for
-    non-commercial research only); and exemplar, which is built in, needs neither, and recognises forty kinds of things.
-    The picture has alpha, or a --mask, or a plain background. Writes what "diff3ds text" writes.
+    non-commercial research only); exemplar, which is built in, needs neither, and recognises forty kinds of things; and
+    small, a network that "diff3ds prior train" makes of the same things. The picture has alpha, or a --mask, or a plain
+    background. Writes what "diff3ds text" writes.
     """
 
     image: OmitArgPrefixes[ImageOptions]
@@ -216,7 +217,7 @@ class Fetch:
 
 @dataclass(frozen=True)
 class Prior:
-    """Train the small prior, a network for "--prior small", on the built-in library.
+    """Train the small prior, a network for "--prior small", on the built-in library or a folder of your own.
 
     Writes small.safetensors, a checkpoint, a log, and pictures of what it has learned so far. Ctrl-C keeps a
     checkpoint; --resume goes on from there.

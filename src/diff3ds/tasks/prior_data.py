@@ -27,7 +27,8 @@ SIZE = 64
 PLAIN, STRETCHED = 0.35, 0.15
 # One in so many combinations of two attributes or more is left out, to see whether the network can combine.
 HELD_OUT = 4
-# Reference views are jittered, each control point by up to this (world units), as a hand would. Empirical.
+# Half of the reference views are jittered, as by a hand: control points by up to this standard deviation (world units).
+# Empirical.
 JITTER = 0.03
 # Sketches of a folder, as fixed as they are, by this.
 OWN_JITTER = 0.01

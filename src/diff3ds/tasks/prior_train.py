@@ -243,7 +243,7 @@ def train_prior(
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Path:
-    """Trains a small prior on the library and writes it; Ctrl-C keeps a checkpoint, then `Stopped` is raised.
+    """Trains a small prior and writes it; Ctrl-C keeps a checkpoint, then `Stopped` is raised.
 
     Args:
         out: folder of the network, checkpoint, samples and log.
