@@ -36,10 +36,11 @@ class Limits:
 
     def guess(self, shape: Shape) -> None:
         """Raises the bounds to what a drawing like this may need."""
-        pixels = shape.views * shape.height * shape.width * shape.samples
-        seen, points = shape.seen, max(shape.strata, 1)
-        first = (PIECES * seen, CHORDS * seen, PAIRS * seen, PAIRS * seen, FRAGMENTS * pixels)
-        outlines = (1024 * seen * points, 2048 * seen * points) if shape.strata else (1, 1)
+        seen, pixels = shape.seen, shape.views * shape.height * shape.width
+        first = (PIECES * seen, CHORDS * seen, PAIRS * seen, PAIRS * seen, FRAGMENTS * pixels * shape.samples)
+        # px of outline; of many strokes, each is short.
+        outline = min(1024 * seen, pixels) * shape.strata
+        outlines = (outline, 2 * outline)
         for name, need in zip(LISTS, (*first, *outlines), strict=True):
             self.length[name] = min(MOST, max(self.length.get(name, 0), need + 1024))
 
@@ -84,7 +85,8 @@ class Limits:
         needs = self.needs()
         fitted = all(need <= self.length[name] for name, need in needs.items())
         self.grow()
-        if fitted:
+        # The backward pass of a drawing that was spoilt counted nothing.
+        if fitted and (which == "forward" or shape.strokes <= self.proven.get("forward", -1)):
             self.proven[which] = max(shape.strokes, self.proven.get(which, -1))
         return fitted
 
