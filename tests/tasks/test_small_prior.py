@@ -1,5 +1,6 @@
 """`diff3ds text` and `image` with the small prior: end to end with a tiny network, and what is refused."""
 
+import hashlib
 import json
 
 import pytest
@@ -8,14 +9,14 @@ import torch
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.formats import save_png
-from diff3ds.guidance.small import Vocabulary, write_network
+from diff3ds.guidance.small import Vocabulary, read_network, write_network
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.library import member
 from diff3ds.library.phrase import Request
 from diff3ds.tasks import distill, small_prior
 from diff3ds.tasks.prior_data import words
 from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.small_prior import ask
+from diff3ds.tasks.small_prior import trained
 
 FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]
 
@@ -31,7 +32,7 @@ def weights(tmp_path):
     return path
 
 
-def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weights, tmp_path, monkeypatch):
+def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weights, tmp_path, monkeypatch, capsys):
     def command(out, *more):
         given = ["--weights", str(weights), "-o", str(out), "--steps", "6", "--strokes", "5", "--sheet-every", "3"]
         main(["text", "a tall red lamp", "--prior", "small", "--quiet", *given, *more])
@@ -40,9 +41,10 @@ def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weig
     command(whole)
     sketch = ds.load(whole / "sketch.json")
     assert torch.allclose(sketch.color, torch.tensor([0.8, 0.1, 0.1]).expand(len(sketch), 3))
-    run = json.loads((whole / "run.json").read_text())["options"]
-    assert run["prior"] == "small"
-    assert len(run["weights_sha256"]) == 64
+    run = json.loads((whole / "run.json").read_text())
+    assert run["options"]["prior"] == "small"
+    assert run["network"]["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
+    assert run["network"]["device"] == "cpu"
 
     def interrupt(*arguments):
         raise KeyboardInterrupt
@@ -52,6 +54,12 @@ def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weig
         with pytest.raises(SystemExit):
             command(part)
     assert json.loads((part / "run.json").read_text())["steps_done"] == 3
+    other = weights.read_bytes()
+    write_network(weights, *read_network(weights), {"steps": 7})
+    with pytest.raises(SystemExit):
+        command(part, "--resume")
+    assert "the run to resume had weights_sha256" in capsys.readouterr().err
+    weights.write_bytes(other)
     command(part, "--resume")
     assert (whole / "sketch.json").read_bytes() == (part / "sketch.json").read_bytes()
 
@@ -67,7 +75,7 @@ def test_a_picture_is_the_networks_reference(weights, tmp_path, capsys):
 
 def test_the_request_reaches_the_network(weights):
     options = PriorOptions(prior="small", weights=str(weights))
-    plain, arms = (ask(Request("chair", kind), options).denoiser for kind in ((), ("armrests",)))
+    plain, arms = (trained(options).asked(Request("chair", kind)) for kind in ((), ("armrests",)))
     cameras = ds.orbit([0.0, 90, 180, 270], 15, 1.9, size=64)
     noisy = torch.randn(4, 1, 64, 64, generator=torch.Generator().manual_seed(0))
     asked = (noisy, torch.full((4,), 500), cameras, ("conditional", "unconditional"))

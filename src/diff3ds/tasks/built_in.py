@@ -13,7 +13,6 @@ from diff3ds.tasks.progress import Report
 from diff3ds.tasks.reference import Reference
 from diff3ds.tasks.sharpen import Sharpening
 from diff3ds.tasks.sketch_folder import SketchFolder, identity_of
-from diff3ds.tasks.small_prior import Asked
 
 Color = tuple[float, float, float]
 
@@ -24,10 +23,11 @@ class Chosen:
 
     Attributes:
         denoiser: behind the protocol of all priors.
-        identity: which library or weights, for run.json; a resumed run must have the same.
+        identity: which library, for run.json; a resumed run must have the same.
         color: of the results, straight RGB; None is black.
         start: of the strokes at the start, which are what the prior was shown.
         members: that the sketch is sharpened by; none for a network, which has none.
+        network: as `Commission.network`.
     """
 
     denoiser: Denoiser
@@ -35,16 +35,17 @@ class Chosen:
     color: Color | None
     start: Color | None
     members: Sequence[Sketch]
+    network: Mapping[str, object]
 
     @classmethod
     def of_members(cls, known: Exemplars, folder: SketchFolder | None, settings: DistillOptions) -> "Chosen":
         """The exact prior of a library."""
-        return cls(known.prior(start_width(settings)), identity_of(folder), known.color, known.color, known.meant)
+        return cls(known.prior(start_width(settings)), identity_of(folder), known.color, known.color, known.meant, {})
 
     @classmethod
-    def of_network(cls, asked: Asked, color: Color | None) -> "Chosen":
+    def of_network(cls, denoiser: Denoiser, about: Mapping[str, object], color: Color | None) -> "Chosen":
         """The small prior, which was shown black strokes."""
-        return cls(asked.denoiser, asked.identity, color, None, ())
+        return cls(denoiser, {}, color, None, (), about)
 
 
 def start_width(settings: DistillOptions) -> float:
@@ -84,5 +85,6 @@ def run(
         finish=lambda sketch: thin_lines(painted(sketch, chosen.color), settings),
         reference=reference,
         sharpening=Sharpening(chosen.members, fine_reference) if chosen.members else None,
+        network=chosen.network,
     )
     return distill(chosen.denoiser, settings, out, wanted, report)

@@ -33,7 +33,7 @@ from diff3ds.tasks.recognise import Recognised, alike, drawn_over, recognise
 from diff3ds.tasks.reference import Reference
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import read_sketches
-from diff3ds.tasks.small_prior import ask
+from diff3ds.tasks.small_prior import trained
 
 # The paper's weight of guidance for pictures.
 GUIDANCE = 7.5
@@ -148,9 +148,9 @@ def _built_in(
 
     known = seen(settings.size or SIZE, start_width(settings))
     if name == "small":
-        view = seen(SIZE, WIDTH)
-        asked = ask(Request(found.category, found.attributes), prior, view.picture[None], view.cameras)
-        chosen = Chosen.of_network(asked, exemplars.color)
+        view, small = seen(SIZE, WIDTH), trained(prior)
+        denoiser = small.asked(Request(found.category, found.attributes), view.picture[None], view.cameras)
+        chosen = Chosen.of_network(denoiser, small.about, exemplars.color)
     else:
         chosen = Chosen.of_members(exemplars, folder, settings)
     save_png(out / "reference.png", reference.image)

@@ -21,7 +21,7 @@ from diff3ds.tasks.priors import (
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.sketch_folder import read_sketches
-from diff3ds.tasks.small_prior import ask, asked_for
+from diff3ds.tasks.small_prior import trained
 
 # The paper's weight of guidance for phrases.
 GUIDANCE = 50.0
@@ -93,8 +93,10 @@ def _built_in(
         raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in priors have none")
     check(settings)
     if about["prior"] == "small":
-        request = asked_for(phrase, prior)
-        return run(Chosen.of_network(ask(request, prior), request.color), about, GUIDANCE, settings, out, report)
+        small = trained(prior)
+        request = small.understood(phrase)
+        chosen = Chosen.of_network(small.asked(request), small.about, request.color)
+        return run(chosen, about, GUIDANCE, settings, out, report)
     folder = None if prior.library is None else read_sketches(prior.library)
     known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
     if folder is not None:
