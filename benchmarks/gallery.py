@@ -48,7 +48,7 @@ def draw(category: str, folder: Path, seed: int) -> dict[str, Any]:
     turntable(sketch, folder / f"{name}.webp")
     known = exemplars_of(phrase, seed)
     fitting = [m for m, fits in zip(known.members, known.fitting, strict=True) if fits]
-    best = max((scores(sketch, m) for m in fitting), key=lambda found: found["F5"])
+    best = min((scores(sketch, m) for m in fitting), key=lambda found: found["chamfer_percent"])
     return {"phrase": phrase, **best, "strokes": len(sketch), "seconds": seconds}
 
 
