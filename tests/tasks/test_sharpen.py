@@ -13,7 +13,7 @@ from diff3ds.bezier import evaluate
 from diff3ds.cli import STOPPED, main
 from diff3ds.formats import load_image
 from diff3ds.library import member
-from diff3ds.tasks import distill, sharpen
+from diff3ds.tasks import sharpen
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.reference import Reference
 from diff3ds.tasks.sharpen import Sharpening, likely
@@ -123,7 +123,3 @@ def test_a_stop_before_the_first_of_the_last_steps_keeps_the_sketch_so_far(tmp_p
     assert ended.value.code == STOPPED
     run = json.loads((tmp_path / "run" / "run.json").read_text())
     assert (run["steps_done"], run["stopped_early"]) == (4, True)
-
-
-def test_sizes_fit_the_prior():
-    assert distill.DistillOptions().batch == sharpen.GROUP
