@@ -13,6 +13,7 @@ from diff3ds.cli import FAULT, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks import priors
+from diff3ds.tasks.image import inked
 from diff3ds.tasks.lines import lines_of
 from diff3ds.tasks.picture import read_reference
 from diff3ds.tasks.recognise import alike, confidence, descriptors, drawn_over, pieces, recognise
@@ -196,6 +197,7 @@ def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
     assert "does not recognise" in fails(["image", str(cross), *out], capsys)
     assert "does not know 'dargon'" in fails(["image", str(chair), "--shows", "a dargon", *out], capsys)
     assert "looks for one thing" in fails(["image", str(chair), "--shows", "two chairs", *out], capsys)
+    assert "leave words such as tall out" in fails(["image", str(chair), "--shows", "a tall chair", *out], capsys)
     zero123 = ["--prior", "zero123", "--shows", "a chair"]
     assert "--shows is for the built-in prior" in fails(["image", str(chair), *zero123, *out], capsys)
     assert not (tmp_path / "out").exists()
@@ -236,3 +238,10 @@ def test_the_network_is_taken_where_it_can_work(device, weights, best, reason, m
     name, said = priors.best_for_pictures("auto")
     assert name == best
     assert reason in said
+
+
+def test_a_drawing_takes_the_colour_of_the_strokes():
+    picture = torch.tensor([[[1.0, 1, 1], [0, 0, 0], [0.5, 0.5, 0.5]]])
+    red = inked(picture, (0.8, 0.1, 0.1))
+    assert torch.allclose(red, torch.tensor([[[1.0, 1, 1], [0.8, 0.1, 0.1], [0.9, 0.55, 0.55]]]))
+    assert inked(picture, None) is picture

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
 from diff3ds.guidance.known import KNOWN
@@ -12,7 +13,7 @@ from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks import sharpen
-from diff3ds.tasks.built_in import Chosen, check, run, start_width
+from diff3ds.tasks.built_in import Chosen, Color, check, run, start_width
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like
@@ -142,22 +143,28 @@ def _built_in(
     like = exemplars.members[0]
     weight = options.reference_loss
 
-    def seen(size: int, width: float) -> Reference:
+    def seen(size: int, width: float, color: Color | None = None) -> Reference:
         resized = found.camera.resize(size)
-        return Reference(drawn_over(lines, like, resized, width), resized, REFERENCE_LOSS if weight is None else weight)
+        drawn = inked(drawn_over(lines, like, resized, width), color)
+        return Reference(drawn, resized, REFERENCE_LOSS if weight is None else weight)
 
-    known = seen(settings.size or SIZE, start_width(settings))
     if name == "small":
         view, small = seen(SIZE, WIDTH), trained(prior)
         denoiser = small.asked(Request(found.category, found.attributes), view.picture[None], view.cameras)
         chosen = Chosen.of_network(denoiser, small.about, exemplars.color)
     else:
         chosen = Chosen.of_members(exemplars, folder, settings)
+    known = seen(settings.size or SIZE, start_width(settings), chosen.start)
     save_png(out / "reference.png", reference.image)
     save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
     about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
-    both = (known, seen(sharpen.SIZE, sharpen.WIDTH)) if known.weight else ()
+    both = (known, seen(sharpen.SIZE, sharpen.WIDTH, chosen.start)) if known.weight else ()
     return run(chosen, about, GUIDANCE, settings, out, report, *both)
+
+
+def inked(picture: Float[Tensor, "H W 3"], color: Color | None) -> Float[Tensor, "H W 3"]:
+    """A black drawing on white, in this colour: the strokes that are compared with it have it."""
+    return picture if color is None else 1 - (1 - picture) * (1 - picture.new_tensor(color))
 
 
 def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Recognised, Exemplars]:
@@ -174,6 +181,8 @@ def _asked(shows: str | None) -> Request | None:
     request = parse(shows)
     if request.count != 1:
         raise ValueError(f"{shows!r}: the built-in prior looks for one thing in a picture")
+    if request.stretch != (1.0, 1.0, 1.0):
+        raise ValueError(f"{shows!r}: proportions are the picture's own: leave words such as tall out")
     return request
 
 
