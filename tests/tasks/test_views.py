@@ -196,7 +196,7 @@ def test_resume_refuses_another_run(drawings, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["views", str(folder), "-o", str(folder / "out"), "--resume", "--seed", "5"])
     assert stopped.value.code == FAULT
-    assert "had seed=0, not 5" in capsys.readouterr().err
+    assert "had --seed=0, not 5" in capsys.readouterr().err
     assert (folder / "out" / "sketch.json").read_bytes() == before
 
 
