@@ -118,10 +118,13 @@ def test_a_training_that_is_resumed_is_the_same_bit_for_bit(tmp_path, monkeypatc
                 signal.raise_signal(signal.SIGINT)
             super().step(closure)
 
+    # Processes that shells start in the background ignore it.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with monkeypatch.context() as patch:
         patch.setattr(torch.optim, "AdamW", Interrupted)
         with pytest.raises(Stopped):
             train_prior(tmp_path / "parts", TrainOptions(steps=8, **TINY))
+    signal.signal(signal.SIGINT, before)
     assert json.loads((tmp_path / "parts" / LOG).read_text())["steps"] == 4
     parts = train_prior(tmp_path / "parts", TrainOptions(steps=8, resume=True, **TINY))
     first, second = read_network(whole)[0].state_dict(), read_network(parts)[0].state_dict()
