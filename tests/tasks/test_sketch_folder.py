@@ -25,6 +25,9 @@ from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.sketch_folder import read_sketches
 
 
+FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
+
+
 def drawn(name: str, seed: int = 0, attributes=()) -> ds.Sketch:
     return member(name, torch.Generator().manual_seed(seed), attributes).sketch
 
@@ -327,19 +330,7 @@ def test_a_phrase_becomes_the_sketch_in_the_folder(rocket, folder):
 def test_a_folder_of_one_kind_and_one_sketch_is_enough(tmp_path):
     (tmp_path / "library").mkdir()
     ds.save(tmp_path / "library" / "chair.json", drawn("chair"))
-    main(
-        [
-            "text",
-            "a chair",
-            "--library",
-            str(tmp_path / "library"),
-            "-o",
-            str(tmp_path / "out"),
-            "--steps",
-            "2",
-            "--no-sharpen",
-        ]
-    )
+    main(["text", "a chair", "--library", str(tmp_path / "library"), "-o", str(tmp_path / "out"), *FEW])
     assert (tmp_path / "out" / "sketch.json").exists()
 
 
@@ -347,18 +338,7 @@ def test_a_changed_library_is_another_run(tmp_path, capsys):
     library = tmp_path / "library"
     library.mkdir()
     ds.save(library / "chair.json", drawn("chair"))
-    arguments = [
-        "text",
-        "a chair",
-        "-o",
-        str(tmp_path / "out"),
-        "--steps",
-        "2",
-        "--no-sharpen",
-        "--quiet",
-        "--sheet-every",
-        "0",
-    ]
+    arguments = ["text", "a chair", "-o", str(tmp_path / "out"), *FEW]
     own = [*arguments, "--library", str(library)]
     main(own)
     before = (tmp_path / "out" / "sketch.json").read_bytes()
