@@ -24,7 +24,6 @@ from diff3ds.tasks.picture import read_reference
 from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.sketch_folder import read_sketches
 
-
 FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
 
 
