@@ -143,6 +143,39 @@ def test_workers_change_nothing(tmp_path, monkeypatch):
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
+def test_threads_change_nothing(tmp_path, monkeypatch):
+    """A batch of three parts, the last one smaller."""
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
+    alone = train_prior(tmp_path / "alone", TrainOptions(steps=3, threads=1, **(TINY | {"batch": 10})))
+    helped = train_prior(tmp_path / "helped", TrainOptions(steps=3, threads=3, **(TINY | {"batch": 10})))
+    first, second = read_network(alone)[0].state_dict(), read_network(helped)[0].state_dict()
+    assert all(torch.equal(first[name], second[name]) for name in first)
+
+
+@pytest.mark.parametrize("sees", [True, False])
+def test_the_gradients_of_parts_are_those_of_the_whole_batch(monkeypatch, sees):
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
+    monkeypatch.setattr(prior_train, "half_is_fast", lambda device: False)
+    monkeypatch.setattr(prior_train, "WITH_REFERENCE", float(sees))
+    training = prior_train.Training(TrainOptions(**(TINY | {"batch": 6})), prior_data.BuiltIn(), torch.device("cpu"))
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for parameter in training.network.parameters():
+            parameter += 0.1 * torch.randn(parameter.shape, generator=generator)
+    examples = [Examples(0, 6)[i] for i in range(6)]
+    batch = {name: torch.stack([example[name] for example in examples]) for name in examples[0]}
+    wanted, *given = training._task(batch, generator)
+    loss = (training.network(*given) - wanted).square().mean()
+    loss.backward()
+    expected = [p.grad for p in training.network.parameters()]
+    training.network.zero_grad()
+    assert training._descend([wanted, *given]) == pytest.approx(loss.item(), rel=1e-5)
+    for known, parameter in zip(expected, training.network.parameters(), strict=True):
+        assert (known is None) == (parameter.grad is None)
+        assert known is None or torch.allclose(parameter.grad, known, rtol=1e-3, atol=1e-6)
+    assert (training.network.reference.weight.grad is None) != sees
+
+
 def test_the_command_trains_and_shows_samples(tmp_path, capsys):
     out = tmp_path / "prior"
     arguments = "--steps 2 --batch 1 --depth 1 --width 16 --patch 16 --workers 0 --checkpoint-every 2"
@@ -154,6 +187,7 @@ def test_the_command_trains_and_shows_samples(tmp_path, capsys):
     for wrong, message in (
         ([], "holds a run"),
         (["--resume", "--rate", "0.1"], "had another rate"),
+        (["--resume", "--steps", "1"], "2 steps are done"),
         (["--overwrite", "--rate", "2"], "rate must lie in"),
         (["--overwrite", "--width", "30"], "multiple"),
     ):
