@@ -58,7 +58,7 @@ struct Job {
   u32 *order;                        // fragments of each point near to far
   u32 *point_first, *point_count;    // per stratum, tile and thread: its part of order
   u64 *counters;
-  volatile u64 *report;              // memory of the host
+  u64 *report;                       // memory of the host
   // backward
   const real *g_color, *g_alpha, *g_depth;
   real *front, *g_fragment;          // per fragment: transmittance in front of it, dL/d(alpha)

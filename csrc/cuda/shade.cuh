@@ -157,10 +157,11 @@ template <bool WORLD, bool DEPTH, bool SAMPLES> __device__ void differentiate_ti
   out[0] = background * u.r, out[1] = background * u.g, out[2] = background * u.b;
 }
 
-// Tells the host what was needed. A thread for each counter: one after the other would wait for the host's memory each time.
+// Tells the host what was needed. A thread for each counter: one after the other would wait for the host's memory each time. Drawings on
+// several streams may tell at once: the greatest stays.
 __device__ inline void report_needs(const Job &J) {
   const u32 k = thread_index();
-  if (k < COUNTERS && J.report && J.counters[k] > J.report[k]) J.report[k] = J.counters[k];
+  if (k < COUNTERS && J.report && J.counters[k]) atomicMax(J.report + k, J.counters[k]);
 }
 
 // The last of the forward: tells the host what was needed, and where that was more than there was, spoils the images so that nobody takes them

@@ -120,8 +120,17 @@ def test_proven_calls_do_not_wait(device, antialiasing):
     assert device.waits > before, "more strokes than were ever drawn"
 
 
-def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories, antialiasing):
+def test_small_drawings_never_outgrow_their_memory(device, antialiasing):
+    """A sketch of hair lines, and then one whose every stroke fills the picture."""
+    expected = results(crowd(20, half_width=60.0), (60, 80), antialiasing, "cpu")
+    results(crowd(20, half_width=0.01), (60, 80), antialiasing)
+    for got, known in zip(results(crowd(20, half_width=60.0), (60, 80), antialiasing), expected, strict=True):
+        assert torch.allclose(got, known, rtol=1e-3, atol=1e-3)
+
+
+def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories, antialiasing, monkeypatch):
     """Strokes that turn from thin to thick in one step: NaN and gradients of 0, and a call later all is well."""
+    monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
     thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
     expected = results(thick, (60, 80), antialiasing)
     memories.clear()

@@ -82,6 +82,28 @@ def test_several_at_once(compiler, tmp_path):
     assert [p.suffix for p in compiling.cache_folder().iterdir()] == [".cubin"]
 
 
+def test_damaged_code_is_compiled_again(compiler):
+    code = compiling.compiled("draw", "float", "sm_90")
+    (path,) = compiling.cache_folder().iterdir()
+    held = path.read_bytes()
+    for damaged in (held[:-1], held[:10], b"", held[:-1] + b"?", code):
+        path.write_bytes(damaged)
+        assert compiling.compiled("draw", "float", "sm_90") == code
+        assert path.read_bytes() == held
+    assert len(compiler) == 6
+
+
+def test_without_a_home(compiler, monkeypatch):
+    """Where a user has none, pathlib raises."""
+
+    def home() -> None:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(compiling.Path, "home", home)
+    assert compiling.compiled("draw", "float", "sm_90") == b"draw float sm_90" * 1000
+
+
 def test_a_cache_that_cannot_be_written(compiler, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))

@@ -27,6 +27,20 @@ def test_coverage_is_that_of_the_closest_point(request, backend, shape, half_wid
     assert np.abs(alpha.ravel() - box_coverage(d, half_width)).max() < tolerance
 
 
+def test_loops_within_a_tile(backend):
+    """Near where a stroke crosses itself, chords do not say which branch is nearest: 256 small loops turned at random."""
+    if backend == "reference":
+        pytest.skip("it is what the others are compared with")
+    g = torch.Generator().manual_seed(0)
+    loop = torch.tensor([[-4.2, 5.1], [14.5, -7.6], [-14.5, -7.6], [4.2, 5.1]], dtype=torch.float64)
+    turn = 2 * math.pi * torch.rand(256, generator=g, dtype=torch.float64)
+    rotation = torch.stack([turn.cos(), -turn.sin(), turn.sin(), turn.cos()], -1).reshape(-1, 2, 2)
+    tiles = 16 * torch.cartesian_prod(torch.arange(16), torch.arange(16)) + 8
+    strokes = strokes_at(loop @ rotation + tiles[:, None], half_width=0.4)
+    expected, got = (draw(strokes, 256, which).alpha for which in ("reference", backend))
+    assert (got - expected).abs().max() < 1e-4
+
+
 @pytest.mark.parametrize("shape", ["bend", "cusp", "loop", "there and back"])
 def test_samples_are_inside_or_not(backend, shape):
     """Monte Carlo pictures against 32 x 32 samples a pixel, in the mean over the image."""

@@ -144,3 +144,8 @@ template <class T> T atomicAdd(T *p, T x) {
   *p += x;
   return old;
 }
+template <class T> T atomicMax(T *p, T x) {
+  const T old = *p;
+  if (x > old) *p = x;
+  return old;
+}

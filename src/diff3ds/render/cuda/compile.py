@@ -13,9 +13,16 @@ from diff3ds.render.cuda.sources import PARTS, source_digest, source_folder
 # rounded before it is added to, wherever the compiler meets it.
 OPTIONS = {part: {"std": "c++20", "fma": part != "strokes"} for part in PARTS}
 
+# Bytes of a digest.
+DIGEST = 32
+
 
 def cache_folder() -> Path:
-    """Where compiled kernels are kept: `diff3ds/kernels` in XDG_CACHE_HOME, or in ~/.cache."""
+    """Where compiled kernels are kept: `diff3ds/kernels` in XDG_CACHE_HOME, or in ~/.cache.
+
+    Raises:
+        RuntimeError: this user has no home.
+    """
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "diff3ds" / "kernels"
 
@@ -24,18 +31,20 @@ def compiled(part: str, real: str, arch: str) -> bytes:
     """The cubin of a part for pixels in "float" or "double" on an architecture like "sm_90", from disk if it is there.
 
     Safe for several processes at once: files are written whole under another name and then renamed. Where nothing can
-    be written, every process compiles for itself.
+    be written, every process compiles for itself. A file begins with its digest: what a disk has damaged is made anew.
     """
     # They decide which NVRTC compiles; to load it and ask would take longer than to read what it made.
     versions = [metadata.version(name) for name in ("torch", "cuda-core", "cuda-bindings")]
     key = hashlib.sha256(repr((source_digest(), versions, OPTIONS[part])).encode()).hexdigest()[:32]
-    path = cache_folder() / f"{part}-{real}-{arch}-{key}.cubin"
-    try:
-        return path.read_bytes()
-    except OSError:
-        code = compile_part(part, real, arch)
-    with suppress(OSError):
-        write_bytes(path, code)
+    name = f"{part}-{real}-{arch}-{key}.cubin"
+    with suppress(OSError, RuntimeError):
+        held = (cache_folder() / name).read_bytes()
+        digest, code = held[:DIGEST], held[DIGEST:]
+        if hashlib.sha256(code).digest() == digest:
+            return code
+    code = compile_part(part, real, arch)
+    with suppress(OSError, RuntimeError):
+        write_bytes(cache_folder() / name, hashlib.sha256(code).digest() + code)
     return code
 
 

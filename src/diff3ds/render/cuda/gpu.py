@@ -40,7 +40,7 @@ class Gpu:
 
         with torch.cuda.device(self._device):
             kernel = self._kernels.get(name) or self._load(name)
-            stream = torch.cuda.current_stream(self._device).cuda_stream
+            stream = torch.cuda.current_stream(self._device).cuda_stream or driver.CU_STREAM_LEGACY
             # The driver copies the job before it returns.
             arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
             started = driver.cuLaunchKernel(
@@ -53,13 +53,19 @@ class Gpu:
         from cuda.bindings import driver
 
         part = kernels()[name].part
-        if part not in self._parts:
-            # torch's context is current: its allocations came first.
-            code = self._codes[part].result()
-            self._parts[part] = self._checked(driver.cuLibraryLoadData(code, [], [], 0, [], [], 0), part)
-        kernel = self._checked(driver.cuLibraryGetKernel(self._parts[part], name.encode()), name)
-        # A launch takes either kind of handle.
-        self._kernels[name] = driver.CUfunction(int(kernel))
+        # Loading takes memory, which a capture forbids its thread to do unless it says that it knows.
+        relaxed = driver.CUstreamCaptureMode.CU_STREAM_CAPTURE_MODE_RELAXED
+        before = self._checked(driver.cuThreadExchangeStreamCaptureMode(relaxed), "capture mode")
+        try:
+            if part not in self._parts:
+                # torch's context is current: its allocations came first.
+                code = self._codes[part].result()
+                self._parts[part] = self._checked(driver.cuLibraryLoadData(code, [], [], 0, [], [], 0), part)
+            kernel = self._checked(driver.cuLibraryGetKernel(self._parts[part], name.encode()), name)
+            # Now, not at the first launch.
+            self._kernels[name] = self._checked(driver.cuKernelGetFunction(kernel), name)
+        finally:
+            self._checked(driver.cuThreadExchangeStreamCaptureMode(before), "capture mode")
         return self._kernels[name]
 
     def _checked(self, answer: tuple[Any, ...], what: str) -> Any:

@@ -18,6 +18,8 @@ MOST = 2**32 - 256
 MARGIN = 3
 # The first guess, by stroke and view, and per pixel (empirical); it only decides how often a first call is done again.
 PIECES, CHORDS, PAIRS, FRAGMENTS = 2, 32, 96, 2
+# No list is shorter: some 20 to 50 MB in all. A small drawing may then change as it likes and never outgrows its memory.
+LEAST = dict(zip(LISTS, (1 << 12, 1 << 16, 1 << 18, 1 << 15, 1 << 19, 1 << 16, 1 << 17), strict=True))
 
 
 @dataclass(eq=False)
@@ -42,7 +44,7 @@ class Limits:
         outline = min(1024 * seen, pixels) * shape.strata
         outlines = (outline, 2 * outline)
         for name, need in zip(LISTS, (*first, *outlines), strict=True):
-            self.length[name] = min(MOST, max(self.length.get(name, 0), need + 1024))
+            self.length[name] = min(MOST, max(self.length.get(name, 0), LEAST[name], need))
 
     def needs(self) -> dict[str, int]:
         """The greatest so far."""
