@@ -28,7 +28,7 @@ def test_coverage_is_that_of_the_closest_point(request, backend, shape, half_wid
 
 
 def test_loops_within_a_tile(backend):
-    """Near where a stroke crosses itself, chords do not say which branch is nearest: 256 small loops turned at random."""
+    """Near where a stroke crosses itself, chords do not say which branch is nearest: 256 loops turned at random."""
     if backend == "reference":
         pytest.skip("it is what the others are compared with")
     g = torch.Generator().manual_seed(0)

@@ -18,7 +18,7 @@ MOST = 2**32 - 256
 MARGIN = 3
 # The first guess, by stroke and view, and per pixel (empirical); it only decides how often a first call is done again.
 PIECES, CHORDS, PAIRS, FRAGMENTS = 2, 32, 96, 2
-# No list is shorter: some 20 to 50 MB in all. A small drawing may then change as it likes and never outgrows its memory.
+# No list is shorter (20 to 50 MB in all): a small drawing may then change as it likes and never outgrows its memory.
 LEAST = dict(zip(LISTS, (1 << 12, 1 << 16, 1 << 18, 1 << 15, 1 << 19, 1 << 16, 1 << 17), strict=True))
 
 
