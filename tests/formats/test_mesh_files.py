@@ -1,6 +1,7 @@
 """Meshes from files: one triangle and a square, written by hand in every text format, and what is no mesh."""
 
 import importlib.util
+import struct
 
 import numpy as np
 import pytest
@@ -75,6 +76,28 @@ def test_a_mesh_has_bounds(tmp_path, monkeypatch):
     monkeypatch.setattr("diff3ds.formats.mesh.MAX_MESH_BYTES", 10)
     with pytest.raises(ValueError, match="bytes are more than the 10"):
         load_mesh(tmp_path / "a.obj")
+
+
+def test_a_scene_that_shows_one_mesh_many_times_has_bounds(tmp_path, monkeypatch):
+    """Few bytes, much memory: instances count as often as they are shown, and a file's promises count too."""
+    one = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]], process=False)
+    scene = trimesh.Scene(one)
+    (name,) = scene.geometry
+    for k in range(20):
+        scene.graph.update(f"place {k}", matrix=np.eye(4), geometry=name)
+    content = scene.export(file_type="glb")
+    (tmp_path / "a.glb").write_bytes(content)
+    assert len(load_mesh(tmp_path / "a.glb")[1]) == 21
+    monkeypatch.setattr("diff3ds.formats.mesh.MOST", 20)
+    with pytest.raises(ValueError, match="21 faces are more than the 20 that are read"):
+        load_mesh(tmp_path / "a.glb")
+    assert content.count(b'"count":3') == 2
+    for wrong in (b'"count":9999', b'"count":-999', b'"count":true', b'"count":1e99'):
+        longer = content.replace(b'"count":3', wrong)
+        text = struct.unpack_from("<I", content, 12)[0] + len(longer) - len(content)
+        (tmp_path / "a.glb").write_bytes(longer[:12] + struct.pack("<I", text) + longer[16:])
+        with pytest.raises(ValueError, match="more than the 80 numbers that are read"):
+            load_mesh(tmp_path / "a.glb")
 
 
 def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch):

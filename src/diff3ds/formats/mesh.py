@@ -2,6 +2,8 @@
 
 import importlib.util
 import io
+import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,8 @@ from diff3ds._shapes import Float, Int
 MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
 # A mesh of some million triangles; more is taken for a mistake or an attack.
 MAX_MESH_BYTES = 1 << 26
+# Triangles and vertices; a scene that shows one mesh many times has more than are in the file.
+MOST = 1 << 23
 
 
 def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"]]:
@@ -23,7 +27,7 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
 
     Raises:
         ImportError: the extra `mesh` is not installed.
-        ValueError: another suffix; larger than 64 MiB, broken, or without triangles.
+        ValueError: another suffix; larger than 64 MiB or 8 million triangles, broken, or without triangles.
         OSError: the file cannot be read.
     """
     path = Path(path)
@@ -37,7 +41,12 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
     import trimesh
 
     try:
-        loaded: Any = trimesh.load(io.BytesIO(path.read_bytes()), path.suffix.lower()[1:], force="mesh", process=False)
+        content = path.read_bytes()
+        if path.suffix.lower() == ".glb":
+            _check_counts(content)
+        scene: Any = trimesh.load(io.BytesIO(content), path.suffix.lower()[1:], force="scene", process=False)
+        _check_instances(scene)
+        loaded = scene.to_mesh()
         vertices = np.array(loaded.vertices, np.float64).reshape(-1, 3)
         faces = np.array(loaded.faces, np.int64).reshape(-1, 3)
     except OSError:
@@ -48,3 +57,21 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
     if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices[faces]).all():
         raise ValueError(f"{path}: a mesh needs triangles between finite vertices")
     return vertices[:, [2, 0, 1]] if path.suffix.lower() == ".glb" else vertices, faces
+
+
+def _check_counts(content: bytes) -> None:
+    """Raises ValueError for a binary glTF that says it has more of something than is read: memory is taken for it."""
+    length, _ = struct.unpack_from("<II", content, 12)
+    accessors = json.loads(content[20 : 20 + length]).get("accessors", [])
+    counts = [accessor.get("count", 0) for accessor in accessors]
+    if not all(type(count) is int and count >= 0 for count in counts) or sum(counts) > 4 * MOST:
+        raise ValueError(f"more than the {4 * MOST} numbers that are read")
+
+
+def _check_instances(scene: Any) -> None:
+    """Raises ValueError for a scene that shows more than is read, counted as often as it is shown."""
+    shown = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+    for what in ("faces", "vertices"):
+        count = sum(len(getattr(mesh, what, ())) for mesh in shown)
+        if count > MOST:
+            raise ValueError(f"{count} {what} are more than the {MOST} that are read")
