@@ -320,28 +320,34 @@ def _progress(console: Console) -> Iterator[Report]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[about]}"),
     )
-    with Bars(*columns, console=console, disable=console.quiet, speed_estimate_period=RATE_PERIOD) as bars:
-        task = None
-        stage = ""
+    bars = Bars(*columns, console=console, disable=console.quiet, speed_estimate_period=RATE_PERIOD)
+    task = None
+    stage = ""
 
-        def report(progress: Progress) -> None:
-            nonlocal task, stage
-            if task is None or progress.stage != stage:
-                if task is not None:
-                    bars.update(task, total=bars.tasks[-1].completed, steps="", about="")
-                stage = progress.stage
-                task = bars.add_task(stage, total=progress.total, steps="", about="")
-            bars.update(task, total=progress.total, completed=progress.done)
-            speed = bars.tasks[-1].speed
-            loss = "" if progress.loss is None else f"loss {progress.loss:.5g}  "
-            steps = f"{progress.done}/{progress.total}" if progress.total else ""
-            bars.update(
-                task,
-                steps=steps + (f"  {_rate(speed)}" if speed else ""),
-                about=loss + (f"{progress.strokes} strokes  {progress.note}" if progress.strokes else ""),
-            )
+    def report(progress: Progress) -> None:
+        nonlocal task, stage
+        # Not before there is something to show: an empty display leaves an empty line.
+        bars.start()
+        if task is None or progress.stage != stage:
+            if task is not None:
+                bars.update(task, total=bars.tasks[-1].completed, steps="", about="")
+            stage = progress.stage
+            task = bars.add_task(stage, total=progress.total, steps="", about="")
+        bars.update(task, total=progress.total, completed=progress.done)
+        speed = bars.tasks[-1].speed
+        loss = "" if progress.loss is None else f"loss {progress.loss:.5g}  "
+        steps = f"{progress.done}/{progress.total}" if progress.total else ""
+        bars.update(
+            task,
+            steps=steps + (f"  {_rate(speed)}" if speed else ""),
+            about=loss + (f"{progress.strokes} strokes  {progress.note}" if progress.strokes else ""),
+        )
 
+    try:
         yield report
+    finally:
+        if task is not None:
+            bars.stop()
 
 
 if __name__ == "__main__":

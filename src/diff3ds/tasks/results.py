@@ -17,8 +17,8 @@ from diff3ds.formats import save, save_png
 from diff3ds.sketch import Sketch
 
 SVG_VIEWS = 4
-# Bytes that a run writes at most: checkpoints and results of some thousand strokes, pictures of the progress.
-ROOM = 1 << 26
+# Bytes that a run writes at most: a checkpoint with a network, twice while one takes the place of another; pictures.
+ROOM = 1 << 28
 # Losses in run.json: enough for a plot.
 MOST_LOSSES = 500
 
