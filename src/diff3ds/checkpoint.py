@@ -55,6 +55,11 @@ class State:
         generator.set_state(self.random)
         return generator
 
+    def to(self, device: torch.device) -> "State":
+        """The same state with the strokes and what belongs to them on another device."""
+        first, second = ({k: v.to(device) for k, v in part.items()} for part in (self.first, self.second))
+        return replace(self, sketch=self.sketch.to(device), first=first, second=second, age=self.age.to(device))
+
     def edited(self, edit: Edit) -> "State":
         """The state after strokes were dropped and added; new ones start without moments."""
         parts = [self.sketch[edit.kept], *([edit.added] if edit.added is not None else [])]

@@ -175,7 +175,7 @@ def fit(
     companion = config.companion.state() if config.companion is not None else {}
     state = replace(start(sketch.detach(), config.seed), companion=companion)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
-        state = read_checkpoint(config.checkpoint, _settings(config))
+        state = read_checkpoint(config.checkpoint, _settings(config)).to(sketch.points.device)
         if config.companion is not None:
             config.companion.restore(state.companion)
     return _run(state, objective, cameras if callable(cameras) else _always(cameras), config)

@@ -11,7 +11,7 @@ from emulated import Emulated, compiler
 from scenes import TENSORS, draw, strokes_at, tracked
 
 from diff3ds.render import available_backends, rasterize
-from diff3ds.render.cuda.job import BAD
+from diff3ds.render.cuda.job import BAD, COUNTERS, Shape
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C++ compiler to emulate the CUDA kernels with")
 limits = import_module("diff3ds.render.cuda.limits")
@@ -118,6 +118,24 @@ def test_proven_calls_do_not_wait(device, antialiasing):
     assert device.waits == before
     results(crowd(41), 40, antialiasing)
     assert device.waits > before, "more strokes than were ever drawn"
+
+
+def test_pictures_alone_are_never_spoilt(device, memories, monkeypatch):
+    """Without gradients every call waits: who draws a picture looks at it, and there may be no next call."""
+    monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
+    thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    expected = rasterize(thick, (60, 80), backend="cpu").color
+    rasterize(thin, (60, 80), backend="cuda")
+    torch.testing.assert_close(rasterize(thick, (60, 80), backend="cuda").color, expected, rtol=0, atol=1e-4)
+
+
+def test_the_least_memory_does_not_grow_with_samples(device):
+    """Of small drawings, that of a run is a multiple of it."""
+    for strata in (0, 2, 8, 64):
+        shape, bounds = Shape(1, 10, 16, 16, strata, 4, True), limits.Limits(torch.zeros(COUNTERS, dtype=torch.int64))
+        bounds.guess(shape)
+        room = sum(shape.forward(bounds.length).values()) / 1e6
+        assert room < 70 + 1.5 * shape.samples * 0.3, (strata, room)
 
 
 def test_small_drawings_never_outgrow_their_memory(device, antialiasing):

@@ -164,7 +164,7 @@ def test_a_folder_with_a_run_is_kept(prior, tmp_path):
 
 def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 1 << 20}))
-    with pytest.raises(OSError, match="1 MiB are free, and a run may need 256"):
+    with pytest.raises(OSError, match="1 MiB are free, and a run may need 64"):
         claim(tmp_path, tmp_path / "checkpoint.safetensors", resume=False, overwrite=False)
 
 

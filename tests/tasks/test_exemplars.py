@@ -11,7 +11,10 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import COLORS, Request
+from diff3ds.tasks import sharpen
+from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import FITTING, exemplars_of, requested
+from diff3ds.tasks.text import text_to_sketch
 
 
 def points_on(sketch: ds.Sketch) -> torch.Tensor:
@@ -113,3 +116,31 @@ def test_negative_phrases_are_for_others(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["text", "a mug", "-o", str(tmp_path / "out"), "--negative", "a chair", "--prior", "exemplar"])
     assert "negative phrases are for mvdream" in capsys.readouterr().err
+
+
+def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path, monkeypatch):
+    """Also what is summed before the first step, and between the steps and those on finer pictures."""
+    monkeypatch.setattr(sharpen, "STEPS", 3)
+    settings, found, threads = DistillOptions(steps=3, sheet_every=0), [], torch.get_num_threads()
+    for count in (1, 2):
+        torch.set_num_threads(count)
+        try:
+            found.append(
+                text_to_sketch("a mug", tmp_path / str(count), settings=settings)
+            )
+        finally:
+            torch.set_num_threads(threads)
+    assert torch.equal(found[0].points, found[1].points)
+    assert torch.equal(found[0].weights, found[1].weights)
+
+
+def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
+    threads = torch.get_num_threads()
+    means = []
+    for count in (1, 2):
+        torch.set_num_threads(count)
+        try:
+            means.append(exemplars_of("a chair", 0).prior(0.05)._mean)
+        finally:
+            torch.set_num_threads(threads)
+    assert means[0] == means[1]

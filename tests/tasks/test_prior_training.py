@@ -2,7 +2,11 @@
 
 import json
 import math
+import os
+import pickle
 import signal
+from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
 
 import pytest
 import torch
@@ -250,3 +254,42 @@ def test_own_sketches_vary_as_a_whole(tmp_path):
         assert ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 9)).norm(dim=-1).max() < 1
     heights = [float((s.points.amax((0, 1)) - s.points.amin((0, 1)))[2]) for s, _ in drawn]
     assert max(heights) > 1.1 * min(heights)
+
+
+def test_what_is_there_is_not_lost(tmp_path, monkeypatch):
+    """A network without its checkpoint; pictures of a training that is overwritten; weights, if a gradient is NaN."""
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
+    (tmp_path / NETWORK).write_bytes(b"weeks of work")
+    with pytest.raises(ValueError, match=f"holds {NETWORK}: give another folder"):
+        train_prior(tmp_path, TrainOptions(steps=1, **TINY))
+    assert (tmp_path / NETWORK).read_bytes() == b"weeks of work"
+    (tmp_path / "samples").mkdir()
+    (tmp_path / "samples" / "step_000001.png").write_bytes(b"old")
+    train_prior(tmp_path, TrainOptions(steps=2, overwrite=True, **TINY))
+    assert not list((tmp_path / "samples").iterdir())
+    held = (tmp_path / NETWORK).read_bytes()
+
+    def broken(self, part):
+        found, loss = gradients(self, part)
+        return (found[0] * math.nan, *found[1:]), loss
+
+    gradients = prior_train.Training._gradients
+    monkeypatch.setattr(prior_train.Training, "_gradients", broken)
+    with pytest.raises(FloatingPointError, match="loss of step 2, or a gradient, is not finite"):
+        train_prior(tmp_path, TrainOptions(steps=3, resume=True, **(TINY | {"checkpoint_every": 1})))
+    assert (tmp_path / NETWORK).read_bytes() == held
+
+
+def test_a_folder_travels_to_another_process_without_open_files(tmp_path):
+    """torch hands over each tensor as an open file, of which systems allow a thousand."""
+    for name in ("chair", "mug"):
+        ds.save(tmp_path / f"{name}.json", member(name, torch.Generator().manual_seed(0)).sketch)
+    held = read_sketches(tmp_path)
+    before = len(os.listdir("/proc/self/fd")) if Path("/proc/self/fd").exists() else 0
+    packed = bytes(ForkingPickler.dumps(held))
+    assert b"rebuild_storage" not in packed
+    assert not before or len(os.listdir("/proc/self/fd")) == before
+    arrived = pickle.loads(packed)
+    assert arrived.names == held.names
+    for one, other in zip(arrived.members, held.members, strict=True):
+        assert all(torch.equal(value, other.sketch.tensors()[name]) for name, value in one.sketch.tensors().items())

@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+import math
 
 import pytest
 import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.cli import main
@@ -109,3 +112,20 @@ def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
         main(["image", str(picture), "--prior", "small", "-o", str(out)])
     assert "diff3ds prior train" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_files_that_say_absurd_things_are_refused(weights, tmp_path):
+    with safe_open(weights, "pt") as file:
+        meta = json.loads(file.metadata()["diff3ds"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    for part, name, value in (
+        ("shape", "words", math.inf),
+        ("shape", "width", 10**400),
+        ("vocabulary", "mean", 10**400),
+        ("vocabulary", "spread", 0),
+        ("vocabulary", "words", 3),
+    ):
+        wrong = meta | {part: meta[part] | {name: value}}
+        save_file(tensors, tmp_path / "wrong.safetensors", {"diff3ds": json.dumps(wrong)})
+        with pytest.raises(ValueError, match=r"wrong\.safetensors: not a network of the small prior"):
+            read_network(tmp_path / "wrong.safetensors")

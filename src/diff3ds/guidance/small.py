@@ -2,6 +2,7 @@
 
 import json
 import math
+import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ GROUP = 4
 SIGNAL = 0.1
 SCHEDULE = NoiseSchedule.scaled_linear().noisier(SIGNAL)
 VERSION = 1
-# The network that ships has 16 MB.
+# The network that `prior train` makes has 16 MB.
 MAX_BYTES = 1 << 28
 
 
@@ -168,8 +169,12 @@ def half_is_fast(device: torch.device) -> bool:
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     # A torch built without oneDNN lacks its operations too.
-    there = device.type == "cpu" and torch.backends.mkldnn.is_available()  # type: ignore[no-untyped-call]
-    return bool(there and torch.ops.mkldnn._is_mkldnn_bf16_supported())
+    if device.type != "cpu" or not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
+        return False
+    if platform.machine().lower() in ("x86_64", "amd64"):
+        # oneDNN takes any AVX-512 for good enough, and emulates there what only later ones have.
+        return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
+    return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
 
 
 def write_network(path: Path, network: SmallNetwork, vocabulary: Vocabulary, about: dict[str, Any]) -> None:
@@ -210,6 +215,6 @@ def read_network(path: Path) -> tuple[SmallNetwork, Vocabulary]:
         with torch.device("meta"):
             network = SmallNetwork(shape)
         network.load_state_dict(tensors, assign=True)
-    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (SafetensorError, AttributeError, KeyError, TypeError, ValueError, OverflowError, RuntimeError) as error:
         raise ValueError(f"{path}: not a network of the small prior ({str(error)[:200]})") from error
     return network, vocabulary

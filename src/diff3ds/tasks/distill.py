@@ -11,13 +11,13 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.checkpoint import read_checkpoint
-from diff3ds.fit import FitConfig, Rates, Step, fit
+from diff3ds.fit import CameraSampler, FitConfig, Objective, Rates, Step, fit
 from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.refine import NoiseDeletion
-from diff3ds.render import render
+from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill_options import DistillOptions, Preset, PresetName
 from diff3ds.tasks.progress import Progress, Report, Stopped
@@ -86,12 +86,13 @@ def distill(
     network = {name: value for name, value in wanted.network.items() if name != "device"}
     identity = {**wanted.about, **network, **_identity(options, values, recipe), "width": width}
     config = replace(_config(options, values, out, identity), companion=judge.particles)
-    objective, cameras = followed(judge, _orbits(denoiser, options), wanted.reference)
+    place = _place(wanted)
+    objective, cameras = placed(*followed(judge, _orbits(denoiser, options), wanted.reference), place)
     if not options.resume:
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
             sheet.unlink()
-    steps = fit(_start(options, values, width, wanted.color), objective, cameras, config)
+    steps = fit(_start(options, values, width, wanted.color).to(place), objective, cameras, config)
     stopped = _stopped(steps, judge, options, out, report)
     state = read_checkpoint(out / CHECKPOINT)
     sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
@@ -137,6 +138,24 @@ def _sharpened(sketch: Sketch, sharpening: Sharpening, options: DistillOptions, 
     return sketch, False
 
 
+def _place(wanted: Commission) -> torch.device:
+    """Where strokes are drawn: beside the prior's network, if the renderer runs there, else on the CPU."""
+    network = torch.device(str(wanted.network.get("device", "cpu")))
+    return network if network.type == "cuda" and "cuda" in available_backends() else torch.device("cpu")
+
+
+def placed(objective: Objective, cameras: CameraSampler, place: torch.device) -> tuple[Objective, CameraSampler]:
+    """The same for strokes on a device. Priors are told the poses on the CPU: some dozen numbers a step."""
+
+    def judged(rendering: Rendering, views: Cameras, step: int) -> Tensor:
+        return objective(rendering, views.to("cpu"), step)
+
+    def drawn(step: int, generator: torch.Generator) -> Cameras:
+        return cameras(step, generator).to(place)
+
+    return judged, drawn
+
+
 def _width(options: DistillOptions, wanted: Commission) -> float:
     width = wanted.width if options.width is None else options.width
     least, most = options.width_range
@@ -155,7 +174,8 @@ def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"
     """The renderings of a step above what the prior sees in them."""
     assert judge.latest is not None
     seen = judge.denoiser.decode(judge.latest)
-    drawn = step.rendering.color[: len(seen)].movedim(-1, 1)
+    seen = seen.cpu()
+    drawn = step.rendering.color[: len(seen)].movedim(-1, 1).cpu()
     resized = torch.nn.functional.interpolate(drawn, seen.shape[1:3], mode="bilinear", antialias=True)
     return tile_images(torch.cat([resized.movedim(1, -1).clamp(0, 1), seen]), columns=len(seen))
 

@@ -11,6 +11,7 @@ from diff3ds.formats import save_png
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks import sharpen
 from diff3ds.tasks.built_in import Chosen, Color, check, run, start_width
@@ -66,6 +67,7 @@ class ImageOptions:
             raise ValueError(f"reference_loss must not be negative, got {self.reference_loss}")
 
 
+@torch_on_one_thread()
 def image_to_sketch(
     picture: Path,
     out: Path,
@@ -106,7 +108,8 @@ def image_to_sketch(
         say(KNOWN[name].warning)
     pose = ReferencePose(options.view_elevation, distance=DISTANCE)
     denoiser = load_for_picture(name, reference.image, pose, prior, settings.work())
-    save_png(out / "reference.png", reference.image)
+    if not settings.resume:
+        save_png(out / "reference.png", reference.image)
     known = Reference(
         reference.image,
         orbit(pose.azimuth, pose.elevation, pose.distance, fov=settings.fov, size=reference.image.shape[0]),
@@ -149,14 +152,16 @@ def _built_in(
         return Reference(drawn, resized, REFERENCE_LOSS if weight is None else weight)
 
     if name == "small":
-        view, small = seen(SIZE, WIDTH), trained(prior)
+        small = trained(prior)
+        view = seen(small.network.shape.size, WIDTH)
         denoiser = small.asked(Request(found.category, found.attributes), view.picture[None], view.cameras)
         chosen = Chosen.of_network(denoiser, small.about, exemplars.color)
     else:
         chosen = Chosen.of_members(exemplars, folder, settings)
     known = seen(settings.size or SIZE, start_width(settings), chosen.start)
-    save_png(out / "reference.png", reference.image)
-    save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
+    if not settings.resume:
+        save_png(out / "reference.png", reference.image)
+        save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
     about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
     both = (known, seen(sharpen.SIZE, sharpen.WIDTH, chosen.start)) if known.weight else ()
     return run(chosen, about, GUIDANCE, settings, out, report, *both)

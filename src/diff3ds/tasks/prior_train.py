@@ -27,7 +27,7 @@ from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.prior_samples import sample_sheet
 from diff3ds.tasks.progress import Progress, Report, Stopped
-from diff3ds.tasks.results import claim
+from diff3ds.tasks.results import ROOM_FOR_NETWORKS, claim
 from diff3ds.tasks.sketch_folder import read_sketches
 
 CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
@@ -63,7 +63,8 @@ class TrainOptions:
         width: of the network's tokens.
         patch: side of a patch, pixels.
         device: auto (the first of cuda, mps, cpu), cpu, cuda, cuda:1, mps.
-        threads: of the network on a CPU; all cores by default. The result does not depend on it.
+        threads: of the network on a CPU, of which a quarter of the batch have work; by default as many as there are
+            cores. The result does not depend on it.
         workers: processes that draw the examples ahead; the result does not depend on it.
         checkpoint_every: steps between checkpoints and sheets of samples.
         seed: of everything.
@@ -105,6 +106,8 @@ class Training:
     """A network, the mean of its weights over the steps, and its optimisers."""
 
     def __init__(self, options: TrainOptions, subjects: Subjects, device: torch.device) -> None:
+        if not hasattr(torch.optim, "Muon"):
+            raise ImportError(f"training needs torch 2.9 or later, this is {torch.__version__}: pip install -U torch")
         torch.manual_seed(options.seed)
         self.options, self.subjects, self.device = options, subjects, device
         self.vocabulary = Vocabulary(subjects.words, *typical_ink(subjects))  # type: ignore[arg-type] # a protocol
@@ -114,8 +117,6 @@ class Training:
         inner = {name for name, p in named.items() if name.startswith("blocks.") and name.endswith(".weight")}
         matrices = [p for name, p in named.items() if name in inner]
         others = [p for name, p in named.items() if name not in inner]
-        if not hasattr(torch.optim, "Muon"):
-            raise ImportError(f"training needs torch 2.9 or later, this is {torch.__version__}: pip install -U torch")
         self.optimisers: tuple[torch.optim.Optimizer, ...] = (
             torch.optim.Muon(matrices, options.rate, MUON_DECAY, adjust_lr_fn="match_rms_adamw"),
             torch.optim.AdamW(others, options.rate, ADAM_BETAS, weight_decay=0.0),
@@ -137,7 +138,10 @@ class Training:
             for group in optimiser.param_groups:
                 group["lr"] = self.options.rate * rate_share(self.step, self.options.steps)
         loss = self._descend(self._task(batch, generator))
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP)
+        norm = float(torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP))
+        if not math.isfinite(loss + norm):
+            # Before it is in the weights, and they are in the checkpoint.
+            raise FloatingPointError(f"the loss of step {self.step}, or a gradient, is not finite: try a lower --rate")
         with _whole():
             for optimiser in self.optimisers:
                 optimiser.step()
@@ -171,7 +175,8 @@ class Training:
         objects = len(task[0])
         size = PART if self.device.type == "cpu" else objects
         parts = [[x[i : i + size] for x in task] for i in range(0, objects, size)]
-        found = list(self._pool.map(self._gradients, parts))
+        # On a GPU there is one part, for the caller's own stream.
+        found = list(self._pool.map(self._gradients, parts) if len(parts) > 1 else map(self._gradients, parts))
         for parameter, *gradients in zip(self.network.parameters(), *(g for g, _ in found), strict=True):
             # Layers of the reference view have no part in steps without one, and stay.
             if gradients[0] is not None:
@@ -207,33 +212,36 @@ class Training:
         """Goes on from a checkpoint.
 
         Raises:
-            ValueError: it is no checkpoint of such a training.
+            ValueError: it is no checkpoint of such a training, or of one that went further.
         """
         from safetensors import SafetensorError, safe_open
 
+        wrong = (SafetensorError, AttributeError, KeyError, TypeError, ValueError, OverflowError, RuntimeError)
         try:
             with safe_open(path, "pt") as file:
                 about = json.loads((file.metadata() or {})["diff3ds"])
                 tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118 (not a dict)
-            was, now = about["identity"], self.identity()
-            different = [name for name in now if was.get(name) != now[name]]
-            if about["words"] != list(self.vocabulary.words):
-                different = ["library"]
-            if int(about["step"]) > self.options.steps:
-                raise ValueError(
-                    f"{about['step']} steps are done, more than the {self.options.steps} that are asked for"
-                )
-            if different:
-                raise ValueError(
-                    f"the training to resume had another {different[0]}: give the same, or start a new one"
-                )
-            for part, network in (("network.", self.network), ("mean.", self.mean)):
-                network.load_state_dict({k.removeprefix(part): v for k, v in tensors.items() if k.startswith(part)})
-            for i, optimiser in enumerate(self.optimisers):
-                self._restore(optimiser, f"optimiser.{i}.", tensors)
-            self.step, self.losses = int(about["step"]), tensors["losses"].tolist()
-        except (SafetensorError, json.JSONDecodeError, AttributeError, KeyError, TypeError, RuntimeError) as error:
+            was, step, known = dict(about["identity"]), int(about["step"]), list(about["words"])
+        except wrong as error:
             raise ValueError(f"{path}: not a checkpoint of this training ({str(error)[:200]})") from error
+        different = [name for name, value in self.identity().items() if was.get(name) != value]
+        if known != list(self.vocabulary.words):
+            different = ["library"]
+        if different:
+            raise ValueError(f"the training to resume had another {different[0]}: give the same, or start a new one")
+        if step > self.options.steps:
+            raise ValueError(f"{step} steps are done, more than the {self.options.steps} asked for")
+        try:
+            self._adopt(step, tensors)
+        except wrong as error:
+            raise ValueError(f"{path}: not a checkpoint of this training ({str(error)[:200]})") from error
+
+    def _adopt(self, step: int, tensors: dict[str, Tensor]) -> None:
+        for part, network in (("network.", self.network), ("mean.", self.mean)):
+            network.load_state_dict({k.removeprefix(part): v for k, v in tensors.items() if k.startswith(part)})
+        for i, optimiser in enumerate(self.optimisers):
+            self._restore(optimiser, f"optimiser.{i}.", tensors)
+        self.step, self.losses = step, tensors["losses"].tolist()
 
     @staticmethod
     def _restore(optimiser: torch.optim.Optimizer, part: str, tensors: dict[str, Tensor]) -> None:
@@ -290,13 +298,19 @@ def train_prior(
     """
     options = options or TrainOptions()
     checkpoint = out / CHECKPOINT
-    claim(out, checkpoint, options.resume, options.overwrite)
+    claim(out, checkpoint, options.resume, options.overwrite, ROOM_FOR_NETWORKS)
+    if (out / NETWORK).exists() and not options.resume and not options.overwrite:
+        raise ValueError(f"{out} holds {NETWORK}: give another folder (-o), or --overwrite")
     device = pick_device(options.device)
     subjects = BuiltIn() if options.library is None else OwnSketches(read_sketches(options.library))
     with torch_on_one_thread():
         training = Training(options, subjects, device)
         if options.resume:
             training.load(checkpoint)
+        else:
+            # Of a training that is overwritten.
+            for sheet in (out / SHEETS).glob("step_*.png"):
+                sheet.unlink()
         million = sum(p.numel() for p in training.network.parameters()) / 1e6
         say(f"training on {device} with {million:.1f} M parameters")
         try:
@@ -310,9 +324,7 @@ def train_prior(
 def _run(training: Training, out: Path, report: Report) -> None:
     options = training.options
     for batch in _batches(training):
-        loss = training.learn(batch)
-        if not math.isfinite(loss):
-            raise FloatingPointError(f"the loss of step {training.step} is not finite: try a lower --rate")
+        training.learn(batch)
         latest = training.losses[-50:]
         report(Progress("training", training.step, options.steps, sum(latest) / len(latest), 0))
         if training.step % options.checkpoint_every == 0:

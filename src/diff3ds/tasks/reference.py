@@ -37,7 +37,8 @@ def followed(judge: ScoreDistillation, orbits: Orbits, reference: Reference | No
 
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
         prior = Rendering(rendering.color[:count], rendering.alpha[:count], rendering.depth[:count])
-        difference = (rendering.color[count] - picture).square().mean()
+        color = rendering.color[count]
+        difference = (color - picture.to(color)).square().mean()
         return judge(prior, cameras[:count], step) + reference.weight * difference
 
     return objective, _OneMoreView(orbits, reference.cameras.resize(orbits.size))

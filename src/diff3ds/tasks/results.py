@@ -17,8 +17,9 @@ from diff3ds.formats import save, save_png
 from diff3ds.sketch import Sketch
 
 SVG_VIEWS = 4
-# Bytes that a run writes at most: a checkpoint with a network, twice while one takes the place of another; pictures.
-ROOM = 1 << 28
+# Bytes that a run writes at most: checkpoints and results of some thousand strokes, pictures of the progress; and with
+# a checkpoint of a network, twice while one takes the place of another.
+ROOM, ROOM_FOR_NETWORKS = 1 << 26, 1 << 28
 # Losses in run.json: enough for a plot.
 MOST_LOSSES = 500
 
@@ -77,8 +78,13 @@ def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Te
     write_text(out / "run.json", json.dumps(content, indent=1))
 
 
-def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool) -> None:
+def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int = ROOM) -> None:
     """Sees that a run may have this folder, before any work.
+
+    Args:
+        checkpoint: of the run.
+        resume, overwrite: what may happen to a run that is there.
+        room: bytes that it may need.
 
     Raises:
         ValueError: it holds a run that is neither to be resumed nor overwritten; there is nothing to resume.
@@ -93,9 +99,9 @@ def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool) -> None:
     if not there.is_dir():
         raise OSError(f"{there} is a file, not a folder for results: give another -o")
     free = shutil.disk_usage(there).free
-    if free < ROOM:
+    if free < room:
         raise OSError(
-            f"{out}: {free >> 20} MiB are free, and a run may need {ROOM >> 20}: make room or give another -o"
+            f"{out}: {free >> 20} MiB are free, and a run may need {room >> 20}: make room or give another -o"
         )
 
 

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -40,6 +41,16 @@ class FolderMember:
 
     sketch: Sketch
     name: Name
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For another process, as arrays: torch hands over each tensor as an open file, and a thousand are allowed."""
+        arrays = {name: value.numpy() for name, value in self.sketch.tensors().items()}
+        return _unpacked, (arrays, self.name)
+
+
+def _unpacked(arrays: dict[str, Any], name: Name) -> FolderMember:
+    tensors: dict[str, Any] = {field: torch.from_numpy(array) for field, array in arrays.items()}
+    return FolderMember(Sketch(**tensors), name)
 
 
 @dataclass(frozen=True, eq=False)

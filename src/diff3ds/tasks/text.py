@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.built_in import Chosen, check, run
 from diff3ds.tasks.distill import CHECKPOINT, Commission, distill
@@ -40,6 +41,7 @@ class TextOptions:
     perp_neg: bool = False
 
 
+@torch_on_one_thread()
 def text_to_sketch(
     phrase: str,
     out: Path,

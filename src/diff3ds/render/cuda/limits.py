@@ -18,7 +18,7 @@ MOST = 2**32 - 256
 MARGIN = 3
 # The first guess, by stroke and view, and per pixel (empirical); it only decides how often a first call is done again.
 PIECES, CHORDS, PAIRS, FRAGMENTS = 2, 32, 96, 2
-# No list is shorter (20 to 50 MB in all): a small drawing may then change as it likes and never outgrows its memory.
+# No list is shorter (20 to 60 MB in all): a small drawing may then change as it likes and never outgrows its memory.
 LEAST = dict(zip(LISTS, (1 << 12, 1 << 16, 1 << 18, 1 << 15, 1 << 19, 1 << 16, 1 << 17), strict=True))
 
 
@@ -28,8 +28,8 @@ class Limits:
 
     Attributes:
         report: greatest needs so far, written by the device.
-        proven: the number of strokes up to which calls need not wait.
-        checked: passes ("forward", "backward") that are proven.
+        length: bounds of each list.
+        proven: of each pass ("forward", "backward"), the number of strokes up to which calls need not wait.
     """
 
     report: Int[Tensor, " C"]
@@ -44,7 +44,9 @@ class Limits:
         outline = min(1024 * seen, pixels) * shape.strata
         outlines = (outline, 2 * outline)
         for name, need in zip(LISTS, (*first, *outlines), strict=True):
-            self.length[name] = min(MOST, max(self.length.get(name, 0), LEAST[name], need))
+            # What a run takes grows with the samples.
+            least = LEAST[name] // shape.samples if name == "runs" else LEAST[name]
+            self.length[name] = min(MOST, max(self.length.get(name, 0), least, need + 1024))
 
     def needs(self) -> dict[str, int]:
         """The greatest so far."""
@@ -95,5 +97,6 @@ class Limits:
     def take_bad(self) -> bool:
         """Whether a stroke could not be drawn since the last question."""
         bad = bool(self.report[BAD])
-        self.report[BAD] = 0
+        if bad:
+            self.report[BAD] = 0
         return bad

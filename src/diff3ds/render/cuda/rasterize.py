@@ -80,7 +80,9 @@ def _forward(
     job = _job(shape, options, inputs["background"], len(half_width) > 1)
     # The images are not kept with the rest: they would hold what made them, and never be freed.
     job.point(inputs | dict(zip(("out_color", "out_alpha", "out_depth"), images, strict=True)))
-    waiting = not device.capturing() and not limits.may_skip_waiting(shape, "forward")
+    # Without gradients somebody wants the picture itself, and reads it at once.
+    proven = limits.may_skip_waiting(shape, "forward") and save
+    waiting = not device.capturing() and not proven
     while True:
         # Until it fits: each pass counts at least one list further.
         lengths = dict(limits.length)
