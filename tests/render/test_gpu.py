@@ -7,6 +7,10 @@ import torch
 from cuda_backends import promised
 
 import diff3ds as ds
+from diff3ds.guidance.small import SmallDenoiser, Vocabulary
+from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.tasks.distill import Commission, distill
+from diff3ds.tasks.distill_options import DistillOptions
 
 if not promised() and not torch.cuda.is_available():
     pytest.skip("no GPU here, and none promised by DIFF3DS_GPU=1", allow_module_level=True)
@@ -111,3 +115,24 @@ def test_a_step_of_fit_waits_for_nothing(gpu):
     finally:
         torch.cuda.set_sync_debug_mode("default")
     assert math.isfinite(next(steps).loss)
+
+
+def test_a_prior_on_the_device_has_its_strokes_drawn_there(gpu, tmp_path, monkeypatch):
+    """And the sketch is the one that strokes drawn on the CPU become, to rounding."""
+    torch.manual_seed(0)
+    network = SmallNetwork(Shape(1, patch=16, width=16, depth=1))
+    denoiser = SmallDenoiser(network, Vocabulary(("thing",), 0.2, 0.4), torch.ones(1), device=gpu)
+    options, seen, encode = DistillOptions(steps=4, strokes=8, sheet_every=2), [], denoiser.encode
+
+    def watched(images, generator):
+        seen.append(images.device.type)
+        return encode(images, generator)
+
+    monkeypatch.setattr(denoiser, "encode", watched)
+    there, here = (
+        distill(denoiser, options, tmp_path / name, Commission({"phrase": "a thing"}, 7.5, width=0.05, network=place))
+        for name, place in (("there", {"device": "cuda"}), ("here", {}))
+    )
+    assert seen == ["cuda"] * 4 + ["cpu"] * 4
+    assert there.points.device.type == "cpu"
+    torch.testing.assert_close(there.points, here.points, rtol=0, atol=1e-3)
