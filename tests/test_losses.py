@@ -43,9 +43,10 @@ def test_only_known_pixels_count():
     assert float(color_loss(color, torch.zeros(2, 1, 2, 3), torch.zeros(2, 1, 2, dtype=torch.bool))) == 0
 
 
-def test_composite_loss_over_a_background_is_that_of_composited_images(generator):
+@pytest.mark.parametrize("shape", [(3,), (2, 5, 6, 3)])
+def test_composite_loss_over_a_background_is_that_of_composited_images(generator, shape):
     drawn, target = (torch.rand(2, 5, 6, 4, generator=generator, dtype=torch.float64) for _ in range(2))
-    background = torch.tensor([0.2, 0.9, 0.5], dtype=torch.float64)
+    background = torch.rand(shape, generator=generator, dtype=torch.float64)
     over = [x[..., :3] + (1 - x[..., 3:]) * background for x in (drawn, target)]
     loss = composite_loss(drawn[..., :3], drawn[..., 3], target, background)
     torch.testing.assert_close(loss, color_loss(*over))

@@ -37,7 +37,7 @@ def composite_loss(
     color: Float[Tensor, "V H W 3"],
     alpha: Float[Tensor, "V H W"],
     target: Float[Tensor, "V H W 4"],
-    background: Float[Tensor, " 3"] | None = None,
+    background: Float[Tensor, " 3"] | Float[Tensor, "V H W 3"] | None = None,
     known: Bool[Tensor, "V H W"] | None = None,
 ) -> Float[Tensor, ""]:
     """Mean squared difference of drawings and pictures with alpha, both put over a background.
@@ -48,8 +48,8 @@ def composite_loss(
         color: drawn over black: colour times alpha.
         alpha: drawn.
         target: RGB times alpha, and alpha.
-        background: colour; None for the expectation over all, which fits alpha as well: values that are uniform in
-            [0, 1] have the mean 1/2 and the variance 1/12.
+        background: colour, of all pixels or of each; None for the expectation over all colours, which fits alpha as
+            well: values that are uniform in [0, 1] have the mean 1/2 and the variance 1/12.
         known: pixels that count; default all.
     """
     c, a = color - target[..., :3], (alpha - target[..., 3])[..., None]

@@ -1,12 +1,15 @@
 """What lies behind the objects of coloured pictures: known from their alpha, given, or found at the borders."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 
-from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds.tasks.plates import Plates
 from diff3ds.tasks.posed import SAME, PosedPictures
-from diff3ds.tasks.store import Batch, byte_array
+from diff3ds.tasks.store import byte_array, is_opaque
 
 NAMED = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0)}
 # A colour that takes this share of the pixels along the borders is a background; photographs have none.
@@ -31,33 +34,57 @@ def parse_background(text: str) -> Float[Tensor, " 3"]:
     return torch.tensor(values)
 
 
-def with_alpha(pictures: PosedPictures, color: Float[Tensor, " 3"] | None) -> tuple[PosedPictures, Tensor | None]:
-    """Coloured pictures whose alpha tells the object, and the colour that lies behind it, None where alpha tells.
+def color_or_path(text: str) -> Float[Tensor, " 3"] | Path:
+    """The colour that `parse_background` finds in a text, or else the file or folder of this name.
 
-    Pictures with an alpha of their own stay as they are. Others get alpha 0 in pixels that have the colour of the
-    background: the one given, else the one that the borders of all pictures have. Without either they stay opaque.
+    Raises:
+        ValueError: it is neither.
+    """
+    try:
+        return parse_background(text)
+    except ValueError as error:
+        if text and Path(text).exists():
+            return Path(text)
+        raise ValueError(f"{error}; nor is there a picture or folder of this name") from None
+
+
+def with_alpha(
+    pictures: PosedPictures, background: Float[Tensor, " 3"] | Plates | None
+) -> tuple[PosedPictures, Tensor | Plates | None]:
+    """Coloured pictures whose alpha tells the object, and what lies behind it, None where alpha tells.
+
+    Pictures with an alpha of their own stay as they are. Others get alpha 0 in pixels that show the background: the one
+    given, else the colour that the borders of all pictures have. Without either they stay opaque.
 
     Args:
-        color: of the background, if it is known.
+        background: its colour, or pictures of it, if it is known.
     """
-    if _has_alpha(pictures):
-        return pictures, color
-    color = _border_color(pictures) if color is None else color
-    if color is None:
+    if not is_opaque(pictures.store):
+        return pictures, background
+    background = _border_color(pictures) if background is None else background
+    if background is None:
         return pictures, None
     pixels = byte_array(tuple(pictures.store.pixels.shape), pictures.store.scratch)
     for views in pictures.store.chunks():
         batch = pictures.batch(views)
-        kept = torch.stack([_differs(image, color) for image in (batch.pixels[..., :3], _smooth(batch))]).all(0)
+        difference = batch.pixels[..., :3] - behind(background, views)
+        kept = _large(difference) & _large(_smooth(difference, batch.known))
         pixels[views] = pictures.store.pixels[views] * kept[..., None]
-    return replace(pictures, store=replace(pictures.store, pixels=pixels)), color
+    return replace(pictures, store=replace(pictures.store, pixels=pixels)), background
 
 
-def _has_alpha(pictures: PosedPictures) -> bool:
-    return any(
-        bool((pictures.store.pixels[views][..., 3] < 255)[pictures.store.known[views]].any())
-        for views in pictures.store.chunks()
-    )
+def behind(
+    background: Float[Tensor, " 3"] | Plates, views: Sequence[int] | Int[Tensor, " B"]
+) -> Float[Tensor, " 3"] | Float[Tensor, "B H W 3"]:
+    """What lies behind the objects of these views."""
+    return background.store.batch(views).pixels[..., :3] if isinstance(background, Plates) else background
+
+
+def described(background: Float[Tensor, " 3"] | Plates | None) -> list[float] | str | None:
+    """A background as JSON knows it: its colour, or a digest of its pictures."""
+    if isinstance(background, Plates):
+        return f"pictures with SHA-256 {background.digest()}"
+    return None if background is None else background.tolist()
 
 
 def _border_color(pictures: PosedPictures) -> Float[Tensor, " 3"] | None:
@@ -65,22 +92,22 @@ def _border_color(pictures: PosedPictures) -> Float[Tensor, " 3"] | None:
     borders = []
     for views in pictures.store.chunks():
         batch = pictures.batch(views)
-        borders.append(_sides(_smooth(batch))[_sides(batch.known)])
+        borders.append(_sides(_smooth(batch.pixels[..., :3], batch.known))[_sides(batch.known)])
     border = torch.cat(borders)
     if not len(border):
         return None
     color = border.median(0).values
-    return None if float(_differs(border, color).float().mean()) > 1 - PLAIN else color
+    return None if float(_large(border - color).float().mean()) > 1 - PLAIN else color
 
 
-def _differs(image: Float[Tensor, "*S 3"], color: Float[Tensor, " 3"]) -> Bool[Tensor, "*S"]:
-    return (image - color).abs().amax(-1) > SAME
+def _large(difference: Float[Tensor, "*S 3"]) -> Bool[Tensor, "*S"]:
+    return difference.abs().amax(-1) > SAME
 
 
-def _smooth(batch: Batch) -> Float[Tensor, "B H W 3"]:
+def _smooth(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> Float[Tensor, "B H W 3"]:
     """Means over the known pixels of windows around each pixel."""
-    known = batch.known[..., None].float()
-    sums = torch.cat([batch.pixels[..., :3] * known, known], -1).movedim(-1, 1)
+    share = known[..., None].float()
+    sums = torch.cat([values * share, share], -1).movedim(-1, 1)
     means = torch.nn.functional.avg_pool2d(sums, WINDOW, 1, WINDOW // 2).movedim(1, -1)
     return means[..., :3] / means[..., 3:].clamp(min=1e-6)
 

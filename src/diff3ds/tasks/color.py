@@ -13,10 +13,11 @@ from diff3ds.losses import composite_loss, psnr
 from diff3ds.metrics.ssim import WINDOW, ssim
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.background import parse_background, with_alpha
+from diff3ds.tasks.background import behind, described, parse_background, with_alpha
 from diff3ds.tasks.frame import frame_of
 from diff3ds.tasks.hull import Hull, visual_hull
 from diff3ds.tasks.plan import Plan, ViewsOptions
+from diff3ds.tasks.plates import Plates, load_plates
 from diff3ds.tasks.posed import PosedPictures, load_posed
 from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import spread
@@ -38,14 +39,19 @@ LOOKED_AT, LOOKED_SIZE = 24, 200
 HULL_VIEWS, HULL_SIZE = 100, 100
 
 
-def plan_color(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path | None) -> Plan:
+def plan_color(
+    pictures: PosedPictures, options: ViewsOptions, checkpoint: Path | None, plates: Plates | None = None
+) -> Plan:
     """How coloured pictures are fitted.
+
+    Args:
+        plates: the pictures that lie behind, where the options name no colour.
 
     Raises:
         ValueError: as `parse_background` and `frame_of`.
     """
-    wanted = None if options.background is None else parse_background(options.background)
-    pictures, background = with_alpha(pictures, wanted)
+    color = None if options.background is None or plates else parse_background(options.background)
+    pictures, background = with_alpha(pictures, plates or color)
     frame = frame_of(pictures.cameras, pictures.store)
     steps = options.steps or STEPS
     cameras = frame.cameras(pictures.cameras)
@@ -61,6 +67,7 @@ def plan_color(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path 
         seed=options.seed,
         checkpoint=checkpoint,
         resume=options.resume,
+        identity={"background": described(plates or color)},
     )
     return Plan(pictures, frame, start, _objective(pyramid, background), pyramid, config, background)
 
@@ -85,30 +92,39 @@ def strokes_on(hull: Hull, count: int, generator: torch.Generator) -> Sketch:
 def color_scores(sketch: Sketch, plan: Plan, path: Path | None) -> dict[str, float]:
     """PSNR and SSIM on the pictures of the fit and, if the folder has some, on held-out ones.
 
-    Over the plan's background, or else over white.
+    Over the plan's background, or else over white. A folder of backgrounds has none for held-out pictures.
 
     Args:
         sketch: in the world of the cameras.
         plan: of the fit.
         path: the transforms file of its pictures.
     """
-    canvas = torch.ones(3) if plan.background is None else plan.background
-    scores = view_scores(sketch, plan.pictures, canvas)
+    scores = view_scores(sketch, plan.pictures, plan.background)
     held_out = path.parent / "transforms_test.json" if path is not None else None
-    if held_out is not None and held_out.is_file() and held_out != path:
-        pictures = load_posed(held_out, "color", max(plan.pictures.cameras.size))
-        some = view_scores(sketch, with_alpha(pictures, plan.background)[0], canvas)
-        scores |= {f"{name}_test": value for name, value in some.items()}
-    return scores
+    if held_out is None or not held_out.is_file() or held_out == path:
+        return scores
+    background, size = plan.background, max(plan.pictures.cameras.size)
+    if isinstance(background, Plates):
+        if background.source.is_dir():
+            return scores
+        background = load_plates(held_out, background.source, size)
+    pictures, _ = with_alpha(load_posed(held_out, "color", size), background)
+    some = view_scores(sketch, pictures, background)
+    return scores | {f"{name}_test": value for name, value in some.items()}
 
 
-def view_scores(sketch: Sketch, pictures: PosedPictures, background: Tensor) -> dict[str, float]:
-    """PSNR and SSIM, means over the views; SSIM is left out where no view has room for its window."""
+def view_scores(sketch: Sketch, pictures: PosedPictures, background: Tensor | Plates | None) -> dict[str, float]:
+    """PSNR and SSIM over a background, by default white; means over the views.
+
+    SSIM is left out where no view has room for its window.
+    """
+    background = torch.ones(3) if background is None else background
     values: dict[str, list[float]] = {"psnr": [], "ssim": []}
     for view in range(len(pictures)):
         target = pictures.batch([view])
-        wanted = target.pixels[..., :3] + (1 - target.alpha[..., None]) * background
-        drawn = render(sketch, pictures.cameras[view], background=background).color
+        canvas = behind(background, [view])
+        wanted = target.pixels[..., :3] + (1 - target.alpha[..., None]) * canvas
+        drawn = render(sketch, pictures.cameras[view], background=canvas).color
         values["psnr"].append(psnr(drawn, wanted, target.known))
         if min(pictures.cameras.size) >= WINDOW:
             values["ssim"].append(ssim(drawn, wanted, target.known))
@@ -139,9 +155,17 @@ def _density(pyramid: Pyramid, least: int, most: int) -> Density:
     return Density(observation(small[-1]), observed, least=least, most=most)
 
 
-def _objective(pyramid: Pyramid, background: Tensor | None) -> Objective:
+def _objective(pyramid: Pyramid, background: Tensor | Plates | None) -> Objective:
+    shown: Tensor | Pyramid | None
+    if isinstance(background, Plates):
+        cameras = pyramid.levels[-1].cameras
+        shown = build_pyramid(cameras, background.store, pyramid.steps, pyramid.batch, pyramid.seed)
+    else:
+        shown = background
+
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
         target = pyramid.targets(step)
-        return composite_loss(rendering.color, rendering.alpha, target.pixels, background, target.known)
+        canvas = shown.targets(step).pixels[..., :3] if isinstance(shown, Pyramid) else shown
+        return composite_loss(rendering.color, rendering.alpha, target.pixels, canvas, target.known)
 
     return objective

@@ -133,8 +133,8 @@ def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions)
         return pixels
     # The camera says the size and nothing else.
     opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (path.name,))
-    cut, color = with_alpha(opaque, color)
-    if color is None:
+    cut, found = with_alpha(opaque, color)
+    if found is None:
         ink = ink_on_paper(image[..., :3].numpy())
         if ink is not None:
             pixels[..., :3], pixels[..., 3] = 0, torch.from_numpy(ink)

@@ -6,8 +6,9 @@ from typing import Literal
 from diff3ds._shapes import Tensor
 from diff3ds.fit import FitConfig, Objective
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.background import parse_background
+from diff3ds.tasks.background import color_or_path
 from diff3ds.tasks.frame import Frame
+from diff3ds.tasks.plates import Plates
 from diff3ds.tasks.posed import PosedPictures, Target
 from diff3ds.tasks.pyramid import Pyramid
 
@@ -26,8 +27,9 @@ class ViewsOptions:
             for edges, by default 128.
         steps: gradient steps from random curves or for colour; by default 1200.
         batch: views of such a step; by default 10 for edges, 5 for colour.
-        background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1. By
-            default their alpha says where nothing is, or else the colour that nearly all of their borders have.
+        background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1; a
+            picture, scaled to each view; or a folder with each view without the object, by the file names of the
+            pictures. By default alpha says where nothing is, or else the colour that nearly all of the borders have.
         size: larger pictures are reduced to this many pixels along the longer side.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
@@ -49,7 +51,7 @@ class ViewsOptions:
             if value is not None and value < 1:
                 raise ValueError(f"{name} must be positive, got {value}")
         if self.background is not None:
-            parse_background(self.background)
+            color_or_path(self.background)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,4 +67,4 @@ class Plan:
     objective: Objective
     pyramid: Pyramid
     config: FitConfig
-    background: Tensor | None = None
+    background: Tensor | Plates | None = None

@@ -1,5 +1,6 @@
 """Posed pictures: found in a folder, brought onto one canvas, told apart into drawings and coloured pictures."""
 
+import functools
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -96,14 +97,17 @@ def load_posed(path: Path, target: Target | None = None, size: int = 512, scratc
     views = read_views(path)
     require_files(path, [view.picture for view in views] + [view.mask for view in views if view.mask])
     background = None if target in ("color", "color-edges") else _background(views, target == "edges")
-    sizes = [_reduced(view.size, size) for view in views]
+    sizes = [reduced(view.size, size) for view in views]
     cameras = _cameras(path, views, sizes)
-    store = _load(path, views, sizes, background, scratch)
+    store = load_views(views, sizes, background, scratch)
+    if not _shows(store):
+        raise ValueError(f"{path}: the pictures show nothing: all pixels of all {len(views)} have one colour")
     found: Target = target or ("color" if background is None else "edges")
     return PosedPictures(cameras, found, store, tuple(view.picture.name for view in views))
 
 
-def _reduced(full: tuple[int, int], size: int) -> tuple[int, int]:
+def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:
+    """(height, width) of a picture reduced to at most this many pixels along its longer side."""
     scale = min(1.0, size / max(full))
     return max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
 
@@ -125,9 +129,18 @@ def _canvas(sizes: list[tuple[int, int]]) -> tuple[int, int]:
     return max(height for height, _ in sizes), max(width for _, width in sizes)
 
 
-def _load(
-    path: Path, views: list[View], sizes: list[tuple[int, int]], background: float | None, scratch: Path | None
+def load_views(
+    views: list[View], sizes: list[tuple[int, int]], background: float | None, scratch: Path | None
 ) -> Store:
+    """The pictures of these views, each in its (height, width), at the top left of a canvas that holds all.
+
+    Args:
+        background: value behind ink, 0 or 1; None for colour.
+        scratch: as for `load_posed`.
+
+    Raises:
+        ValueError, OSError: as `read_view` and `byte_array`.
+    """
     canvas = _canvas(sizes)
     whole = all(size == canvas for size in sizes) and not any(any(view.distortion) for view in views)
     shape = (len(views), *canvas, 4 if background is None else 1)
@@ -135,20 +148,28 @@ def _load(
     folder = None if count * PYRAMID <= MEMORY else _existing(scratch)
     pixels = byte_array(shape, folder)
     known = all_known(len(views), canvas) if whole else byte_array(shape[:3], folder).view(torch.bool)
-    low, high = torch.ones(shape[3]), torch.zeros(shape[3])
-    shows = False
+    # One picture may lie behind all views.
+    read = functools.lru_cache(maxsize=1)(read_view)
     for i, (view, (height, width)) in enumerate(zip(views, sizes, strict=True)):
-        rgba, seen = read_view(view, (height, width))
+        rgba, seen = read(view, (height, width))
         values = rgba if background is None else _ink(rgba, background)[..., None]
         pixels[i, :height, :width] = as_bytes(values)
         if not whole:
             known[i, :height, :width] = seen
-        if not shows and bool(seen.any()):
-            low, high = torch.minimum(low, values[seen].amin(0)), torch.maximum(high, values[seen].amax(0))
-            shows = bool((high - low > SAME).any())
-    if not shows:
-        raise ValueError(f"{path}: the pictures show nothing: all pixels of all {len(views)} have one colour")
     return Store(pixels, known, folder)
+
+
+def _shows(store: Store) -> bool:
+    """Whether the pictures have more than one colour."""
+    low, high = torch.ones(store.pixels.shape[3]), torch.zeros(store.pixels.shape[3])
+    for views in store.chunks():
+        batch = store.batch(views)
+        values = batch.pixels[batch.known]
+        if len(values):
+            low, high = torch.minimum(low, values.amin(0)), torch.maximum(high, values.amax(0))
+        if bool((high - low > SAME).any()):
+            return True
+    return False
 
 
 def _existing(folder: Path | None) -> Path:
@@ -163,7 +184,7 @@ def _background(views: list[View], drawn: bool) -> float | None:
     grays, tints = [], []
     for view in some:
         # What a mask hides has the background's value, which is not known yet.
-        rgba, known = read_view(replace(view, mask=None), _reduced(view.size, LOOKED_SIZE))
+        rgba, known = read_view(replace(view, mask=None), reduced(view.size, LOOKED_SIZE))
         color, alpha = rgba[known][:, :3], rgba[known][:, 3]
         grays.append(color.mean(1) + 1 - alpha)
         tints.append(color.amax(1) - color.amin(1))

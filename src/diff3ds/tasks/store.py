@@ -91,6 +91,11 @@ def is_all_known(known: Bool[Tensor, "V H W"]) -> bool:
     return known.stride() == (0, 0, 0)
 
 
+def is_opaque(store: Store) -> bool:
+    """Whether coloured pictures have alpha 1 wherever they are known."""
+    return all(bool((store.pixels[views][..., 3] == 255)[store.known[views]].all()) for views in store.chunks())
+
+
 def byte_array(shape: tuple[int, ...], scratch: Path | None) -> UInt8[Tensor, "*S"]:
     """Zeros, in memory or in a file without a name in this folder, which goes when the tensor goes.
 

@@ -14,9 +14,11 @@ from diff3ds.formats import tile_images
 from diff3ds.library.demo import demo_cameras, demo_sketch
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.background import color_or_path, described
 from diff3ds.tasks.color import color_scores, plan_color
 from diff3ds.tasks.edges import fit_edges
 from diff3ds.tasks.plan import Plan, ViewsOptions
+from diff3ds.tasks.plates import Plates, load_plates
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
 from diff3ds.tasks.progress import Fitted, Progress, Report, Stopped
 from diff3ds.tasks.random_edges import plan_random_edges
@@ -48,7 +50,8 @@ def fit_views(
         The sketch in the world of the cameras.
 
     Raises:
-        FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `frame_of`, `fit` and `reconstruct`.
+        FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `load_plates`, `frame_of`, `fit` and
+            `reconstruct`; a background picture for what has no colours.
     """
     options = options or ViewsOptions()
     if source is None and options.target not in (None, "edges"):
@@ -56,9 +59,10 @@ def fit_views(
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
     pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size, out)
+    plates = _plates(pictures, path, options, out)
     read = time.perf_counter()
     if pictures.target == "color":
-        fitted = _fit_color(pictures, path, options, out, report)
+        fitted = _fit_color(pictures, plates, path, options, out, report)
     elif options.init == "random":
         fitted = _fit_random_edges(pictures, options, out, report)
     else:
@@ -92,11 +96,23 @@ def demo_pictures() -> PosedPictures:
     return PosedPictures(cameras, "edges", store_of(alpha[..., None]), tuple(f"view {i}" for i in range(len(cameras))))
 
 
-def _fit_color(pictures: PosedPictures, path: Path | None, options: ViewsOptions, out: Path, report: Report) -> Fitted:
-    plan = plan_color(pictures, options, out / CHECKPOINT)
+def _plates(pictures: PosedPictures, path: Path | None, options: ViewsOptions, scratch: Path) -> Plates | None:
+    """The pictures that lie behind, if the options name some."""
+    background = None if options.background is None else color_or_path(options.background)
+    if not isinstance(background, Path):
+        return None
+    if path is None or pictures.target != "color":
+        raise ValueError(f"{background}: a background picture is for --target color, not {pictures.target}")
+    return load_plates(path, background, options.size, scratch)
+
+
+def _fit_color(
+    pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
+) -> Fitted:
+    plan = plan_color(pictures, options, out / CHECKPOINT, plates)
     sketch, losses, stopped = _descended(plan, "fit", report)
     world = plan.frame.to_world(sketch)
-    chosen = {"steps": plan.config.steps, "strokes": len(plan.start)}
+    chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
     return Fitted(world, plan.pictures, chosen, losses, color_scores(world, plan, path), stopped)
 
 
