@@ -1,12 +1,14 @@
-"""The gallery: a sketch of every category by the built-in prior, its turntable, and one sheet of them all.
+"""The gallery: a sketch of every category by a built-in prior, its turntable, and one sheet of them all.
 
-    python benchmarks/gallery.py FOLDER [--only chair,mug] [--seed N]
+    python benchmarks/gallery.py FOLDER [--prior exemplar|small] [--only chair,mug] [--seed N] [--runs RUNS]
 
-Runs go side by side, one a core. Writes NAME.json and NAME.webp for each, sheet.png, and gallery.json with figures:
+Runs go side by side, one a core. RUNS is the folder of runs that categories.py made, which are then not made again.
+Writes NAME.json and NAME.webp for each, sheet.png, and gallery.json with figures:
 F-scores at 5 and 2 % of the size against the nearest member that the phrase means, strokes and seconds.
 """
 
 import argparse
+import json
 import os
 import sys
 import tempfile
@@ -33,16 +35,25 @@ FRAMES, FRAME_SIZE, FRAME_MS, QUALITY = 24, 128, 120, 40
 VIEWS, CELL = (35.0, 125.0), 160
 
 
-def draw(category: str, folder: Path, seed: int) -> dict[str, Any]:
+def sketched(phrase: str, category: str, chosen: argparse.Namespace) -> tuple[ds.Sketch, float]:
+    """The sketch of a phrase, and the seconds that it took."""
+    if chosen.runs is not None:
+        held = json.loads((chosen.runs / f"{category.replace(' ', '_')}-{chosen.seed}.json").read_text())
+        points, weights = (torch.tensor(held["sketch"][name]) for name in ("points", "weights"))
+        return ds.Sketch(points, weights), held["seconds"]
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory() as run:
+        options = DistillOptions(seed=chosen.seed, sheet_every=0)
+        sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior=chosen.prior), settings=options)
+    return sketch, time.perf_counter() - begun
+
+
+def draw(category: str, chosen: argparse.Namespace) -> dict[str, Any]:
     """One sketch with its files; its figures."""
     torch.set_num_threads(1)
     ds.set_num_threads(1)
-    phrase = CATEGORIES[category].captions()[0]
-    begun = time.perf_counter()
-    with tempfile.TemporaryDirectory() as run:
-        options = DistillOptions(seed=seed, sheet_every=0)
-        sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"), settings=options)
-    seconds = time.perf_counter() - begun
+    folder, seed, phrase = chosen.folder, chosen.seed, CATEGORIES[category].captions()[0]
+    sketch, seconds = sketched(phrase, category, chosen)
     name = category.replace(" ", "_")
     ds.save(folder / f"{name}.json", sketch)
     turntable(sketch, folder / f"{name}.webp")
@@ -66,11 +77,13 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--only", type=lambda text: text.split(","), default=list(CATEGORIES))
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--prior", choices=("exemplar", "small"), default="exemplar")
+    parser.add_argument("--runs", type=Path)
     chosen = parser.parse_args()
     chosen.folder.mkdir(parents=True, exist_ok=True)
     about, figures = environment(), {}
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        waiting = {name: pool.submit(draw, name, chosen.folder, chosen.seed) for name in chosen.only}
+        waiting = {name: pool.submit(draw, name, chosen) for name in chosen.only}
         for name, job in waiting.items():
             figures[name] = job.result()
             print(
