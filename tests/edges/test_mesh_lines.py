@@ -71,6 +71,16 @@ def test_the_rims_of_a_cylinder_are_exact_circles(count):
     assert float(angle.diff().max()) < math.radians(10)
 
 
+def test_the_rims_of_an_elliptic_cylinder_are_exact_ellipses():
+    curves = mesh_lines(*prism(around(64) * np.array([1.0, 0.5])), 100)
+    assert kinds(curves) == [Kind.ELLIPSE] * 4
+    assert (curves.other >= 0).all()
+    on = curves.at(T).reshape(-1, 3)
+    around_it = (on[:, :2] / torch.tensor([1.0, 0.5])).square().sum(1)
+    torch.testing.assert_close(around_it, torch.ones(len(on), dtype=torch.float64), atol=1e-9, rtol=0)
+    assert sorted(set(on[:, 2].round(decimals=9).tolist())) == [0.0, 1.0]
+
+
 def test_a_prism_of_eight_sides_is_no_cylinder():
     assert kinds(mesh_lines(*prism(around(8)), 100)) == [Kind.LINE] * 24
 

@@ -1,6 +1,7 @@
 """Refinement through the renderer, and the whole way from ridges to curves: a box and a circle, and their bytes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,20 @@ def test_a_box_and_a_circle_are_found(stages):
     assert told[0][0] == "first curves"
     steps = [step for stage, step, _, _ in told if stage == "refine"]
     assert steps == list(range(1, len(steps) + 1))
+
+
+def test_an_ellipse_is_found():
+    """Of 41 by 21 pixels, whose ridges are off by a tenth: first as arcs and cubics, at the end as one ellipse."""
+    a, b = 0.8, 0.4
+    rng = np.random.default_rng(0)
+    ridges = ridges_along(CAMERAS, [arc(CENTER / 2, a * ROTATION[0], b * ROTATION[1])])
+    ridges = [replace(r, points=r.points + 0.1 * rng.normal(size=r.points.shape)) for r in ridges]
+    curves = reconstruct(CAMERAS, ridges).curves
+    assert curves.kind.tolist() == [Kind.ELLIPSE] * 2
+    assert curves.other.tolist() == [1, 0]
+    offset = (sampled(curves) - CENTER / 2) @ ROTATION.T
+    np.testing.assert_allclose(np.hypot(offset[..., 0] / a, offset[..., 1] / b), 1, rtol=0.01)
+    assert np.abs(offset[..., 2]).max() < 0.1 * VIEWS.pixel
 
 
 def same(a, b):

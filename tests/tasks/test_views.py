@@ -73,7 +73,7 @@ def test_what_the_demo_writes(demo):
     run = json.loads((demo / "run.json").read_text())
     found = ds.load(demo / "sketch.json")
     assert run["target"] == "edges"
-    assert run["curves"] == {"line": 8, "arc": 6, "free": 0}
+    assert run["curves"] == {"line": 8, "arc": 6, "free": 0, "ellipse": 0}
     assert run["strokes_left"] == len(found) == 14
     # Both ends of the circles' halves are shared.
     assert run["vertices"] == 8 * 2 + 3 * 2

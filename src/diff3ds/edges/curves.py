@@ -1,5 +1,6 @@
-"""Curves that keep what they were recognised as: lines stay straight, arcs circular, shared end points shared."""
+"""Curves that keep what they were recognised as: lines stay straight, arcs exact, shared end points shared."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,9 @@ from diff3ds.edges.primitives import Kind, Primitive
 from diff3ds.sketch import Sketch
 
 TINY = 1e-9
+# How far apart the inner points of an elliptic arc are, see `Curves._elliptic`, at sweeps of 20 and of 220 degrees: at
+# 0 it is a parabola, and at 240 the inner weights vanish.
+FLATTEST, ROUNDEST = (1 / (1 + 2 * math.cos(math.radians(sweep) / 2)) for sweep in (20, 220))
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,10 +22,11 @@ class Curves:
     """N curves; any control points become such curves by `constrained`.
 
     Attributes:
-        points: control points of cubics; those of arcs are rational, their weights follow from the points.
+        points: control points of cubics; those of arcs of circles and ellipses are rational, their weights follow from
+            the points.
         kind: values of `Kind`.
         vertex: the shared vertices at start and end; equal numbers mean one point of space.
-        other: the arc that completes a full circle with this one, or -1.
+        other: the arc that completes a full circle or ellipse with this one, or -1.
     """
 
     points: Float[Tensor, "N 4 3"]
@@ -56,23 +61,25 @@ class Curves:
         """Control points and weights of these kinds from any control points; differentiable, leaves its results alone.
 
         Shared vertices are the means of the curves' ends, lines keep their ends, arcs their ends and how far they
-        bulge.
+        bulge; those of ellipses also in which direction, and their weight.
         """
         start, stop = self._ends(points)
         middle, chord = (start + stop) / 2, stop - start
         inner = points[:, 1:3]
         line = torch.stack([start + chord / 3, start + 2 / 3 * chord], 1)
-        bulge = inner.mean(1) - middle
         along = (chord * chord).sum(1, keepdim=True).clamp(min=TINY)
-        bulge = bulge - (bulge * chord).sum(1, keepdim=True) / along * chord
         half = along.sqrt() / 2
-        bulge = self._circular(bulge, half)
+        free = inner.mean(1) - middle
+        bulge = self._circular(free - (free * chord).sum(1, keepdim=True) / along * chord, half)
         share = 1 + 2 * _half_sweep(bulge, half).cos()
+        elliptic = self._elliptic(free, ((inner[:, 1] - inner[:, 0]) * chord).sum(1, keepdim=True) / along)
+        kind = self.kind[:, None]
+        bulge, share = (torch.where(kind == Kind.ELLIPSE, e, c) for e, c in zip(elliptic, (bulge, share), strict=True))
         arc = torch.stack([middle + bulge - chord / (2 * share), middle + bulge + chord / (2 * share)], 1)
-        kind = self.kind[:, None, None]
-        inner = torch.where(kind == Kind.LINE, line, torch.where(kind == Kind.ARC, arc, inner))
+        conic = (kind == Kind.ARC) | (kind == Kind.ELLIPSE)
+        inner = torch.where(kind[:, None] == Kind.LINE, line, torch.where(conic[:, None], arc, inner))
         one = torch.ones_like(share)
-        middle_weight = torch.where(self.kind[:, None] == Kind.ARC, share / 3, one)
+        middle_weight = torch.where(conic, share / 3, one)
         weights = torch.cat([one, middle_weight, middle_weight, one], 1)
         return torch.cat([start[:, None], inner, stop[:, None]], 1), weights
 
@@ -93,6 +100,18 @@ class Curves:
         outward = bulge - bulge[self.other.clamp(min=0)]
         outward = 2 * half * torch.nn.functional.normalize(outward, dim=1)
         return torch.where(paired[:, None], outward, bulge)
+
+    def _elliptic(
+        self, bulge: Float[Tensor, "N 3"], apart: Float[Tensor, "N 1"]
+    ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N 1"]]:
+        """How elliptic arcs bulge, and their 1 + 2 w for weights 1, w, 1 as a conic.
+
+        The inner points (P0 + 2 w P1) / (1 + 2 w) and (2 w P1 + P2) / (1 + 2 w) are `apart` = 1 / (1 + 2 w) of the
+        chord from each other; with w < 1 any bulge makes an ellipse. Its halves have opposite bulges and w = 0.
+        """
+        paired = (self.other >= 0)[:, None]
+        bulge = torch.where(paired, (bulge - bulge[self.other.clamp(min=0)]) / 2, bulge)
+        return bulge, torch.where(paired, 1.0, 1 / apart.clamp(FLATTEST, ROUNDEST))
 
 
 def _half_sweep(bulge: Float[Tensor, "N 3"], half: Float[Tensor, "N 1"]) -> Float[Tensor, "N 1"]:

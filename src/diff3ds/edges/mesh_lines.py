@@ -1,4 +1,4 @@
-"""Feature lines of a triangle mesh: its sharp edges and borders as lines, circular arcs and fair cubics."""
+"""Feature lines of a triangle mesh: its sharp edges and borders as lines, circular and elliptic arcs and fair cubics."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -25,8 +25,8 @@ SAME = 1e-6
 UNEVEN, STRAIGHT = 3.0, 1.0
 # So large a share of the feature lines may end nowhere: of a machine part few do, of an animal most. Empirical.
 MOST_LOOSE = 0.5
-# Three points are always on a circle, and four on a cubic.
-LEAST_ARC, LEAST_CUBIC = 4, 5
+# Three points are always on a circle, four on a cubic, and five of a plane on a conic.
+LEAST_ARC, LEAST_CUBIC, LEAST_ELLIPSE = 4, 5, 6
 
 
 def mesh_lines(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"], most: int) -> Curves:
@@ -128,14 +128,15 @@ def _pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> It
 
 def _longest(points: Float[Array, "M 3"], pixel: float) -> int:
     """How many of the points, from the first on, one curve fits: twice as many while it does, then between."""
+    # A part of an ellipse may say too little about it.
+    if _fit(points, pixel):
+        return len(points)
     few = min(len(points), LEAST_CUBIC)
     good = next(count for count in range(few, 1, -1) if _fit(points[:count], pixel))
-    if good < few or good == len(points):
+    if good < few:
         return good
     bad = min(2 * good, len(points))
     while _fit(points[:bad], pixel):
-        if bad == len(points):
-            return bad
         good, bad = bad, min(2 * bad, len(points))
     while bad - good > 1:
         middle = (good + bad) // 2
@@ -146,7 +147,7 @@ def _longest(points: Float[Array, "M 3"], pixel: float) -> int:
 def _fit(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
     """The simplest curve through the points, if there is one and they leave it no choice."""
     found = simplest(points, pixel)
-    least = {Kind.LINE: 2, Kind.ARC: LEAST_ARC, Kind.FREE: LEAST_CUBIC}
+    least = {Kind.LINE: 2, Kind.ARC: LEAST_ARC, Kind.FREE: LEAST_CUBIC, Kind.ELLIPSE: LEAST_ELLIPSE}
     return found if found and len(points) >= least[found[0].kind] else None
 
 

@@ -27,10 +27,11 @@ class Kind(IntEnum):
     LINE = 0
     ARC = 1
     FREE = 2
+    ELLIPSE = 3
 
 
 # Free numbers of each kind: the price of a stroke when several kinds fit.
-FREEDOM = {Kind.LINE: 6, Kind.ARC: 8, Kind.FREE: 12}
+FREEDOM = {Kind.LINE: 6, Kind.ARC: 8, Kind.FREE: 12, Kind.ELLIPSE: 10}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Primitive:
 
     Attributes:
         kind: what it is.
-        control: control points of a cubic; of an arc, those of the rational cubic (see `arc_control`).
+        control: control points of a cubic; of an arc of a circle or an ellipse, those of the rational cubic (see
+            `arc_control`).
         distances: of the fitted points, world units.
     """
 
@@ -75,20 +77,28 @@ def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primi
     center, u, v, radius, distances = fitted
     flat = points - center
     angle = np.unwrap(np.arctan2(flat @ v, flat @ u))
+    sweep = abs(angle[-1] - angle[0])
+    if radius * (1 - np.cos(min(sweep, np.pi) / 2)) < max(least_rise, 1e-6):
+        return []
+    return arcs_along(Kind.ARC, center, radius * u, radius * v, angle, distances)
+
+
+def arcs_along(
+    kind: Kind, center: Array, u: Array, v: Array, angle: Float[Array, " M"], distances: Float[Array, " M"]
+) -> list[Primitive]:
+    """Of center + u cos(angle) + v sin(angle), from the first to the last angle: one arc, two if long, or two halves.
+
+    Nothing if the angles do not go in one direction.
+    """
     start, stop = angle[0], angle[-1]
     sweep = stop - start
-    if (
-        radius * (1 - np.cos(min(abs(sweep), np.pi) / 2)) < max(least_rise, 1e-6)
-        or np.ptp(angle) > 1.1 * abs(sweep) + 0.1
-    ):
+    if np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
         return []
     if abs(sweep) > CLOSED:
         stop = start + np.copysign(2 * np.pi, sweep)
     strokes = 1 if abs(stop - start) <= MOST_SWEEP else 2
     cuts = np.linspace(start, stop, strokes + 1)
-    return [
-        Primitive(Kind.ARC, arc_control(center, radius * u, radius * v, a, b), distances) for a, b in pairwise(cuts)
-    ]
+    return [Primitive(kind, arc_control(center, u, v, a, b), distances) for a, b in pairwise(cuts)]
 
 
 class Circle(NamedTuple):

@@ -1,6 +1,7 @@
 """Fewer, longer, fairer curves: weak and doubled ones dropped, neighbours that are one curve joined."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import torch
@@ -8,6 +9,7 @@ import torch
 from diff3ds._shapes import Float
 from diff3ds.edges.chains import resampled
 from diff3ds.edges.curves import Curves, curves_of
+from diff3ds.edges.ellipses import fit_elliptic_arcs
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.ridges import Array
@@ -19,6 +21,8 @@ SAMPLES = 64
 DOUBLED, DOUBLED_SHARE = 1.2, 0.9
 # Ends at most so far apart may continue each other, if the tangents agree (cosine) and one curve fits both so well.
 GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
+# A narrow ellipse turns its tip within the gap, by up to a right angle.
+TIP = 0.0
 # Samples of a curve per pixel when curves are fitted again.
 DENSE = 1.0
 
@@ -55,14 +59,14 @@ def sampled(curves: Curves, count: int = SAMPLES) -> Float[Array, "N S 3"]:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Points along an edge and the strokes that draw it: one, or the two arcs of a circle or of most of one."""
+    """Points along an edge and the strokes that draw it: one, or two arcs of most of a circle or ellipse."""
 
     strokes: list[Primitive]
     points: Float[Array, "M 3"]
 
     @property
     def closed(self) -> bool:
-        """Whether this is a whole circle."""
+        """Whether this is a whole circle or ellipse."""
         return len(self.strokes) == 2 and bool(np.allclose(self.strokes[0].control[0], self.strokes[1].control[3]))
 
     @property
@@ -73,11 +77,10 @@ class _Piece:
 
 @dataclass(frozen=True, eq=False)
 class _Joint:
-    """Two pieces that one curve fits; the best joints save most free numbers."""
+    """Pieces that one curve fits; the best joints save most free numbers."""
 
     price: float
-    first: int
-    second: int
+    members: tuple[int, ...]
     piece: _Piece
 
 
@@ -86,10 +89,10 @@ def joined(curves: Curves, pixel: float) -> Curves:
     pieces = _pieces(curves, pixel)
     alive = set(range(len(pieces)))
     joints = [j for i in alive for k in range(i) if (j := _joint(pieces, i, k, pixel)) is not None]
-    while joints:
-        best = min(joints, key=lambda joint: (joint.price, joint.first, joint.second))
-        alive -= {best.first, best.second}
-        joints = [j for j in joints if j.first in alive and j.second in alive]
+    while joints or (joints := _elliptic_joints(pieces, sorted(alive), pixel)):
+        best = min(joints, key=lambda joint: (joint.price, joint.members))
+        alive -= set(best.members)
+        joints = [j for j in joints if alive.issuperset(j.members)]
         pieces.append(best.piece)
         new = len(pieces) - 1
         joints += [j for k in sorted(alive) if (j := _joint(pieces, new, k, pixel)) is not None]
@@ -97,8 +100,34 @@ def joined(curves: Curves, pixel: float) -> Curves:
     return _curves([pieces[i] for i in sorted(alive)])
 
 
+def _elliptic_joints(pieces: list[_Piece], alive: list[int], pixel: float) -> list[_Joint]:
+    """Pieces in a row that one ellipse fits: three where two say too little, or two that meet at a narrow tip.
+
+    At most one of them is straight: an arc between lines is a rounded corner.
+    """
+    kind = {i: pieces[i].strokes[0].kind for i in alive}
+    rows = []
+    for i, k in combinations(alive, 2):
+        half = Kind.ELLIPSE in (kind[i], kind[k])
+        two = _continued(pieces[i], pieces[k], pixel, TIP if half else STRAIGHT_ON)
+        if two is None:
+            continue
+        if half:
+            rows.append(((i, k), two))
+        third = ((m, _continued(_Piece([], two), pieces[m], pixel)) for m in alive if m not in (i, k))
+        rows += [((i, k, m), three) for m, three in third if three is not None]
+    found = []
+    for members, points in rows:
+        if sum(kind[m] == Kind.LINE for m in members) > 1:
+            continue
+        strokes = fit_elliptic_arcs(points, pixel)
+        if strokes and _near(strokes, pixel):
+            found.append(_joint_of(pieces, members, _Piece(strokes, points), pixel))
+    return found
+
+
 def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
-    """One piece for every curve, as simple as it can be; the two halves of a circle are one, and stay a circle."""
+    """One piece for every curve, as simple as it can be; the two halves of a circle are one, and stay so."""
     control = curves.constrained(curves.points)[0].double().numpy()
     strokes = [Primitive(Kind(int(k)), c, np.zeros(0)) for k, c in zip(curves.kind, control, strict=True)]
     pieces = []
@@ -122,36 +151,54 @@ def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | Non
     """The simplest curve within `JOINED` pixels of these points, in order along it; None if a cubic is too simple."""
     if len(points) < 3:
         return [fit_line(points)]
-    for fit in (lambda p: [fit_line(p)], fit_arcs, lambda p: [fit_cubic(p)]):
+    ways = (lambda p: [fit_line(p)], fit_arcs, lambda p: fit_elliptic_arcs(p, pixel), lambda p: [fit_cubic(p)])
+    for fit in ways:
         found = fit(points)
-        if found and np.percentile(found[0].distances, 98) < JOINED * pixel:
+        if found and _near(found, pixel):
             return found
     return None
 
 
+def _near(strokes: list[Primitive], pixel: float) -> bool:
+    """Whether the points that strokes were fitted to lie near enough."""
+    return bool(np.percentile(strokes[0].distances, 98) < JOINED * pixel)
+
+
 def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:
-    """The joint of two pieces at their nearest ends, if there is one."""
-    if pieces[i].closed or pieces[k].closed:
+    """The joint of two pieces, if there is one."""
+    points = _continued(pieces[i], pieces[k], pixel)
+    strokes = None if points is None else simplest(points, pixel)
+    if points is None or strokes is None:
         return None
-    a, b = pieces[i].points, pieces[k].points
+    return _joint_of(pieces, (k, i), _Piece(strokes, points), pixel)
+
+
+def _joint_of(pieces: list[_Piece], members: tuple[int, ...], piece: _Piece, pixel: float) -> _Joint:
+    saved = sum(pieces[i].price for i in members) - piece.price
+    return _Joint(float(np.mean(piece.strokes[0].distances)) / pixel - saved, members, piece)
+
+
+def _continued(one: _Piece, other: _Piece, pixel: float, straight: float = STRAIGHT_ON) -> Float[Array, "M 3"] | None:
+    """The points along two pieces that continue each other at their nearest ends; None if they do not.
+
+    Args:
+        straight: least cosine between them.
+    """
+    if one.closed or other.closed:
+        return None
+    a, b = one.points, other.points
     flips = [(x, y) for x in (a, a[::-1]) for y in (b, b[::-1])]
     gaps = [np.linalg.norm(x[-1] - y[0]) for x, y in flips]
     first, second = flips[int(np.argmin(gaps))]
     if min(gaps) > GAP * pixel:
         return None
     heading, onwards = -_end_tangent(first[::-1]), _end_tangent(second)
-    if heading @ onwards < STRAIGHT_ON:
+    if heading @ onwards < straight:
         return None
     # Where ends overlap, the second must not turn back.
     beyond = (second - first[-1]) @ heading > 0
     start = int(np.argmax(beyond)) if beyond.any() else len(second)
-    points = np.concatenate([first, second[start:]])
-    strokes = simplest(points, pixel)
-    if strokes is None:
-        return None
-    piece = _Piece(strokes, points)
-    saved = pieces[i].price + pieces[k].price - piece.price
-    return _Joint(float(np.mean(strokes[0].distances)) / pixel - saved, k, i, piece)
+    return np.concatenate([first, second[start:]])
 
 
 def _end_tangent(points: Array) -> Float[Array, " 3"]:
