@@ -1,4 +1,4 @@
-"""Feature lines of a triangle mesh: its sharp edges and borders as lines, circular and elliptic arcs and fair cubics."""
+"""Feature lines of a triangle mesh: its sharp edges and borders as lines, arcs of circles and ellipses, fair cubics."""
 
 from collections import Counter
 from collections.abc import Iterator

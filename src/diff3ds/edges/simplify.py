@@ -106,7 +106,7 @@ def _elliptic_joints(pieces: list[_Piece], alive: list[int], pixel: float) -> li
     At most one of them is straight: an arc between lines is a rounded corner.
     """
     kind = {i: pieces[i].strokes[0].kind for i in alive}
-    rows = []
+    rows: list[tuple[tuple[int, ...], Array]] = []
     for i, k in combinations(alive, 2):
         half = Kind.ELLIPSE in (kind[i], kind[k])
         two = _continued(pieces[i], pieces[k], pixel, TIP if half else STRAIGHT_ON)
