@@ -193,8 +193,8 @@ def _size(path: Path, values: dict[str, Any], picture: Path) -> tuple[int, int]:
     try:
         with Image.open(picture) as image:
             return image.height, image.width
-    except UnidentifiedImageError as error:
-        raise ValueError(f"{picture}: not a picture") from error
+    except (UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise ValueError(f"{picture}: not a picture, or one that is too large") from error
 
 
 def _pose(path: Path, index: int, frame: dict[str, Any]) -> Float[Tensor, "4 4"]:

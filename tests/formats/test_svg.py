@@ -13,7 +13,7 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.formats import save_svg, tile_images
+from diff3ds.formats import save_svg, screen_pieces, tile_images
 from diff3ds.formats.svg import TOLERANCE, _swept_disc
 
 needs_resvg = pytest.mark.skipif(importlib.util.find_spec("resvg_py") is None, reason="the extra svg is not installed")
@@ -213,6 +213,22 @@ def test_coordinates_stay_near_the_image(tmp_path):
     points = torch.cat(list(curves_of(tmp_path / "a.svg").values()))
     assert points.min() >= -256
     assert points.max() <= 512
+
+
+def test_a_stroke_that_is_wider_than_the_image_comes_to_an_end(monkeypatch):
+    """Near the camera its disc covers the image from far away: no halving brings the centre nearer."""
+    monkeypatch.setattr(screen_pieces, "MAX_HALVINGS", 12)
+    intrinsics = ds.orbit([0.0], [-20.0], 3.0, size=48).intrinsics
+    cameras = ds.Cameras(torch.eye(4)[None], intrinsics, (48, 48))
+    points = torch.tensor([[[-1.0, 0.0, 0.1], [1.0, 0.2, 1.0], [1.0, 1.0, 1.2], [0.0, 0.0, 2.0]]])
+    strokes = ds.project(ds.Sketch(points, width=0.8, width_space="world"), cameras)
+    pieces = screen_pieces.screen_pieces(strokes, 0, (48, 48), TOLERANCE)
+    assert len(pieces.start) < 100
+    # From there on the discs reach the image: the whole pieces up to there must be kept, not halved for ever.
+    assert pieces.start[0] == pytest.approx(0.0773, abs=0.001)
+    assert torch.equal(pieces.start[1:], pieces.stop[:-1])
+    assert pieces.stop[-1] == 1
+    assert pieces.points[:, :, 2].max() > 48
 
 
 def test_styles(tmp_path):

@@ -43,7 +43,8 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
 
     Guaranteed up to rounding: at every parameter (after a projective change that leaves the curve as it is), piece and
     stroke differ by at most the tolerance in position and half width together. Parts that the image cannot show, and
-    parts behind the near plane, are left out; what is kept reaches at most an image size beyond the image.
+    parts behind the near plane, are left out; what is kept reaches at most an image size beyond the image, or as far as
+    it is wide where that is more.
 
     Args:
         size: (height, width) in pixels.
@@ -122,6 +123,8 @@ def _beyond(points: Float[Tensor, "P K 3"], size: tuple[int, int]) -> Bool[Tenso
 
 
 def _within(points: Float[Tensor, "P K 3"], size: tuple[int, int]) -> Bool[Tensor, " P"]:
-    """Whether the hulls reach at most one image size beyond the image."""
+    """Whether the hulls reach at most one image size beyond the image, or their half width where that is more."""
     limit = points.new_tensor([size[1], size[0]])
-    return ((points[..., :2] >= -limit) & (points[..., :2] <= 2 * limit)).all(-1).all(-1)
+    # Near the camera a disc may cover the image from farther away.
+    room = torch.maximum(limit, points[..., 2:].amax(1, keepdim=True))
+    return ((points[..., :2] >= -room) & (points[..., :2] <= limit + room)).all(-1).all(-1)

@@ -67,7 +67,12 @@ def plan_color(
         seed=options.seed,
         checkpoint=checkpoint,
         resume=options.resume,
-        identity={"background": described(plates or color)},
+        identity={
+            "background": described(plates or color),
+            "strokes": options.strokes,
+            "batch": options.batch or BATCH,
+            "size": options.size,
+        },
     )
     return Plan(pictures, frame, start, _objective(pyramid, background), pyramid, config, background)
 
