@@ -100,7 +100,7 @@ class Text:
 
     Priors: mvdream (knows several views at once; the best, and the default where its weights and a GPU are there),
     stable-diffusion, stable-diffusion-768; exemplar, which is built in, needs neither, and knows forty kinds of
-    things; and small, a network that "diff3ds prior train" makes. Weights are fetched once by "diff3ds fetch PRIOR";
+    things; and small, a network of the same things. Weights are fetched once by "diff3ds fetch PRIOR";
     "diff3ds doctor" says what is there. Writes sketch.json, sketch.svg, sketch.step, preview.png, run.json, and
     pictures of the progress. Ctrl-C ends the run early and writes what was reached; --resume goes on from there.
     """
@@ -129,8 +129,8 @@ class Image:
 
     Priors: zero123 (Zero123-XL, the default where its weights and a GPU are there), stable-zero123 (weights for
     non-commercial research only); exemplar, which is built in, needs neither, and recognises forty kinds of things; and
-    small, a network that "diff3ds prior train" makes of the same things. The picture has alpha, or a --mask, or a plain
-    background. Writes what "diff3ds text" writes.
+    small, a network of the same things. The picture has alpha, or a --mask, or a plain background. Writes what
+    "diff3ds text" writes.
     """
 
     image: OmitArgPrefixes[ImageOptions]

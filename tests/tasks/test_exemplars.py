@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from nearness import points_on
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
@@ -15,10 +16,6 @@ from diff3ds.tasks import sharpen
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import FITTING, exemplars_of, requested
 from diff3ds.tasks.text import text_to_sketch
-
-
-def points_on(sketch: ds.Sketch) -> torch.Tensor:
-    return ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 33)).reshape(-1, 3)
 
 
 def test_members_that_fit_and_all_the_others():
@@ -125,9 +122,7 @@ def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path, monkeypatch):
     for count in (1, 2):
         torch.set_num_threads(count)
         try:
-            found.append(
-                text_to_sketch("a mug", tmp_path / str(count), settings=settings)
-            )
+            found.append(text_to_sketch("a mug", tmp_path / str(count), settings=settings))
         finally:
             torch.set_num_threads(threads)
     assert torch.equal(found[0].points, found[1].points)

@@ -5,10 +5,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
-from scipy.spatial import cKDTree
+from nearness import f_score, points_on
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
@@ -29,19 +28,6 @@ FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
 
 def drawn(name: str, seed: int = 0, attributes=()) -> ds.Sketch:
     return member(name, torch.Generator().manual_seed(seed), attributes).sketch
-
-
-def points_on(sketch: ds.Sketch) -> torch.Tensor:
-    return ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 65)).reshape(-1, 3)
-
-
-def f_score(found: ds.Sketch, truth: ds.Sketch) -> float:
-    """At 5 % of the size."""
-    found, truth = points_on(found).numpy(), points_on(truth).numpy()
-    near = 0.05 * float(np.ptp(truth, axis=0).max())
-    precision = float((cKDTree(truth).query(found)[0] < near).mean())
-    recall = float((cKDTree(found).query(truth)[0] < near).mean())
-    return 2 * precision * recall / max(precision + recall, 1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -6,20 +6,23 @@ import math
 
 import pytest
 import torch
+from nearness import f_score
 from safetensors import safe_open
 from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.formats import save_png
-from diff3ds.guidance.small import Vocabulary, read_network, write_network
+from diff3ds.guidance.small import SCHEDULE, Vocabulary, read_network, write_network
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.library import member
 from diff3ds.library.phrase import Request
 from diff3ds.tasks import distill, small_prior
-from diff3ds.tasks.prior_data import words
+from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.prior_data import Examples, words
 from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.small_prior import trained
+from diff3ds.tasks.text import text_to_sketch
 
 FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]
 
@@ -129,3 +132,40 @@ def test_files_that_say_absurd_things_are_refused(weights, tmp_path):
         save_file(tensors, tmp_path / "wrong.safetensors", {"diff3ds": json.dumps(wrong)})
         with pytest.raises(ValueError, match=r"wrong\.safetensors: not a network of the small prior"):
             read_network(tmp_path / "wrong.safetensors")
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return trained(PriorOptions(prior="small"))
+
+
+def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
+    """On members that it was not trained on, at much noise: right words help, wrong ones harm, and so on."""
+    examples = [Examples(1_000_000, 16)[i] for i in range(16)]
+    batch = {name: torch.stack([example[name] for example in examples]) for name in examples[0]}
+    network, vocabulary = shipped.network, shipped.vocabulary
+    clean = (batch["views"] - vocabulary.mean) / vocabulary.spread
+    noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(0))
+    kept = SCHEDULE.alpha_bars[850]
+    noisy, time = kept.sqrt() * clean + (1 - kept).sqrt() * noise, torch.full((16,), 0.85)
+
+    @torch.no_grad()
+    def error(words=batch["words"], cameras=batch["cameras"], *reference):
+        v = network(noisy, time, cameras, words, *reference)
+        return float((kept.sqrt() * noisy - (1 - kept).sqrt() * v - clean).square().mean())
+
+    told = error()
+    assert told < 0.4
+    assert told < 0.7 * error(torch.zeros_like(batch["words"]))
+    assert told < 0.5 * error(batch["words"].roll(1, 0))
+    turned = batch["cameras"] + torch.tensor([math.pi / 4, 0.0, 0.0])
+    assert told < 0.8 * error(cameras=turned)
+
+
+def test_the_network_of_the_package_makes_a_sketch(tmp_path):
+    settings = DistillOptions(steps=150, strokes=60, sheet_every=0)
+    sketch = text_to_sketch("a bow", tmp_path / "run", prior=PriorOptions(prior="small"), settings=settings)
+    pool = [member("bow", torch.Generator().manual_seed(seed)).sketch for seed in range(12)]
+    assert max(f_score(sketch, known) for known in pool) > 0.8
+    others = [member(name, torch.Generator().manual_seed(0)).sketch for name in ("chair", "mug", "car", "tree")]
+    assert max(f_score(sketch, other) for other in others) < 0.6
