@@ -53,3 +53,15 @@ def test_mixed_sizes_fit_as_well(sketch, tmp_path):
     # A quarter of the mixed pictures lacks nearly half of its pixels, which costs about half a decibel, as another seed
     # may; taking what they lack for background costs four.
     assert scores["mixed"] > scores["equal"] - 2
+
+
+def test_damaged_held_out_views_are_named_before_the_fit(sketch, tmp_path, capsys):
+    cameras = ds.orbit(AZIMUTHS, 25, 2.6, size=64)
+    content = frames(tmp_path, sketch, cameras)
+    (tmp_path / "transforms_train.json").write_text(json.dumps({"frames": content}))
+    broken = [{**content[0], "transform_matrix": [1, 2, 3]}]
+    (tmp_path / "transforms_test.json").write_text(json.dumps({"frames": broken}))
+    with pytest.raises(SystemExit):
+        main(["views", str(tmp_path), "-o", str(tmp_path / "out"), "--size", "64", "--steps", "5", "--quiet"])
+    assert "transforms_test.json: frame 0: transform_matrix must hold" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -22,6 +22,7 @@ from diff3ds.tasks.posed import PosedPictures, load_posed
 from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import spread
 from diff3ds.tasks.store import Store, is_all_known
+from diff3ds.transforms import read_views
 
 STEPS, BATCH = 1200, 5
 # A number of strokes that is not given is found between these; a given one is reached from a quarter of it, so that
@@ -105,8 +106,8 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None) -> dict[str, flo
         path: the transforms file of its pictures.
     """
     scores = view_scores(sketch, plan.pictures, plan.background)
-    held_out = path.parent / "transforms_test.json" if path is not None else None
-    if held_out is None or not held_out.is_file() or held_out == path:
+    held_out = held_out_views(path)
+    if held_out is None:
         return scores
     background, size = plan.background, max(plan.pictures.cameras.size)
     if isinstance(background, Plates):
@@ -116,6 +117,19 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None) -> dict[str, flo
     pictures, _ = with_alpha(load_posed(held_out, "color", size), background)
     some = view_scores(sketch, pictures, background)
     return scores | {f"{name}_test": value for name, value in some.items()}
+
+
+def held_out_views(path: Path | None) -> Path | None:
+    """The file of held-out pictures beside that of the fit, if there is one.
+
+    Raises:
+        ValueError: it is damaged: to be said before the fit.
+    """
+    held_out = path.parent / "transforms_test.json" if path is not None else None
+    if held_out is None or not held_out.is_file() or held_out == path:
+        return None
+    read_views(held_out)
+    return held_out
 
 
 def view_scores(sketch: Sketch, pictures: PosedPictures, background: Tensor | Plates | None) -> dict[str, float]:

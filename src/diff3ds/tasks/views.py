@@ -15,7 +15,7 @@ from diff3ds.library.demo import demo_cameras, demo_sketch
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import color_or_path, described
-from diff3ds.tasks.color import color_scores, plan_color
+from diff3ds.tasks.color import color_scores, held_out_views, plan_color
 from diff3ds.tasks.edges import fit_edges
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
@@ -109,6 +109,7 @@ def _plates(pictures: PosedPictures, path: Path | None, options: ViewsOptions, s
 def _fit_color(
     pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
 ) -> Fitted:
+    held_out_views(path)
     plan = plan_color(pictures, options, out / CHECKPOINT, plates)
     sketch, losses, stopped = _descended(plan, "fit", report)
     world = plan.frame.to_world(sketch)
