@@ -10,7 +10,6 @@ from diff3ds.camera import Cameras, orbit
 from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.render.backends import torch_on_one_thread
 
 # Draws all M members as V cameras see them.
 Draw = Callable[[Cameras], Float[Tensor, "M V H W 3"]]
@@ -54,8 +53,9 @@ class ExemplarDenoiser:
         self._fitting = fitting
         azimuths = [360 * i / TYPICAL_VIEWS for i in range(TYPICAL_VIEWS)]
         typical = draw(orbit(azimuths, TYPICAL_ELEVATION, TYPICAL_DISTANCE, size=size))
-        with torch_on_one_thread():
-            self._mean, self._spread = float(typical.mean()), float(typical.std())
+        # Summed by numpy, whose sums do not depend on the number of threads.
+        ink = typical.cpu().numpy()
+        self._mean, self._spread = float(ink.mean(dtype="float64")), float(ink.std(dtype="float64", ddof=1))
         self._seen: tuple[Cameras, Members] | None = None
 
     def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 3 h w"]:
