@@ -73,7 +73,7 @@ class TrainOptions:
     """
 
     library: Path | None = None
-    steps: int = 20000
+    steps: int = 6000
     batch: int = 16
     rate: float = 0.005
     depth: int = Shape.depth
