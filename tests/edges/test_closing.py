@@ -1,7 +1,9 @@
 """Arcs closed to circles that every view shows a part of, and arcs that end where they should."""
 
+import itertools
+
 import numpy as np
-from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, turned
+from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned
 
 from diff3ds.edges.closing import closed
 from diff3ds.edges.curves import curves_of
@@ -57,3 +59,31 @@ def test_whole_circles_lines_and_short_arcs_stay():
         curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 1)]),
     ):
         assert closed(curves, views, ENOUGH, 0.0) is curves
+
+
+def hole(depth):
+    """Two circles, one above the other; the lower one seen by every third view."""
+    rims = [arc(CENTER + h * UP, RADIUS / 4 * U, RADIUS / 4 * V) for h in (0, -depth)]
+    shown = np.stack([np.ones(len(CAMERAS), bool), np.arange(len(CAMERAS)) % 3 == 0], 1)
+    return edge_views(CAMERAS, ridges_along(CAMERAS, rims, shown))
+
+
+def test_a_small_circle_that_came_as_lines_is_found():
+    radius = RADIUS / 4
+    corners = [CENTER + radius * (np.cos(a) * U + np.sin(a) * V) for a in np.arange(5) * np.pi / 2]
+    sides = lines_between(*itertools.pairwise(corners), (0.8 * U, 0.8 * V))
+    found = closed(sides, hole(0.3), ENOUGH, 0.0)
+    # The line elsewhere stays, and the other rim is found along the axis.
+    assert found.other.tolist() == [-1, 2, 1, 4, 3]
+    for rows, height in (([1, 2], 0), ([3, 4], -0.3)):
+        circle = fit_circle(sampled(found)[rows].reshape(-1, 3))
+        assert abs(circle.radius / radius - 1) < 3e-3
+        assert np.linalg.norm(circle.center - CENTER - height * UP) < 5e-3 * RADIUS
+
+
+def test_a_square_is_no_circle():
+    corners = [CENTER + RADIUS / 4 * (np.cos(a) * U + np.sin(a) * V) for a in np.arange(5) * np.pi / 2]
+    pairs = list(itertools.pairwise(corners))
+    views = edge_views(CAMERAS, ridges_along(CAMERAS, [segment(*pair) for pair in pairs]))
+    sides = lines_between(*pairs)
+    assert closed(sides, views, ENOUGH, 0.0) is sides

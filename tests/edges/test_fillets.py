@@ -10,7 +10,7 @@ from edge_scenes import arc, around, ridges_along, segment, turned
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.primitives import Kind, arc_control, line_control
+from diff3ds.edges.primitives import Kind, arc_control, fit_circle, line_control
 
 RADIUS, HALF = 0.2, 0.6
 TILT = turned(1)
@@ -35,10 +35,14 @@ VIEWS = rounded_square_views()
 
 def rounded_square(radius: float, noise: float) -> Curves:
     """Four lines and four quarter circles around a square, tilted, their control points moved at random."""
-    rng = np.random.default_rng(1)
     inner = HALF - radius
     line = line_control(np.array([HALF, -inner, 0]), np.array([HALF, inner, 0]))
-    bow = arc_control(np.array([inner, inner, 0]), radius * X, radius * Y, 0, np.pi / 2)
+    return around_square(line, arc_control(np.array([inner, inner, 0]), radius * X, radius * Y, 0, np.pi / 2), noise)
+
+
+def around_square(line: np.ndarray, bow: np.ndarray, noise: float = 0.0) -> Curves:
+    """A side and a corner four times, tilted."""
+    rng = np.random.default_rng(1)
     pieces = [piece @ turn.T @ TILT.T for turn in QUARTERS for piece in (line, bow)]
     points = torch.from_numpy(np.array(pieces) + noise * rng.normal(size=(8, 4, 3))).float()
     vertex = torch.tensor([[i, (i + 1) % 8] for i in range(8)])
@@ -74,6 +78,42 @@ def test_the_radius_is_that_of_the_ridges(factor):
     smooth = with_fillets(rounded_square(factor * RADIUS, 0.0), VIEWS, 0.0)
     assert radii(smooth).sub(RADIUS).abs().max() < 0.002 * RADIUS
     assert kinks(smooth).max() < 0.05
+
+
+@pytest.mark.parametrize("outward", [0.3, 0.9])
+def test_an_offset_that_no_rim_has_changes_nothing(outward):
+    smooth = with_fillets(rounded_square(1.1 * RADIUS, 0.0), VIEWS, outward)
+    assert radii(smooth).sub(RADIUS).abs().max() < 0.002 * RADIUS
+
+
+@pytest.mark.parametrize("longer", [-0.06, 0.04])
+def test_an_arc_that_ends_elsewhere_gets_the_radius_of_the_ridges(longer):
+    # Its ends lie on the lines, a fifth of the radius and more from where they should, its middle where it should.
+    line = line_control(HALF * X - (INNER + longer) * Y, HALF * X + (INNER + longer) * Y)
+    middle = CENTER + RADIUS * (X + Y) / np.sqrt(2)
+    circle = fit_circle(np.stack([line[3], middle, line[3][[1, 0, 2]]]))
+    at = [np.arctan2((x - circle.center) @ circle.v, (x - circle.center) @ circle.u) for x in (line[3], middle)]
+    turn = (at[0] - at[1] + np.pi) % (2 * np.pi) - np.pi
+    bow = arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, at[1] + turn, at[1] - turn)
+    rough = around_square(line, bow)
+    assert radii(rough).sub(RADIUS).abs().min() > 0.04 * RADIUS
+    smooth = with_fillets(rough, VIEWS, 0.0)
+    assert radii(smooth).sub(RADIUS).abs().max() < 0.002 * RADIUS
+    assert kinks(smooth).max() < 0.05
+
+
+def test_a_free_curve_between_lines_becomes_an_arc():
+    rough = rounded_square(RADIUS, 0.0)
+    kind = torch.tensor([int(Kind.LINE), int(Kind.FREE)] * 4)
+    smooth = with_fillets(replace(rough, kind=kind), VIEWS, 0.0)
+    assert smooth.kind.tolist() == [int(Kind.LINE), int(Kind.ARC)] * 4
+    assert radii(smooth).sub(RADIUS).abs().max() < 0.002 * RADIUS
+
+
+def test_radii_of_one_drawing_become_equal():
+    rough = rounded_square(RADIUS, 0.0005)
+    assert radii(rough).std() > 1e-4 * RADIUS
+    assert np.ptp(radii(with_fillets(rough, VIEWS, 0.0)).numpy()) < 1e-5 * RADIUS
 
 
 def test_what_would_move_far_stays():

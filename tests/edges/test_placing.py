@@ -1,9 +1,11 @@
 """Circles and arcs placed by ridges that are exact, but for holes' rims that a detector pushes inwards."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
-from edge_scenes import arc, around, circular_arc, project, ridges_along, turned
+from edge_scenes import arc, around, circular_arc, lines_between, project, ridges_along, segment, turned
 
 from diff3ds.edges.curves import curves_of
 from diff3ds.edges.lookup import edge_views
@@ -81,6 +83,27 @@ def test_short_arcs_and_circles_without_ridges_stay():
     corner = Ridges(np.array([[10.0, 10.0]]), np.array([[1.0, 0.0]]), np.ones(1))
     away = edge_views(CAMERAS, [corner] * len(CAMERAS))
     np.testing.assert_allclose(placed(whole, away, 0.5).points, whole.points, rtol=0, atol=1e-5)
+
+
+def test_lines_are_placed_and_meet():
+    ends = [CENTER + 0.5 * w for w in (U, V, np.cross(U, V))]
+    views = edge_views(CAMERAS, ridges_along(CAMERAS, [segment(CENTER, end) for end in ends]))
+    off = 0.5 * PIXEL * np.array([[1, 0, 0], [-0.6, 0.6, 0.3], [0, -0.4, 0.8]])
+    rough = lines_between(*((CENTER + o, end + o[::-1]) for end, o in zip(ends, off, strict=True)))
+    rough = replace(rough, vertex=torch.tensor([[0, 1], [0, 2], [0, 3]]))
+    points = placed(rough, views, 0.5).points.double().numpy()
+    assert np.abs(points[:, 0] - CENTER).max() < 0.02 * PIXEL
+    # Along a line nothing says where it ends.
+    for line, end in zip(points, ends, strict=True):
+        along = (end - CENTER) / np.linalg.norm(end - CENTER)
+        assert np.linalg.norm(np.cross(line[3] - CENTER, along)) < 0.02 * PIXEL
+
+
+def test_a_large_arc_far_from_its_place_is_placed():
+    radius = 45 * PIXEL
+    curves = curves_of([near(radius, 0.3, 3.0, pixel_off=0.8)])
+    found = fitted(placed(curves, ridges(radius, start=0.3, stop=3.0), 0.0))
+    assert abs(found.radius / radius - 1) < 1e-3
 
 
 def test_no_curves():

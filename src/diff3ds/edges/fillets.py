@@ -9,6 +9,7 @@ import torch
 from diff3ds._shapes import Float
 from diff3ds.edges.chains import resampled
 from diff3ds.edges.curves import Curves
+from diff3ds.edges.equal import agreed
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.offsets import Shape, fitted
 from diff3ds.edges.primitives import Kind
@@ -25,6 +26,10 @@ ROUNDS = 12
 ARC_PARTS = 3
 # Spacing of samples for distances, pixels.
 DENSE = 0.2
+# Radii of one series lie at most so far apart, pixels: twice their scatter.
+GAP = 0.2
+# Lengths of a fillet's tangents to try, in parts of the longer way from the lines' common point to where they end.
+GUESSES = np.linspace(0.3, 1.3, 51)
 
 
 @dataclass(frozen=True)
@@ -51,17 +56,41 @@ def with_fillets(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     """
     start = curves.constrained(curves.points)[0].double().numpy()
     fillets = _fillets(curves, start)
+    old = sampled(curves)
     while fillets:
         points = start.copy()
-        _settle(points, fillets, [None] * len(fillets))
+        lengths = [_guessed(points, fillet, old[fillet.arc]) for fillet in fillets]
+        _settle(points, fillets, lengths)
         lengths = [_measured(points, fillet, views, outward) for fillet in fillets]
         _settle(points, fillets, lengths)
-        smooth = replace(curves, points=torch.from_numpy(points).to(curves.points.dtype))
+        _settle(points, fillets, _alike(points, fillets, lengths, views.pixel))
+        kind = curves.kind.clone()
+        kind[[fillet.arc for fillet in fillets]] = int(Kind.ARC)
+        smooth = replace(curves, points=torch.from_numpy(points).to(curves.points.dtype), kind=kind)
         moved = [_beside(curves, smooth, fillet, views.pixel) for fillet in fillets]
         if max(moved) <= MOST_MOVE:
             return smooth
         fillets = [f for f, move in zip(fillets, moved, strict=True) if move <= MOST_MOVE]
     return curves
+
+
+def _alike(
+    points: Float[Array, "N 4 3"], fillets: list[_Fillet], lengths: list[float | None], pixel: float
+) -> list[float | None]:
+    """The tangents' lengths for which nearly equal radii are equal."""
+    halves = [np.arccos(np.clip(np.dot(*_ways(points, fillet)), -1, 1)) / 2 for fillet in fillets]
+    known = [k for k, length in enumerate(lengths) if length is not None]
+    radii = agreed([float(lengths[k] * np.tan(halves[k])) for k in known], GAP * pixel)
+    found = list(lengths)
+    for k, radius in zip(known, radii, strict=True):
+        found[k] = radius / float(np.tan(halves[k]))
+    return found
+
+
+def _ways(points: Float[Array, "N 4 3"], fillet: _Fillet) -> list[Array]:
+    """Unit vectors along the lines, away from where they would meet."""
+    near = [points[fillet.arc][0], points[fillet.arc][3]]
+    return [_unit(f - n) for f, n in zip(fillet.away(points), near, strict=True)]
 
 
 def _beside(old: Curves, new: Curves, fillet: _Fillet, pixel: float) -> float:
@@ -84,7 +113,8 @@ def _fillets(curves: Curves, points: Float[Array, "N 4 3"]) -> list[_Fillet]:
     """The arcs that nearly touch a line at both ends, where nothing else meets."""
     vertex = curves.vertex.numpy()
     found = []
-    for arc in np.nonzero((curves.kind == Kind.ARC).numpy() & (curves.other < 0).numpy())[0]:
+    bent = (curves.kind == Kind.ARC) | (curves.kind == Kind.FREE)
+    for arc in np.nonzero((bent & (curves.other < 0)).numpy())[0]:
         met = []
         for end in (0, 1):
             curve, at = np.nonzero(vertex == vertex[arc, end])
@@ -103,6 +133,34 @@ def _heading(points: Float[Array, "4 3"], end: int) -> Float[Array, " 3"]:
     """Unit tangent at an end, pointing out of the curve."""
     step = points[0] - points[1] if end == 0 else points[3] - points[2]
     return step / (np.linalg.norm(step) + 1e-12)
+
+
+def _guessed(points: Float[Array, "N 4 3"], fillet: _Fillet, old: Float[Array, "S 3"]) -> float | None:
+    """The tangents' length for which the rounded corner lies nearest to what was there; None between parallels.
+
+    The ends of an arc alone say little: whether a line goes on for a few pixels more makes hardly a difference.
+    """
+    far = fillet.away(points)
+    near = [points[fillet.arc][0], points[fillet.arc][3]]
+    corner = _meeting(far, near)
+    if corner is None:
+        return None
+    ways = [_unit(f - corner) for f in far]
+    longest = max(float(np.linalg.norm(n - corner)) for n in near)
+    lengths = longest * GUESSES
+    return float(min(lengths, key=lambda length: (_off_corner(old - corner, ways, length) ** 2).mean()))
+
+
+def _off_corner(x: Float[Array, "S 3"], ways: list[Array], length: float) -> Float[Array, " S"]:
+    """Distances from a corner at the origin between lines along two unit vectors, rounded from this length on."""
+    along = np.stack([x @ way for way in ways], 1)
+    side = along.argmax(1)
+    beside = np.linalg.norm(x - along.max(1)[:, None] * np.stack(ways)[side], axis=1)
+    half = np.arccos(np.clip(ways[0] @ ways[1], -1, 1)) / 2
+    offset = x - length / np.cos(half) * _unit(ways[0] + ways[1])
+    height = offset @ _unit(np.cross(ways[0], ways[1]))
+    around = np.hypot(np.sqrt(np.maximum((offset**2).sum(1) - height**2, 0)) - length * np.tan(half), height)
+    return np.where(along.max(1) > length, beside, around)
 
 
 def _make_tangent(points: Float[Array, "N 4 3"], fillet: _Fillet, length: float | None) -> None:

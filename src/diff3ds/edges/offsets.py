@@ -21,6 +21,8 @@ ROUNDS, FIRST_SCATTER, SCATTER = 12, 0.5, 0.15
 PULL = 0.05
 # Least and largest scatter of a part's ridges together, pixels. Empirical.
 PART_SCATTER = (0.07, 0.3)
+# Share of parts that show something else, and the range, pixels, in which they lie. Empirical.
+STRAYS, STRAY_RANGE = 0.1, 5.0
 # A smaller offset of outlines cannot be told from the ridges' scatter, pixels.
 LEAST_OUTWARD = 0.1
 
@@ -66,7 +68,7 @@ def _least_squares(
     outward: float,
     pushed: float,
 ) -> tuple[float, Float[Array, " K"]]:
-    """The cost of the best parameters, and these: Gauss and Newton, reweighted.
+    """How unlikely what the views show is with the best parameters, and these: Gauss and Newton, reweighted.
 
     Args:
         pushed: the probability at first that a part is pushed inwards.
@@ -74,7 +76,6 @@ def _least_squares(
     push = np.full(shown.shape, pushed)
     value = np.zeros(count)
     pull = PULL / views.pixel**2
-    cost = 0.0
     for turn in range(ROUNDS):
         offset, moved, inward = _offsets(shape(value), inside, views)
         scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** (turn / (ROUNDS - 1))
@@ -82,7 +83,6 @@ def _least_squares(
             push = _pushed(offset, inward * outward, shown, push)
         residual = offset - push * inward * outward
         square = (residual / scatter) ** 2
-        cost = float((shown * np.log1p(square)).sum())
         weight = shown / (1 + square)
         step = 1e-3 * views.pixel * np.eye(count)
         slope = np.stack([shape(value + s)[1] - shape(value - s)[1] for s in step], -1) / (2e-3 * views.pixel)
@@ -90,7 +90,34 @@ def _least_squares(
         matrix = np.einsum("vs,vsi,vsj->ij", weight, design, design) + pull * np.eye(count)
         right = np.einsum("vs,vsi,vs->i", weight, design, residual) - pull * value
         value = value + np.linalg.solve(matrix, right)
-    return cost, value
+    offset, _, inward = _offsets(shape(value), inside, views)
+    return _unlikely(offset, inward * outward, shown), value
+
+
+def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"]) -> float:
+    """How unlikely the offsets of parts are, nats: each lies at zero or is pushed, by chance, or is a stray.
+
+    A part's ridges are off by their mean together, so that they say as much as one. The share of pushed ones and the
+    scatter are the likeliest: else half of them pushed at will would fit anything.
+    """
+    parts = (len(offset), -1, SAMPLES)
+    count = shown.reshape(parts).sum(-1)
+    seen = count > 0
+    far = float(np.abs(push).max())
+    mean = (np.where(shown, offset * np.sign(push), 0.0).reshape(parts).sum(-1) / np.maximum(count, 1))[seen]
+    if not mean.size:
+        return 0.0
+    centers = np.array([0.0, far])
+    share, scatter = np.array([0.5, 0.5]), PART_SCATTER[1]
+    for _ in range(ROUNDS):
+        square = ((mean[:, None] - centers) / scatter) ** 2
+        density = (1 - STRAYS) * share * np.exp(-square / 2) / (np.sqrt(2 * np.pi) * scatter)
+        total = density.sum(1) + STRAYS / STRAY_RANGE
+        belongs = density / total[:, None]
+        weight = belongs.sum(0) + 1e-9
+        share = weight / weight.sum()
+        scatter = float(np.clip(np.sqrt((belongs * square).sum() / weight.sum()) * scatter, *PART_SCATTER))
+    return -float(np.log(total).sum())
 
 
 def _offsets(

@@ -1,4 +1,4 @@
-"""Circles and long arcs placed where the ridges are, by least squares of their offsets."""
+"""Lines, circles and long arcs placed where the ridges are, by least squares of their offsets."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Bool, Float
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
+from diff3ds.edges.meeting import met
 from diff3ds.edges.offsets import Shape, fitted, residuals
 from diff3ds.edges.primitives import Circle, Kind, arc_control, fit_circle
 from diff3ds.edges.ridges import Array
@@ -16,10 +17,14 @@ from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
 
 # Less of an arc does not fix its circle; a circle that moves farther, pixels, was another one. Empirical.
 LEAST_SWEEP, MOST_MOVE = np.deg2rad(100.0), 1.5
+# Shorter lines turn too freely, pixels. Empirical.
+LEAST_LINE = 6.0
+# How often it is looked again which views show an arc, as it moves.
+LOOKS = 3
 
 
 def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
-    """The curves with their circles and long arcs where the ridges are.
+    """The curves with their lines, circles and long arcs where the ridges are, and their ends where those meet.
 
     Args:
         outward: offset of outlines that the detector has, pixels; those of the object itself are corrected already.
@@ -27,32 +32,63 @@ def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     if not len(curves):
         return curves
     x, tangents = samples(curves)
-    shown = agreement(views, x, tangents) & ~crowded(views, x, tangents)
+    clear = ~crowded(views, x, tangents)
+    shown = agreement(views, x, tangents) & clear
     count = PARTS * SAMPLES
     old = curves.constrained(curves.points)[0].double().numpy()
-    points = old.copy()
+    points, sure = old.copy(), np.zeros(len(curves), bool)
     for i in range(len(curves)):
         other = int(curves.other[i])
-        if int(curves.kind[i]) != Kind.ARC or 0 <= other < i:
+        if 0 <= other < i:
             continue
         rows = [i] if other < 0 else [i, other]
         on = np.concatenate([np.arange(r * count, (r + 1) * count) for r in rows])
-        control = _placed(x[on], shown[:, on], old[rows], views, outward)
-        if control is not None:
-            points[rows] = control
-    return replace(curves, points=torch.from_numpy(points).to(curves.points.dtype))
+        found = None
+        if int(curves.kind[i]) == Kind.ARC:
+            found = _placed_arc(x[on], clear[:, on], old[rows], views, outward)
+        elif int(curves.kind[i]) == Kind.LINE:
+            found = _placed_line(x[on], shown[:, on], old[i], views)
+        if found is not None:
+            points[rows], sure[rows] = found, True
+    return met(replace(curves, points=torch.from_numpy(points).to(curves.points.dtype)), old, sure, views.pixel)
 
 
-def _placed(
+def _placed_line(
+    x: Float[Array, "S 3"], shown: Bool[NDArray[np.bool_], "V S"], old: Float[Array, "4 3"], views: EdgeViews
+) -> Float[Array, "1 4 3"] | None:
+    """Control points of the line; None if it is too short or would move far."""
+    along = old[3] - old[0]
+    length = float(np.linalg.norm(along))
+    if length < LEAST_LINE * views.pixel:
+        return None
+    first = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    across = np.stack([first, np.cross(along, first)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    share = ((x - old[0]) @ along / length**2)[:, None]
+    step = 0.5 * views.pixel * along / length
+
+    def places(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
+        at = x + (1 - share) * (value[:2] @ across) + share * (value[2:] @ across)
+        return np.stack([at - step, at, at + step])
+
+    # Both sides of a line are alike: which one an outline was pushed to, it does not say.
+    value = fitted(places, 4, old[0], shown, views, 0.0)
+    moves = np.stack([value[:2] @ across, value[2:] @ across])
+    if np.linalg.norm(moves, axis=1).max() > MOST_MOVE * views.pixel:
+        return None
+    return (old[0] + moves[0] + np.linspace(0, 1, 4)[:, None] * (old[3] + moves[1] - old[0] - moves[0]))[None]
+
+
+def _placed_arc(
     x: Float[Array, "S 3"],
-    shown: Bool[NDArray[np.bool_], "V S"],
+    clear: Bool[NDArray[np.bool_], "V S"],
     old: Float[Array, "K 4 3"],
     views: EdgeViews,
     outward: float,
 ) -> Float[Array, "K 4 3"] | None:
     """Control points of the circle's one or two arcs; None where the ridges do not fix it."""
-    start = fit_circle(x)
-    if start is None:
+    start = circle = fit_circle(x)
+    if start is None or circle is None:
         return None
     ends = [_angles(start, old[:, k]) for k in (0, 3)]
     middle = _angles(start, old[:, 1:3].mean(1))
@@ -60,15 +96,22 @@ def _placed(
     if sum(abs(b - a) for a, b in sweeps) < LEAST_SWEEP:
         return None
     angle = _angles(start, x)
-    circle = circle_at(start, angle, shown, views, outward)
-    if circle is None:
-        return None
-    moved = np.linalg.norm(points_on(circle, angle) - points_on(start, angle), axis=1).max()
-    if moved > MOST_MOVE * views.pixel:
-        return None
+    for _ in range(LOOKS):
+        circle = circle_at(circle, angle, clear & shown_of(circle, angle, views), views, outward)
+        if circle is None:
+            return None
+        moved = np.linalg.norm(points_on(circle, angle) - points_on(start, angle), axis=1).max()
+        if moved > MOST_MOVE * views.pixel:
+            return None
     return np.stack(
         [arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, *s) for s in sweeps]
     )
+
+
+def shown_of(circle: Circle, angle: Float[Array, " S"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
+    """Which views show which places of a circle."""
+    x = points_on(circle, angle)
+    return agreement(views, x, (points_on(circle, angle + np.pi / 2) - circle.center) / circle.radius)
 
 
 def circle_at(

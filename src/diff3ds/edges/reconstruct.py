@@ -12,6 +12,7 @@ from diff3ds.edges.chains import follow_chains
 from diff3ds.edges.circles import find_circles
 from diff3ds.edges.closing import closed
 from diff3ds.edges.curves import Curves, curves_of
+from diff3ds.edges.equal import with_equal_circles
 from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.placing import placed
@@ -158,6 +159,7 @@ def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
     curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
     curves = placed(curves[~smooth_outlines(scene.views, curves)], scene.views, scene.outward)
+    curves = with_equal_circles(curves, pixel)
     return with_fillets(curves, scene.views, scene.outward)
 
 

@@ -1,0 +1,70 @@
+"""Radii that are equal as far as one can tell become equal."""
+
+import numpy as np
+import torch
+from edge_scenes import circular_arc, turned
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diff3ds.edges.curves import curves_of
+from diff3ds.edges.equal import GAP, MOST_GAPS, agreed, with_equal_circles
+from diff3ds.edges.primitives import fit_circle
+from diff3ds.edges.simplify import sampled
+
+PIXEL = 0.01
+U, V, _ = turned(2)
+
+
+def circles(*radii):
+    """Whole circles of these radii beside each other."""
+    return curves_of(
+        [],
+        [
+            [circular_arc(np.array([i, 0, 0.0]), r * U, r * V, a, a + np.pi) for a in (0, np.pi)]
+            for i, r in enumerate(radii)
+        ],
+    )
+
+
+def fits(curves):
+    """The circle through each pair of halves."""
+    return [fit_circle(pair.reshape(-1, 3)) for pair in sampled(curves).reshape(-1, 128, 3)]
+
+
+def test_a_series_gets_its_mean_and_others_stay():
+    assert agreed([1.0, 5.0, 1.1, 0.9], 0.15) == [1.0, 5.0, 1.0, 1.0]
+    assert agreed([], 0.1) == []
+
+
+def test_a_long_slope_is_no_series():
+    slope = [0.1 * i for i in range(12)]
+    assert np.ptp(agreed(slope, 0.11)) > 0.6
+
+
+@given(st.lists(st.floats(0.01, 10), max_size=12), st.floats(1e-3, 1))
+def test_no_radius_moves_farther_than_a_series_is_wide(radii, gap):
+    found = agreed(radii, gap)
+    assert len(found) == len(radii)
+    assert all(abs(a - b) <= MOST_GAPS * gap + 1e-9 for a, b in zip(radii, found, strict=True))
+    # No two change places.
+    assert all(
+        found[i] <= found[k] + 1e-12 for i in range(len(radii)) for k in range(len(radii)) if radii[i] < radii[k]
+    )
+
+
+def test_circles_keep_their_centres_and_planes():
+    wide = 0.4 * GAP * PIXEL
+    curves = circles(0.2 - wide, 0.2, 0.2 + wide, 0.3)
+    before, after = fits(curves), fits(with_equal_circles(curves, PIXEL))
+    np.testing.assert_allclose([c.radius for c in after], [0.2, 0.2, 0.2, 0.3], rtol=1e-5)
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_allclose(one.center, other.center, rtol=0, atol=1e-5)
+        assert abs(np.cross(one.u, one.v) @ np.cross(other.u, other.v)) > 1 - 1e-6
+        assert other.distances.max() < 1e-6
+
+
+def test_arcs_and_single_circles_stay():
+    one = circles(0.2)
+    assert with_equal_circles(one, PIXEL) is one
+    arcs = curves_of([circular_arc(np.zeros(3), r * U, r * V, 0, 2) for r in (0.2, 0.2005)])
+    assert torch.equal(with_equal_circles(arcs, PIXEL).points, arcs.points)
