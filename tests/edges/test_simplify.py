@@ -38,6 +38,18 @@ def test_two_halves_of_a_line_are_one_line():
     np.testing.assert_allclose(lengths, 1, rtol=0, atol=1e-4)
 
 
+def test_a_rounded_corner_is_no_cubic():
+    # Within half a pixel a cubic fits a quarter circle of six pixels and a line of ten, and has fewer numbers.
+    u, v = 0.06 * U, 0.06 * V
+    line = lines_between((CENTER + u - 0.1 * V, CENTER + u))
+    corner = concatenated(line, curves_of([circular_arc(CENTER, u, v, 0, math.pi / 2)]))
+    assert simplest(np.concatenate(sampled(corner)), PIXEL)[0].kind == Kind.FREE
+    assert sorted(joined(corner, PIXEL).kind.tolist()) == [Kind.LINE, Kind.ARC]
+    # Where the arc turns little, it is a piece of something that bends slowly.
+    slow = concatenated(line, curves_of([circular_arc(CENTER, u, v, 0, math.pi / 4)]))
+    assert len(joined(slow, PIXEL)) == 1
+
+
 def test_lines_apart_stay_apart():
     assert len(joined(lines_between(((0, 0, 0), (0.5, 0, 0)), ((0.6, 0, 0), (1, 0, 0))), PIXEL)) == 2
     assert len(joined(lines_between(((0, 0, 0), (0.5, 0, 0)), ((0.5, 0.03, 0), (1, 0.03, 0))), PIXEL)) == 2

@@ -7,6 +7,7 @@ import numpy as np
 
 from diff3ds.camera import Cameras
 from diff3ds.edges.bias import Bias, corrected, estimate_bias, outline_sides
+from diff3ds.edges.bridging import bridged
 from diff3ds.edges.carve import carve
 from diff3ds.edges.chains import follow_chains
 from diff3ds.edges.circles import find_circles
@@ -158,6 +159,7 @@ def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = joined(closed(curves, scene.views, scene.enough, scene.outward), pixel)
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
     curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
+    curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.enough)
     curves = placed(curves[~smooth_outlines(scene.views, curves)], scene.views, scene.outward)
     curves = with_equal_circles(curves, pixel)
     return with_fillets(curves, scene.views, scene.outward)

@@ -21,6 +21,8 @@ SAMPLES = 64
 DOUBLED, DOUBLED_SHARE = 1.2, 0.9
 # Ends at most so far apart may continue each other, if the tangents agree (cosine) and one curve fits both so well.
 GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
+# An arc that turns by more than this beside a line is a rounded corner.
+CORNER = np.deg2rad(60.0)
 # A narrow ellipse turns its tip within the gap, by up to a right angle.
 TIP = 0.0
 # Samples of a curve per pixel when curves are fitted again.
@@ -170,7 +172,19 @@ def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:
     strokes = None if points is None else simplest(points, pixel)
     if points is None or strokes is None:
         return None
+    if strokes[0].kind == Kind.FREE and _are_line_and_corner(pieces[i], pieces[k]):
+        return None
     return _joint_of(pieces, (k, i), _Piece(strokes, points), pixel)
+
+
+def _are_line_and_corner(one: _Piece, other: _Piece) -> bool:
+    """Whether these are a line and an arc that rounds a corner: no cubic is simpler than they are."""
+    kinds = {piece.strokes[0].kind: piece for piece in (one, other)}
+    if set(kinds) != {Kind.LINE, Kind.ARC}:
+        return False
+    points = kinds[Kind.ARC].points
+    turn = _end_tangent(points) @ -_end_tangent(points[::-1])
+    return bool(turn < np.cos(CORNER))
 
 
 def _joint_of(pieces: list[_Piece], members: tuple[int, ...], piece: _Piece, pixel: float) -> _Joint:

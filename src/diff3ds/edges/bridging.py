@@ -1,0 +1,173 @@
+"""Straight edges between vertices that are there, where the views show one and no curve explains it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float
+from diff3ds.camera import Cameras
+from diff3ds.edges.curves import Curves, curves_of
+from diff3ds.edges.lookup import EdgeViews, edge_views
+from diff3ds.edges.primitives import Kind, Primitive, line_control
+from diff3ds.edges.ridges import Array, Ridges
+from diff3ds.edges.simplify import concatenated, sampled
+from diff3ds.edges.support import agreement
+from diff3ds.edges.unexplained import unexplained
+
+# Lengths in pixels, all empirical: samples of a line; a place farther than this from all curves is open; so near lies
+# a ridge that shows it; the shortest open part.
+SAMPLES, OPEN, SEEN, SHORTEST = 24, 3.0, 1.2, 6.0
+# So many views have to show every open place but some, relative to those that confirm an edge: the ends are known.
+SHOWN, MOST = 0.7, 0.9
+# Cosine of the angle at which curves meet smoothly. Empirical.
+SMOOTH = 0.94
+# Samples looked at first, to pass over most pairs quickly.
+GLANCE = 4
+
+
+@dataclass(frozen=True)
+class _Bridge:
+    """A line between two vertices, and the pieces of it that were found already."""
+
+    vertices: tuple[int, int]
+    pieces: tuple[int, ...]
+    views: float
+
+
+def bridged(curves: Curves, cameras: Cameras, views: EdgeViews, ridges: Sequence[Ridges], enough: float) -> Curves:
+    """The curves with a line wherever the views show one between two vertices; a line with a gap becomes whole.
+
+    Args:
+        ridges: of the views.
+        enough: so many views confirm an edge.
+    """
+    while len(curves):
+        rest = edge_views(cameras, unexplained(views, ridges, curves))
+        best = _best(curves, views, rest, SHOWN * enough)
+        if best is None:
+            break
+        curves = _with(curves, best)
+    return curves
+
+
+def _best(curves: Curves, views: EdgeViews, rest: EdgeViews, enough: float) -> _Bridge | None:
+    """The bridge that joins most pieces, of these the one that most views show.
+
+    Args:
+        rest: what no curve explains.
+    """
+    names, places, degree = _vertices(curves)
+    pairs = np.array(list(combinations(range(len(names)), 2))).reshape(-1, 2)
+    if not len(pairs):
+        return None
+    ends = places[pairs]
+    glance = _counts(ends, (np.arange(GLANCE) + 0.5) / GLANCE, views)
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    likely = np.nonzero((glance >= enough).all(1) & (length > SHORTEST * views.pixel))[0]
+    found = [_bridge(curves, pairs[i], names, places, degree, views, rest, enough) for i in likely]
+    bridges = [bridge for bridge in found if bridge is not None]
+    return max(bridges, key=lambda bridge: (len(bridge.pieces), bridge.views), default=None)
+
+
+def _vertices(curves: Curves) -> tuple[NDArray[np.int64], Float[Array, "N 3"], NDArray[np.int64]]:
+    """Numbers of all vertices but those of whole circles, where they are, and how many curves end there."""
+    single = (curves.other < 0).numpy()
+    points = curves.constrained(curves.points)[0].double().numpy()[single][:, [0, 3]].reshape(-1, 3)
+    names, first, degree = np.unique(curves.vertex.numpy()[single].reshape(-1), return_index=True, return_counts=True)
+    return names, points[first], degree
+
+
+def _counts(ends: Float[Array, "P 2 3"], share: Float[Array, " S"], rest: EdgeViews) -> Float[Array, "P S"]:
+    """How many views show each place of each line."""
+    x = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
+    along = np.repeat(ends[:, 1] - ends[:, 0], len(share), axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-12
+    x = x.reshape(-1, 3)
+    shown = agreement(rest, x, along) & (rest.match(x).distance < SEEN)
+    return shown.sum(0).reshape(len(ends), -1).astype(np.float64)
+
+
+def _bridge(
+    curves: Curves,
+    pair: NDArray[np.int64],
+    names: NDArray[np.int64],
+    places: Float[Array, "N 3"],
+    degree: NDArray[np.int64],
+    views: EdgeViews,
+    rest: EdgeViews,
+    enough: float,
+) -> _Bridge | None:
+    """The bridge between a pair of vertices, if the views show it wherever it is open."""
+    pixel = views.pixel
+    start, stop = places[pair]
+    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    pieces = _pieces(curves, start, stop, pixel)
+    inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
+    ends = curves.vertex.numpy()[list(pieces)].reshape(-1)
+    # It may pass the loose ends of its own pieces, no other vertex.
+    if not np.isin(inner, ends).all() or (degree[np.isin(names, inner)] > 1).any():
+        return None
+    # A line with a gap: its own ridges run on.
+    whole = len(pieces) > 1
+    if not whole and any(_smooth(curves, int(name)) for name in names[pair]):
+        return None
+    open_ = _open(curves, start + share[:, None] * (stop - start), pixel)
+    if open_.sum() * np.linalg.norm(stop - start) / SAMPLES < (0 if whole else SHORTEST) * pixel:
+        return None
+    counts = _counts(np.stack([start, stop])[None], share, views if whole else rest)[0]
+    counts = counts if whole else counts[open_]
+    if (counts >= enough).mean() < MOST:
+        return None
+    return _Bridge((int(names[pair[0]]), int(names[pair[1]])), pieces, float(counts.mean()))
+
+
+def _smooth(curves: Curves, name: int) -> bool:
+    """Whether two curves meet smoothly at the vertex, and no third: outlines of a rounded edge start there, no edge."""
+    points = curves.points.double().numpy()
+    at = np.argwhere(curves.vertex.numpy() == name)
+    if len(at) != 2:
+        return False
+    steps = [points[i, 1] - points[i, 0] if end == 0 else points[i, 2] - points[i, 3] for i, end in at]
+    first, second = (step / (np.linalg.norm(step) + 1e-12) for step in steps)
+    return bool(first @ second < -SMOOTH)
+
+
+def _beside(
+    x: Float[Array, "M 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"], pixel: float
+) -> Bool[NDArray[np.bool_], " M"]:
+    """Which points lie on the segment, but for a pixel or so."""
+    along = stop - start
+    share = np.clip((x - start) @ along / (along @ along), 0, 1)[:, None]
+    return np.asarray(np.linalg.norm(x - start - share * along, axis=1) < SEEN * pixel)
+
+
+def _pieces(curves: Curves, start: Float[Array, " 3"], stop: Float[Array, " 3"], pixel: float) -> tuple[int, ...]:
+    """Lines that lie along the segment."""
+    points = curves.points.double().numpy()
+    lines = np.nonzero((curves.kind == Kind.LINE).numpy())[0]
+    return tuple(int(i) for i in lines if _beside(points[i][[0, 3]], start, stop, pixel).all())
+
+
+def _open(curves: Curves, x: Float[Array, "S 3"], pixel: float) -> Bool[NDArray[np.bool_], " S"]:
+    """Which places are far from every curve."""
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(sampled(curves, 4 * SAMPLES).reshape(-1, 3)).query(x)[0]
+    return np.asarray(near > OPEN * pixel)
+
+
+def _with(curves: Curves, bridge: _Bridge) -> Curves:
+    """The curves with the bridge instead of its pieces."""
+    names, places, _ = _vertices(curves)
+    ends = [places[names == name][0] for name in bridge.vertices]
+    line = curves_of([Primitive(Kind.LINE, line_control(*ends), np.zeros(0))])
+    keep = torch.ones(len(curves), dtype=torch.bool)
+    keep[list(bridge.pieces)] = False
+    joined = concatenated(curves[keep], line)
+    vertex = joined.vertex.clone()
+    vertex[-1] = torch.tensor(bridge.vertices)
+    return replace(joined, vertex=vertex)
