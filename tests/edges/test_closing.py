@@ -10,6 +10,7 @@ from diff3ds.edges.curves import curves_of
 from diff3ds.edges.lookup import edge_views
 from diff3ds.edges.primitives import fit_circle
 from diff3ds.edges.reconstruct import confirming
+from diff3ds.edges.ridges import Ridges
 from diff3ds.edges.simplify import concatenated, sampled
 
 CAMERAS = around(40, 160)
@@ -79,6 +80,23 @@ def test_a_small_circle_that_came_as_lines_is_found():
         circle = fit_circle(sampled(found)[rows].reshape(-1, 3))
         assert abs(circle.radius / radius - 1) < 3e-3
         assert np.linalg.norm(circle.center - CENTER - height * UP) < 5e-3 * RADIUS
+
+
+def test_a_texture_all_over_is_no_other_end_of_a_hole():
+    rng = np.random.default_rng(0)
+    radius, views = RADIUS / 4, []
+    for rim in ridges_along(CAMERAS, [arc(CENTER, radius * U, radius * V)]):
+        middle, angle = rng.uniform(10, 150, (3000, 1, 2)), rng.uniform(0, 2 * np.pi, (3000, 1))
+        along, normal = np.stack([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]).transpose(
+            0, 2, 3, 1
+        )
+        points = (middle + np.linspace(-4, 4, 9)[:, None] * along).reshape(-1, 2)
+        inside = ((points > 1) & (points < 159)).all(1)
+        points, normals = points[inside], np.repeat(normal, 9, axis=1).reshape(-1, 2)[inside]
+        both = np.concatenate([rim.points, points]), np.concatenate([rim.normals, normals])
+        views.append(Ridges(*both, np.ones(len(both[0]))))
+    halves = curves_of([], [[circular_arc(CENTER, radius * U, radius * V, a, a + np.pi) for a in (0, np.pi)]])
+    assert closed(halves, edge_views(CAMERAS, views), ENOUGH, 0.0) is halves
 
 
 def test_a_square_is_no_circle():

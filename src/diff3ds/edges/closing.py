@@ -164,12 +164,7 @@ def _on(circle: Circle, points: Float[Array, "N S 3"], pixel: float) -> Bool[NDA
     up = np.cross(circle.u, circle.v)
     rise = offset @ up
     flat = np.hypot(offset @ circle.u, offset @ circle.v)
-    off = np.hypot(flat - circle.radius, rise)
-    # The side of a square that touches a circle of radius r lies r (1 - cos 45°) inside of it at most.
-    side = (off[:, [0, -1]].max(1) < NEAR * pixel) & (
-        off.max(1) < min((1 - np.sqrt(0.5)) * circle.radius, LOOSE * pixel)
-    )
-    return np.asarray(side | ((off < NEAR * pixel).mean(1) >= SHARE))
+    return np.asarray((np.hypot(flat - circle.radius, rise) < NEAR * pixel).mean(1) >= SHARE)
 
 
 def _half(circle: Circle, start: float) -> Primitive:
