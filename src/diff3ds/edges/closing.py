@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Bool, Float
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.lookup import EdgeViews
-from diff3ds.edges.placing import circle_at, circle_residuals, points_on, shown_of
+from diff3ds.edges.placing import STILL, apart, circle_at, circle_residuals, points_on, shown_of
 from diff3ds.edges.primitives import Circle, Kind, Primitive, arc_control, fit_circle
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import concatenated, sampled
@@ -150,7 +150,10 @@ def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> C
         moved = circle_at(circle, angle, shown_of(circle, angle, views), views, outward)
         if moved is None or not _promising(moved, views, enough):
             return None
+        still = apart(points_on(moved, angle), points_on(circle, angle)) < STILL * views.pixel
         circle = moved
+        if still:
+            break
     shown = shown_of(circle, angle, views)
     counts = (shown & (circle_residuals(circle, angle, views, outward) < SEEN_WITHIN)).sum(0)
     # A square passes its inscribed circle in many views, but seldom at its corners; other lines pass by here and there.

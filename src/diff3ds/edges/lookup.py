@@ -76,7 +76,7 @@ class EdgeViews:
 
     def project(self, x: Float[Array, "M 3"]) -> tuple[Float[Array, "V M 2"], Float[Array, "V M"]]:
         """Pixels and depths of world points."""
-        homogeneous = np.einsum("vij,mj->vmi", self.projection[..., :3], x) + self.projection[:, None, :, 3]
+        homogeneous = x @ self.projection[..., :3].transpose(0, 2, 1) + self.projection[:, None, :, 3]
         depth = homogeneous[..., 2]
         return homogeneous[..., :2] / np.where(depth == 0, 1e-12, depth)[..., None], depth
 

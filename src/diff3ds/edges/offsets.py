@@ -86,9 +86,11 @@ def _least_squares(
         weight = shown / (1 + square)
         step = 1e-3 * views.pixel * np.eye(count)
         slope = np.stack([shape(value + s)[1] - shape(value - s)[1] for s in step], -1) / (2e-3 * views.pixel)
-        design = np.einsum("vsi,sik->vsk", moved, slope)
-        matrix = np.einsum("vs,vsi,vsj->ij", weight, design, design) + pull * np.eye(count)
-        right = np.einsum("vs,vsi,vs->i", weight, design, residual) - pull * value
+        design = (moved.transpose(1, 0, 2) @ slope).transpose(2, 1, 0).reshape(count, -1)
+        weighted = design * weight.ravel()
+        # Sums in one order, however many threads there are.
+        matrix = (weighted[:, None] * design).sum(-1) + pull * np.eye(count)
+        right = (weighted * residual.ravel()).sum(-1) - pull * value
         value = value + np.linalg.solve(matrix, right)
     offset, _, inward = _offsets(shape(value), inside, views)
     return _unlikely(offset, inward * outward, shown), value

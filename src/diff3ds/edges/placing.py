@@ -21,6 +21,8 @@ LEAST_SWEEP, MOST_MOVE = np.deg2rad(100.0), 1.5
 LEAST_LINE = 6.0
 # How often it is looked again which views show an arc, as it moves.
 LOOKS = 3
+# What moves by less need not be looked at again, pixels.
+STILL = 0.01
 
 
 def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
@@ -97,15 +99,20 @@ def _placed_arc(
         return None
     angle = _angles(start, x)
     for _ in range(LOOKS):
+        before = points_on(circle, angle)
         circle = circle_at(circle, angle, clear & shown_of(circle, angle, views), views, outward)
-        if circle is None:
+        if circle is None or apart(points_on(circle, angle), points_on(start, angle)) > MOST_MOVE * views.pixel:
             return None
-        moved = np.linalg.norm(points_on(circle, angle) - points_on(start, angle), axis=1).max()
-        if moved > MOST_MOVE * views.pixel:
-            return None
+        if apart(points_on(circle, angle), before) < STILL * views.pixel:
+            break
     return np.stack(
         [arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, *s) for s in sweeps]
     )
+
+
+def apart(one: Float[Array, "S 3"], other: Float[Array, "S 3"]) -> float:
+    """The largest distance between points and their like."""
+    return float(np.linalg.norm(one - other, axis=1).max())
 
 
 def shown_of(circle: Circle, angle: Float[Array, " S"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
@@ -124,7 +131,8 @@ def circle_at(
         outward: offset of outlines, pixels.
     """
     shape = _shape(start, angle, views.pixel)
-    circle = _stepped(start, fitted(shape, 6, start.center, shown, views, outward))
+    found = fitted(shape, 6, start.center, shown, views, outward)
+    circle = _stepped(start, found, np.cross(start.u, start.v))
     return circle if circle.radius > views.pixel else None
 
 
@@ -134,22 +142,23 @@ def circle_residuals(circle: Circle, angle: Float[Array, " S"], views: EdgeViews
 
 
 def _shape(start: Circle, angle: Float[Array, " S"], pixel: float) -> Shape:
-    step = 0.5 * pixel / start.radius
+    turned = angle + 0.5 * pixel / start.radius * np.array([[-1.0], [0.0], [1.0]])
+    rays = np.stack([np.cos(turned), np.sin(turned)], -1)
+    up = np.cross(start.u, start.v)
 
     def places(value: Float[Array, " 6"]) -> Float[Array, "3 S 3"]:
-        circle = _stepped(start, value)
-        return np.stack([points_on(circle, angle + s) for s in (-step, 0.0, step)])
+        circle = _stepped(start, value, up)
+        return np.asarray(circle.center + circle.radius * (rays @ np.stack([circle.u, circle.v])))
 
     return places
 
 
-def _stepped(circle: Circle, step: Float[Array, " 6"]) -> Circle:
+def _stepped(circle: Circle, step: Float[Array, " 6"], up: Float[Array, " 3"]) -> Circle:
     """The circle with another centre and radius, its points along u and v raised out of the plane."""
-    up = np.cross(circle.u, circle.v)
     u, v = circle.u + step[4] / circle.radius * up, circle.v + step[5] / circle.radius * up
-    u = u / np.linalg.norm(u)
+    u = u / np.sqrt(u @ u)
     v = v - (v @ u) * u
-    return Circle(circle.center + step[:3], u, v / np.linalg.norm(v), circle.radius + step[3], circle.distances)
+    return Circle(circle.center + step[:3], u, v / np.sqrt(v @ v), circle.radius + step[3], circle.distances)
 
 
 def _angles(circle: Circle, x: Float[Array, "S 3"]) -> Float[Array, " S"]:
