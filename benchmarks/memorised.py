@@ -1,4 +1,4 @@
-"""Does the small prior copy members that it was trained on?
+"""Whether the small prior copies members that it was trained on.
 
     python benchmarks/memorised.py FOLDER [--members 96000] [--seeds 1]
 

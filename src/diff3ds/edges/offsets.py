@@ -21,6 +21,8 @@ ROUNDS, FIRST_SCATTER, SCATTER = 12, 0.5, 0.15
 PULL = 0.05
 # Least and largest scatter of a part's ridges together, pixels. Empirical.
 PART_SCATTER = (0.07, 0.3)
+# Least radius of curvature in the picture, pixels: about `ridges.AROUND`. Small circles came out .3 % small without it.
+TIGHTEST = 4.0
 # Share of parts that show something else, and the range, pixels, in which they lie. Empirical.
 STRAYS, STRAY_RANGE = 0.1, 5.0
 # A smaller offset of outlines cannot be told from the ridges' scatter, pixels.
@@ -38,6 +40,7 @@ def fitted(
     shown: Bool[NDArray[np.bool_], "V S"],
     views: EdgeViews,
     outward: float,
+    rim: Bool[NDArray[np.bool_], "V S"] | None = None,
 ) -> Float[Array, " K"]:
     """The parameters near zero that agree best with the ridges.
 
@@ -46,11 +49,25 @@ def fitted(
         inside: a point on the curve's inner side.
         shown: which views show which of the places.
         outward: offset of outlines, pixels.
+        rim: which places are pushed in which views if the curve is the rim of a hole through the object.
     """
+    shown = shown & ~_tight(shape(np.zeros(count)), views)
+    if outward <= LEAST_OUTWARD:
+        return _least_squares(shape, count, inside, shown, views, outward, 0.0)[1]
     # Few parts pushed, or half of them. Most is no start: rims pushed everywhere look like a larger circle.
-    pushed = (0.1, 0.5) if outward > LEAST_OUTWARD else (0.0,)
+    pushed: list[float | Array] = [0.1, 0.5]
+    if rim is not None:
+        pushed += [rim.astype(np.float64), np.zeros(rim.shape)]
     fits = [_least_squares(shape, count, inside, shown, views, outward, first) for first in pushed]
     return min(fits, key=lambda fit: fit[0])[1]
+
+
+def _tight(places: Float[Array, "3 S 3"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
+    """Where the curve bends so fast in a view that its ridges are off: their curvature was measured over that far."""
+    before, x, after = (views.project(p)[0] for p in places)
+    first, second = (after - before) / 2, after + before - 2 * x
+    turn = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    return np.asarray(turn * TIGHTEST > np.linalg.norm(first, axis=-1) ** 3)
 
 
 def residuals(shape: Shape, count: int, inside: Float[Array, " 3"], views: EdgeViews, outward: float) -> Array:
@@ -66,20 +83,21 @@ def _least_squares(
     shown: Bool[NDArray[np.bool_], "V S"],
     views: EdgeViews,
     outward: float,
-    pushed: float,
+    pushed: float | Array,
 ) -> tuple[float, Float[Array, " K"]]:
     """How unlikely what the views show is with the best parameters, and these: Gauss and Newton, reweighted.
 
     Args:
-        pushed: the probability at first that a part is pushed inwards.
+        pushed: the probability at first that a part is pushed inwards; or by how much of the offset each place is.
     """
-    push = np.full(shown.shape, pushed)
+    known = isinstance(pushed, np.ndarray)
+    push = np.broadcast_to(pushed, shown.shape)
     value = np.zeros(count)
     pull = PULL / views.pixel**2
     for turn in range(ROUNDS):
         offset, moved, inward = _offsets(shape(value), inside, views)
         scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** (turn / (ROUNDS - 1))
-        if outward > LEAST_OUTWARD and turn:
+        if outward > LEAST_OUTWARD and turn and not known:
             push = _pushed(offset, inward * outward, shown, push)
         residual = offset - push * inward * outward
         square = (residual / scatter) ** 2
@@ -93,14 +111,18 @@ def _least_squares(
         right = (weighted * residual.ravel()).sum(-1) - pull * value
         value = value + np.linalg.solve(matrix, right)
     offset, _, inward = _offsets(shape(value), inside, views)
-    return _unlikely(offset, inward * outward, shown), value
+    rest = offset - push * inward * outward if known else offset
+    return _unlikely(rest, inward * outward, shown, known), value
 
 
-def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"]) -> float:
+def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"], known: bool) -> float:
     """How unlikely the offsets of parts are, nats: each lies at zero or is pushed, by chance, or is a stray.
 
     A part's ridges are off by their mean together, so that they say as much as one. The share of pushed ones and the
     scatter are the likeliest: else half of them pushed at will would fit anything.
+
+    Args:
+        known: which are pushed is known, and taken off the offsets.
     """
     parts = (len(offset), -1, SAMPLES)
     count = shown.reshape(parts).sum(-1)
@@ -109,8 +131,8 @@ def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"])
     mean = (np.where(shown, offset * np.sign(push), 0.0).reshape(parts).sum(-1) / np.maximum(count, 1))[seen]
     if not mean.size:
         return 0.0
-    centers = np.array([0.0, far])
-    share, scatter = np.array([0.5, 0.5]), PART_SCATTER[1]
+    centers = np.array([0.0] if known else [0.0, far])
+    share, scatter = np.full(len(centers), 1 / len(centers)), PART_SCATTER[1]
     for _ in range(ROUNDS):
         square = ((mean[:, None] - centers) / scatter) ** 2
         density = (1 - STRAYS) * share * np.exp(-square / 2) / (np.sqrt(2 * np.pi) * scatter)

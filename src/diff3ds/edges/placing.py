@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Bool, Float
 from diff3ds.edges.curves import Curves
+from diff3ds.edges.holes import other_ends, seen_through
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.meeting import met
 from diff3ds.edges.offsets import Shape, fitted, residuals
@@ -39,6 +40,7 @@ def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     count = PARTS * SAMPLES
     old = curves.constrained(curves.points)[0].double().numpy()
     points, sure = old.copy(), np.zeros(len(curves), bool)
+    rims = other_ends(curves, x.reshape(len(curves), count, 3), views.pixel)
     for i in range(len(curves)):
         other = int(curves.other[i])
         if 0 <= other < i:
@@ -47,7 +49,7 @@ def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
         on = np.concatenate([np.arange(r * count, (r + 1) * count) for r in rows])
         found = None
         if int(curves.kind[i]) == Kind.ARC:
-            found = _placed_arc(x[on], clear[:, on], old[rows], views, outward)
+            found = _placed_arc(x[on], clear[:, on], old[rows], views, outward, rims.get(i))
         elif int(curves.kind[i]) == Kind.LINE:
             found = _placed_line(x[on], shown[:, on], old[i], views)
         if found is not None:
@@ -87,8 +89,13 @@ def _placed_arc(
     old: Float[Array, "K 4 3"],
     views: EdgeViews,
     outward: float,
+    end: Circle | None = None,
 ) -> Float[Array, "K 4 3"] | None:
-    """Control points of the circle's one or two arcs; None where the ridges do not fix it."""
+    """Control points of the circle's one or two arcs; None where the ridges do not fix it.
+
+    Args:
+        end: the other end of the hole or shaft.
+    """
     start = circle = fit_circle(x)
     if start is None or circle is None:
         return None
@@ -100,7 +107,8 @@ def _placed_arc(
     angle = _angles(start, x)
     for _ in range(LOOKS):
         before = points_on(circle, angle)
-        circle = circle_at(circle, angle, clear & shown_of(circle, angle, views), views, outward)
+        rim = None if end is None else seen_through(circle, end, angle, views)
+        circle = circle_at(circle, angle, clear & shown_of(circle, angle, views), views, outward, rim)
         if circle is None or apart(points_on(circle, angle), points_on(start, angle)) > MOST_MOVE * views.pixel:
             return None
         if apart(points_on(circle, angle), before) < STILL * views.pixel:
@@ -122,16 +130,22 @@ def shown_of(circle: Circle, angle: Float[Array, " S"], views: EdgeViews) -> Boo
 
 
 def circle_at(
-    start: Circle, angle: Float[Array, " S"], shown: Bool[NDArray[np.bool_], "V S"], views: EdgeViews, outward: float
+    start: Circle,
+    angle: Float[Array, " S"],
+    shown: Bool[NDArray[np.bool_], "V S"],
+    views: EdgeViews,
+    outward: float,
+    rim: Bool[NDArray[np.bool_], "V S"] | None = None,
 ) -> Circle | None:
     """The circle near this one that agrees best with the ridges at these angles; None if it shrinks to nothing.
 
     Args:
         shown: which views show which of the places.
         outward: offset of outlines, pixels.
+        rim: see `fitted`.
     """
     shape = _shape(start, angle, views.pixel)
-    found = fitted(shape, 6, start.center, shown, views, outward)
+    found = fitted(shape, 6, start.center, shown, views, outward, rim)
     circle = _stepped(start, found, np.cross(start.u, start.v))
     return circle if circle.radius > views.pixel else None
 
