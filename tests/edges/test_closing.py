@@ -99,6 +99,14 @@ def test_a_texture_all_over_is_no_other_end_of_a_hole():
     assert closed(halves, edge_views(CAMERAS, views), ENOUGH, 0.0) is halves
 
 
+def test_a_circle_outside_the_ball_has_no_other_end():
+    far = CENTER + 1.05 * U
+    halves = curves_of([], [[circular_arc(far, 0.05 * V, 0.05 * UP, a, a + np.pi) for a in (0, np.pi)]])
+    beside = curves_of([], [[circular_arc(far, 0.05 * U, 0.05 * V, a, a + np.pi) for a in (0, np.pi)]])
+    for curves in (halves, beside):
+        assert closed(curves, shaft(), ENOUGH, 0.0) is curves
+
+
 def test_a_square_is_no_circle():
     corners = [CENTER + RADIUS / 4 * (np.cos(a) * U + np.sin(a) * V) for a in np.arange(5) * np.pi / 2]
     pairs = list(itertools.pairwise(corners))

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Bool, Float, Int
 from diff3ds.camera import Cameras
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.lookup import EdgeViews, edge_views
@@ -27,6 +27,18 @@ SHOWN, MOST = 0.7, 0.9
 SMOOTH = 0.94
 # Samples looked at first, to pass over most pairs quickly.
 GLANCE = 4
+# So many places in views at once.
+BLOCK = 4_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """Curves, and the numbers of their vertices (increasing), where they are, and how many curves end there."""
+
+    curves: Curves
+    names: Int[NDArray[np.int64], " N"]
+    places: Float[Array, "N 3"]
+    degree: Int[NDArray[np.int64], " N"]
 
 
 @dataclass(frozen=True)
@@ -45,30 +57,39 @@ def bridged(curves: Curves, cameras: Cameras, views: EdgeViews, ridges: Sequence
         ridges: of the views.
         enough: so many views confirm an edge.
     """
-    while len(curves):
-        rest = edge_views(cameras, unexplained(views, ridges, curves))
-        best = _best(curves, views, rest, SHOWN * enough)
-        if best is None:
-            break
+    if not len(curves):
+        return curves
+    likely = _likely(curves, views, SHOWN * enough)
+    rest = edge_views(cameras, unexplained(views, ridges, curves)) if likely else views
+    while (best := _best(curves, likely, views, rest, SHOWN * enough)) is not None:
         curves = _with(curves, best)
     return curves
 
 
-def _best(curves: Curves, views: EdgeViews, rest: EdgeViews, enough: float) -> _Bridge | None:
+def _likely(curves: Curves, views: EdgeViews, enough: float) -> list[tuple[int, int]]:
+    """Pairs of vertices with ridges in enough views at a few places between them."""
+    names, places, _ = _vertices(curves)
+    pairs = np.array(list(combinations(range(len(names)), 2)), np.int64).reshape(-1, 2)
+    pairs = pairs[np.linalg.norm(places[pairs[:, 1]] - places[pairs[:, 0]], axis=1) > SHORTEST * views.pixel]
+    share = (np.arange(GLANCE) + 0.5) / GLANCE
+    # In pieces, so that memory is bounded.
+    blocks = np.array_split(pairs, len(pairs) * GLANCE * len(views) // BLOCK + 1)
+    shown = [(_counts(places[block], share, views) >= enough).all(1) for block in blocks if len(block)]
+    return [(int(names[a]), int(names[b])) for a, b in pairs[np.concatenate(shown)]] if shown else []
+
+
+def _best(
+    curves: Curves, likely: list[tuple[int, int]], views: EdgeViews, rest: EdgeViews, enough: float
+) -> _Bridge | None:
     """The bridge that joins most pieces, of these the one that most views show.
 
     Args:
-        rest: what no curve explains.
+        likely: pairs of vertices to look at.
+        rest: what no curve explained at first.
     """
-    names, places, degree = _vertices(curves)
-    pairs = np.array(list(combinations(range(len(names)), 2))).reshape(-1, 2)
-    if not len(pairs):
-        return None
-    ends = places[pairs]
-    glance = _counts(ends, (np.arange(GLANCE) + 0.5) / GLANCE, views)
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    likely = np.nonzero((glance >= enough).all(1) & (length > SHORTEST * views.pixel))[0]
-    found = [_bridge(curves, pairs[i], names, places, degree, views, rest, enough) for i in likely]
+    drawing = _Drawing(curves, *_vertices(curves))
+    known = set(drawing.names.tolist())
+    found = [_bridge(drawing, pair, views, rest, enough) for pair in likely if known.issuperset(pair)]
     bridges = [bridge for bridge in found if bridge is not None]
     return max(bridges, key=lambda bridge: (len(bridge.pieces), bridge.views), default=None)
 
@@ -92,16 +113,11 @@ def _counts(ends: Float[Array, "P 2 3"], share: Float[Array, " S"], rest: EdgeVi
 
 
 def _bridge(
-    curves: Curves,
-    pair: NDArray[np.int64],
-    names: NDArray[np.int64],
-    places: Float[Array, "N 3"],
-    degree: NDArray[np.int64],
-    views: EdgeViews,
-    rest: EdgeViews,
-    enough: float,
+    drawing: _Drawing, vertices: tuple[int, int], views: EdgeViews, rest: EdgeViews, enough: float
 ) -> _Bridge | None:
     """The bridge between a pair of vertices, if the views show it wherever it is open."""
+    curves, names, places = drawing.curves, drawing.names, drawing.places
+    pair = np.searchsorted(names, vertices)
     pixel = views.pixel
     start, stop = places[pair]
     share = (np.arange(SAMPLES) + 0.5) / SAMPLES
@@ -109,11 +125,11 @@ def _bridge(
     inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
     ends = curves.vertex.numpy()[list(pieces)].reshape(-1)
     # It may pass the loose ends of its own pieces, no other vertex.
-    if not np.isin(inner, ends).all() or (degree[np.isin(names, inner)] > 1).any():
+    if not np.isin(inner, ends).all() or (drawing.degree[np.isin(names, inner)] > 1).any():
         return None
     # A line with a gap: its own ridges run on.
     whole = len(pieces) > 1
-    if not whole and any(_smooth(curves, int(name)) for name in names[pair]):
+    if not whole and any(_smooth(curves, name) for name in vertices):
         return None
     open_ = _open(curves, start + share[:, None] * (stop - start), pixel)
     if open_.sum() * np.linalg.norm(stop - start) / SAMPLES < (0 if whole else SHORTEST) * pixel:
@@ -122,7 +138,7 @@ def _bridge(
     counts = counts if whole else counts[open_]
     if (counts >= enough).mean() < MOST:
         return None
-    return _Bridge((int(names[pair[0]]), int(names[pair[1]])), pieces, float(counts.mean()))
+    return _Bridge(vertices, pieces, float(counts.mean()))
 
 
 def _smooth(curves: Curves, name: int) -> bool:

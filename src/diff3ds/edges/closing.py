@@ -125,6 +125,8 @@ def _along_axis(circle: Circle, pixel: float) -> list[Circle]:
 
 def _shares(circles: list[Circle], views: EdgeViews, enough: float) -> Float[Array, " C"]:
     """The share of each circle's places that enough views show."""
+    if not circles:
+        return np.zeros(0)
     angle = 2 * np.pi * np.arange(COARSE) / COARSE
     x = np.concatenate([points_on(circle, angle) for circle in circles])
     tangents = np.concatenate([(points_on(c, angle + np.pi / 2) - c.center) / c.radius for c in circles])
@@ -133,8 +135,8 @@ def _shares(circles: list[Circle], views: EdgeViews, enough: float) -> Float[Arr
 
 def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
     """Whether two circles are one, seen badly."""
-    apart = np.linalg.norm(one.center - other.center) + abs(one.radius - other.radius)
-    return bool(apart < SHALLOWEST * pixel)
+    off = np.linalg.norm(one.center - other.center) + abs(one.radius - other.radius)
+    return bool(off < SHALLOWEST * pixel)
 
 
 def _promising(circle: Circle, views: EdgeViews, enough: float) -> bool:
