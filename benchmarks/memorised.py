@@ -67,20 +67,24 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=96_000)
     parser.add_argument("--seeds", type=int, default=1)
     chosen = parser.parse_args()
+    paths = {
+        f"{category} {seed}": (category, chosen.folder / f"{category.replace(' ', '_')}-{seed}.json")
+        for category in CATEGORIES
+        for seed in range(chosen.seeds)
+    }
+    missing = [str(path) for _, path in paths.values() if not path.is_file()]
+    if missing or chosen.members < 1:
+        parser.error(f"--members at least 1, and runs of categories.py --prior small; missing: {missing[:3]}")
     pools: dict[str, dict[str, list[np.ndarray]]] = defaultdict(lambda: {name: [] for name in SEEDS})
-    rows = {}
     with ProcessPoolExecutor(os.cpu_count()) as workers:
         for name, seed in SEEDS.items():
             step = 500
             starts = range(0, chosen.members, step)
-            for part in workers.map(drawn, [seed] * len(starts), starts, [step] * len(starts)):
+            counts = [min(step, chosen.members - start) for start in starts]
+            for part in workers.map(drawn, [seed] * len(starts), starts, counts):
                 for category, points in part:
                     pools[category][name].append(points)
-        jobs = {}
-        for category in CATEGORIES:
-            for seed in range(chosen.seeds):
-                path = chosen.folder / f"{category.replace(' ', '_')}-{seed}.json"
-                jobs[f"{category} {seed}"] = workers.submit(nearest, path, pools[category])
+        jobs = {name: workers.submit(nearest, path, pools[category]) for name, (category, path) in paths.items()}
         rows = {name: job.result() for name, job in jobs.items()}
     figures = {name: float(np.mean([row[name] for row in rows.values()])) for name in SEEDS}
     figures["training nearer"] = float(np.mean([row["training"] < row["other"] for row in rows.values()]))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Bool, Float
 from diff3ds.edges.curves import Curves, curves_of
-from diff3ds.edges.primitives import Circle, Kind, Primitive, arc_control, fit_circle
+from diff3ds.edges.primitives import Kind, Primitive, angles_of, arc_control, fit_circle, turned
 from diff3ds.edges.ridges import Array
 
 # Pull of a vertex towards where it was, against each curve that was placed: decides along curves that meet smoothly.
@@ -58,7 +58,7 @@ def _meeting(
 
 
 def _end_at(points: Float[Array, "4 3"], end: int, place: Array, kind: int) -> None:
-    """Moves an end, in place; lines stay straight, arcs on their circles as long as the end is near to it."""
+    """Moves an end, in place: lines stay straight, arcs end on their circles where they come nearest."""
     if kind == Kind.LINE:
         far = points[3 if end == 0 else 0].copy()
         points[:] = np.linspace(place, far, 4) if end == 0 else np.linspace(far, place, 4)
@@ -74,15 +74,6 @@ def _arc_to(points: Float[Array, "4 3"], end: int, place: Array) -> Float[Array,
     circle = fit_circle(through.double().numpy())
     if circle is None:
         return points
-    first, middle, last, target = (_angle(circle, x) for x in (points[0], points[1:3].mean(0), points[3], place))
-    ends = [middle + _turned((target if k == end else a) - middle) for k, a in enumerate((first, last))]
+    first, middle, last, target = angles_of(circle, np.stack([points[0], points[1:3].mean(0), points[3], place]))
+    ends = [middle + turned((target if k == end else a) - middle) for k, a in enumerate((first, last))]
     return arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, *ends)
-
-
-def _angle(circle: Circle, x: Float[Array, " 3"]) -> float:
-    return float(np.arctan2((x - circle.center) @ circle.v, (x - circle.center) @ circle.u))
-
-
-def _turned(angle: float) -> float:
-    """The same angle between -π and π."""
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -12,7 +12,7 @@ from diff3ds.edges.holes import other_ends, seen_through
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.meeting import met
 from diff3ds.edges.offsets import Shape, fitted, residuals
-from diff3ds.edges.primitives import Circle, Kind, arc_control, fit_circle
+from diff3ds.edges.primitives import Circle, Kind, angles_of, arc_control, fit_circle, turned
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
 
@@ -99,12 +99,12 @@ def _placed_arc(
     start = circle = fit_circle(x)
     if start is None or circle is None:
         return None
-    ends = [_angles(start, old[:, k]) for k in (0, 3)]
-    middle = _angles(start, old[:, 1:3].mean(1))
-    sweeps = [(m + _turned(a - m), m + _turned(b - m)) for a, m, b in zip(ends[0], middle, ends[1], strict=True)]
+    ends = [angles_of(start, old[:, k]) for k in (0, 3)]
+    middle = angles_of(start, old[:, 1:3].mean(1))
+    sweeps = [(m + turned(a - m), m + turned(b - m)) for a, m, b in zip(ends[0], middle, ends[1], strict=True)]
     if sum(abs(b - a) for a, b in sweeps) < LEAST_SWEEP:
         return None
-    angle = _angles(start, x)
+    angle = angles_of(start, x)
     for _ in range(LOOKS):
         before = points_on(circle, angle)
         rim = None if end is None else seen_through(circle, end, angle, views)
@@ -173,15 +173,6 @@ def _stepped(circle: Circle, step: Float[Array, " 6"], up: Float[Array, " 3"]) -
     u = u / np.sqrt(u @ u)
     v = v - (v @ u) * u
     return Circle(circle.center + step[:3], u, v / np.sqrt(v @ v), circle.radius + step[3], circle.distances)
-
-
-def _angles(circle: Circle, x: Float[Array, "S 3"]) -> Float[Array, " S"]:
-    return np.arctan2((x - circle.center) @ circle.v, (x - circle.center) @ circle.u)
-
-
-def _turned(angle: float) -> float:
-    """The same angle between -π and π."""
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def points_on(circle: Circle, angle: Float[Array, " S"]) -> Float[Array, "S 3"]:

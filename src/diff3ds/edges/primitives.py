@@ -111,6 +111,16 @@ class Circle(NamedTuple):
     distances: Float[Array, " M"]
 
 
+def angles_of(circle: Circle, x: Float[Array, "S 3"]) -> Float[Array, " S"]:
+    """Angles of points around a circle, from its vector u to v."""
+    return np.asarray(np.arctan2((x - circle.center) @ circle.v, (x - circle.center) @ circle.u))
+
+
+def turned(angle: float) -> float:
+    """The same angle between -π and π."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
 def fit_circle(points: Float[Array, "M 3"]) -> Circle | None:
     """The circle of least squares; None if the points lie on a line."""
     middle = points.mean(0)
