@@ -8,7 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import diff3ds as ds
-from diff3ds.render import autograd
+from diff3ds.bezier.curves import elevate_homogeneous, homogeneous
+from diff3ds.render.backends import kernels as load_kernels
 
 kernels = pytest.mark.skipif("cpu" not in ds.available_backends(), reason="installed without the compiled kernels")
 
@@ -114,49 +115,70 @@ def test_devices_must_agree():
         ds.project(sketch, cameras)
 
 
+def _by_kernels(sketch: ds.Sketch, cameras: ds.Cameras) -> torch.Tensor:
+    """The cubics that the compiled kernels draw."""
+    arrays = (t.contiguous().numpy() for t in (sketch.points, sketch.weights, cameras.projection))
+    return torch.from_numpy(load_kernels().project(*arrays))
+
+
 @kernels
 @given(seeds, st.sampled_from([2, 3, 4]), st.sampled_from([1, 3]), st.sampled_from([torch.float32, torch.float64]))
 def test_the_kernels_project_alike(seed, controls, views, dtype):
-    """Forward to rounding in float64; backward into the dtype of each input, cameras included."""
+    """Forward to rounding in float64; backward into the dtype of each input, the matrices included."""
     sketch, cameras = _sketch(seed, controls, dtype), _cameras(seed, views)
-    g_cubics = torch.randn(views, len(sketch), 4, 4, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-    results = []
-    for function in (ds.project, autograd.project):
-        inputs = [v.clone().requires_grad_() for v in (sketch.points, sketch.weights)]
-        pose = cameras.world_to_camera.clone().requires_grad_()
-        intrinsics = cameras.intrinsics.clone().requires_grad_()
-        moved = ds.Cameras(pose, intrinsics, cameras.size)
-        strokes = function(ds.Sketch(*inputs, width=sketch.width), moved)
-        gradients = torch.autograd.grad((strokes.cubics * g_cubics).sum(), [*inputs, pose, intrinsics])
-        results.append((strokes, gradients))
-    (expected, expected_gradients), (found, gradients) = results
-    assert torch.equal(found.half_width, expected.half_width)
-    scale = expected.cubics.abs().max()
-    assert (found.cubics - expected.cubics).abs().max() <= 1e-14 * scale
-    for got, want in zip(gradients, expected_gradients, strict=True):
-        assert got.dtype == want.dtype
+    found, expected = _by_kernels(sketch, cameras), ds.project(sketch, cameras).cubics
+    assert (found - expected).abs().max() <= 1e-14 * expected.abs().max()
+
+    inputs = [v.clone().requires_grad_() for v in (sketch.points, sketch.weights, cameras.projection)]
+    control = elevate_homogeneous(homogeneous(*(v.double() for v in inputs[:2])))
+    g_cubics = torch.randn(expected.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    wanted = torch.autograd.grad(control @ inputs[2][:, None].mT, inputs, g_cubics)
+    arrays = (v.detach().numpy() for v in (*inputs, g_cubics))
+    for got, want in zip(load_kernels().project_backward(*arrays, True), wanted, strict=True):
+        assert torch.from_numpy(got).dtype == want.dtype
         # A few roundings of sums over strokes and views that cancel.
         tolerance = 16 * torch.finfo(want.dtype).eps
-        assert (got - want).abs().max() <= tolerance * want.abs().max()
+        assert (torch.from_numpy(got) - want).abs().max() <= tolerance * want.abs().max()
+
+
+@kernels
+@given(seeds, st.sampled_from(["image", "world"]))
+def test_drawing_in_one_operation_is_projecting_and_drawing(seed, width_space):
+    """The same picture and the same gradients, to the rounding of two ways to project."""
+    shape, camera = _sketch(seed, 4), _cameras(seed, 2).resize(24)
+    results = []
+    for in_one in (True, False):
+        names = ("points", "weights", "width")
+        leaves = {name: getattr(shape, name).clone().requires_grad_() for name in names}
+        pose = camera.world_to_camera.clone().requires_grad_()
+        intrinsics = camera.intrinsics.clone().requires_grad_()
+        sketch = ds.Sketch(**leaves, width_space=width_space)
+        cameras = ds.Cameras(pose, intrinsics, camera.size)
+        image = ds.render(sketch, cameras) if in_one else ds.rasterize(ds.project(sketch, cameras), camera.size)
+        inputs = [*leaves.values(), pose, intrinsics]
+        results.append([image.color, *torch.autograd.grad(image.color.square().sum(), inputs)])
+    for found, expected in zip(*results, strict=True):
+        torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 + 1e-9 * float(expected.detach().abs().max()))
 
 
 @kernels
 def test_the_kernels_project_no_strokes_and_no_views():
     none = ds.Sketch(torch.zeros(0, 3, 3))
-    assert autograd.project(none, _cameras(0, 2)).cubics.shape == (2, 0, 4, 4)
-    assert autograd.project(_sketch(0, 4), _cameras(0, 2)[[]]).cubics.shape == (0, 6, 4, 4)
+    assert _by_kernels(none, _cameras(0, 2)).shape == (2, 0, 4, 4)
+    assert _by_kernels(_sketch(0, 4), _cameras(0, 2)[[]]).shape == (0, 6, 4, 4)
 
 
 @kernels
 def test_the_kernels_give_gradients_to_what_needs_them():
     sketch, cameras = _sketch(0, 4), _cameras(0, 2)
     learned = ds.Sketch(sketch.points, sketch.weights.clone().requires_grad_(), sketch.width)
-    assert autograd.project(learned, cameras).cubics.requires_grad
-    assert not autograd.project(sketch, cameras).cubics.requires_grad
+    assert ds.render(learned, cameras).color.requires_grad
+    assert not ds.render(sketch, cameras).color.requires_grad
     pose = cameras.world_to_camera.clone().requires_grad_()
-    strokes = autograd.project(sketch, ds.Cameras(pose, cameras.intrinsics, cameras.size))
-    (gradient,) = torch.autograd.grad(strokes.cubics.sum(), pose)
+    image = ds.render(sketch, ds.Cameras(pose, cameras.intrinsics, cameras.size))
+    (gradient,) = torch.autograd.grad(image.color.sum(), pose)
     assert gradient.shape == (2, 4, 4)
+    assert gradient.abs().max() > 0
 
 
 @kernels
@@ -165,6 +187,8 @@ def test_the_kernels_take_any_layout():
     points = torch.randn(3, 4, 6, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).permute(2, 1, 0)
     weights = torch.ones(1, dtype=torch.float64).expand(6, 4)
     cameras = _cameras(0, 1)[[0, 0, 0]]
-    sketch = ds.Sketch(points, weights)
+    sketch = ds.Sketch(points, weights, 0.1)
     assert not sketch.points.is_contiguous()
-    torch.testing.assert_close(autograd.project(sketch, cameras).cubics, ds.project(sketch, cameras).cubics)
+    whole = ds.Sketch(points.contiguous(), weights.contiguous(), 0.1)
+    assert torch.equal(ds.render(sketch, cameras).color, ds.render(whole, cameras).color)
+    assert ds.render(whole, cameras).alpha.max() > 0

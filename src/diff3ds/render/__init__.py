@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import cast
+from typing import NamedTuple, cast
 
 import torch
 
@@ -13,7 +13,6 @@ from diff3ds.render import autograd, montecarlo, reference
 from diff3ds.render.arguments import (
     Antialiasing,
     Background,
-    InvalidStrokeError,
     canvas_from,
     check_blur,
     check_stroke_values,
@@ -94,20 +93,16 @@ def render(
         raise TypeError(f"render takes a Sketch and Cameras, got {got}")
     check_devices(sketch, cameras)
     chosen = choose_backend(backend, sketch.points.device, sketch.points.dtype)
-    strokes = autograd.project(sketch, cameras) if chosen == "cpu" else project(sketch, cameras)
+    shape = (len(cameras), *cameras.size, 3)
+    way = _way(background, sketch.color, shape, blur, antialiasing, samples, generator)
     try:
-        return rasterize(
-            strokes,
-            cameras.size,
-            background=background,
-            antialiasing=antialiasing,
-            blur=blur,
-            samples=samples,
-            generator=generator,
-            backend=chosen,
-        )
-    except InvalidStrokeError:
+        if chosen == "cpu":
+            return Rendering(*autograd.render(sketch, cameras, *way))
+        return Rendering(*_rasterized(chosen, project(sketch, cameras), cameras.size, way))
+    except ValueError:
+        # The kernels only know that some value is bad; say which.
         sketch.check_values()
+        check_stroke_values(project(sketch, cameras))
         raise
 
 
@@ -130,25 +125,46 @@ def rasterize(
     size = check_size(size)
     check_strokes(strokes)
     chosen = choose_backend(backend, strokes.color.device, strokes.color.dtype)
-    canvas = canvas_from(background, strokes.color, (len(strokes.cubics), *size, 3))
-    check_blur(blur, antialiasing)
-    strata, seed = (strata_from(samples), seed_from(generator)) if antialiasing == "montecarlo" else (0, 0)
-    if chosen != "reference":
-        return Rendering(*_drawn_by_kernels(chosen, strokes, size, canvas, blur, strata, seed))
-    check_stroke_values(strokes)
-    if strata:
-        return Rendering(*montecarlo.rasterize(strokes, size, canvas, strata, seed))
-    return Rendering(*reference.rasterize(strokes, size, canvas, blur))
-
-
-def _drawn_by_kernels(
-    backend: Backend, strokes: Strokes2D, size: tuple[int, int], canvas: Tensor, blur: float, strata: int, seed: int
-) -> autograd.Images:
-    # Imported by those who draw with it only.
-    draw = autograd.rasterize if backend == "cpu" else import_module("diff3ds.render.cuda.rasterize").rasterize
+    shape = (len(strokes.cubics), *size, 3)
+    way = _way(background, strokes.color, shape, blur, antialiasing, samples, generator)
     try:
-        return cast(autograd.Images, draw(strokes, size, canvas, blur, strata, seed))
+        return Rendering(*_rasterized(chosen, strokes, size, way))
     except ValueError:
-        # The kernels only know that some value is bad; say which.
         check_stroke_values(strokes)
         raise
+
+
+class _Way(NamedTuple):
+    """How to draw. strata: samples per pixel and direction, 0 for analytic antialiasing."""
+
+    canvas: Float[Tensor, "V1 H1 W1 3"]
+    blur: float
+    strata: int
+    seed: int
+
+
+def _way(
+    background: Background,
+    like: Tensor,
+    shape: tuple[int, int, int, int],
+    blur: float,
+    antialiasing: Antialiasing,
+    samples: int,
+    generator: torch.Generator | None,
+) -> _Way:
+    canvas = canvas_from(background, like, shape)
+    check_blur(blur, antialiasing)
+    sampled = antialiasing == "montecarlo"
+    return _Way(canvas, blur, *((strata_from(samples), seed_from(generator)) if sampled else (0, 0)))
+
+
+def _rasterized(backend: Backend, strokes: Strokes2D, size: tuple[int, int], way: _Way) -> autograd.Images:
+    if backend == "cpu":
+        return autograd.rasterize(strokes, size, *way)
+    if backend == "cuda":
+        # Imported by those who draw with it only.
+        return cast(autograd.Images, import_module("diff3ds.render.cuda.rasterize").rasterize(strokes, size, *way))
+    check_stroke_values(strokes)
+    if way.strata:
+        return montecarlo.rasterize(strokes, size, way.canvas, way.strata, way.seed)
+    return reference.rasterize(strokes, size, way.canvas, way.blur)

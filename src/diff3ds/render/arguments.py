@@ -82,9 +82,8 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
         try:
             # A number is written by the device itself: a copy to it could not be part of a captured graph.
             if isinstance(background, int | float):
-                canvas = like.new_full((), background)
-            else:
-                canvas = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+                return like.new_full((1, 1, 1, 3), background)
+            canvas = torch.as_tensor(background, dtype=like.dtype, device=like.device)
         except (TypeError, ValueError, RuntimeError) as error:
             got = type(background).__name__
             raise TypeError(f"background must be a number, three numbers or a tensor, got {got}") from error
