@@ -1,11 +1,12 @@
 """Pictures of the library's things: whether what they show is recognised, and how near the sketches made of them are.
 
     python benchmarks/recognise.py recognised [--each 2] [--json FILE]
-    python benchmarks/recognise.py sketches [--only chair,mug] [--weights 0,3000] [--json FILE]
+    python benchmarks/recognise.py sketches [--only chair,mug] [--weights 0,3000] [--keep FOLDER] [--json FILE]
     python benchmarks/recognise.py confidence [--each 3] [--json FILE]
 
 The things are members of seeds that the recogniser has not, plain or with one attribute, seen from random sides
-between 0 and 30 degrees of elevation. Pictures have 512 pixels, lines of the default width.
+between 0 and 30 degrees of elevation. Pictures have 512 pixels, lines of the default width. `sketches --keep FOLDER`
+leaves the runs there, and sheet.png: of every picture the drawing, the sketch as seen from there, and from beside.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 import torch
 from distill import scores
+from PIL import Image, ImageDraw, ImageFont
 from report import environment, show, write_json
 from scipy.optimize import minimize
 
@@ -69,6 +71,8 @@ CONDITIONS = {
 # A pose is found if it is this near, degrees, or if the thing looks no less like the picture from there than from this
 # far beside the true pose: many things look alike from several sides.
 NEAR = 15.0
+# Of the sheet of sketches: how far beside the picture's view the other one is, degrees; pixels.
+BESIDE, CELL, HEADING = 70.0, 132, 22
 # The recogniser's own threshold would end the count.
 THRESHOLD, ANY_CONFIDENCE = recogniser.LEAST_CONFIDENCE, 0.0
 
@@ -165,7 +169,8 @@ def sketches(chosen: argparse.Namespace) -> dict[str, Any]:
             rows = {}
             for shown in things(1, condition):
                 if shown.category in chosen.only:
-                    rows[shown.category] = sketched(shown, weight, chosen.keep)
+                    keep = chosen.keep and chosen.keep / f"{condition}, weight {weight:g}"
+                    rows[shown.category] = sketched(shown, weight, keep)
                     print(condition, weight, shown.category, rows[shown.category], file=sys.stderr)
             made = [row for row in rows.values() if row]
             means = {name: sum(row[name] for row in made) / len(made) for name in made[0]}
@@ -173,7 +178,40 @@ def sketches(chosen: argparse.Namespace) -> dict[str, Any]:
     columns = ("F5", "F2", "chamfer_percent", "view_error", "view_F5", "seconds", "strokes")
     show("Sketches of pictures", ("pictures", "refused", *columns),
          [(name, row["refused"], *(row["mean"][c] for c in columns)) for name, row in figures.items()])  # fmt: skip
+    if chosen.keep:
+        sheet(chosen)
     return figures
+
+
+def sheet(chosen: argparse.Namespace) -> None:
+    """Of every condition three columns: the drawing, the sketch from its side, and from beside; a row for each thing.
+
+    With the first of the weights.
+    """
+    titles = ("the drawing", "sketch, same side", f"{BESIDE:.0f}° beside")
+    across = len(titles) * CELL
+    picture = Image.new("L", (across * len(chosen.conditions), CELL * len(chosen.only) + 2 * HEADING), 255)
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(12)
+    for i, condition in enumerate(chosen.conditions):
+        folder = chosen.keep / f"{condition}, weight {chosen.weights[0]:g}"
+        left = i * across
+        pen.text((left + across / 2, 4), condition, 0, font, anchor="ma")
+        for k, title in enumerate(titles):
+            pen.text((left + (k + 0.5) * CELL, HEADING + 4), title, 0, font, anchor="ma")
+        things_there = [shown for shown in things(1, condition) if shown.category in chosen.only]
+        for j, shown in enumerate(things_there):
+            top = 2 * HEADING + j * CELL
+            drawing = Image.fromarray((shown.picture * 255).byte().numpy()).convert("L")
+            picture.paste(drawing.resize((CELL, CELL), Image.Resampling.BOX), (left, top))
+            if (folder / shown.category / "sketch.json").exists():
+                sides = [shown.azimuth, shown.azimuth + BESIDE]
+                cameras = ds.orbit(sides, shown.elevation, DISTANCE, size=CELL)
+                seen = ds.render(ds.load(folder / shown.category / "sketch.json"), cameras).color[..., 0]
+                for k, view in enumerate((seen * 255).byte().numpy()):
+                    picture.paste(Image.fromarray(view), (left + (k + 1) * CELL, top))
+        if i:
+            pen.line((left, 0, left, picture.height), 160)
+    picture.save(chosen.keep / "sheet.png", optimize=True)
 
 
 def sketched(shown: Shown, weight: float, keep: Path | None) -> dict[str, float]:
