@@ -74,6 +74,16 @@ def test_gradients_are_clipped_and_what_is_not_finite_is_none():
     assert half.grad.flatten().tolist() == [300.0, -300.0]
 
 
+def test_an_image_without_a_finite_gradient_makes_the_loss_nan():
+    """As 0 it would go unnoticed: a network that predicts NaN moves nothing, and nobody would see why."""
+    latents = torch.zeros(2, 1, 1, 2, requires_grad=True)
+    for broken in (float("nan"), float("inf")):
+        gradient = torch.tensor([[[[1.0, 2.0]]], [[[broken, broken]]]])
+        assert distill.loss_of(latents, gradient).isnan()
+        gradient[1, 0, 0, 0] = 3.0
+        assert distill.loss_of(latents, gradient).item() == (1 + 4 + 9) / 2 / 2
+
+
 def test_reconstruction_without_rescaling_is_sds_with_its_own_weight(alpha_bar):
     clean, noise, predicted = images(3)
     mixed = noisy(clean, noise, alpha_bar)

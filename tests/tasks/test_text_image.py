@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 from PIL import Image
+from safetensors.torch import load_file, save_file
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
@@ -213,6 +214,22 @@ def test_memory_is_asked_for_what_the_network_is_shown(
     arguments = command(prior, checkpoints, drawing, tmp_path, "--steps", "1", *more)
     main([*arguments, *(["--method", method] if method else [])])
     assert asked == [Work(*max(shown), trained=any(trained))]
+
+
+@pytest.mark.parametrize(
+    ("precision", "advice"), [("float16", "start anew with --precision bfloat16"), ("float32", "may be damaged")]
+)
+def test_a_network_that_predicts_no_numbers_stops_the_run(precision, advice, tmp_path, capsys):
+    folder = save_mvdream(tmp_path / "weights", "stock")
+    file = folder / "unet" / "diffusion_pytorch_model.safetensors"
+    weights = load_file(file)
+    weights["conv_out.bias"][:] = torch.nan
+    save_file(weights, file)
+    out = tmp_path / "out"
+    said = fails(command("mvdream", {"mvdream": folder}, None, out, "--precision", precision), capsys)
+    assert "the loss of step 0 is nan" in said
+    assert advice in said
+    assert not (out / "sketch.json").exists()
 
 
 def test_a_negative_phrase_that_would_be_ignored_is_refused(checkpoints, drawing, tmp_path, capsys):

@@ -4,6 +4,7 @@ A distillation moves the latents of a rendering along a gradient with respect to
 and never passes through the network (Poole et al. 2023). `alpha_bar` is `NoiseSchedule.alpha_bar`, (B, 1, 1, 1).
 """
 
+import math
 from typing import Literal
 
 import torch
@@ -57,17 +58,21 @@ def weighted(alpha_bar: PerImage, weighting: Weighting) -> PerImage:
 def loss_of(latents: Images, gradient: Images, clip: float | None = None) -> Float[Tensor, ""]:
     """A loss whose gradient with respect to the latents is `gradient` / B: half the squared distance to z - gradient.
 
-    What is not finite in the gradient counts as 0.
+    An entry of the gradient that is not finite counts as 0. An image with no finite one makes the loss NaN, so that a
+    run with a broken prior stops instead of going on unmoved; on a GPU nothing waits for it.
 
     Args:
         clip: entries of the gradient are limited to ± this.
     """
-    gradient = gradient.detach().float().nan_to_num(0.0, 0.0, 0.0)
+    gradient = gradient.detach().float()
+    sound = gradient.isfinite().flatten(1).any(1).all()
+    gradient = gradient.nan_to_num(0.0, 0.0, 0.0)
     if clip is not None:
         gradient = gradient.clamp(-clip, clip)
     latents = latents.float()
     target = (latents - gradient).detach()
-    return 0.5 * (latents - target).square().sum() / len(latents)
+    loss = 0.5 * (latents - target).square().sum() / len(latents)
+    return torch.where(sound, loss, torch.full_like(loss, math.nan))
 
 
 def rescaled(guided: Images, conditional: Images, share: float, group: int) -> Images:

@@ -78,6 +78,7 @@ def distill(
 
     Raises:
         ValueError: widths that are fitted start outside their range; a checkpoint of another run.
+        FloatingPointError: the prior predicts no numbers; says what to do.
     """
     begun = time.perf_counter()
     values, width = options.values(wanted.preset), _width(options, wanted)
@@ -93,7 +94,10 @@ def distill(
         for sheet in (out / SHEETS).glob("step_*.png"):
             sheet.unlink()
     steps = fit(_start(options, values, width, wanted.color).to(place), objective, cameras, config)
-    stopped = _stopped(steps, judge, options, out, report)
+    try:
+        stopped = _stopped(steps, judge, options, out, report)
+    except FloatingPointError as error:
+        raise FloatingPointError(f"{error}: {_advice(wanted)}") from error
     state = read_checkpoint(out / CHECKPOINT)
     sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
     if wanted.sharpening is not None and options.sharpens and not stopped:
@@ -124,6 +128,14 @@ def _stopped(
         except KeyboardInterrupt:
             return True
     return False
+
+
+def _advice(wanted: Commission) -> str:
+    """What to do about a loss that is no number."""
+    if wanted.network.get("precision") == "float16":
+        overflow = "the prior's numbers may overflow in float16: start anew with --precision bfloat16 (or float32)"
+        return f"{overflow}. If that does not help, its weights are damaged: fetch them again"
+    return "the weights of the prior may be damaged: fetch them again, or name others by --weights"
 
 
 def _sharpened(sketch: Sketch, sharpening: Sharpening, options: DistillOptions, report: Report) -> tuple[Sketch, bool]:
