@@ -24,6 +24,7 @@ from diff3ds.render.backends import (
     Backend,
     available_backends,
     choose_backend,
+    drawing_device,
     get_num_threads,
     set_num_threads,
 )
@@ -73,6 +74,9 @@ def render(
     Strokes are sorted by depth in every pixel, where they cross as well. No gradient knows of two things: of the places
     where overlapping strokes change their order in depth, and of where the near plane cuts a stroke.
 
+    Where a device lacks float64, as Apple's GPUs do, strokes are drawn on the CPU and the images moved back, with a
+    warning once a process.
+
     Args:
         background: gray or RGB value, or a tensor that broadcasts to (V, H, W, 3).
         antialiasing: "analytic" (exact for strips along the axes; elsewhere within about .05 of the share of a pixel
@@ -92,13 +96,19 @@ def render(
         got = f"{type(sketch).__name__} and {type(cameras).__name__}"
         raise TypeError(f"render takes a Sketch and Cameras, got {got}")
     check_devices(sketch, cameras)
-    chosen = choose_backend(backend, sketch.points.device, sketch.points.dtype)
+    home = sketch.points.device
+    place = drawing_device(home)
+    chosen = choose_backend(backend, place, sketch.points.dtype)
     shape = (len(cameras), *cameras.size, 3)
     way = _way(background, sketch.color, shape, blur, antialiasing, samples, generator)
+    if place != home:
+        sketch, cameras, way = sketch.to(place), cameras.to(place), way._replace(canvas=way.canvas.to(place))
     try:
         if chosen == "cpu":
-            return Rendering(*autograd.render(sketch, cameras, *way))
-        return Rendering(*_rasterized(chosen, project(sketch, cameras), cameras.size, way))
+            images = autograd.render(sketch, cameras, *way)
+        else:
+            images = _rasterized(chosen, project(sketch, cameras), cameras.size, way)
+        return Rendering(*(image.to(home) for image in images))
     except ValueError:
         # The kernels only know that some value is bad; say which.
         sketch.check_values()

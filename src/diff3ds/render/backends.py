@@ -104,6 +104,19 @@ def choose_backend(backend: Backend | None, device: torch.device, dtype: torch.d
     return backend
 
 
+def drawing_device(device: torch.device) -> torch.device:
+    """Where strokes on a device are drawn: there, or on the CPU if they cannot be projected there."""
+    if not lacks_float64(device):
+        return device
+    _warn_about_drawing_elsewhere(device.type)
+    return torch.device("cpu")
+
+
+def lacks_float64(device: torch.device) -> bool:
+    """Whether a device cannot compute in float64, as Apple's GPUs cannot."""
+    return device.type == "mps"
+
+
 _KERNEL_DTYPES = (torch.float32, torch.float64)
 _HOW_TO_BUILD = (
     "Install a C++20 compiler (g++ or clang++, for example `apt install g++` or `xcode-select --install`) and install "
@@ -136,6 +149,17 @@ def _warn_about_slow_device(kind: str) -> None:
         'the cameras there with .to("cpu").',
         RuntimeWarning,
         stacklevel=5,
+    )
+
+
+@functools.cache
+def _warn_about_drawing_elsewhere(kind: str) -> None:
+    """Once a process and kind of device."""
+    warnings.warn(
+        f"{kind} devices lack float64, in which strokes are projected: they are drawn on the CPU, and the images moved "
+        'back. Nothing is moved if the sketch and the cameras are on the CPU: .to("cpu").',
+        RuntimeWarning,
+        stacklevel=4,
     )
 
 
