@@ -1,8 +1,12 @@
 """Files are written whole or not at all, and read within bounds."""
 
+import errno
 import os
 
 import pytest
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file
 
 from diff3ds import _files
 
@@ -32,6 +36,33 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path):
         assert path.read_bytes() == b"old"
     assert path.read_bytes() == b"new"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def full(*arguments: object) -> None:
+    """What safetensors says on a disk without room (0.8.0)."""
+    raise SafetensorError("Error while serializing: I/O error: No space left on device (os error 28)")
+
+
+def test_a_disk_that_fills_up_is_an_oserror_that_says_what_to_do(tmp_path, monkeypatch):
+    path = tmp_path / "a.safetensors"
+    _files.write_tensors(path, {"a": torch.ones(3)}, {"about": "1"})
+    monkeypatch.setattr("safetensors.torch.save_file", full)
+    with pytest.raises(OSError, match=r"make room.*--resume") as raised:
+        _files.write_tensors(path, {"a": torch.zeros(3)}, {"about": "2"})
+    assert raised.value.errno == errno.ENOSPC
+    assert raised.value.filename == str(path)
+    assert load_file(path)["a"].tolist() == [1, 1, 1]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_other_failures_to_write_tensors_are_oserrors_too(tmp_path, monkeypatch):
+    def fail(*arguments: object) -> None:
+        raise SafetensorError("Error while serializing: I/O error: Input/output error (os error 5)")
+
+    monkeypatch.setattr("safetensors.torch.save_file", fail)
+    with pytest.raises(OSError, match="Input/output error") as raised:
+        _files.write_tensors(tmp_path / "a.safetensors", {}, {})
+    assert raised.value.errno == errno.EIO
 
 
 def test_folders_are_made(tmp_path):

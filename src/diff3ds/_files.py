@@ -1,15 +1,21 @@
 """Files that are read with bounds, and written whole or not at all."""
 
+import errno
 import json
 import os
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from diff3ds._shapes import Tensor
+
 # A sketch of 100,000 strokes takes 50 MB as JSON; more is taken for a mistake or an attack.
 MAX_TEXT_BYTES = 1 << 28
+# No space on the disk, or none of a user's share of it, which some systems do not know.
+FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
 def read_text(path: Path) -> str:
@@ -43,7 +49,11 @@ def read_json(path: Path) -> Any:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`, renamed to it when the block succeeds and removed when it does not."""
+    """A temporary name beside `path`, renamed to it when the block succeeds and removed when it does not.
+
+    Raises:
+        OSError: it cannot be written; of a full disk, says what to do.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
@@ -56,6 +66,11 @@ def replacing(path: Path) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         temporary.replace(path)
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        advice = "make room. What was written before is whole; a run with a checkpoint goes on by --resume"
+        raise OSError(error.errno, f"{error.strerror}: {advice}", str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -64,6 +79,26 @@ def write_text(path: Path, text: str) -> None:
     """Writes a text file, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], about: Mapping[str, str]) -> None:
+    """Writes tensors from any device and what is said about them as safetensors, whole or not at all.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import save_file
+
+    # Copies: tensors that share memory are refused by the format.
+    held = {name: value.detach().cpu().clone().contiguous() for name, value in tensors.items()}
+    with replacing(path) as temporary:
+        try:
+            save_file(held, temporary, dict(about))
+        except SafetensorError as error:
+            # Which is no OSError, whatever the system said.
+            number = re.search(r"os error (\d+)", str(error))
+            raise OSError(int(number[1]) if number else errno.EIO, str(error), str(path)) from error
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import torch
 
-from diff3ds._files import replacing
+from diff3ds._files import write_tensors
 from diff3ds._shapes import Float, Tensor
 from diff3ds.refine import Edit
 from diff3ds.sketch import Sketch, WidthSpace
@@ -83,8 +83,6 @@ def start(sketch: Sketch, seed: int) -> State:
 
 def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None:
     """Writes a state, whole or not at all; `settings` are what a resumed run must share."""
-    from safetensors.torch import save_file
-
     tensors = {
         **{f"sketch.{name}": value for name, value in state.sketch.tensors().items()},
         **{f"first.{name}": value for name, value in state.first.items()},
@@ -95,9 +93,7 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         **{f"{COMPANION}{name}": value for name, value in state.companion.items()},
     }
     about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
-    with replacing(path) as temporary:
-        # Tensors that share memory are refused by the format.
-        save_file({k: v.clone().contiguous() for k, v in tensors.items()}, temporary, {"diff3ds": json.dumps(about)})
+    write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
 
 
 def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State:

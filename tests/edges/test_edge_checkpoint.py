@@ -5,6 +5,7 @@ import json
 import pytest
 import torch
 from edge_scenes import lines_between
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from diff3ds.edges.bias import Bias
@@ -30,6 +31,16 @@ def test_what_is_written_is_read(path):
     for name in FIELDS:
         assert torch.equal(getattr(back.curves, name), getattr(CURVES, name))
     assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_disk_that_fills_up_is_said(path, monkeypatch):
+    def full(*arguments):
+        raise SafetensorError("I/O error: No space left on device (os error 28)")
+
+    monkeypatch.setattr("safetensors.torch.save_file", full)
+    with pytest.raises(OSError, match="make room"):
+        write_result(path, Result(1, CURVES, Bias(0.0, 0.0, 0.0)), SETTINGS)
+    assert read_result(path, SETTINGS).stage == 2
 
 
 def test_no_curves_are_a_result(path):

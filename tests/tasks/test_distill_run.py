@@ -2,11 +2,15 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
+import safetensors.torch
 import torch
 
 import diff3ds as ds
+from diff3ds.checkpoint import read_checkpoint
+from diff3ds.fit import FitConfig
 from diff3ds.formats import load_image
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.tasks import distill as task
@@ -74,6 +78,27 @@ def test_a_run_that_was_stopped_ends_like_one_that_was_not(prior, tmp_path):
     assert json.loads((tmp_path / "part" / "run.json").read_text())["stopped_early"]
     assert not same(ds.load(tmp_path / "part" / "sketch.json"), whole)
     assert same(run(prior, tmp_path / "part", replace(QUICK, resume=True)), whole)
+
+
+def test_a_run_whose_disk_filled_up_goes_on_when_there_is_room(prior, tmp_path, monkeypatch):
+    """The disk fills up after step 7; what is kept is the checkpoint of step 5."""
+    options = replace(QUICK, sheet_every=0)
+    whole = run(prior, tmp_path / "whole", options)
+    monkeypatch.setattr(task, "FitConfig", partial(FitConfig, checkpoint_every=5))
+    write = safetensors.torch.save_file
+
+    def fill(progress):
+        if progress.done == 7:
+            monkeypatch.setattr("safetensors.torch.save_file", full)
+
+    def full(*arguments):
+        raise safetensors.SafetensorError("I/O error: No space left on device (os error 28)")
+
+    with pytest.raises(OSError, match=r"make room.*--resume"):
+        run(prior, tmp_path / "part", options, report=fill)
+    monkeypatch.setattr("safetensors.torch.save_file", write)
+    assert read_checkpoint(tmp_path / "part" / task.CHECKPOINT).index == 5
+    assert same(run(prior, tmp_path / "part", replace(options, resume=True)), whole)
 
 
 @pytest.mark.parametrize(

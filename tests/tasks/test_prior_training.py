@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.cli import main
-from diff3ds.guidance.small import angles, read_network
+from diff3ds.guidance.small import angles, read_network, write_network
 from diff3ds.library import CATEGORIES, member
 from diff3ds.library.phrase import parse
 from diff3ds.tasks import prior_data, prior_train
@@ -137,6 +138,20 @@ def test_a_training_that_is_resumed_is_the_same_bit_for_bit(tmp_path, monkeypatc
         json.loads((tmp_path / "whole" / LOG).read_text())["loss"]
         == json.loads((tmp_path / "parts" / LOG).read_text())["loss"]
     )
+
+
+def test_a_disk_that_fills_up_during_a_training_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
+    path = train_prior(tmp_path / "prior", TrainOptions(steps=1, **TINY))
+
+    def full(*arguments):
+        raise SafetensorError("I/O error: No space left on device (os error 28)")
+
+    monkeypatch.setattr("safetensors.torch.save_file", full)
+    with pytest.raises(OSError, match="make room"):
+        train_prior(tmp_path / "prior", TrainOptions(steps=2, resume=True, **TINY))
+    with pytest.raises(OSError, match="make room"):
+        write_network(path, *read_network(path), {})
 
 
 def test_workers_change_nothing(tmp_path, monkeypatch):

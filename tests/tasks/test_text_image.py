@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 from PIL import Image
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 import diff3ds as ds
@@ -230,6 +231,16 @@ def test_a_network_that_predicts_no_numbers_stops_the_run(precision, advice, tmp
     assert "the loss of step 0 is nan" in said
     assert advice in said
     assert not (out / "sketch.json").exists()
+
+
+def test_a_disk_that_fills_up_ends_in_one_line(checkpoints, tmp_path, monkeypatch, capsys):
+    def full(*arguments):
+        raise SafetensorError("I/O error: No space left on device (os error 28)")
+
+    monkeypatch.setattr("safetensors.torch.save_file", full)
+    said = fails(command("mvdream", checkpoints, None, tmp_path / "out", "--steps", "1"), capsys)
+    assert "make room. What was written before is whole; a run with a checkpoint goes on by --resume" in said
+    assert "Traceback" not in said
 
 
 def test_a_negative_phrase_that_would_be_ignored_is_refused(checkpoints, drawing, tmp_path, capsys):

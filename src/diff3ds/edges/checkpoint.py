@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import replacing
+from diff3ds._files import write_tensors
 from diff3ds.edges.bias import Bias
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.primitives import Kind
@@ -21,12 +21,9 @@ FIELDS = ("points", "kind", "vertex", "other")
 
 def write_result(path: Path, result: Result, settings: dict[str, Any]) -> None:
     """Writes a result, whole or not at all; `settings` are what a resumed run must share."""
-    from safetensors.torch import save_file
-
     about = {"version": VERSION, "stage": result.stage, "bias": asdict(result.bias), "settings": settings}
-    tensors = {name: getattr(result.curves, name).clone().contiguous() for name in FIELDS}
-    with replacing(path) as temporary:
-        save_file(tensors, temporary, {"diff3ds edges": json.dumps(about)})
+    tensors = {name: getattr(result.curves, name) for name in FIELDS}
+    write_tensors(path, tensors, {"diff3ds edges": json.dumps(about)})
 
 
 def read_result(path: Path, settings: dict[str, Any]) -> Result:

@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import replacing
+from diff3ds._files import write_tensors
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import distill
@@ -179,12 +179,9 @@ def half_is_fast(device: torch.device) -> bool:
 
 def write_network(path: Path, network: SmallNetwork, vocabulary: Vocabulary, about: dict[str, Any]) -> None:
     """Writes weights in half precision, whole or not at all; `about` says how they were made."""
-    from safetensors.torch import save_file
-
     meta = {"version": VERSION, "shape": asdict(network.shape), "vocabulary": asdict(vocabulary), "about": about}
-    tensors = {name: value.detach().half().cpu().contiguous() for name, value in network.state_dict().items()}
-    with replacing(path) as temporary:
-        save_file(tensors, temporary, {"diff3ds": json.dumps(meta)})
+    tensors = {name: value.half() for name, value in network.state_dict().items()}
+    write_tensors(path, tensors, {"diff3ds": json.dumps(meta)})
 
 
 def read_network(path: Path) -> tuple[SmallNetwork, Vocabulary]:

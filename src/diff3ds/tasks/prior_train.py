@@ -16,7 +16,7 @@ from typing import Any
 import torch
 from torch.utils.data import DataLoader
 
-from diff3ds._files import replacing, write_text
+from diff3ds._files import write_tensors, write_text
 from diff3ds._shapes import Tensor
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.objective import step_generator
@@ -195,8 +195,6 @@ class Training:
 
     def save(self, path: Path) -> None:
         """Writes all of it, whole or not at all."""
-        from safetensors.torch import save_file
-
         tensors = {f"network.{k}": v for k, v in self.network.state_dict().items()}
         tensors |= {f"mean.{k}": v for k, v in self.mean.state_dict().items()}
         for i, optimiser in enumerate(self.optimisers):
@@ -204,9 +202,7 @@ class Training:
                 tensors |= {f"optimiser.{i}.{j}.{k}": torch.as_tensor(v) for k, v in state.items()}
         tensors["losses"] = torch.tensor(self.losses, dtype=torch.float64)
         about = {"identity": self.identity(), "step": self.step, "words": list(self.vocabulary.words)}
-        with replacing(path) as temporary:
-            held = {k: v.detach().cpu().clone().contiguous() for k, v in tensors.items()}
-            save_file(held, temporary, {"diff3ds": json.dumps(about)})
+        write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
 
     def load(self, path: Path) -> None:
         """Goes on from a checkpoint.
