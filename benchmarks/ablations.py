@@ -5,7 +5,7 @@ Without the command's last steps on finer pictures, which would hide the differe
     python benchmarks/ablations.py FOLDER --classifier FILE [--only radius] [--categories chair,lamp] [--seeds N]
 
 FILE is written by classifier.py. Runs that FOLDER has are not made again. Writes FOLDER/ablations.json, and
-FOLDER/ablations.png: two recipes in a row, a column for each category. Figures as in categories.py; F-scores are those
+FOLDER/ablations.png: two recipes in a row, each under its name. Figures as in categories.py; F-scores are those
 to the nearest of the members that the prior was given.
 """
 
@@ -23,10 +23,10 @@ from typing import Any
 import classifier as sight
 import torch
 from categories import nearest
+from PIL import Image, ImageDraw, ImageFont
 from report import environment, show, write_json
 
 import diff3ds as ds
-from diff3ds.formats import save_png, tile_images
 from diff3ds.library import CATEGORIES
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import exemplars_of
@@ -61,7 +61,8 @@ RECIPES: dict[str, dict[str, Any]] = {
     "sharpened": {"sharpen": True},
 }
 COLUMNS = ("F5", "F5_worst", "F2", "chamfer_percent", "top1", "views", "strokes", "seconds")
-VIEW, CELL = (35.0, 18.0), 120
+# Of the sheet: azimuth and elevation, pixels of a sketch and of the line of text above it.
+VIEW, CELL, TITLE = (35.0, 18.0), 120, 20
 
 
 def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
@@ -120,11 +121,24 @@ def main() -> None:
     title = f"diff3ds text with the built-in prior: {', '.join(chosen.categories)}, {chosen.seeds} seeds"
     show(title, ("recipe", *COLUMNS), [(name, *(row[c] for c in COLUMNS)) for name, row in figures.items()])
     write_json(chosen.folder / "ablations.json", about, figures)
+    sheet(chosen.folder / "ablations.png", {r: [rows[r, c, 0]["sketch"] for c in chosen.categories] for r in recipes})
+
+
+def sheet(path: Path, made: dict[str, list[dict[str, Any]]]) -> None:
+    """The sketches of every recipe under its name, two recipes in a row."""
     camera = ds.orbit(VIEW[0], VIEW[1], 2.0, fov=58, size=CELL)
-    shown = [rows[r, c, 0]["sketch"] for r in recipes for c in chosen.categories]
-    sketches = [ds.Sketch(**{name: torch.tensor(value) for name, value in held.items()}) for held in shown]
-    views = torch.cat([ds.render(sketch, camera).color for sketch in sketches])
-    save_png(chosen.folder / "ablations.png", tile_images(views, columns=2 * len(chosen.categories)))
+    across = CELL * max(map(len, made.values()))
+    picture = Image.new("L", (2 * across, (CELL + TITLE) * ((len(made) + 1) // 2)), 255)
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(13)
+    for i, (recipe, held) in enumerate(made.items()):
+        left, top = i % 2 * across, i // 2 * (CELL + TITLE)
+        pen.line((left, top, left + across, top), 200)
+        pen.text((left + 6, top + 3), recipe, 0, font)
+        for k, tensors in enumerate(held):
+            sketch = ds.Sketch(**{name: torch.tensor(value) for name, value in tensors.items()})
+            view = (ds.render(sketch, camera).color[0, ..., 0] * 255).byte().numpy()
+            picture.paste(Image.fromarray(view), (left + k * CELL, top + TITLE))
+    picture.save(path, optimize=True)
 
 
 if __name__ == "__main__":
