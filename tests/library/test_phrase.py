@@ -1,9 +1,12 @@
 """The grammar of phrases."""
 
+import re
+
 import pytest
 
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.phrase import COLORS, STRETCHES, Request, parse
+from diff3ds.library.phrase import Request, parse
+from diff3ds.library.vocabulary import COLORS, STRETCHES
 
 
 @pytest.mark.parametrize("name", CATEGORIES)
@@ -30,7 +33,8 @@ def test_every_caption_of_the_library_is_understood(name):
         ("a rocking chair with arms", Request("chair", ("armrests", "rocking"))),
         ("a high backed chair", Request("chair", ("high back",))),
         ("four buses", Request("bus", count=4)),
-        ("a small house with chimney", Request("house", ("chimney",))),
+        ("a small house with chimney", Request("house", ("chimney",), ignored=("small",))),
+        ("a long, tall car", Request("car", stretch=(1.35, 1.0, 1.35))),
         ("a pair of scissors", Request("scissors")),
         ("a pair of chairs", Request("chair", count=2)),
         ("the two chairs", Request("chair", count=2)),
@@ -46,6 +50,46 @@ def test_an_attribute_comes_before_a_proportion():
     found = parse("a tall mug")
     assert found.attributes == ("tall",)
     assert found.stretch == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("phrase", "word"),
+    [
+        ("a кот chair", "кот"),
+        ("a 椅子 chair", "椅子"),
+        ("a chair 🐱", "🐱"),
+        ("a 🐱 chair", "🐱"),
+        ("a chair with 🛞", "with 🛞"),
+        ("a ♥️ chair", "♥"),
+        ("a chair 👩‍🚀", "🚀"),
+        ("a café chair", "café"),
+        ("a कुर्सी chair", "कुर्सी"),
+        ("a = chair", "="),
+        # A character that Unicode has not assigned, as a new emoji is to an old Python.
+        ("a chair \U0003fffd", "\U0003fffd"),
+    ],
+)
+def test_no_word_of_any_script_is_dropped(phrase, word):
+    with pytest.raises(ValueError, match=re.escape(f"does not know {word!r}")):
+        parse(phrase)
+
+
+def test_forms_of_letters_and_punctuation_do_not_matter():
+    assert parse("«Ａ  ｃｈａｉｒ»\u200b — with ‘armrests’…") == Request("chair", ("armrests",))
+
+
+@pytest.mark.parametrize("word", ["old", "new", "nice", "simple"])
+def test_what_cannot_be_drawn_is_not_swallowed(word):
+    with pytest.raises(ValueError, match=f"does not know '{word}'"):
+        parse(f"a {word} car")
+
+
+@pytest.mark.parametrize("phrase", ["a tall short lamp", "a tall tall lamp", "a thin wide lamp", "a tall high mug"])
+def test_proportions_are_said_once_along_an_axis(phrase):
+    """A tall mug is a kind, but tall all the same."""
+    first, second = phrase.split()[1:3]
+    with pytest.raises(ValueError, match=f"'{first}' and '{second}' are along one axis: say one of them, once"):
+        parse(phrase)
 
 
 @pytest.mark.parametrize(

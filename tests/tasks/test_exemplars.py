@@ -11,10 +11,12 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.phrase import COLORS, Request
+from diff3ds.library.phrase import Request
+from diff3ds.library.vocabulary import COLORS
 from diff3ds.tasks import sharpen
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.exemplars import FITTING, exemplars_of, requested
+from diff3ds.tasks.priors import PriorOptions
 from diff3ds.tasks.text import text_to_sketch
 
 
@@ -139,3 +141,11 @@ def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
         finally:
             torch.set_num_threads(threads)
     assert means[0] == means[1]
+
+
+def test_words_of_size_are_said_to_change_nothing(tmp_path):
+    said = []
+    few = DistillOptions(steps=1, strokes=4, sharpen=False)
+    text_to_sketch("a small chair", tmp_path / "exemplar", None, PriorOptions("exemplar"), few, say=said.append)
+    text_to_sketch("a big chair", tmp_path / "small", None, PriorOptions("small"), few, say=said.append)
+    assert said == [f"'{word}' changes nothing: every sketch fills the same ball" for word in ("small", "big")]

@@ -13,7 +13,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.library import member
-from diff3ds.library.phrase import COLORS, STRETCHES
+from diff3ds.library.vocabulary import COLORS, STRETCHES
 from diff3ds.tasks import sketch_folder
 from diff3ds.tasks.exemplars import exemplars_in
 from diff3ds.tasks.folder_phrase import Name, asked_of, fits, named
@@ -102,6 +102,7 @@ def test_counts_colours_and_proportions_of_a_phrase():
     # A word of a name comes before a colour.
     assert asked_of(THERE, "a red lamp", "here").color is None
     assert asked_of(THERE, "a red chair", "here").color == COLORS["red"]
+    assert asked_of(THERE, "a small chair", "here").ignored == ("small",)
 
 
 @pytest.mark.parametrize(
@@ -117,6 +118,9 @@ def test_counts_colours_and_proportions_of_a_phrase():
         ("a shelf with doors", "named 'doors'; it has shelf"),
         ("a blue red chair", "one colour"),
         ("two three chairs", "one number of things"),
+        ("a new chair", "named 'new'"),
+        ("a chair 🐱", "named '🐱'"),
+        ("a tall short chair", "'tall' and 'short' are along one axis"),
         ("a rocking chair without a back", "none in here is all of rocking, without back; it has chair, chair without"),
     ],
 )

@@ -12,39 +12,19 @@ from dataclasses import dataclass
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
+from diff3ds.library.vocabulary import (
+    COLORS,
+    COUNTS,
+    IDLE,
+    PAIRS,
+    SIZES,
+    STRETCHES,
+    parted,
+    singulars,
+    stretched,
+    words_of,
+)
 
-COUNTS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
-# Straight RGB of plain inks on white.
-COLORS = {
-    "black": (0.0, 0.0, 0.0),
-    "gray": (0.5, 0.5, 0.5),
-    "grey": (0.5, 0.5, 0.5),
-    "red": (0.8, 0.1, 0.1),
-    "orange": (0.9, 0.5, 0.1),
-    "yellow": (0.8, 0.7, 0.0),
-    "green": (0.1, 0.6, 0.2),
-    "blue": (0.1, 0.3, 0.8),
-    "purple": (0.5, 0.2, 0.6),
-    "pink": (0.9, 0.4, 0.6),
-    "brown": (0.5, 0.3, 0.1),
-}
-# Factors along x (front to back), y (left to right) and z (up), beyond what members vary by themselves. Empirical.
-STRETCHES = {
-    "tall": (1.0, 1.0, 1.35),
-    "high": (1.0, 1.0, 1.35),
-    "low": (1.0, 1.0, 0.7),
-    "short": (1.0, 1.0, 0.7),
-    "wide": (1.0, 1.35, 1.0),
-    "broad": (1.0, 1.35, 1.0),
-    "narrow": (1.0, 0.7, 1.0),
-    "thin": (0.7, 0.7, 1.0),
-    "long": (1.35, 1.0, 1.0),
-}
-# Words that say nothing here: every sketch fills the unit ball, and the two chairs are two.
-IDLE = ("a", "an", "the", "big", "large", "small", "little", "simple", "nice", "old", "new", "of")
-# Things of which a pair is one.
-PAIRS = ("glasses", "scissors")
-OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
 SUGGESTIONS = 4
 
 
@@ -58,6 +38,7 @@ class Request:
         count: how many.
         color: straight RGB, or None if none is said.
         stretch: factors along x, y and z.
+        ignored: its words of size, without effect.
     """
 
     category: str
@@ -65,6 +46,7 @@ class Request:
     count: int = 1
     color: tuple[float, float, float] | None = None
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ignored: tuple[str, ...] = ()
 
 
 def parse(phrase: str) -> Request:
@@ -73,14 +55,13 @@ def parse(phrase: str) -> Request:
     Raises:
         ValueError: it is empty, or a word is outside the vocabulary; names the nearest words that are known.
     """
-    words = _words(phrase)
-    if not any(letter.isalnum() for letter in phrase):
+    front, behind = parted(phrase)
+    if not front and not behind:
         raise ValueError("the phrase is empty: say what to draw, such as a chair")
-    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
-    category, implied, first = _noun(words[:split], phrase)
+    category, implied, first = _noun(front, phrase)
     request = _Reader(category, phrase, implied)
-    request.read_before(words[:first])
-    request.read_behind(words[split:])
+    request.read_before(front[:first])
+    request.read_behind(behind)
     return request.finished()
 
 
@@ -93,10 +74,11 @@ class _Reader:
         self.attributes = {implied} if implied else set()
         self.count: int | None = None
         self.color: tuple[float, float, float] | None = None
-        self.stretch = (1.0, 1.0, 1.0)
+        self.proportions: list[str] = []
+        self.sizes: list[str] = []
         # From every way to say an attribute, as words, to its name.
         self.ways = {
-            tuple(_words(way)): attribute.name for attribute in category.attributes for way in attribute.phrases
+            tuple(words_of(way)): attribute.name for attribute in category.attributes for way in attribute.phrases
         }
 
     def read_before(self, words: list[str]) -> None:
@@ -108,6 +90,9 @@ class _Reader:
             )
             if length:
                 self.attributes.add(self.ways[tuple(words[place : place + length])])
+                self.proportions += [
+                    word for word in words[place : place + length] if length == 1 and word in STRETCHES
+                ]
             else:
                 self._read_word(words[place])
             place += length or 1
@@ -122,9 +107,9 @@ class _Reader:
                 raise ValueError(f"{self.phrase!r}: strokes have one colour, got a second one, {word}")
             self.color = COLORS[word]
         elif word in STRETCHES:
-            x, y, z = self.stretch
-            a, b, c = STRETCHES[word]
-            self.stretch = (x * a, y * b, z * c)
+            self.proportions.append(word)
+        elif word in SIZES:
+            self.sizes.append(word)
         elif word not in IDLE:
             known = [*COLORS, *STRETCHES, *COUNTS, *(" ".join(way) for way in self.ways)]
             raise ValueError(_unknown(self.phrase, word, known))
@@ -160,7 +145,9 @@ class _Reader:
         names = tuple(a.name for a in self.category.attributes if a.name in self.attributes)
         if names not in self.category.combinations():
             raise ValueError(f"{self.phrase!r}: no {self.category.name} is all of this at once: {', '.join(names)}")
-        return Request(self.category.name, names, self.count or 1, self.color, self.stretch)
+        kinds = [way[0] for way in self.ways if len(way) == 1]
+        stretch = stretched(self.phrase, self.proportions, kinds)
+        return Request(self.category.name, names, self.count or 1, self.color, stretch, tuple(self.sizes))
 
 
 def _noun(words: list[str], phrase: str) -> tuple[Category, str | None, int]:
@@ -181,28 +168,15 @@ def _nouns() -> dict[str, tuple[Category, str | None]]:
     for category in CATEGORIES.values():
         for attribute in category.attributes:
             for noun in attribute.nouns:
-                nouns.setdefault(" ".join(_words(noun)), (category, attribute.name))
+                nouns.setdefault(" ".join(words_of(noun)), (category, attribute.name))
     for category in CATEGORIES.values():
         for noun in (category.name, *category.synonyms):
-            nouns[" ".join(_words(noun))] = (category, None)
+            nouns[" ".join(words_of(noun))] = (category, None)
     return nouns
-
-
-def _words(text: str) -> list[str]:
-    """Lower case words; hyphens part words, so that "high-backed" and "high backed" are the same."""
-    lowered = re.sub(r"[^a-z0-9]+", " ", text.lower()).strip()
-    return OPENING.sub("", lowered).split()
 
 
 def _bare(text: str) -> str:
     return " ".join(word for word in text.split() if word not in ("a", "an", "the"))
-
-
-def singulars(noun: str) -> Iterable[str]:
-    """What a plural may come from: mugs, buses, berries, shelves."""
-    for ending, instead in (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("men", "man")):
-        if noun.endswith(ending):
-            yield noun.removesuffix(ending) + instead
 
 
 def _unknown(phrase: str, said: str, known: Iterable[str]) -> str:

@@ -41,11 +41,13 @@ class Exemplars:
         members: their sketches, in the unit ball.
         fitting: one bool a member: whether the phrase means it.
         color: straight RGB of what it means, or None.
+        ignored: words of the phrase without effect, as `Request`.
     """
 
     members: tuple[Sketch, ...]
     fitting: tuple[bool, ...]
     color: tuple[float, float, float] | None
+    ignored: tuple[str, ...] = ()
 
     @property
     def meant(self) -> list[Sketch]:
@@ -74,7 +76,8 @@ def exemplars_of(phrase: str, seed: int) -> Exemplars:
     request = parse(phrase)
     generator = torch.Generator().manual_seed(seed)
     wanted = [requested(request, generator) for _ in range(FITTING)]
-    return _among_others(wanted, request.category, generator, request.color)
+    known = _among_others(wanted, request.category, generator, request.color)
+    return replace(known, ignored=request.ignored)
 
 
 def exemplars_like(
@@ -99,7 +102,8 @@ def exemplars_in(folder: SketchFolder, phrase: str) -> Exemplars:
     """
     request = asked_of(folder.names, phrase, str(folder.path))
     chosen = [i for i, name in enumerate(folder.names) if fits(name, request)]
-    return exemplars_among(folder, {i: arranged(folder.members[i].sketch, request) for i in chosen}, request.color)
+    wanted = {i: arranged(folder.members[i].sketch, request) for i in chosen}
+    return replace(exemplars_among(folder, wanted, request.color), ignored=request.ignored)
 
 
 def exemplars_among(

@@ -5,21 +5,21 @@ A phrase: [a sketch of] [a | two | ... six] [tall | wide | ...] [colour] [word .
 """
 
 import difflib
-import re
-import unicodedata
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from diff3ds.library.phrase import (
+from diff3ds.library.phrase import SUGGESTIONS, Request
+from diff3ds.library.vocabulary import (
     COLORS,
     COUNTS,
     IDLE,
-    OPENING,
     PAIRS,
+    SIZES,
     STRETCHES,
-    SUGGESTIONS,
-    Request,
+    parted,
     singulars,
+    stretched,
+    words_of,
 )
 
 # Words that say nothing in a name, and behind the noun of a phrase.
@@ -45,10 +45,11 @@ class Name:
 
 def named(said: str) -> Name | None:
     """The name that a file's or folder's name has: words parted by _ or -, digits at its end dropped; None if none."""
-    words = _words(said)
+    words = [word for word in words_of(said) if word[0].isalnum()]
     while words and (bare := words[-1].rstrip("0123456789")) != words[-1]:
         words = [*words[:-1], bare] if bare else words[:-1]
-    front, behind = _parted(words)
+    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
+    front, behind = words[:split], _behind(words[split:])
     before = (word for word in front[:-1] if word not in FILLERS)
     return Name(front[-1], (*before, *behind), " ".join(words)) if front else None
 
@@ -63,7 +64,7 @@ def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
         ValueError: it is empty, a word is neither in the names nor in the grammar, or nothing there is all of it; says
             the nearest names.
     """
-    front, behind = _parted(OPENING.sub("", " ".join(_words(phrase))).split())
+    front, clauses = parted(phrase)
     if not front:
         raise ValueError(f"{phrase!r} names nothing: say what to draw, such as a {names[0].said}")
     noun = _among(front[-1], {name.noun for name in names})
@@ -78,7 +79,9 @@ def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
     request = Request(noun)
     for word in front[:-1]:
         request = _read(request, word, known, phrase, place)
-    for word in behind:
+    proportions = [word for word in front[:-1] if word in STRETCHES]
+    request = replace(request, stretch=stretched(phrase, proportions, request.attributes))
+    for word in _behind(clauses):
         found = _among(word, known)
         if found is None:
             raise ValueError(_unknown(phrase, word, known or {noun: None}, place))
@@ -107,32 +110,22 @@ def _read(request: Request, word: str, known: Collection[str], phrase: str, plac
         if request.color is not None:
             raise ValueError(f"{phrase!r}: strokes have one colour, got a second one, {word}")
         return replace(request, color=COLORS[word])
-    if word in STRETCHES:
-        (x, y, z), (a, b, c) = request.stretch, STRETCHES[word]
-        return replace(request, stretch=(x * a, y * b, z * c))
-    if word not in IDLE:
-        raise ValueError(_unknown(phrase, word, [*known, *COLORS, *STRETCHES, *COUNTS], place))
+    if word in SIZES:
+        return replace(request, ignored=(*request.ignored, word))
+    if word not in STRETCHES and word not in IDLE:
+        raise ValueError(_unknown(phrase, word, [*known, *COLORS, *STRETCHES, *COUNTS, *SIZES], place))
     return request
 
 
-def _words(text: str) -> list[str]:
-    """Lower case words of any script."""
-    composed = unicodedata.normalize("NFC", text).casefold()
-    return [word for word in re.split(r"[\W_]+", composed) if word]
-
-
-def _parted(words: list[str]) -> tuple[list[str], list[str]]:
-    """Words up to the noun, and what those behind it say: of "with a low back without arms", "low", "back" and
-    "without arms".
-    """
-    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
+def _behind(words: list[str]) -> list[str]:
+    """What words behind the noun say: of "with a low back without arms", "low", "back" and "without arms"."""
     behind, prefix = [], ""
-    for word in words[split:]:
+    for word in words:
         if word in ("with", "without"):
             prefix = "without " if word == "without" else ""
         elif word not in FILLERS:
             behind.append(prefix + word)
-    return words[:split], behind
+    return behind
 
 
 def _among(said: str, known: Collection[str]) -> str | None:

@@ -58,6 +58,8 @@ def recognise_in(folder: SketchFolder, lines: Lines, shows: str | None = None) -
     request = None if shows is None else asked_of(folder.names, shows, str(folder.path))
     if request is not None and request.count != 1:
         raise ValueError(f"{shows!r}: the built-in prior looks for one thing in a picture")
+    if request is not None and request.ignored:
+        raise ValueError(f"{shows!r}: the size is the picture's own: leave words such as big out")
     sketches = _candidates(folder, request)
     wanted = described(lines)
     best = _best_of_nouns(folder, sketches, wanted)

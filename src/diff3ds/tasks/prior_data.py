@@ -16,7 +16,8 @@ from diff3ds.camera import Cameras, orbit
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.small import GROUP, angles, ink
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.phrase import STRETCHES, Request, parse
+from diff3ds.library.phrase import Request, parse
+from diff3ds.library.vocabulary import STRETCHES
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.exemplars import WIDTH, arranged, requested

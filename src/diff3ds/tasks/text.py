@@ -1,6 +1,6 @@
 """A phrase to a 3D sketch: what `diff3ds text` does."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,10 +97,17 @@ def _built_in(
     if about["prior"] == "small":
         small = trained(prior)
         request = small.understood(phrase)
+        _say_ignored(request.ignored, say)
         chosen = Chosen.of_network(small.asked(request), small.about, request.color)
         return run(chosen, about, GUIDANCE, settings, out, report)
     folder = None if prior.library is None else read_sketches(prior.library)
     known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
+    _say_ignored(known.ignored, say)
     if folder is not None:
         say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
     return run(Chosen.of_members(known, folder, settings), about, GUIDANCE, settings, out, report)
+
+
+def _say_ignored(words: Sequence[str], say: Callable[[str], None]) -> None:
+    for word in words:
+        say(f"{word!r} changes nothing: every sketch fills the same ball")

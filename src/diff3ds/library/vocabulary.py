@@ -1,0 +1,92 @@
+"""Words that phrases of any library share: numbers, colours, proportions, sizes; and how a phrase becomes words."""
+
+import itertools
+import re
+import unicodedata
+from collections.abc import Collection, Iterable
+
+NUMBERS = ("one", "two", "three", "four", "five", "six")
+COUNTS = {word: count for count, name in enumerate(NUMBERS, 1) for word in (name, str(count))} | {"couple": 2}
+PAIR = ("pair", "pairs")
+# Things of which a pair is one.
+PAIRS = ("glasses", "scissors")
+# Straight RGB of plain inks on white.
+COLORS = {
+    "black": (0.0, 0.0, 0.0),
+    "gray": (0.5, 0.5, 0.5),
+    "grey": (0.5, 0.5, 0.5),
+    "red": (0.8, 0.1, 0.1),
+    "orange": (0.9, 0.5, 0.1),
+    "yellow": (0.8, 0.7, 0.0),
+    "green": (0.1, 0.6, 0.2),
+    "blue": (0.1, 0.3, 0.8),
+    "purple": (0.5, 0.2, 0.6),
+    "pink": (0.9, 0.4, 0.6),
+    "brown": (0.5, 0.3, 0.1),
+}
+# Factors along x (front to back), y (left to right) and z (up), beyond what members vary by themselves. Empirical.
+STRETCHES = {
+    "tall": (1.0, 1.0, 1.35),
+    "high": (1.0, 1.0, 1.35),
+    "low": (1.0, 1.0, 0.7),
+    "short": (1.0, 1.0, 0.7),
+    "wide": (1.0, 1.35, 1.0),
+    "broad": (1.0, 1.35, 1.0),
+    "narrow": (1.0, 0.7, 1.0),
+    "thin": (0.7, 0.7, 1.0),
+    "long": (1.35, 1.0, 1.0),
+}
+# Understood, but without effect, which is said: every sketch fills the unit ball.
+SIZES = ("big", "large", "huge", "small", "little", "tiny")
+# Words between the others: the two chairs are two.
+IDLE = ("a", "an", "the", "of", "and")
+OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
+_VARIANTS = re.compile("[\ufe00-\ufe0f]")
+
+
+def words_of(text: str) -> list[str]:
+    """Lower case words of any script, without punctuation; hyphens part words; runs of symbols are words too."""
+    composed = _VARIANTS.sub("", unicodedata.normalize("NFKC", text).casefold())
+    return ["".join(run) for kind, run in itertools.groupby(composed, _kind) if kind != "gap"]
+
+
+def _kind(character: str) -> str:
+    """Letters with their marks and digits make words; emoji and characters of no known kind are symbols."""
+    category = unicodedata.category(character)
+    if category[0] in "PZ" or category in ("Cc", "Cf"):
+        return "gap"
+    return "word" if category[0] in "LMN" else "symbol"
+
+
+def parted(phrase: str) -> tuple[list[str], list[str]]:
+    """Words of a phrase up to its noun, and those from "with" or "without" on. "a sketch of" is left out."""
+    words = OPENING.sub("", " ".join(words_of(phrase))).split()
+    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
+    return words[:split], words[split:]
+
+
+def stretched(phrase: str, said: Iterable[str], kinds: Collection[str] = ()) -> tuple[float, float, float]:
+    """Factors along x, y and z of all proportions that a phrase says.
+
+    Args:
+        kinds: proportions that are attributes here, as in "a tall mug", and stretch nothing.
+
+    Raises:
+        ValueError: two are along one axis.
+    """
+    factors = [1.0, 1.0, 1.0]
+    along: dict[int, str] = {}
+    for word in said:
+        for axis in (axis for axis in range(3) if STRETCHES[word][axis] != 1):
+            if axis in along:
+                raise ValueError(f"{phrase!r}: {along[axis]!r} and {word!r} are along one axis: say one of them, once")
+            along[axis] = word
+            factors[axis] = 1.0 if word in kinds else STRETCHES[word][axis]
+    return factors[0], factors[1], factors[2]
+
+
+def singulars(noun: str) -> Iterable[str]:
+    """What a plural may come from: mugs, buses, berries, shelves, snowmen, cacti."""
+    for ending, instead in (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("men", "man"), ("i", "us")):
+        if noun.endswith(ending):
+            yield noun.removesuffix(ending) + instead
