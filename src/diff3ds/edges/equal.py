@@ -1,6 +1,5 @@
 """Radii that are equal as far as the views tell become equal: holes are drilled in series, corners rounded alike."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,10 +10,10 @@ from diff3ds.edges.curves import Curves
 from diff3ds.edges.primitives import Kind, fit_circle
 from diff3ds.edges.simplify import sampled
 
-# A series of radii has no larger gap than this, and from first to last no more than so many gaps. Empirical: twice the
-# scatter of the radii of small holes.
-MOST_GAPS = 3
-GAP = 0.12
+# Scatter of the radii of small holes, pixels. Empirical.
+SCATTER = 0.06
+# Series whose means differ by more than so many times what their scatter makes likely are two.
+DIFFERENT = 2.5
 
 
 def with_equal_circles(curves: Curves, pixel: float) -> Curves:
@@ -26,23 +25,28 @@ def with_equal_circles(curves: Curves, pixel: float) -> Curves:
     circles = [fit_circle(np.concatenate([on[i], on[int(curves.other[i])]])) for i in halves]
     known = [(i, circle) for i, circle in zip(halves, circles, strict=True) if circle is not None]
     points = curves.constrained(curves.points)[0].double()
-    for (i, circle), radius in zip(known, agreed([c.radius for _, c in known], GAP * pixel), strict=True):
+    for (i, circle), radius in zip(known, agreed([c.radius for _, c in known], SCATTER * pixel), strict=True):
         center = torch.from_numpy(circle.center)
         rows = [i, int(curves.other[i])]
         points[rows] = center + radius / circle.radius * (points[rows] - center)
     return replace(curves, points=points.to(curves.points.dtype))
 
 
-def agreed(radii: Sequence[float], gap: float) -> list[float]:
-    """Each radius, or the mean of the series that it belongs to."""
-    if not radii:
-        return []
+def agreed(radii: Sequence[float], scatter: float) -> list[float]:
+    """Each radius, or the mean of the series that it belongs to: neighbours join, the likeliest to be equal first."""
     order = np.argsort(radii, kind="stable")
-    series = [[int(order[0])]]
-    for before, i in itertools.pairwise(order):
-        if radii[i] - radii[before] > gap or radii[i] - radii[series[-1][0]] > MOST_GAPS * gap:
-            series.append([])
-        series[-1].append(int(i))
+    series = [[int(i)] for i in order]
+
+    def apart(k: int) -> float:
+        one, other = series[k], series[k + 1]
+        gap = np.mean([radii[i] for i in other]) - np.mean([radii[i] for i in one])
+        return float(gap / (scatter * np.sqrt(1 / len(one) + 1 / len(other))))
+
+    while len(series) > 1:
+        k = min(range(len(series) - 1), key=apart)
+        if apart(k) > DIFFERENT:
+            break
+        series[k : k + 2] = [series[k] + series[k + 1]]
     found = list(radii)
     for members in series:
         for i in members:

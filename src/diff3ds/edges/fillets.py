@@ -26,8 +26,8 @@ ROUNDS = 12
 ARC_PARTS = 3
 # Spacing of samples for distances, pixels.
 DENSE = 0.2
-# Radii of one series lie at most so far apart, pixels: twice their scatter.
-GAP = 0.2
+# Scatter of the radii of rounded corners, pixels. Empirical.
+SCATTER = 0.12
 # Lengths of a fillet's tangents to try, in parts of the longer way from the lines' common point to where they end.
 GUESSES = np.linspace(0.3, 1.3, 51)
 
@@ -80,7 +80,7 @@ def _alike(
     """The tangents' lengths for which nearly equal radii are equal."""
     halves = [np.arccos(np.clip(np.dot(*_ways(points, fillet)), -1, 1)) / 2 for fillet in fillets]
     known = [k for k, length in enumerate(lengths) if length is not None]
-    radii = agreed([float(lengths[k] * np.tan(halves[k])) for k in known], GAP * pixel)
+    radii = agreed([float(lengths[k] * np.tan(halves[k])) for k in known], SCATTER * pixel)
     found = list(lengths)
     for k, radius in zip(known, radii, strict=True):
         found[k] = radius / float(np.tan(halves[k]))
