@@ -114,6 +114,9 @@ def test_a_single_file_without_words_says_where_they_are(single, tmp_path, monke
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
     with pytest.raises(FileNotFoundError, match=r"sd-v2.1-base-4view.safetensors is a single file, .* fetch stable"):
         load_mvdream("a cat", source=Source(str(single[0] / "sd-v2.1-base-4view.safetensors")), device="cpu")
+    # Of what is not read at all, that is said first.
+    with pytest.raises(ValueError, match="not safetensors but a pickle"):
+        load_mvdream("a cat", source=Source(str(single[0] / "sd-v2.1-base-4view.pt")), device="cpu")
 
 
 def test_a_pickle_must_be_trusted_by_name(single, folders, noisy):

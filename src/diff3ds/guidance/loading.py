@@ -3,6 +3,7 @@
 Only safetensors are read; the one exception is a single file that the user trusts by name (`Source.trust_pickle`).
 """
 
+import pickle
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -103,13 +104,18 @@ def read_tensors(path: Path, trust_pickle: bool = False) -> dict[str, Tensor]:
             return safetensors.torch.load_file(path)
         except safetensors.SafetensorError as error:
             raise ValueError(f"{path}: not a safetensors file ({error})") from error
-    if not trust_pickle:
+    require_trust(path, trust_pickle)
+    return unpickle(path)
+
+
+def require_trust(path: Path, trust_pickle: bool) -> None:
+    """Raises ValueError if a file is a pickle that is not trusted; before anything is read of it."""
+    if path.suffix != ".safetensors" and not trust_pickle:
         raise ValueError(
             f"{path} is not safetensors but a pickle, which can run code of whoever made it as you. Only tensors would "
             "be unpickled (torch's weights_only), which makes that hard, not impossible. If you trust where this file "
             "comes from: --allow-pickle"
         )
-    return unpickle(path)
 
 
 def unpickle(path: Path) -> dict[str, Tensor]:
@@ -120,8 +126,15 @@ def unpickle(path: Path) -> dict[str, Tensor]:
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        # torch's own words are how to run the code.
+        raise ValueError(
+            f"{path}: not a file of tensors alone: it holds something else, such as code, or is damaged. Nothing was "
+            "read. Look for a copy as safetensors"
+        ) from error
     except Exception as error:  # whatever a foreign file makes the reader stumble over
-        raise ValueError(f"{path}: not a file of tensors alone ({str(error).splitlines()[0]})") from error
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ValueError(f"{path}: not a file of tensors alone, or damaged ({said})") from error
     content = content.get("state_dict", content) if isinstance(content, dict) else None
     if not content or not all(isinstance(k, str) and isinstance(v, Tensor) for k, v in content.items()):
         raise ValueError(f"{path}: expected a dictionary of tensors")

@@ -20,7 +20,7 @@ from diff3ds.guidance.latent import (
     read_schedule,
     vae_dtype,
 )
-from diff3ds.guidance.loading import load_tensors, read_tensors
+from diff3ds.guidance.loading import load_tensors, read_tensors, require_trust
 from diff3ds.guidance.multiview_attention import check_joined, join_views
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.weights import Checkpoint, Source, find
@@ -145,6 +145,8 @@ def load_mvdream(
     checkpoint, place = find("mvdream", source), pick_device(device)
     dtype = pick_dtype(precision, place)
     single = checkpoint.path.is_file()
+    if single:
+        require_trust(checkpoint.path, checkpoint.trust_pickle)
     words = find_words(checkpoint, text_source)
     schedule = NoiseSchedule.scaled_linear()
     if not single:
