@@ -138,14 +138,17 @@ SHAPES: dict[str, list[Points]] = {
 }  # fmt: skip
 
 
-def shape_drawing(name: str, chance: np.random.Generator) -> torch.Tensor:
-    """A picture (512, 512, 3) of a shape: turned by some degrees, stretched by up to a fifth, drawn by a shaky hand."""
-    turn, wide, shake = math.radians(chance.normal(0, 4)), 1 + chance.uniform(-0.2, 0.2), chance.uniform(0, 0.02)
+def shape_drawing(name: str, chance: np.random.Generator | None) -> torch.Tensor:
+    """A picture (512, 512, 3) of a shape: as it is, or turned by some degrees, stretched, drawn by a shaky hand."""
+    turn, wide, shake = 0.0, 1.0, 0.0
+    if chance is not None:
+        turn, wide, shake = math.radians(chance.normal(0, 4)), 1 + chance.uniform(-0.2, 0.2), chance.uniform(0, 0.005)
     matrix = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ np.diag([wide, 1.0])
     picture = Image.new("L", (SIZE, SIZE), 255)
     pen = ImageDraw.Draw(picture)
     for path in SHAPES[name]:
-        slow = np.cumsum(chance.normal(0, shake / 4, path.shape), axis=0)
-        moved = (path @ matrix.T + slow) * SIZE * 0.33 + SIZE / 2
+        # Errors of a hand add up along the line.
+        shaken = 0.0 if chance is None else np.cumsum(chance.normal(0, shake, path.shape), axis=0)
+        moved = (path @ matrix.T + shaken) * SIZE * 0.33 + SIZE / 2
         pen.line([tuple(p) for p in moved], 0, round(DEFAULT_WIDTH * SIZE), joint="curve")
     return torch.from_numpy(np.array(picture)).float()[..., None].repeat(1, 1, 3) / 255

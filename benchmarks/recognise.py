@@ -130,6 +130,11 @@ def solids(each: int, condition: str, first_seed: int = FIRST_SEED) -> Iterator[
             yield Shown(name, attributes, azimuth, elevation, sketch, picture)
 
 
+def pictures_of(condition: str, each: int, first_seed: int = FIRST_SEED) -> Iterator[Shown]:
+    """Those of a condition."""
+    return (solids if condition in HIDDEN else things)(each, condition, first_seed)
+
+
 def lines_in(picture: torch.Tensor) -> Lines:
     """As `diff3ds image` reads a file."""
     with tempfile.TemporaryDirectory() as folder:
@@ -164,7 +169,7 @@ def recognised(chosen: argparse.Namespace) -> dict[str, Any]:
     figures: dict[str, Any] = {"seconds_of_the_tables": time.perf_counter() - begun, "conditions": {}}
     for condition in (*CONDITIONS, *HIDDEN):
         rows, begun = [], time.perf_counter()
-        for shown in (solids if condition in HIDDEN else things)(chosen.each, condition):
+        for shown in pictures_of(condition, chosen.each):
             found = recognise(lines_in(shown.picture))
             right = found.category == shown.category
             near, same = pose_found(shown, found)
@@ -190,7 +195,8 @@ def shapes_taken(each: int) -> dict[str, Any]:
     """Shapes that are no thing: how many of each are taken for one, and for which."""
     chance, figures = np.random.default_rng(FIRST_SEED), {}
     for name in SHAPES:
-        found = [recognise(lines_in(shape_drawing(name, chance))) for _ in range(each)]
+        drawn = [shape_drawing(name, how) for how in (None, *[chance] * (each - 1))]
+        found = [recognise(lines_in(picture)) for picture in drawn]
         taken = [f"{one.category} ({one.confidence:.2f})" for one in found if one.confidence >= THRESHOLD]
         figures[name] = {"of": each, "taken_for": taken}
     show("Shapes that are no thing", ("shape", "taken for", "of"),
@@ -285,35 +291,40 @@ def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
 
 
 def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
-    """Fits the logistic function of confidence; every picture counts twice, once with its category left out."""
+    """Fits the logistic function of confidence: pictures count twice, once with their category left out, shapes once."""
     rows = []
-    for condition in CONDITIONS:
-        for shown in things(chosen.each, condition, FIRST_SEED * 2):
-            found = matches(described(lines_in(shown.picture)))
-            for left_out in (False, True):
-                left = {n: m.score for n, m in found.items() if not (left_out and n == shown.category)}
-                (name, best), (_, second) = sorted(left.items(), key=lambda pair: -pair[1])[:2]
-                rows.append((best, best - second, name == shown.category, left_out))
-    features, right = np.array([row[:2] for row in rows]), np.array([row[2] for row in rows])
-    left_out = np.array([row[3] for row in rows])
+    for condition in (*CONDITIONS, *HIDDEN):
+        for shown in pictures_of(condition, chosen.each, FIRST_SEED * 2):
+            lines = lines_in(shown.picture)
+            found = matches(described(lines))
+            left = {name: match for name, match in found.items() if name != shown.category}
+            name, known = best_of(lines, found)
+            rows += [(*known, name == shown.category, "known"), (*best_of(lines, left)[1], False, "left_out")]
+    chance = np.random.default_rng(FIRST_SEED * 2)
+    for name in list(SHAPES)[: len(SHAPES) // 2]:
+        for how in (None, *[chance] * (2 * chosen.each - 1)):
+            lines = lines_in(shape_drawing(name, how))
+            rows.append((*best_of(lines, matches(described(lines)))[1], False, "shape"))
+    features, right = np.array([row[:3] for row in rows]), np.array([row[3] for row in rows])
     factors, offset = fitted_logistic(features, right)
     sure = 1 / (1 + np.exp(-(features @ factors + offset)))
-    taken = sure >= THRESHOLD
     bins = [(low / 10, (sure >= low / 10) & (sure < low / 10 + 0.1)) for low in range(10)]
     table = [(f"{low:.1f} to {low + 0.1:.1f}", int(i.sum()), float(right[i].mean())) for low, i in bins if i.any()]
     show("Confidence and what was right", ("confidence", "pictures", "right"), table)
-    figures = {
-        "of_score": factors[0],
-        "of_lead": factors[1],
-        "offset": offset,
-        "pictures": len(rows),
-        "known_taken_and_right": float((taken & right)[~left_out].mean()),
-        "known_taken_and_wrong": float((taken & ~right)[~left_out].mean()),
-        "left_out_taken": float(taken[left_out].mean()),
-        "right_by_confidence": table,
-    }
-    show("Confidence", ("figure", "value"), [(k, v) for k, v in figures.items() if k != "right_by_confidence"])
-    return figures
+    figures: dict[str, Any] = {"of_score": factors[0], "of_lead": factors[1], "of_gap": factors[2], "offset": offset}
+    for group in ("known", "left_out", "shape"):
+        of_group = np.array([row[4] == group for row in rows])
+        taken = (sure >= THRESHOLD)[of_group]
+        figures[group] = {"pictures": len(taken), "taken": float(taken.mean()),
+                          "taken_and_wrong": float((taken & ~right[of_group]).mean())}  # fmt: skip
+    show("Confidence", ("figure", "value"), list(figures.items()))
+    return {**figures, "right_by_confidence": table}
+
+
+def best_of(lines: Lines, found: dict[str, recogniser.Match]) -> tuple[str, tuple[float, float, float]]:
+    """The best category, and what confidence is a function of: its score, its lead, and how far its lines lie."""
+    (name, best), (_, second) = sorted(found.items(), key=lambda pair: -pair[1].score)[:2]
+    return name, (best.score, best.score - second.score, recogniser.gap_to(lines, name, best))
 
 
 def fitted_logistic(features: np.ndarray, right: np.ndarray) -> tuple[list[float], float]:
@@ -325,8 +336,8 @@ def fitted_logistic(features: np.ndarray, right: np.ndarray) -> tuple[list[float
         along = basis @ parameters
         return float((np.logaddexp(0, along) - right * along).sum())
 
-    found = minimize(loss, np.zeros(3)).x
-    return (found[:2] / scale).tolist(), float(found[2])
+    found = minimize(loss, np.zeros(features.shape[1] + 1)).x
+    return (found[:-1] / scale).tolist(), float(found[-1])
 
 
 def main() -> None:

@@ -26,6 +26,7 @@ from diff3ds.tasks.recognise import (
     confidence,
     described,
     descriptors,
+    gap,
     pieces,
 )
 from diff3ds.tasks.sketch_folder import SketchFolder
@@ -64,14 +65,15 @@ def recognise_in(folder: SketchFolder, lines: Lines, shows: str | None = None) -
     wanted = described(lines)
     best = _best_of_nouns(folder, sketches, wanted)
     scores = [(noun, seen.score) for noun, seen in best.items()]
-    sure = 1.0 if len(best) == 1 else confidence(scores[0][1], scores[1][1])
+    noun, seen = next(iter(best.items()))
+    away = gap(lines, sketches[seen.member], cameras_at([seen.pose]))
+    sure = 1.0 if len(best) == 1 else confidence(seen.score, scores[1][1], away)
     if sure < LEAST_CONFIDENCE:
         raise ValueError(
             f"the {lines.kind} is not recognised: of what {folder.path} has it is most like "
             f"{', '.join(f'{one} ({score:.2f})' for one, score in scores[:SUGGESTIONS])}, but may be none of them. "
             f'If it shows one of them, say so: --shows "{scores[0][0]}"'
         )
-    noun, seen = next(iter(best.items()))
     name = folder.names[seen.member]
     found = Recognised(noun, name.words, *seen.pose, sure, tuple(scores[:SUGGESTIONS]), name.said)
     of_noun = {i: sketch for i, sketch in sketches.items() if folder.names[i].noun == noun}
