@@ -291,7 +291,7 @@ def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
 
 
 def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
-    """Fits the logistic function of confidence: pictures count twice, once with their category left out, shapes once."""
+    """Fits the logistic function of confidence: things count twice, once with their category left out; shapes once."""
     rows = []
     for condition in (*CONDITIONS, *HIDDEN):
         for shown in pictures_of(condition, chosen.each, FIRST_SEED * 2):

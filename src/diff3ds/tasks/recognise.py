@@ -136,8 +136,8 @@ def gap_to(lines: Lines, category: str, match: Match) -> float:
 def gap(lines: Lines, sketch: Sketch, cameras: Cameras) -> float:
     """How far a sketch's lines, as a camera sees them, lie from a picture's: the mean distance both ways.
 
-    In lengths of the longer side of their boxes. Scores forgive what is missing: a bare circle is more like a clock than
-    like anything else, but hands and ticks lie far from it.
+    In lengths of the longer side of their boxes. Scores forgive what is missing: a bare circle is more like a clock
+    than like anything else, but hands and ticks lie far from it.
     """
     from scipy.spatial import cKDTree
 
