@@ -1,4 +1,4 @@
-// The kernels of the backward pass of Monte Carlo antialiasing, in the order of their launch.
+// The kernels of the backward pass of Monte Carlo antialiasing that go through fragments: at the samples, and at the points on outlines.
 #include "entry.cuh"
 #include "outline.cuh"
 #include "shade.cuh"
@@ -6,19 +6,6 @@
 namespace stroke {
 KERNEL(differentiate_samples, 256) { differentiate_tile<false, false, true>(J); }
 KERNEL(differentiate_samples_depth, 256) { differentiate_tile<false, true, true>(J); }
-// Where the drawing found no room its pieces know no chords.
-KERNEL(count_outlines, 128) {
-  if (fits(J, FRAGMENTS)) each_thread(length_of(J, PIECES), [&](u32 i) { count_outline(J, i); });
-}
-KERNEL(place_outlines, 1024) { total(J, OUTLINE, J.outline_first, fits(J, FRAGMENTS) ? length_of(J, PIECES) : 0); }
-KERNEL(write_outlines, 128) {
-  if (fits(J, OUTLINE)) each_warp(length_of(J, PIECES), [&](u32 i) { sample_outline(J, i); });
-}
-KERNEL(place_outline_tiles, 1024) { add_up(J.outline_tile_first, tile_count(J)); }
-KERNEL(scatter_outlines, 128) { each_thread(length_of(J, OUTLINE), [&](u32 i) { scatter_outline(J, i); }); }
 KERNEL(value_outlines_image, 256) { value_outline<false>(J); }
 KERNEL(value_outlines_world, 256) { value_outline<true>(J); }
-KERNEL(sum_outlines, 128) {
-  if (fits(J, OUTLINE)) each_warp(length_of(J, PIECES), [&](u32 i) { sum_outline(J, i); });
-}
 }  // namespace stroke

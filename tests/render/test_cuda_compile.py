@@ -50,7 +50,7 @@ def test_code_is_compiled_once(compiler):
 
 def test_code_is_kept_by_what_it_hangs_on(compiler, monkeypatch):
     """Part, precision and architecture; the sources; the options and the versions of what compiles."""
-    for case in (("draw", "float", "sm_90"), ("strokes", "float", "sm_90"), ("draw", "double", "sm_90")):
+    for case in (("draw", "float", "sm_90"), ("pieces", "float", "sm_90"), ("draw", "double", "sm_90")):
         compiling.compiled(*case)
     compiling.compiled("draw", "float", "sm_100")
     assert len(compiler) == 4

@@ -1,9 +1,11 @@
 // The CUDA kernels as a library for the CPU: -DREAL=float or double, -DSTROKE_EMULATE, include path csrc/cuda.
 #include "emulate.h"
-#include "strokes.cu"
+#include "pieces.cu"
+#include "chords.cu"
 #include "draw.cu"
 #include "differentiate.cu"
 #include "samples.cu"
+#include "outlines.cu"
 
 using stroke::Job;
 using Kernel = void (*)(Job);

@@ -2,6 +2,8 @@
 
 import hashlib
 import os
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
@@ -11,10 +13,32 @@ from diff3ds.render.cuda.sources import PARTS, source_digest, source_folder
 
 # Strokes are walked through twice, to count and to write, and both must come to the same to the bit: a product is
 # rounded before it is added to, wherever the compiler meets it.
-OPTIONS = {part: {"std": "c++20", "fma": part != "strokes"} for part in PARTS}
+WALKS = ("pieces", "chords")
+OPTIONS = {part: {"std": "c++20", "fma": part not in WALKS} for part in PARTS}
 
 # Bytes of a digest.
 DIGEST = 32
+
+
+class Codes:
+    """The parts for one precision and architecture, compiled by threads before they are needed."""
+
+    def __init__(self, real: str, arch: str) -> None:
+        self._kind = (real, arch)
+        self._codes: dict[str, Future[bytes]] = {}
+
+    def begin(self, parts: Sequence[str]) -> None:
+        """Those that have not begun begin now, all at once: the first one's kernels do not wait for the last one."""
+        new = [part for part in parts if part not in self._codes]
+        if new:
+            pool = ThreadPoolExecutor(len(new), thread_name_prefix="diff3ds-compile")
+            self._codes |= {part: pool.submit(compiled, part, *self._kind) for part in new}
+            pool.shutdown(wait=False)
+
+    def of(self, part: str) -> bytes:
+        """The cubin of a part, once it is compiled."""
+        self.begin([part])
+        return self._codes[part].result()
 
 
 def cache_folder() -> Path:

@@ -1,15 +1,14 @@
 """A GPU that runs the kernels: on torch's current stream, in torch's context of that GPU."""
 
 import ctypes
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import torch
 
 from diff3ds._shapes import Int, Tensor
-from diff3ds.render.cuda.compile import compiled
+from diff3ds.render.cuda.compile import Codes
 from diff3ds.render.cuda.job import Job
-from diff3ds.render.cuda.sources import PARTS, kernels
+from diff3ds.render.cuda.sources import DRAWING, MONTE_CARLO, kernels
 
 # Blocks of kernels over lists, for every processor of the GPU: enough to hide the latency of memory (empirical).
 BLOCKS_PER_PROCESSOR = 8
@@ -21,12 +20,9 @@ class Gpu:
     def __init__(self, device: torch.device, real: str) -> None:
         self._device = device
         properties = torch.cuda.get_device_properties(device)
-        self._arch = f"sm_{properties.major}{properties.minor}"
         self.strides: int = BLOCKS_PER_PROCESSOR * properties.multi_processor_count
-        # All parts at once: the first kernel does not wait for the last one's compilation.
-        pool = ThreadPoolExecutor(len(PARTS), thread_name_prefix="diff3ds-compile")
-        self._codes = {part: pool.submit(compiled, part, real, self._arch) for part in PARTS}
-        pool.shutdown(wait=False)
+        self._codes = Codes(real, f"sm_{properties.major}{properties.minor}")
+        self._codes.begin(DRAWING)
         self._parts: dict[str, Any] = {}
         self._kernels: dict[str, Any] = {}
 
@@ -39,7 +35,7 @@ class Gpu:
         from cuda.bindings import driver
 
         with torch.cuda.device(self._device):
-            kernel = self._kernels.get(name) or self._load(name)
+            kernel = self._kernels.get(name) or self._load(name, job)
             stream = torch.cuda.current_stream(self._device).cuda_stream or driver.CU_STREAM_LEGACY
             # The driver copies the job before it returns.
             arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
@@ -48,18 +44,21 @@ class Gpu:
             )
         self._checked(started, name)
 
-    def _load(self, name: str) -> Any:
+    def _load(self, name: str, job: Job) -> Any:
         """By the driver itself, not by cuda-core: its import alone takes longer than all of a later process may."""
         from cuda.bindings import driver
 
         part = kernels()[name].part
+        if job.strata and job.save:
+            # The backward pass will need them.
+            self._codes.begin(MONTE_CARLO)
         # Loading takes memory, which a capture forbids its thread to do unless it says that it knows.
         relaxed = driver.CUstreamCaptureMode.CU_STREAM_CAPTURE_MODE_RELAXED
         before = self._checked(driver.cuThreadExchangeStreamCaptureMode(relaxed), "capture mode")
         try:
             if part not in self._parts:
                 # torch's context is current: its allocations came first.
-                code = self._codes[part].result()
+                code = self._codes.of(part)
                 self._parts[part] = self._checked(driver.cuLibraryLoadData(code, [], [], 0, [], [], 0), part)
             kernel = self._checked(driver.cuLibraryGetKernel(self._parts[part], name.encode()), name)
             # Now, not at the first launch.

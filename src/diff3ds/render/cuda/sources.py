@@ -6,8 +6,10 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-# Files in csrc/cuda, compiled apart from each other: each when a kernel of it is first needed.
-PARTS = ("strokes", "draw", "differentiate", "samples")
+# Files in csrc/cuda, compiled apart from each other: those that every drawing needs, and those of Monte Carlo alone.
+DRAWING = ("pieces", "chords", "draw", "differentiate")
+MONTE_CARLO = ("samples", "outlines")
+PARTS = DRAWING + MONTE_CARLO
 SUFFIXES = (".cu", ".cuh", ".h")
 
 

@@ -1,14 +1,9 @@
-// The first kernels of the forward pass, in the order of their launch: strokes to pieces, chords and tiles.
+// The next kernels of the forward pass, in the order of their launch: pieces to chords, and chords to tiles.
 #include "bin.cuh"
 #include "cut.cuh"
 #include "entry.cuh"
 
 namespace stroke {
-KERNEL(count_pieces, 128) { each_thread(stroke_count(J), [&](u32 i) { cut_stroke<false>(J, i); }); }
-KERNEL(place_pieces, 1024) { total(J, PIECES, J.piece_first, stroke_count(J)); }
-KERNEL(write_pieces, 128) {
-  if (fits(J, PIECES)) each_thread(stroke_count(J), [&](u32 i) { cut_stroke<true>(J, i); });
-}
 KERNEL(count_chords, 128) { each_warp(length_of(J, PIECES), [&](u32 i) { cut_piece<false>(J, i); }); }
 KERNEL(place_chords, 1024) { total(J, CHORDS, J.chord_first, length_of(J, PIECES)); }
 KERNEL(write_chords, 128) {
