@@ -218,7 +218,7 @@ def sketches(chosen: argparse.Namespace) -> dict[str, Any]:
             made = [row for row in rows.values() if row]
             means = {name: sum(row[name] for row in made) / len(made) for name in made[0]}
             figures[f"{condition}, weight {weight:g}"] = {"refused": len(rows) - len(made), "mean": means, **rows}
-    columns = ("F5", "F2", "chamfer_percent", "view_error", "view_F5", "seconds", "strokes")
+    columns = ("F5", "F2", "chamfer_percent", "view_error", "view_F5", "view_chamfer_percent", "seconds", "strokes")
     show("Sketches of pictures", ("pictures", "refused", *columns),
          [(name, row["refused"], *(row["mean"][c] for c in columns)) for name, row in figures.items()])  # fmt: skip
     if chosen.keep:
@@ -277,9 +277,9 @@ def sketched(shown: Shown, weight: float, keep: Path | None) -> dict[str, float]
     camera = ds.orbit(shown.azimuth, shown.elevation, DISTANCE, size=SIZE // 4)
     seen = [ds.render(one, camera).color for one in (sketch, shown.sketch)]
     error = float((seen[0] - seen[1]).square().mean().sqrt())
-    flat = [seen_flat(one, camera) for one in (sketch, shown.sketch)]
-    return {**scores(sketch, shown.sketch), "view_error": error, "view_F5": scores(*flat)["F5"],
-            "seconds": seconds, "strokes": len(sketch)}  # fmt: skip
+    flat = scores(*(seen_flat(one, camera) for one in (sketch, shown.sketch)))
+    return {**scores(sketch, shown.sketch), "view_error": error, "view_F5": flat["F5"],
+            "view_chamfer_percent": flat["chamfer_percent"], "seconds": seconds, "strokes": len(sketch)}  # fmt: skip
 
 
 def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
