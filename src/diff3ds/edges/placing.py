@@ -17,7 +17,7 @@ from diff3ds.edges.ridges import Array
 from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
 
 # Less of an arc does not fix its circle; a circle that moves farther, pixels, was another one. Empirical.
-LEAST_SWEEP, MOST_MOVE = np.deg2rad(100.0), 1.5
+LEAST_SWEEP, MOST_MOVE = np.deg2rad(80.0), 1.5
 # Shorter lines turn too freely, pixels. Empirical.
 LEAST_LINE = 6.0
 # How often it is looked again which views show an arc, as it moves.
