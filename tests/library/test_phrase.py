@@ -4,9 +4,12 @@ import re
 
 import pytest
 
+from diff3ds.guidance.small import read_network
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import COLORS, STRETCHES
+from diff3ds.tasks.prior_data import words
+from diff3ds.tasks.small_prior import SHIPPED
 
 
 @pytest.mark.parametrize("name", CATEGORIES)
@@ -17,6 +20,22 @@ def test_every_caption_of_the_library_is_understood(name):
             found = parse(caption)
             assert (found.category, found.attributes) == (name, attributes), caption
             assert found.count == 1
+
+
+@pytest.mark.parametrize("name", [name for name, category in CATEGORIES.items() if category.parts])
+def test_parts_go_with_every_caption_and_change_nothing(name):
+    category = CATEGORIES[name]
+    for attributes in category.combinations():
+        caption = category.captions(attributes)[0]
+        for part in category.parts:
+            assert parse(f"{caption} with {part}") == parse(caption)
+    with pytest.raises(ValueError, match=f"every {name} of the library has"):
+        parse(f"{category.captions()[0]} without {category.parts[0]}")
+
+
+def test_the_words_of_the_network_in_the_package_are_those_of_the_library():
+    """New ways to say something change none of them."""
+    assert read_network(SHIPPED)[1].words == words()
 
 
 @pytest.mark.parametrize(
@@ -34,6 +53,29 @@ def test_every_caption_of_the_library_is_understood(name):
         ("a high backed chair", Request("chair", ("high back",))),
         ("four buses", Request("bus", count=4)),
         ("a small house with chimney", Request("house", ("chimney",), ignored=("small",))),
+        ("2 mugs", Request("mug", count=2)),
+        ("a couple of mugs", Request("mug", count=2)),
+        ("two pairs of chairs", Request("chair", count=4)),
+        ("two pairs of glasses", Request("glasses", count=2)),
+        ("three snowmen", Request("snowman", count=3)),
+        ("three cacti", Request("cactus", count=3)),
+        ("glasses", Request("glasses")),
+        ("a chair in red", Request("chair", color=COLORS["red"])),
+        ("two mugs in blue with steam", Request("mug", ("steam",), 2, COLORS["blue"])),
+        ("a tall and narrow lamp", Request("lamp", stretch=(1.0, 0.7, 1.35))),
+        ("a chair with armrest", Request("chair", ("armrests",))),
+        ("a chair with no back", Request("chair", ("stool",))),
+        ("a chair with a back", Request("chair")),
+        ("a rocking chair without armrests", Request("chair", ("rocking",))),
+        ("a high-back chair", Request("chair", ("high back",))),
+        ("a candle with a flame", Request("candle")),
+        ("a tree with leaves", Request("tree")),
+        ("a car with four wheels", Request("car")),
+        ("a sail boat", Request("sailing boat")),
+        ("a sailing ship with a mast and a flag", Request("sailing boat", ("flag",))),
+        ("a wine bottle", Request("bottle")),
+        ("a coffee cup", Request("mug")),
+        ("a dining table", Request("table")),
         ("a long, tall car", Request("car", stretch=(1.35, 1.0, 1.35))),
         ("a pair of scissors", Request("scissors")),
         ("a pair of chairs", Request("chair", count=2)),
@@ -98,6 +140,8 @@ def test_proportions_are_said_once_along_an_axis(phrase):
         ("", "the phrase is empty"),
         (" ... ", "the phrase is empty"),
         ("椅子", "does not know '椅子'; it draws airplane"),
+        ("two tall red", "names nothing"),
+        ("with armrests", "names nothing"),
         ("a chair with", "nothing follows 'with'"),
         ("a chair with armrests and", "nothing follows 'and'"),
         ("a chiar", r"does not know 'chiar'; the nearest that it knows: .*chair.* MVDream"),
@@ -110,8 +154,37 @@ def test_proportions_are_said_once_along_an_axis(phrase):
         ("one two chairs", "got a second one, two"),
         ("a pair of two chairs", "got a second one, two"),
         ("a stool with armrests", "no chair is all of this at once"),
-        ("a chair table", "does not know 'chair'"),
-        ("with armrests", "does not know"),
+        ("two couple of chairs", "got a second one, couple"),
+        ("a pair of pairs of chairs", "got a second one, pairs"),
+        ("7 chairs", "it draws one to six things, got 7"),
+        ("0 chairs", "it draws one to six things, got 0"),
+        ("four pairs of chairs", "8 things are too many"),
+        ("chairs", "say how many: two chairs, or one"),
+        (
+            "several chairs",
+            "does not know 'several'; what it knows of a chair: with armrests, .*: black.*to six",
+        ),
+        (
+            "an old car",
+            "does not know 'old'; what it knows of a car: with an open top, .*with wheels, .*: black",
+        ),
+        ("a car with feathers", "does not know 'with feathers'; what it knows of a car: with an open top"),
+        ("a chair that is comfortable", "does not know 'comfortable'; what it knows of a chair"),
+        ("a rokcing chair", "does not know 'rokcing'; the nearest that it knows: rocking"),
+        ("a mug with a sauser", "does not know 'with a sauser'; the nearest that it knows: with a saucer"),
+        ("a mug, tall", "put 'tall' before 'mug'"),
+        ("a mug that is red", "put 'red' before 'mug'"),
+        ("a clock, square", "put 'square' before 'clock'"),
+        ("a chair with red armrests", "put 'red' before 'chair': it is of the whole thing"),
+        ("a chair with armrests in red", "put 'red' before 'chair'"),
+        ("a chair with armrests and rocking", "put 'rocking' before 'chair'"),
+        ("a chair table", "one kind of thing at a time, and 'chair' and 'table' are two"),
+        ("a chair and two tables", "'chair' and 'tables' are two"),
+        ("a chair on a table", "'chair' and 'table' are two"),
+        ("a house with a tree", "'tree' and 'house' are two"),
+        ("an armchair without armrests", "contradicts itself: armrests"),
+        ("an unlit candle with a flame", "contradicts itself: unlit"),
+        ("a stool with a back", "contradicts itself: stool"),
     ],
 )
 def test_what_is_not_understood_is_said(phrase, message):

@@ -13,6 +13,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.library import member
+from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS, STRETCHES
 from diff3ds.tasks import sketch_folder
 from diff3ds.tasks.exemplars import exemplars_in
@@ -56,6 +57,8 @@ NAMES = [
     ),
     ("chair_without_arms", Name("chair", ("without arms",), "chair without arms")),
     ("a_mug", Name("mug", (), "a mug")),
+    ("woman_in_red_2", Name("woman", ("red",), "woman in red")),
+    ("cat_🐱", Name("cat", (), "cat")),
     # Composed or not, as file systems have it.
     ("gru\u0308ner_stuhl_1", Name("stuhl", ("grüner",), "grüner stuhl")),
 ]
@@ -103,6 +106,8 @@ def test_counts_colours_and_proportions_of_a_phrase():
     assert asked_of(THERE, "a red lamp", "here").color is None
     assert asked_of(THERE, "a red chair", "here").color == COLORS["red"]
     assert asked_of(THERE, "a small chair", "here").ignored == ("small",)
+    assert asked_of(THERE, "2 chairs in blue", "here") == Request("chair", count=2, color=COLORS["blue"])
+    assert asked_of(THERE, "a chair with no back", "here").attributes == ("without back",)
 
 
 @pytest.mark.parametrize(
@@ -118,6 +123,10 @@ def test_counts_colours_and_proportions_of_a_phrase():
         ("a shelf with doors", "named 'doors'; it has shelf"),
         ("a blue red chair", "one colour"),
         ("two three chairs", "one number of things"),
+        ("chairs", "say how many: two chairs, or one"),
+        ("four pairs of chairs", "8 things are too many"),
+        ("a chair, tall", "put 'tall' before what it is of"),
+        ("a chair and a lamp", "one kind of thing at a time, and 'chair' and 'lamp' are two"),
         ("a new chair", "named 'new'"),
         ("a chair 🐱", "named '🐱'"),
         ("a tall short chair", "'tall' and 'short' are along one axis"),

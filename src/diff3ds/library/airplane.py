@@ -65,4 +65,8 @@ CATEGORY = Category(
         Attribute("two wings", ("with two pairs of wings",), nouns=("biplane",), excludes=("jets",)),
         Attribute("jets", ("with jet engines", "jet"), nouns=("jet",)),
     ),
+    parts=(
+        "wings",
+        "a tail",
+    ),
 )

@@ -49,4 +49,5 @@ CATEGORY = Category(
         Attribute("flame", ("with a flame",)),
         Attribute("flag", ("with a flag",)),
     ),
+    parts=("a basket",),
 )

@@ -50,4 +50,5 @@ CATEGORY = Category(
         Attribute("bunk", ("with two bunks",), nouns=("bunk bed",), excludes=("footboard",)),
         Attribute("footboard", ("with a footboard",)),
     ),
+    parts=("pillows",),
 )

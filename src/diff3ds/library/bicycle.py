@@ -60,5 +60,9 @@ CATEGORY = Category(
         Attribute("spokes", ("with spokes",)),
         Attribute("one wheel", ("with one wheel",), nouns=("unicycle",)),
     ),
+    parts=(
+        "pedals",
+        "a saddle",
+    ),
     mirror=None,
 )

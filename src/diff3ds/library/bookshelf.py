@@ -49,5 +49,6 @@ CATEGORY = Category(
         Attribute("low", ("low", "wide")),
         Attribute("doors", ("with doors",)),
     ),
+    parts=("shelves",),
     mirror=None,
 )

@@ -35,9 +35,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "bottle",
     _make,
+    synonyms=("wine bottle",),
     attributes=(
         Attribute("label", ("with a label", "labelled"), excludes=("flask",)),
         Attribute("cork", ("with a cork", "corked")),
         Attribute("flask", ("round", "with a round body"), nouns=("flask",)),
     ),
+    parts=("a neck",),
 )

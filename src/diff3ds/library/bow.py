@@ -48,5 +48,6 @@ CATEGORY = Category(
         Attribute("drawn", ("drawn",)),
         Attribute("recurve", ("recurve",)),
     ),
+    parts=("a string",),
     mirror="x",
 )

@@ -51,4 +51,10 @@ CATEGORY = Category(
         Attribute("hood", ("with a hood",), nouns=("school bus",), excludes=("poles",)),
         Attribute("poles", ("with trolley poles",), nouns=("trolleybus",)),
     ),
+    parts=(
+        "wheels",
+        "four wheels",
+        "windows",
+        "headlights",
+    ),
 )

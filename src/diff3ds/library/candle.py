@@ -46,5 +46,6 @@ CATEGORY = Category(
         Attribute("holder", ("with a holder", "with a candle holder"), excludes=("arms",)),
         Attribute("arms", ("with three arms",), nouns=("candelabra", "candelabrum")),
     ),
+    parts=("a wick",),
     mirror="x",
 )

@@ -40,4 +40,8 @@ CATEGORY = Category(
         Attribute("pickup", ("with a load bed",), nouns=("pickup", "pickup truck"), excludes=("taxi",)),
         Attribute("taxi", ("with a taxi sign",), nouns=("taxi", "cab")),
     ),
+    parts=(
+        "wheels",
+        "four wheels",
+    ),
 )

@@ -40,6 +40,7 @@ class Category:
         make: draws a member.
         synonyms: other nouns for all of its members.
         attributes: what a member may have.
+        parts: what all members have and one may name: "handle", of a mug. Captions do not.
         mirror: the coordinate whose sign can be changed without changing any member: "y" if left and right are alike,
             "x" for front and back, None if neither.
         pair: the noun is a plural: "a pair of scissors".
@@ -49,6 +50,7 @@ class Category:
     make: Make
     synonyms: tuple[str, ...] = ()
     attributes: tuple[Attribute, ...] = ()
+    parts: tuple[str, ...] = ()
     mirror: Literal["x", "y"] | None = "y"
     pair: bool = False
 

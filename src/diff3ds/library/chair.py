@@ -42,8 +42,13 @@ CATEGORY = Category(
     synonyms=("seat",),
     attributes=(
         Attribute("armrests", ("with armrests", "with arms"), nouns=("armchair",)),
-        Attribute("high back", ("with a high back", "high-backed"), excludes=("stool",)),
+        Attribute("high back", ("with a high back", "high-backed", "high-back"), excludes=("stool",)),
         Attribute("stool", ("without a back",), nouns=("stool", "bar stool"), excludes=("armrests", "rocking")),
         Attribute("rocking", ("rocking", "with rockers"), nouns=("rocker",)),
+    ),
+    parts=(
+        "legs",
+        "four legs",
+        "a seat",
     ),
 )

@@ -57,4 +57,9 @@ CATEGORY = Category(
         Attribute("two towers", ("with two towers",), nouns=("cathedral",)),
         Attribute("clock", ("with a clock",)),
     ),
+    parts=(
+        "a door",
+        "windows",
+        "a cross",
+    ),
 )

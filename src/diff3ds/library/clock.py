@@ -60,5 +60,6 @@ CATEGORY = Category(
         Attribute("alarm", ("alarm", "with bells"), excludes=("pendulum",)),
         Attribute("pendulum", ("with a pendulum",), nouns=("grandfather clock",)),
     ),
+    parts=("hands",),
     mirror=None,
 )

@@ -52,4 +52,9 @@ CATEGORY = Category(
         Attribute("slender", ("slender", "long")),
         Attribute("big fins", ("with big fins", "with large fins")),
     ),
+    parts=(
+        "a tail",
+        "fins",
+        "eyes",
+    ),
 )

@@ -50,5 +50,10 @@ CATEGORY = Category(
         Attribute("tulip", ("cup-shaped",), nouns=("tulip",)),
         Attribute("pot", ("with a pot", "potted")),
     ),
+    parts=(
+        "petals",
+        "leaves",
+        "a stem",
+    ),
     mirror=None,
 )

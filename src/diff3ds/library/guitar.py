@@ -60,5 +60,9 @@ CATEGORY = Category(
         Attribute("electric", ("electric",)),
         Attribute("strap", ("with a strap",)),
     ),
+    parts=(
+        "strings",
+        "a neck",
+    ),
     mirror=None,
 )

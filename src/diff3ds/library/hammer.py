@@ -68,5 +68,6 @@ CATEGORY = Category(
         Attribute("two-faced", ("with two faces",), nouns=("sledgehammer",), excludes=("mallet",)),
         Attribute("mallet", ("with a wooden head",), nouns=("mallet",)),
     ),
+    parts=("a handle",),
     mirror="x",
 )

@@ -38,4 +38,9 @@ CATEGORY = Category(
         Attribute("two floors", ("with two floors", "two-storey", "two-story")),
         Attribute("flat roof", ("with a flat roof", "flat-roofed"), nouns=("bungalow",)),
     ),
+    parts=(
+        "a door",
+        "windows",
+        "a roof",
+    ),
 )

@@ -47,5 +47,6 @@ CATEGORY = Category(
         Attribute("square", ("square", "with a square bow")),
         Attribute("loop", ("with a key ring", "with a ring")),
     ),
+    parts=("teeth",),
     mirror="x",
 )

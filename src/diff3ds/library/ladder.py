@@ -47,4 +47,5 @@ CATEGORY = Category(
         Attribute("rope", ("rope",), excludes=("hooks",)),
         Attribute("hooks", ("with hooks",)),
     ),
+    parts=("rungs",),
 )

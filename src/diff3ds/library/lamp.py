@@ -41,4 +41,5 @@ CATEGORY = Category(
         Attribute("desk", ("desk", "with a jointed arm"), excludes=("hanging",)),
         Attribute("hanging", ("hanging", "ceiling"), nouns=("pendant light",)),
     ),
+    parts=("a shade",),
 )

@@ -52,4 +52,5 @@ CATEGORY = Category(
         Attribute("beams", ("with light beams", "with beams of light")),
         Attribute("rocks", ("with rocks",)),
     ),
+    parts=("a door",),
 )

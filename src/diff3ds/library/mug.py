@@ -29,11 +29,12 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "mug",
     _make,
-    synonyms=("cup", "coffee mug"),
+    synonyms=("cup", "coffee mug", "coffee cup"),
     attributes=(
         Attribute("tall", ("tall",), excludes=("saucer",)),
         Attribute("saucer", ("with a saucer",), nouns=("cup and saucer",)),
         Attribute("steam", ("with steam", "steaming", "hot")),
     ),
+    parts=("a handle",),
     mirror="x",
 )

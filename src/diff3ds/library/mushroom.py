@@ -55,5 +55,9 @@ CATEGORY = Category(
         Attribute("pointed", ("pointed", "with a pointed cap")),
         Attribute("ring", ("with a ring",)),
     ),
+    parts=(
+        "a cap",
+        "a stem",
+    ),
     mirror="x",
 )

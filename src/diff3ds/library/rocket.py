@@ -32,4 +32,8 @@ CATEGORY = Category(
         Attribute("flame", ("with a flame", "flying")),
         Attribute("boosters", ("with boosters",)),
     ),
+    parts=(
+        "fins",
+        "a window",
+    ),
 )

@@ -52,10 +52,15 @@ def _hull(long: float, half: float, deep: float) -> list[Strokes]:
 CATEGORY = Category(
     "sailing boat",
     _make,
-    synonyms=("sailboat", "boat"),
+    synonyms=("sailboat", "sail boat", "sailing ship", "boat"),
     attributes=(
         Attribute("square sail", ("with a square sail",), nouns=("Viking ship",)),
         Attribute("flag", ("with a flag", "with a pennant")),
         Attribute("waves", ("with waves",)),
+    ),
+    parts=(
+        "a mast",
+        "a sail",
+        "a hull",
     ),
 )

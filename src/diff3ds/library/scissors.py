@@ -37,5 +37,6 @@ CATEGORY = Category(
         Attribute("open", ("open",)),
         Attribute("long blades", ("with long blades", "long-bladed")),
     ),
+    parts=("blades",),
     pair=True,
 )

@@ -58,5 +58,12 @@ CATEGORY = Category(
         Attribute("scarf", ("with a scarf",)),
         Attribute("broom", ("with a broom",)),
     ),
+    parts=(
+        "a carrot nose",
+        "a nose",
+        "eyes",
+        "buttons",
+        "arms",
+    ),
     mirror=None,
 )

@@ -43,4 +43,9 @@ CATEGORY = Category(
         Attribute("legs", ("with legs",)),
         Attribute("cushions", ("with cushions", "with pillows")),
     ),
+    parts=(
+        "armrests",
+        "arms",
+        "a back",
+    ),
 )

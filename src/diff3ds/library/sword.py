@@ -46,5 +46,9 @@ CATEGORY = Category(
         Attribute("two-handed", ("two-handed", "with a long grip"), nouns=("greatsword",), excludes=("knuckle guard",)),
         Attribute("knuckle guard", ("with a knuckle guard",)),
     ),
+    parts=(
+        "a hilt",
+        "a blade",
+    ),
     mirror="x",
 )

@@ -29,9 +29,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "table",
     _make,
+    synonyms=("dining table",),
     attributes=(
         Attribute("round", ("round", "circular"), excludes=("square",)),
         Attribute("square", ("square",)),
         Attribute("folding", ("folding", "with crossed legs")),
+    ),
+    parts=(
+        "legs",
+        "four legs",
     ),
 )

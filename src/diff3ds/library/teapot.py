@@ -49,6 +49,11 @@ CATEGORY = Category(
         Attribute("tall", ("tall",), nouns=("coffee pot",)),
         Attribute("hoop", ("with a handle over the top", "with a hoop handle")),
     ),
+    parts=(
+        "a spout",
+        "a lid",
+        "a handle",
+    ),
     synonyms=("tea pot",),
     mirror="x",
 )

@@ -53,4 +53,5 @@ CATEGORY = Category(
         Attribute("dome", ("round", "dome")),
         Attribute("flag", ("with a flag",)),
     ),
+    parts=("a door",),
 )

@@ -84,4 +84,5 @@ CATEGORY = Category(
         Attribute("bare", ("bare", "without leaves", "leafless"), excludes=("apples",)),
         Attribute("apples", ("with apples",), nouns=("apple tree",)),
     ),
+    parts=("a trunk",),
 )

@@ -3,13 +3,11 @@
 import itertools
 import re
 import unicodedata
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 NUMBERS = ("one", "two", "three", "four", "five", "six")
 COUNTS = {word: count for count, name in enumerate(NUMBERS, 1) for word in (name, str(count))} | {"couple": 2}
 PAIR = ("pair", "pairs")
-# Things of which a pair is one.
-PAIRS = ("glasses", "scissors")
 # Straight RGB of plain inks on white.
 COLORS = {
     "black": (0.0, 0.0, 0.0),
@@ -41,6 +39,8 @@ SIZES = ("big", "large", "huge", "small", "little", "tiny")
 # Words between the others: the two chairs are two.
 IDLE = ("a", "an", "the", "of", "and")
 OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
+WITH_NO = re.compile(r"\bwith no\b")
+# Of emoji and other characters, to be drawn in colour or not.
 _VARIANTS = re.compile("[\ufe00-\ufe0f]")
 
 
@@ -59,10 +59,41 @@ def _kind(character: str) -> str:
 
 
 def parted(phrase: str) -> tuple[list[str], list[str]]:
-    """Words of a phrase up to its noun, and those from "with" or "without" on. "a sketch of" is left out."""
-    words = OPENING.sub("", " ".join(words_of(phrase))).split()
+    """Words of a phrase up to its noun, and those from "with" or "without" on.
+
+    "a sketch of" is left out, "in red" is "red" before the noun, and "with no" is "without".
+    """
+    return split_behind(WITH_NO.sub("without", OPENING.sub("", " ".join(words_of(phrase)))).split())
+
+
+def split_behind(words: list[str]) -> tuple[list[str], list[str]]:
+    """Words up to the noun, with the colour first that "in" has behind it, and those from "with" or "without" on."""
     split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
-    return words[:split], words[split:]
+    front, behind = words[:split], words[split:]
+    if len(front) > 2 and front[-2] == "in" and front[-1] in COLORS:
+        front = [front[-1], *front[:-2]]
+    return front, behind
+
+
+def number(phrase: str, said: Sequence[str], pair_is_one: bool) -> int:
+    """How many things a phrase means.
+
+    Args:
+        said: its words of number: "two", "pair", "two pairs", or none, which is one.
+        pair_is_one: as of scissors.
+
+    Raises:
+        ValueError: two numbers, or more than six things.
+    """
+    counts, pairs = said[:1] if said and said[0] in COUNTS else (), [word for word in said if word in PAIR]
+    second = [word for word in said if word not in (*counts, *pairs[:1])] or said[len(counts) + 1 :]
+    if second:
+        raise ValueError(f"{phrase!r}: there is one number of things, got a second one, {second[0]}")
+    count = COUNTS[counts[0]] if counts else 1
+    count *= 2 if pairs and not pair_is_one else 1
+    if count > len(NUMBERS):
+        raise ValueError(f"{phrase!r}: {count} things are too many: {NUMBERS[0]} to {NUMBERS[-1]} can be drawn")
+    return count
 
 
 def stretched(phrase: str, said: Iterable[str], kinds: Collection[str] = ()) -> tuple[float, float, float]:

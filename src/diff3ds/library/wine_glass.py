@@ -49,5 +49,9 @@ CATEGORY = Category(
         ),
         Attribute("straw", ("with a straw",)),
     ),
+    parts=(
+        "a stem",
+        "a foot",
+    ),
     mirror="x",
 )

@@ -8,20 +8,25 @@ import difflib
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from diff3ds.library.phrase import SUGGESTIONS, Request
+from diff3ds.library.phrase import GENERAL, SUGGESTIONS, Request
 from diff3ds.library.vocabulary import (
     COLORS,
     COUNTS,
     IDLE,
-    PAIRS,
+    NUMBERS,
+    PAIR,
     SIZES,
     STRETCHES,
+    number,
     parted,
     singulars,
+    split_behind,
     stretched,
     words_of,
 )
 
+# Things of which a pair is one.
+PAIRS = ("glasses", "scissors")
 # Words that say nothing in a name, and behind the noun of a phrase.
 FILLERS = ("a", "an", "the", "and", "of")
 # So many names are listed where none is near.
@@ -48,10 +53,9 @@ def named(said: str) -> Name | None:
     words = [word for word in words_of(said) if word[0].isalnum()]
     while words and (bare := words[-1].rstrip("0123456789")) != words[-1]:
         words = [*words[:-1], bare] if bare else words[:-1]
-    split = next((i for i, word in enumerate(words) if word in ("with", "without")), len(words))
-    front, behind = words[:split], _behind(words[split:])
+    front, clauses = split_behind(words)
     before = (word for word in front[:-1] if word not in FILLERS)
-    return Name(front[-1], (*before, *behind), " ".join(words)) if front else None
+    return Name(front[-1], (*before, *_behind(clauses)), " ".join(words)) if front else None
 
 
 def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
@@ -67,17 +71,22 @@ def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
     front, clauses = parted(phrase)
     if not front:
         raise ValueError(f"{phrase!r} names nothing: say what to draw, such as a {names[0].said}")
-    noun = _among(front[-1], {name.noun for name in names})
+    nouns = {name.noun for name in names}
+    noun = _among(front[-1], nouns)
+    if noun is None and front[-1] in GENERAL and any(_among(word, nouns) for word in front):
+        raise ValueError(f"{phrase!r}: put {front[-1]!r} before what it is of")
     if noun is None:
         known = {text: None for name in names for text in (name.noun, name.said)}
         raise ValueError(_unknown(phrase, front[-1], known, place))
     of_noun = [name for name in names if name.noun == noun]
     known = {word: None for name in of_noun for word in name.words}
-    numbers = [word for word in front[:-1] if (word in COUNTS or word == "pair") and _among(word, known) is None]
-    if len(numbers) > 1:
-        raise ValueError(f"{phrase!r}: there is one number of things, got a second one, {numbers[1]}")
-    request = Request(noun)
+    numbers = [word for word in front[:-1] if (word in COUNTS or word in PAIR) and _among(word, known) is None]
+    if not numbers and front[-1] not in nouns and noun in singulars(front[-1]):
+        raise ValueError(f"{phrase!r}: say how many: two {front[-1]}, or one")
+    request = Request(noun, count=number(phrase, numbers, noun in PAIRS))
     for word in front[:-1]:
+        if _among(word, known) is None and _among(word, nouns) is not None:
+            raise ValueError(f"{phrase!r}: one kind of thing at a time, and {word!r} and {front[-1]!r} are two")
         request = _read(request, word, known, phrase, place)
     proportions = [word for word in front[:-1] if word in STRETCHES]
     request = replace(request, stretch=stretched(phrase, proportions, request.attributes))
@@ -102,18 +111,14 @@ def _read(request: Request, word: str, known: Collection[str], phrase: str, plac
     attribute = _among(word, known)
     if attribute is not None:
         return replace(request, attributes=(*request.attributes, attribute))
-    if word == "pair":
-        return replace(request, count=1 if request.category in PAIRS else 2)
-    if word in COUNTS:
-        return replace(request, count=COUNTS[word])
     if word in COLORS:
         if request.color is not None:
             raise ValueError(f"{phrase!r}: strokes have one colour, got a second one, {word}")
         return replace(request, color=COLORS[word])
     if word in SIZES:
         return replace(request, ignored=(*request.ignored, word))
-    if word not in STRETCHES and word not in IDLE:
-        raise ValueError(_unknown(phrase, word, [*known, *COLORS, *STRETCHES, *COUNTS, *SIZES], place))
+    if word not in GENERAL and word not in IDLE:
+        raise ValueError(_unknown(phrase, word, [*known, *COLORS, *STRETCHES, *NUMBERS, *SIZES], place))
     return request
 
 
