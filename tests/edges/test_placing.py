@@ -65,13 +65,15 @@ def test_without_the_offset_pushed_rims_make_circles_small():
     assert found.radius / radius - 1 < -0.05
 
 
-def test_an_arc_keeps_its_ends():
+@pytest.mark.parametrize("stop", [1.9, 2.6])
+def test_an_arc_keeps_its_ends(stop):
+    """Of a quarter or more of a circle."""
     radius = 15 * PIXEL
-    curves = curves_of([near(radius, 0.3, 2.6)])
-    better = placed(curves, ridges(radius, start=0.3, stop=2.6), 0.0)
+    curves = curves_of([near(radius, 0.3, stop)])
+    better = placed(curves, ridges(radius, start=0.3, stop=stop), 0.0)
     found = fitted(better)
     assert abs(found.radius / radius - 1) < 5e-3
-    ends = CENTER + radius * (np.cos([[0.3], [2.6]]) * U + np.sin([[0.3], [2.6]]) * V)
+    ends = CENTER + radius * (np.cos([[0.3], [stop]]) * U + np.sin([[0.3], [stop]]) * V)
     assert np.linalg.norm(better.points[0, [0, 3]].double().numpy() - ends, axis=1).max() < 0.5 * PIXEL
 
 
