@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import io
+import math
 import re
 import sys
 import traceback
@@ -35,6 +36,16 @@ def read_options(commands: Mapping[str, type], arguments: list[str], description
             sys.stderr.write(said.getvalue())
             raise
     raise fault
+
+
+def require_finite(options: Any) -> None:
+    """Raises ValueError that names the first field of a dataclass with a number that is not finite."""
+    for field in dataclasses.fields(options):
+        value = getattr(options, field.name)
+        numbers = value if isinstance(value, tuple) else (value,)
+        if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+            got = " ".join(map(str, numbers))
+            raise ValueError(f"{field.name} must be finite, got {got}")
 
 
 def as_typed(message: str, command: type | None) -> str:

@@ -1,7 +1,8 @@
 """The run of a distillation: its folder, resuming, deletion, the reference view, parameters."""
 
 import json
-from dataclasses import replace
+import math
+from dataclasses import fields, replace
 from functools import partial
 
 import pytest
@@ -209,13 +210,24 @@ def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
         ({"rescale": 1.5}, "rescale must lie in"),
         ({"clip": 0.0}, "clip must be positive"),
         ({"guidance": float("inf")}, "guidance must be finite"),
-        ({"color_rate": -0.1}, "color_rate must be finite and not negative"),
-        ({"seed": -1}, "seed must be finite and not negative"),
+        ({"color_rate": -0.1}, "color_rate must not be negative"),
+        ({"seed": -1}, "seed must not be negative"),
     ],
 )
 def test_options_that_make_no_sense(wrong, message):
     with pytest.raises(ValueError, match=message):
         replace(QUICK, **wrong)
+
+
+NUMBERS = [f.name for f in fields(DistillOptions) if "float" in str(f.type)]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("name", NUMBERS)
+def test_numbers_must_be_finite(name, value):
+    pair = "tuple" in str(DistillOptions.__annotations__[name])
+    with pytest.raises(ValueError, match=f"^{name} must be finite, got "):
+        replace(QUICK, **{name: (0.5, value) if pair else value})
 
 
 def test_widths_must_start_in_their_range(prior, tmp_path):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
+from diff3ds._options import require_finite
 from diff3ds.guidance.device import Work
 from diff3ds.guidance.distill import Weighting
 from diff3ds.guidance.methods import Method, conditions
@@ -132,6 +133,7 @@ class DistillOptions:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        require_finite(self)
         for name in ("steps", "strokes", "batch", "size"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -142,8 +144,8 @@ class DistillOptions:
                 raise ValueError(f"{name} must be positive, got {value}")
         for name in ("rate", "color_rate", "alpha_rate", "width_rate", "blur", "seed"):
             value = getattr(self, name)
-            if value is not None and not 0 <= value < float("inf"):
-                raise ValueError(f"{name} must be finite and not negative, got {value}")
+            if value is not None and not value >= 0:
+                raise ValueError(f"{name} must not be negative, got {value}")
         if not 0 < self.fov < 180:
             raise ValueError(f"fov must lie in (0, 180) degrees, got {self.fov}")
         if not self.optimize:

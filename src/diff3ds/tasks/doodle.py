@@ -10,6 +10,7 @@ from typing import get_args
 
 import torch
 
+from diff3ds._options import require_finite
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.checkpoint import read_checkpoint
@@ -88,6 +89,7 @@ class DoodleOptions:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        require_finite(self)
         for name in ("strokes", "steps", "batch", "size", "width", "rate"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")

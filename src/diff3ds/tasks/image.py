@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from diff3ds._options import require_finite
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
@@ -63,6 +64,9 @@ class ImageOptions:
     shows: str | None = None
 
     def __post_init__(self) -> None:
+        require_finite(self)
+        if not -90 < self.view_elevation < 90:
+            raise ValueError(f"view_elevation must lie in (-90, 90) degrees, got {self.view_elevation}")
         if self.reference_loss is not None and not self.reference_loss >= 0:
             raise ValueError(f"reference_loss must not be negative, got {self.reference_loss}")
 
