@@ -2,8 +2,8 @@
 
     python benchmarks/compile_cuda.py [--json FILE]
 
-Seconds of processor time of one thread, the least of a few runs: other work on the machine only adds. Parts are compiled
-side by side, so that a first call waits for the longest one of its kind, if there are as many cores.
+Seconds of processor time of one thread, the least of a few runs: other work on the machine only adds. Parts are
+compiled side by side, so that a first call waits for the longest one of its kind, if there are as many cores.
 """
 
 import argparse
