@@ -3,9 +3,10 @@
     python benchmarks/paper.py TABLE -o OUT --clip openai/clip-vit-base-patch16 openai/clip-vit-base-patch32 [--dry]
 
 TABLE: text (Stable Diffusion against MVDream), image (Zero123 against Stable-Zero123), guidance, schedule, radius,
-strokes. Every phrase of --prompts (or picture of --pictures) is run by every method through `diff3ds text` (`image`),
-into OUT/METHOD/NAME; what is finished is not run again, and what was broken off goes on. Then `diff3ds eval` scores
-them. --dry prints the commands instead. A run takes an hour of a small GPU, so --first 3 takes three subjects only.
+strokes (these four of MVDream; --options "--prior NAME" takes another). Every phrase of --prompts (or picture of
+--pictures) is run by every method through `diff3ds text` (`image`), into OUT/METHOD/NAME; what is finished is not run
+again, and what was broken off goes on. Then `diff3ds eval` scores them. --dry prints the commands instead. A run takes
+an hour of a small GPU, so --first 3 takes three subjects only.
 """
 
 import argparse
@@ -24,15 +25,17 @@ from diff3ds.tasks.evaluate import OWN, EvaluateOptions, evaluate, prompt_file, 
 from diff3ds.tasks.judges import JudgeOptions, load_judges, require_networks
 from diff3ds.tasks.score_table import Summary, columns_of, summaries
 
-# Options of every method of a table; those of the paper, unless another one is compared. DreamFusion draws timesteps
-# from .02 to .98 all the time.
+# Options of every method of a table; those of the paper, unless another one is compared. The prior is always named:
+# without a GPU another one would be taken, with another preset. DreamFusion draws timesteps from .02 to .98 all the
+# time.
+PRIOR = "--prior mvdream"
 TABLES: dict[str, dict[str, str]] = {
     "text": {name: f"--prior {name}" for name in ("stable-diffusion", "mvdream")},
     "image": {name: f"--prior {name}" for name in ("zero123", "stable-zero123")},
-    "guidance": {f"guidance-{g}": f"--guidance {g}" for g in (7.5, 25, 50, 100)},
-    "schedule": {"annealed": "", "dreamfusion": "--t-high 0.98 0.98 --t-low 0.02 0.02"},
-    "radius": {f"radius-{r}": f"--radius {r}" for r in (0.5, 1.0, 1.5, 2.0)},
-    "strokes": {f"strokes-{n}": f"--strokes {n}" for n in (14, 28, 56, 112)},
+    "guidance": {f"guidance-{g}": f"{PRIOR} --guidance {g}" for g in (7.5, 25, 50, 100)},
+    "schedule": {"annealed": PRIOR, "dreamfusion": f"{PRIOR} --t-high 0.98 0.98 --t-low 0.02 0.02"},
+    "radius": {f"radius-{r}": f"{PRIOR} --radius {r}" for r in (0.5, 1.0, 1.5, 2.0)},
+    "strokes": {f"strokes-{n}": f"{PRIOR} --strokes {n}" for n in (14, 28, 56, 112)},
 }
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 

@@ -32,8 +32,8 @@ def show(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> N
 
 
 def say(text: str) -> None:
-    """Prints a line."""
-    _CONSOLE.print(text)
+    """Prints a line, however long: a command must stay one."""
+    _CONSOLE.print(text, soft_wrap=True)
 
 
 def _text(cell: Any) -> str:
