@@ -9,10 +9,28 @@ import pytest
 import torch
 from emulated import Emulated, compiler
 
+NO_COMPILER = "no C++ compiler to emulate the CUDA kernels with"
 
-def promised() -> bool:
-    """Whether this machine is said to have a GPU: then a test that cannot use it has failed."""
-    return os.environ.get("DIFF3DS_GPU") == "1"
+
+def promised() -> int:
+    """How many GPUs this machine is said to have: a test that cannot use them has failed."""
+    return int(os.environ.get("DIFF3DS_GPU") or 0)
+
+
+def lack(what: str, gpus: int = 1) -> None:
+    """Skips a test or a module; where as many GPUs are promised, it has failed."""
+    if promised() >= gpus:
+        pytest.fail(f"{what}, and DIFF3DS_GPU={promised()} promises that nothing is left out")
+    pytest.skip(what, allow_module_level=True)
+
+
+def need(*modules: str) -> None:
+    """Skips a module, as `lack`, that needs others."""
+    for name in modules:
+        try:
+            import_module(name)
+        except ImportError:
+            lack(f"{name} is not installed")
 
 
 def on_device(name: str) -> list:
@@ -28,14 +46,14 @@ def emulated(device: torch.device, dtype: torch.dtype) -> Emulated:
 def use_emulation(monkeypatch, device_for=emulated) -> None:
     """From now on the backend "cuda" draws tensors on the CPU, by emulation."""
     if compiler() is None:
-        pytest.skip("no C++ compiler to emulate the CUDA kernels with")
+        lack(NO_COMPILER)
     monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "device_for", device_for)
     _let_cuda_draw(monkeypatch)
 
 
 def use_device(monkeypatch) -> None:
     """From now on the backend "cuda" moves tensors to the device, draws, and moves the images back."""
-    assert torch.cuda.is_available(), "DIFF3DS_GPU=1 promises a GPU, and torch sees none"
+    assert torch.cuda.is_available(), "DIFF3DS_GPU promises a GPU, and torch sees none"
     module = import_module("diff3ds.render.cuda.rasterize")
     draw = module.rasterize
 

@@ -6,14 +6,16 @@ from importlib import import_module
 
 import pytest
 import torch
-from cuda_backends import use_emulation
+from cuda_backends import NO_COMPILER, lack, use_emulation
 from emulated import Emulated, compiler
 from scenes import TENSORS, draw, strokes_at, tracked
 
 from diff3ds.render import available_backends, rasterize
 from diff3ds.render.cuda.job import BAD, COUNTERS, Shape
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="no C++ compiler to emulate the CUDA kernels with")
+if compiler() is None:
+    lack(NO_COMPILER)
+
 limits = import_module("diff3ds.render.cuda.limits")
 
 

@@ -4,12 +4,12 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from cuda_backends import need
 
 from diff3ds.render.cuda import compile as compiling
 from diff3ds.render.cuda.sources import PARTS, kernels
 
-pytest.importorskip("cuda.bindings.nvrtc", reason="cuda-bindings is not installed")
-pytest.importorskip("cuda.core", reason="cuda-core is not installed")
+need("cuda.bindings.nvrtc", "cuda.core")
 
 
 @pytest.mark.parametrize("arch", ["sm_75", "sm_80", "sm_90", "sm_100"])

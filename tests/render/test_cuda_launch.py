@@ -2,17 +2,20 @@
 
 import threading
 from contextlib import nullcontext
+from importlib import import_module
 from types import SimpleNamespace
 
 import pytest
 import torch
+from cuda_backends import need
 
 from diff3ds.render.cuda import compile as compiling
 from diff3ds.render.cuda import gpu
 from diff3ds.render.cuda.job import Job
 from diff3ds.render.cuda.sources import DRAWING, MONTE_CARLO, PARTS, kernels
 
-driver = pytest.importorskip("cuda.bindings.driver", reason="cuda-bindings is not installed")
+need("cuda.bindings.driver")
+driver = import_module("cuda.bindings.driver")
 
 # Seconds after which a thread that did not come is missed.
 PATIENCE = 60

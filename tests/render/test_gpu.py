@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from cuda_backends import promised
+from cuda_backends import lack, promised
 
 import diff3ds as ds
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
@@ -13,7 +13,7 @@ from diff3ds.tasks.distill import Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 
 if not promised() and not torch.cuda.is_available():
-    pytest.skip("no GPU here, and none promised by DIFF3DS_GPU=1", allow_module_level=True)
+    pytest.skip("no GPU here, and none promised by DIFF3DS_GPU", allow_module_level=True)
 
 pytestmark = pytest.mark.gpu
 
@@ -93,7 +93,7 @@ def test_other_streams(gpu):
 
 def test_several_devices(gpu):
     if torch.cuda.device_count() < 2:
-        pytest.skip("one GPU only")
+        lack("there are no two GPUs", gpus=2)
     first, second = (drawn(*scene(torch.device("cuda", k))) for k in (0, 1))
     assert_same([t.cpu() for t in second], [t.cpu() for t in first])
 
