@@ -40,7 +40,7 @@ def test_the_recipe_has_options_of_its_own(capsys):
 def test_doctor_as_json_is_json(capsys):
     main(["doctor", "--json"])
     found = json.loads(capsys.readouterr().out)
-    assert set(found) == {"base", "packages", "devices", "weights", "priors", "judges"}
+    assert set(found) == {"base", "packages", "devices", "weights", "built_in", "priors", "judges"}
     assert {prior["name"] for prior in found["priors"]} >= {"mvdream", "stable-diffusion", "zero123"}
 
 

@@ -20,6 +20,7 @@ from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
 from diff3ds.tasks.doodle import DoodleOptions
 from diff3ds.tasks.judges import JudgeOptions
+from diff3ds.tasks.priors import BUILT_IN
 
 REPOSITORY = KNOWN["zero123"].repositories[0].id
 COMMIT = 40 * "1"
@@ -101,6 +102,19 @@ def in_cache(cache):
     (folder / "refs").mkdir(parents=True)
     (folder / "refs" / "main").write_text(COMMIT)
     return save_zero123(folder / "snapshots" / COMMIT)
+
+
+def test_priors_that_are_built_in_are_ready(monkeypatch, tmp_path):
+    """The network's weights are left out of a package that fails its gates."""
+    assert tuple(found.name for found in diagnose().built_in) == BUILT_IN
+    lines = printed(diagnose())
+    for name in BUILT_IN:
+        assert re.search(rf"^{name} +built in, ready +any machine *$", lines, re.MULTILINE)
+    monkeypatch.setattr(doctor, "SHIPPED", tmp_path / "small.safetensors")
+    exemplar, small = diagnose().built_in
+    assert (exemplar.found, exemplar.advice) == ("built in, ready", "")
+    assert (small.found, small.advice) == (None, doctor.UNTRAINED)
+    assert re.search(r"^small +no weights in this package: ", printed(diagnose(), 160), re.MULTILINE)
 
 
 def test_weights_are_found(cache):
@@ -197,7 +211,15 @@ def test_eighty_columns_do():
 def test_json_says_the_same():
     diagnosis = diagnose()
     assert json.loads(as_json(diagnosis)) == json.loads(json.dumps(dataclasses.asdict(diagnosis)))
-    assert set(json.loads(as_json(diagnosis))) == {"base", "packages", "devices", "weights", "priors", "judges"}
+    assert set(json.loads(as_json(diagnosis))) == {
+        "base",
+        "packages",
+        "devices",
+        "weights",
+        "built_in",
+        "priors",
+        "judges",
+    }
 
 
 def test_without_the_hubs_client_weights_cannot_be_found(monkeypatch):

@@ -21,9 +21,12 @@ from diff3ds.guidance.device import free_memory
 from diff3ds.guidance.known import KNOWN, Known
 from diff3ds.guidance.weights import Source, lacking, locate
 from diff3ds.tasks.judge_weights import ELSEWHERE, JUDGES
+from diff3ds.tasks.small_prior import SHIPPED
 
 GPU_ADVICE = "no GPU is seen; priors want one, and torch built for it (https://pytorch.org)"
 KERNEL_ADVICE = "only the slow reference renders: install a C++20 compiler, then diff3ds again"
+READY = "built in, ready"
+UNTRAINED = "no weights in this package: diff3ds prior train, then --weights FILE"
 # Classes whose import brings in most of a package: a package may be there and still not import.
 PROBES = {"diffusers": "UNet2DConditionModel", "transformers": "CLIPVisionModelWithProjection"}
 # Packages of the extras; the hub's client comes with diffusers.
@@ -121,7 +124,8 @@ class Diagnosis:
         packages: optional ones.
         devices: that compute.
         weights: where weights are kept.
-        priors: all known ones.
+        built_in: priors that need no weights from elsewhere, nor a GPU.
+        priors: all others that are known.
         judges: networks of `diff3ds eval` and of 3Doodle's losses.
     """
 
@@ -129,6 +133,7 @@ class Diagnosis:
     packages: tuple[Finding, ...]
     devices: tuple[Device, ...]
     weights: Finding
+    built_in: tuple[Finding, ...]
     priors: tuple[PriorFinding, ...]
     judges: tuple[JudgeFinding, ...]
 
@@ -137,7 +142,7 @@ def diagnose() -> Diagnosis:
     """Looks at this machine. Nothing is loaded onto a GPU, nothing downloaded."""
     packages, devices = _packages(), _devices()
     priors = tuple(_prior(name, known, devices) for name, known in KNOWN.items())
-    return Diagnosis(_base(devices), packages, devices, _weights(), priors, _judges())
+    return Diagnosis(_base(devices), packages, devices, _weights(), _built_in(), priors, _judges())
 
 
 def as_json(diagnosis: Diagnosis) -> str:
@@ -155,6 +160,8 @@ def as_tables(diagnosis: Diagnosis) -> Group:
         _add(devices, device.name, device.about, "" if device.free is None else f"{device.free / 1e9:.1f} GB")
     slow = "cpu, slowly" if len(diagnosis.devices) == 1 else "GPUs too full"
     priors, licences = _table("prior", "weights", "GPU", "runs on"), _table("weights of", "download", "licence")
+    for ready in diagnosis.built_in:
+        _add(priors, ready.name, ready.found or ready.advice, "", "any machine")
     for prior in diagnosis.priors:
         weights = "here" if prior.folder else prior.command
         _add(priors, prior.name, weights, f"{prior.memory} GB", ", ".join(prior.devices) or slow)
@@ -247,6 +254,11 @@ def _weights() -> Finding:
     there = next(folder for folder in (cache, *cache.parents) if folder.exists())
     about = f"{cache}, {shutil.disk_usage(there).free / 1e9:.0f} GB free"
     return Finding("weights", about, "HF_HUB_OFFLINE is set: unset it to fetch" if constants.HF_HUB_OFFLINE else "")
+
+
+def _built_in() -> tuple[Finding, ...]:
+    small = Finding("small", READY) if SHIPPED.is_file() else Finding("small", None, UNTRAINED)
+    return Finding("exemplar", READY), small
 
 
 def _prior(name: str, known: Known, devices: tuple[Device, ...]) -> PriorFinding:
