@@ -185,9 +185,21 @@ def test_what_is_lacking():
     pickled = [n for n in REPOSITORY if not (n.startswith("unet") and n.endswith("safetensors"))]
     assert lacking(pickled, PARTS) == ["unet/diffusion_pytorch_model.safetensors (only a pickle)"]
     assert lacking([], ("clip_camera_projection|cc_projection",)) == ["clip_camera_projection/ or cc_projection/"]
-    assert lacking(REPOSITORY, ("unet", "text_encoder"), "fp16") == [
-        "text_encoder/model.fp16.safetensors (only a pickle)"
+    assert lacking(REPOSITORY, ("unet",), "ema") == ["unet/diffusion_pytorch_model.ema.safetensors (only a pickle)"]
+
+
+def test_a_variant_is_the_networks_and_other_parts_need_not_have_it():
+    """Averaged weights (fp16_ema) are published of the UNet alone."""
+    averaged = "unet/diffusion_pytorch_model.fp16_ema.safetensors"
+    files = [*REPOSITORY, averaged, "text_encoder/model.fp16.safetensors"]
+    assert lacking(files, ("unet", "text_encoder"), "fp16_ema") == []
+    assert needed(files, ("unet", "text_encoder"), "fp16_ema") == [
+        "unet/config.json",
+        averaged,
+        "text_encoder/config.json",
+        "text_encoder/model.fp16.safetensors",
     ]
+    assert needed(files, ("unet",), "fp16")[-1] == "unet/diffusion_pytorch_model.fp16.safetensors"
 
 
 # Loading

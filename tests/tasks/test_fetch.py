@@ -16,6 +16,7 @@ from diff3ds.tasks.network_files import find_folder
 
 FIRST, SECOND, THIRD = (repository.id for repository in KNOWN["zero123"].repositories)
 UNET = "unet/diffusion_pytorch_model.safetensors"
+AVERAGED = UNET.replace("model.", "model.fp16_ema.")
 PARTS = ("unet", "vae", "image_encoder", "clip_camera_projection", "scheduler")
 
 
@@ -196,20 +197,23 @@ def test_judges_with_pickles_only_come_from_a_pull_request(hub):
 
 
 def test_copies_are_tried_in_their_order(hub):
-    """The first is gone, the second gated, the third has only pickles."""
+    """The first is gone, the second gated, the third lacks the averaged weights, which alone are those of the others."""
     files = hub.files.pop(FIRST)
     hub.gated.add(SECOND)
-    hub.files[THIRD] = files | {UNET.replace("safetensors", "bin"): files[UNET]}
-    del hub.files[THIRD][UNET]
+    hub.files[THIRD] = files
     with pytest.raises(ConnectionError) as caught:
         fetch("zero123")
     reasons = str(caught.value).splitlines()
     assert reasons[0] == "no copy of the weights of zero123 can be had:"
     assert reasons[1] == f"  {FIRST}@main: not there, or private"
     assert reasons[2].startswith(f"  {SECOND}@main: accept its terms on https://huggingface.co/{SECOND}, then")
-    assert reasons[3] == f"  {THIRD}@main: lacks {UNET} (only a pickle)"
-    hub.files[THIRD] = files
-    assert THIRD.replace("/", "--") in str(fetch("zero123"))
+    assert reasons[3] == f"  {THIRD}@main: lacks {AVERAGED} (only a pickle)"
+    hub.files[THIRD] = files | {AVERAGED: content("averaged")}
+    folder = fetch("zero123")
+    assert THIRD.replace("/", "--") in str(folder)
+    assert (folder / AVERAGED).is_file()
+    assert not (folder / UNET).exists()
+    assert find("zero123").file("unet") == folder / AVERAGED
 
 
 def test_a_repository_of_the_users(hub):

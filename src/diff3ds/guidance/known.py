@@ -18,10 +18,12 @@ class Repository:
     Attributes:
         id: owner/name.
         revision: commit or branch.
+        variant: of the network's file, where the plain one holds other weights.
     """
 
     id: str
     revision: str = "main"
+    variant: str | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ KNOWN: dict[str, Known] = {
         (
             Repository("ashawkey/zero123-xl-diffusers"),
             Repository("Manojb/zero123-xl-diffusers"),
-            Repository("bennyguo/zero123-xl-diffusers"),
+            # Its other files hold the weights before averaging.
+            Repository("bennyguo/zero123-xl-diffusers", variant="fp16_ema"),
         ),
         PICTURE_PARTS,
         2.5,

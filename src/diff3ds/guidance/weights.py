@@ -29,7 +29,8 @@ class Source:
     Attributes:
         place: a folder, a single file, or a repository of the hub, owner/name.
         revision: commit, tag or branch of a repository; None is "main".
-        variant: of the files, such as "fp16" in `model.fp16.safetensors`; None takes what there is.
+        variant: of the UNet's file, such as "fp16" in `diffusion_pytorch_model.fp16.safetensors`, and of other parts
+            where they have it; None takes what there is.
         trust_pickle: allows a single file that is a pickle, which can run code of whoever made it (--allow-pickle).
     """
 
@@ -108,9 +109,13 @@ class Checkpoint:
 
 
 def weight_names(part: str, variant: str | None = None) -> list[str]:
-    """Names that a part's weights may have, the best first: those of the variant, else plain ones, else fp16."""
+    """Names that a part's weights may have, the best first: those of the variant, plain ones, fp16.
+
+    A UNet of the variant is meant, and no other; parts beside it need not have one (averaged weights are the UNet's).
+    """
     stem = STEMS.get(part.split("|")[0], "diffusion_pytorch_model")
-    return [f"{stem}{v}.safetensors" for v in ([f".{variant}"] if variant else ["", ".fp16"])]
+    usual = [] if variant and part == "unet" else ["", ".fp16"]
+    return list(dict.fromkeys(f"{stem}{v}.safetensors" for v in ([f".{variant}"] if variant else []) + usual))
 
 
 def lacking(names: Iterable[str], parts: Iterable[str], variant: str | None = None) -> list[str]:
@@ -139,14 +144,15 @@ def needed(names: Iterable[str], parts: Iterable[str], variant: str | None = Non
     """Which files of a repository to download: every part's settings, and one file of weights each.
 
     Args:
-        variant: as `Source.variant`; None prefers fp16, which is half as large.
+        variant: as `Source.variant`; where it does not say, fp16 is preferred, which is half as large.
     """
     present, wanted = sorted(names), []
     for part in (p for either in parts for p in either.removesuffix("?").split("|")):
         wanted += [
             n for n in present if n.startswith(f"{part}/") and n.endswith((".json", ".txt")) and ".index" not in n
         ]
-        order = weight_names(part, variant) if variant else weight_names(part)[::-1]
+        order = weight_names(part, variant)
+        order = order[:1] + order[:0:-1] if variant else order[::-1]
         wanted += [f"{part}/{n}" for n in order if part not in WITHOUT_WEIGHTS and f"{part}/{n}" in present][:1]
     return wanted
 
@@ -189,7 +195,7 @@ def find(prior: str, source: Source | None = None, parts: tuple[str, ...] | None
     """
     require_extra()
     known, tried = KNOWN[prior], []
-    sources = [source] if source else [Source(r.id, r.revision) for r in known.repositories]
+    sources = [source] if source else [Source(r.id, r.revision, r.variant) for r in known.repositories]
     for candidate in sources:
         found = locate(candidate)
         if found is None:

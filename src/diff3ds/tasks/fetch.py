@@ -124,7 +124,7 @@ def _selection(known: Known | Judge, variant: str | None) -> Selection:
 
 def _sources(known: Known | Judge, options: FetchOptions) -> list[Source]:
     if options.weights is None:
-        return [Source(r.id, r.revision, options.variant) for r in known.repositories]
+        return [Source(r.id, r.revision, options.variant or r.variant) for r in known.repositories]
     if Path(options.weights).expanduser().exists():
         raise ValueError(f"{options.weights} is on this disk: nothing to fetch")
     return [Source.parse(options.weights, options.variant)]

@@ -32,7 +32,7 @@ class PriorOptions:
         library: a folder of sketches (sketch.json, STEP) or meshes for exemplar to know instead of the built-in
             library; files are named after what they are: chair_01.json, or chair/01.json.
         weights: other weights for the prior of that name.
-        variant: of the files of weights, such as fp16.
+        variant: of the network's file of weights, such as fp16 or fp16_ema.
         allow_pickle: read the weights from this single file although it is a pickle. Pickles can run code of whoever
             made them; it is read in a mode that admits tensors only.
         device: auto (the first of cuda, mps, cpu), cpu, cuda, cuda:1, mps.
