@@ -15,6 +15,7 @@ import json
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -291,7 +292,11 @@ def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
 
 
 def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
-    """Fits the logistic function of confidence: things count twice, once with their category left out; shapes once."""
+    """Fits the logistic function of confidence: things count twice, once with their category left out; shapes once.
+
+    Every condition has the same weight, and so have the shapes: there are fewer drawings without hidden lines, but they
+    are what people draw.
+    """
     rows = []
     for condition in (*CONDITIONS, *HIDDEN):
         for shown in pictures_of(condition, chosen.each, FIRST_SEED * 2):
@@ -299,14 +304,18 @@ def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
             found = matches(described(lines))
             left = {name: match for name, match in found.items() if name != shown.category}
             name, known = best_of(lines, found)
-            rows += [(*known, name == shown.category, "known"), (*best_of(lines, left)[1], False, "left_out")]
+            rows += [(*known, name == shown.category, "known", condition),
+                     (*best_of(lines, left)[1], False, "left_out", condition)]  # fmt: skip
+            print(rows[-2], rows[-1], file=sys.stderr)
     chance = np.random.default_rng(FIRST_SEED * 2)
     for name in list(SHAPES)[: len(SHAPES) // 2]:
         for how in (None, *[chance] * (2 * chosen.each - 1)):
             lines = lines_in(shape_drawing(name, how))
-            rows.append((*best_of(lines, matches(described(lines)))[1], False, "shape"))
+            rows.append((*best_of(lines, matches(described(lines)))[1], False, "shape", "shape"))
+            print(rows[-1], file=sys.stderr)
     features, right = np.array([row[:3] for row in rows]), np.array([row[3] for row in rows])
-    factors, offset = fitted_logistic(features, right)
+    pictures = Counter(row[5] for row in rows)
+    factors, offset = fitted_logistic(features, right, np.array([1 / pictures[row[5]] for row in rows]))
     sure = 1 / (1 + np.exp(-(features @ factors + offset)))
     bins = [(low / 10, (sure >= low / 10) & (sure < low / 10 + 0.1)) for low in range(10)]
     table = [(f"{low:.1f} to {low + 0.1:.1f}", int(i.sum()), float(right[i].mean())) for low, i in bins if i.any()]
@@ -327,14 +336,14 @@ def best_of(lines: Lines, found: dict[str, recogniser.Match]) -> tuple[str, tupl
     return name, (best.score, best.score - second.score, recogniser.gap_to(lines, name, best))
 
 
-def fitted_logistic(features: np.ndarray, right: np.ndarray) -> tuple[list[float], float]:
+def fitted_logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray) -> tuple[list[float], float]:
     """The most likely factors of the features and offset."""
     scale = features.std(0)
     basis = np.column_stack([features / scale, np.ones(len(features))])
 
     def loss(parameters: np.ndarray) -> float:
         along = basis @ parameters
-        return float((np.logaddexp(0, along) - right * along).sum())
+        return float((weights * (np.logaddexp(0, along) - right * along)).sum() / weights.sum())
 
     found = minimize(loss, np.zeros(features.shape[1] + 1)).x
     return (found[:-1] / scale).tolist(), float(found[-1])
