@@ -1,6 +1,7 @@
 """Where weights are looked for, what is said when they are missing, and that they load whole or not at all."""
 
 import json
+import logging
 import re
 import shutil
 
@@ -235,9 +236,27 @@ def test_a_variant_is_taken_where_it_is_all_there_is_or_asked_for(copy):
         unet_of(copy, variant="ema")
 
 
+@pytest.fixture
+def heard():
+    """What the libraries log."""
+    records: list[logging.LogRecord] = []
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            records.append(record)
+
+    loggers, listener = [logging.getLogger(name) for name in ("diffusers", "transformers")], Listener()
+    for logger in loggers:
+        logger.addHandler(listener)
+    yield records
+    for logger in loggers:
+        logger.removeHandler(listener)
+
+
 @pytest.mark.parametrize("part", ["unet", "vae", "text_encoder"])
 @pytest.mark.parametrize("change", ["drop", "add", "reshape"])
-def test_weights_that_do_not_fit_are_named(copy, part, change):
+def test_weights_that_do_not_fit_are_named_by_nobody_else(copy, part, change, heard):
+    """The libraries' own reports, of several lines, say less."""
     import diffusers
     import transformers
 
@@ -257,6 +276,10 @@ def test_weights_that_do_not_fit_are_named(copy, part, change):
     # transformers names its weights without the prefix of old files.
     with pytest.raises(ValueError, match=re.escape(name.removeprefix("text_model."))):
         load_part(kind, Checkpoint(copy), part, torch.float32)
+    assert not heard
+    # They speak again afterwards.
+    logging.getLogger("diffusers.models").warning("as before")
+    assert [record.getMessage() for record in heard] == ["as before"]
 
 
 def test_old_names_still_load(copy):

@@ -197,7 +197,7 @@ def test_judges_with_pickles_only_come_from_a_pull_request(hub):
 
 
 def test_copies_are_tried_in_their_order(hub):
-    """The first is gone, the second gated, the third lacks the averaged weights, which alone are those of the others."""
+    """The first is gone, the second gated, the third lacks the averaged weights, which are those of the others."""
     files = hub.files.pop(FIRST)
     hub.gated.add(SECOND)
     hub.files[THIRD] = files

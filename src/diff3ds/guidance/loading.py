@@ -35,7 +35,7 @@ def load_part(kind: type[Any], checkpoint: Checkpoint, part: str, dtype: torch.d
     where = checkpoint.path / checkpoint.part(part)
     try:
         # Wrong shapes are let pass to be named here, like the rest.
-        with _without_progress():
+        with _quiet():
             model, info = kind.from_pretrained(
                 str(where), output_loading_info=True, ignore_mismatched_sizes=True, **settings
             )
@@ -49,15 +49,21 @@ def load_part(kind: type[Any], checkpoint: Checkpoint, part: str, dtype: torch.d
 
 
 @contextmanager
-def _without_progress() -> Iterator[None]:
-    """Keeps transformers from drawing bars on the error stream, where ours are."""
+def _quiet() -> Iterator[None]:
+    """Keeps diffusers and transformers from drawing bars and from saying what the caller's errors say shorter."""
+    from diffusers.utils import logging as diffusers_logging
     from transformers.utils import logging
 
-    shown = logging.is_progress_bar_enabled()
+    libraries = (diffusers_logging, logging)
+    shown, said = logging.is_progress_bar_enabled(), [library.get_verbosity() for library in libraries]
     logging.disable_progress_bar()
+    for library in libraries:
+        library.set_verbosity_error()
     try:
         yield
     finally:
+        for library, before in zip(libraries, said, strict=True):
+            library.set_verbosity(before)
         if shown:
             logging.enable_progress_bar()
 
