@@ -116,6 +116,16 @@ def test_no_word_of_any_script_is_dropped(phrase, word):
         parse(phrase)
 
 
+@pytest.mark.parametrize("name", CATEGORIES)
+def test_no_place_of_a_phrase_swallows_a_word(name):
+    category = CATEGORIES[name]
+    for attribute in category.attributes:
+        caption = category.captions((attribute.name,))[0].split()
+        for place in range(len(caption) + 1):
+            with pytest.raises(ValueError, match="zyx"):
+                parse(" ".join([*caption[:place], "zyx", *caption[place:]]))
+
+
 def test_forms_of_letters_and_punctuation_do_not_matter():
     assert parse("«Ａ  ｃｈａｉｒ»\u200b — with ‘armrests’…") == Request("chair", ("armrests",))
 

@@ -370,7 +370,7 @@ def test_what_a_picture_shows_of_a_folder(folder, picture):
     torch.testing.assert_close(exemplars.members[0].points, drawn("chair", 2).points, atol=1e-5, rtol=0)
 
 
-def test_what_one_says_a_picture_shows(folder, picture):
+def test_what_one_says_a_picture_shows(folder, picture, tmp_path, capsys):
     read, lines = read_sketches(folder), lines_of(read_reference(picture))
     found, exemplars = recognise_in(read, lines, "a red chair with armrests")
     assert (found.attributes, found.confidence) == (("armrests",), 1.0)
@@ -379,6 +379,10 @@ def test_what_one_says_a_picture_shows(folder, picture):
     assert len(exemplars.members[0]) == 25
     with pytest.raises(ValueError, match="looks for one thing"):
         recognise_in(read, lines, "two chairs")
+    with pytest.raises(ValueError, match="leave words such as big out"):
+        recognise_in(read, lines, "a big chair")
+    big = ["image", str(picture), "--shows", "a big chair", "-o", str(tmp_path / "out"), *FEW]
+    assert "leave words such as big out" in fails(big, capsys)
     with pytest.raises(ValueError, match=r"nothing in .* is named 'dragon'"):
         recognise_in(read, lines, "a dragon")
 

@@ -190,8 +190,10 @@ def _asked(shows: str | None) -> Request | None:
     request = parse(shows)
     if request.count != 1:
         raise ValueError(f"{shows!r}: the built-in prior looks for one thing in a picture")
-    if request.stretch != (1.0, 1.0, 1.0) or request.ignored:
-        raise ValueError(f"{shows!r}: size and proportions are the picture's own: leave words such as big and tall out")
+    if request.stretch != (1.0, 1.0, 1.0):
+        raise ValueError(f"{shows!r}: proportions are the picture's own: leave words such as tall out")
+    if request.ignored:
+        raise ValueError(f"{shows!r}: the size is the picture's own: leave words such as big out")
     return request
 
 
