@@ -73,7 +73,7 @@ def _damaged_row(name: str, folder: Path, options: argparse.Namespace) -> dict[s
 def _scored(name: str, folder: Path, source: Path, options: argparse.Namespace, damage: str) -> dict[str, Any]:
     """One run of the command and its scores."""
     out = options.out / "sketches" / (damage or "plain") / name
-    command = [sys.executable, "-m", "diff3ds.cli", "views", str(source), "-o", str(out), "--quiet"]
+    command = [sys.executable, "-m", "diff3ds.cli", "views", str(source), "-o", str(out), "--quiet", "--overwrite"]
     begun = time.perf_counter()
     done = subprocess.run(
         [*command, "--target", options.target, "--init", options.init], capture_output=True, text=True, check=False

@@ -200,6 +200,27 @@ def test_resume_refuses_another_run(drawings, capsys):
     assert (folder / "out" / "sketch.json").read_bytes() == before
 
 
+def test_a_run_is_not_overwritten_unasked(drawings, capsys):
+    """Neither one that ended, nor one that was killed and left its checkpoint alone, of edges or of colours."""
+    folder, _ = drawings
+    command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
+    main(command)
+    before = {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
+    for left in ("run.json", "edges.safetensors", "checkpoint.safetensors"):
+        held = folder / f"only {left}"
+        held.mkdir()
+        (held / left).write_bytes(b"of another run")
+        with pytest.raises(SystemExit) as stopped:
+            main([*command[:3], str(held), "--quiet"])
+        assert stopped.value.code == FAULT
+        assert "holds a run: give another folder (-o), --resume to go on, or --overwrite" in capsys.readouterr().err
+        assert [path.read_bytes() for path in held.iterdir()] == [b"of another run"]
+    main([*command, "--overwrite", "--size", "80"])
+    assert (folder / "out" / "sketch.json").read_bytes() != before["sketch.json"]
+    main([*command, "--overwrite"])
+    assert (folder / "out" / "sketch.json").read_bytes() == before["sketch.json"]
+
+
 def test_random_curves_find_the_drawing(drawings):
     folder, truth = drawings
     options = ["--init", "random", "--strokes", "24", "--steps", "300", "--quiet"]

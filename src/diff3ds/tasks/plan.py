@@ -32,7 +32,8 @@ class ViewsOptions:
             pictures. By default alpha says where nothing is, or else the colour that nearly all of the borders have.
         size: larger pictures are reduced to this many pixels along the longer side.
         seed: of all random draws.
-        resume: go on from the checkpoint in the output folder.
+        resume: go on from the checkpoint in the output folder, if there is one.
+        overwrite: the run in the output folder may be lost.
     """
 
     target: Target | None = None
@@ -44,6 +45,7 @@ class ViewsOptions:
     size: int = 512
     seed: int = 0
     resume: bool = False
+    overwrite: bool = False
 
     def __post_init__(self) -> None:
         for name in ("strokes", "steps", "batch", "size"):

@@ -22,7 +22,7 @@ from diff3ds.tasks.plates import Plates, load_plates
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
 from diff3ds.tasks.progress import Fitted, Progress, Report, Stopped
 from diff3ds.tasks.random_edges import plan_random_edges
-from diff3ds.tasks.results import RunInfo, spread, write_results
+from diff3ds.tasks.results import RunInfo, claim, spread, write_results
 from diff3ds.tasks.store import store_of
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
@@ -51,9 +51,13 @@ def fit_views(
 
     Raises:
         FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `load_plates`, `frame_of`, `fit` and
-            `reconstruct`; a background picture for what has no colours.
+            `reconstruct`; a background picture for what has no colours; a folder that holds another run.
+        OSError: the folder cannot be made, or there is no room.
     """
     options = options or ViewsOptions()
+    if not options.resume:
+        for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
+            claim(out, out / checkpoint, resume=False, overwrite=options.overwrite)
     if source is None and options.target not in (None, "edges"):
         raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
     begun = time.perf_counter()
