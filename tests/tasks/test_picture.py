@@ -154,6 +154,16 @@ def test_no_picture(tmp_path):
         read_reference(tmp_path / "b.png")
 
 
+def test_what_is_no_file_is_said_with_what_was_expected(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"^\S*none\.png is not there: give a picture of one object"):
+        read_reference(tmp_path / "none.png")
+    with pytest.raises(IsADirectoryError, match=r"is a folder: give a picture of one object, a file such as"):
+        read_reference(tmp_path)
+    picture = saved(tmp_path / "a.png", rgba())
+    with pytest.raises(FileNotFoundError, match=r"none\.png is not there: give a mask, a picture that is white"):
+        read_reference(picture, options=PictureOptions(mask=tmp_path / "none.png"))
+
+
 def test_giant_pictures_are_refused_before_they_are_decoded(tmp_path):
     """A header that promises 12,000 x 12,000 pixels, and no pixels."""
     save_png(tmp_path / "a.png", torch.zeros(1, 1, 4))

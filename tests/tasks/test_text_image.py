@@ -286,6 +286,22 @@ def test_what_is_known_of_a_licence_is_said(checkpoints, drawing, tmp_path, caps
     assert "non-commercial" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("more", "warned"),
+    [
+        (["--view-elevation", "40"], True),
+        (["--view-elevation", "40", "--elevation", "0", "45"], False),
+        (["--view-elevation", "30"], False),
+    ],
+)
+def test_a_view_that_no_camera_comes_by_is_warned_of(more, warned, checkpoints, drawing, tmp_path, capsys):
+    arguments = command("zero123", checkpoints, drawing, tmp_path, "--steps", "1", *more)
+    arguments.remove("--quiet")
+    main(arguments)
+    said = " ".join(capsys.readouterr().err.split())
+    assert ("--view-elevation 40 lies outside --elevation 0 30" in said) is warned
+
+
 def test_wrong_input_is_refused_before_any_file_is_written(checkpoints, drawing, tmp_path, capsys):
     out = tmp_path / "out"
     clear = tmp_path / "clear.png"

@@ -110,6 +110,12 @@ def image_to_sketch(
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
     if KNOWN[name].warning:
         say(KNOWN[name].warning)
+    low, high = settings.elevation
+    if not low <= options.view_elevation <= high:
+        say(
+            f"warning: no camera comes by the picture's own view: --view-elevation {options.view_elevation:g} lies "
+            f"outside --elevation {low:g} {high:g}; widen the latter"
+        )
     pose = ReferencePose(options.view_elevation, distance=DISTANCE)
     denoiser = load_for_picture(name, reference.image, pose, prior, settings.work())
     if not settings.resume:

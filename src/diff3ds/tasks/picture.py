@@ -96,6 +96,9 @@ def read_reference(path: Path, size: int = OF, options: PictureOptions | None = 
         OSError: a file cannot be read.
     """
     options = options or PictureOptions()
+    _require_file(path, "a picture of one object, a file such as mug.png")
+    if options.mask is not None:
+        _require_file(options.mask, "a mask, a picture that is white where the object is")
     pixels = _cut_out(path, _upright(path), options)
     top, bottom, left, right = box = _object_box(path, pixels[..., 3], options)
     if max(bottom - top, right - left) < LEAST:
@@ -106,6 +109,13 @@ def read_reference(path: Path, size: int = OF, options: PictureOptions | None = 
     if options.frame == "picture":
         box = (0, pixels.shape[0], 0, pixels.shape[1])
     return ReferencePicture(_squared(pixels, box, size, size if options.frame == "picture" else size * OBJECT / OF))
+
+
+def _require_file(path: Path, wanted: str) -> None:
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder: give {wanted}")
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is not there: give {wanted}")
 
 
 def _upright(path: Path) -> Float[Tensor, "H W C"]:
