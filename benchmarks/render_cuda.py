@@ -1,8 +1,8 @@
 """Speed and memory of `diff3ds.render` on an NVIDIA GPU: run by `python benchmarks/render.py --device cuda`.
 
 "device" is the time of a replayed CUDA graph between two events: what the kernels take. "user" is the time of a call
-and a wait, graphs off. "floor" is the time that the memory needs for the bytes that must move (images, upstream
-gradients, strokes), at the speed of a large copy.
+and a wait, graphs off. "must move" are the bytes of images, upstream gradients and strokes, and "floor" is the time
+that the memory needs for them, at the speed of a large copy.
 """
 
 import os
@@ -112,15 +112,15 @@ def copy_speed() -> float:
     return 2 * a.nbytes / device_ms(lambda: b.copy_(a))
 
 
-def floors(workload: Workload) -> dict[str, int]:
-    """Bytes that must move: colour, alpha and depth out, the gradient of colour in; strokes in, their gradients out."""
+def must_move(workload: Workload) -> dict[str, int]:
+    """Bytes of each pass: colour, alpha and depth out, the gradient of colour in; strokes in, their gradients out."""
     pixels = workload.views * workload.size[0] * workload.size[1]
     strokes = workload.strokes * 4 * (12 + 4 + 1 + 3 + 1)
     forward, backward = 20 * pixels + strokes, 12 * pixels + 2 * strokes
     return {"forward": forward, "backward": backward, "both": forward + backward}
 
 
-def measure(workload: Workload, bytes_a_ms: float) -> dict[str, float | None]:
+def measure(workload: Workload) -> dict[str, float | None]:
     """Figures of one workload, ms and MB."""
     torch.cuda.empty_cache()
     passes = Passes(workload)
@@ -137,7 +137,6 @@ def measure(workload: Workload, bytes_a_ms: float) -> dict[str, float | None]:
         figures[f"backward, {clock}"] = float(figures[f"both, {clock}"] or 0) - float(
             figures.pop(f"kept, {clock}") or 0
         )
-    figures |= {f"{name}, floor": size / bytes_a_ms for name, size in floors(workload).items()}
     return figures
 
 
@@ -178,17 +177,20 @@ def main(names: str, quick: bool, json: Path | None) -> None:
     say("  ".join(f"{k}: {v}" for k, v in about.items()))
     bytes_a_ms = copy_speed()
     say(f"copy: {bytes_a_ms / 1e9:.2f} TB/s")
-    figures: dict[str, Any] = {"first": first_calls(), "workloads": {}}
+    figures: dict[str, Any] = {"copy, TB/s": bytes_a_ms / 1e9, "first": first_calls(), "workloads": {}}
     for name in names:
         workload = GPU_WORKLOADS[name]
-        found: dict[str, Any] = measure(workload, bytes_a_ms)
+        found: dict[str, Any] = measure(workload)
+        for way, size in must_move(workload).items():
+            found[f"{way}, bytes"], found[f"{way}, floor"] = size, size / bytes_a_ms
         if not quick and workload.strokes <= 2048:
             found |= beside(workload)
         figures["workloads"][name] = found
         rows = [
-            [p, *(found[f"{p}, {c}"] for c in ("device", "user", "floor"))] for p in ("forward", "backward", "both")
+            [p, *(found[f"{p}, {c}"] for c in ("device", "user", "floor")), found[f"{p}, bytes"] / 1e6]
+            for p in ("forward", "backward", "both")
         ]
-        show(f"{name}: {workload}", ["", "device, ms", "user, ms", "floor, ms"], rows)
+        show(f"{name}: {workload}", ["", "device, ms", "user, ms", "floor, ms", "must move, MB"], rows)
         say("  ".join(f"{k}: {found[k]:.4g}" for k in ("memory, MB", "reference", "cpu") if k in found))
     aims = [(f"{n} {what}", figures["workloads"][n][what], bound) for (n, what), bound in AIMS.items() if n in names]
     aims += [(k, v, b) for (k, v), b in zip(figures["first"].items(), (FIRST_CALL, LATER_PROCESS), strict=True)]
