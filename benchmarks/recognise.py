@@ -306,21 +306,32 @@ def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
             name, known = best_of(lines, found)
             rows += [(*known, name == shown.category, "known", condition),
                      (*best_of(lines, left)[1], False, "left_out", condition)]  # fmt: skip
-            print(rows[-2], rows[-1], file=sys.stderr)
+            print(*rows[-2:], sep="\n", file=sys.stderr)
     chance = np.random.default_rng(FIRST_SEED * 2)
     for name in list(SHAPES)[: len(SHAPES) // 2]:
         for how in (None, *[chance] * (2 * chosen.each - 1)):
             lines = lines_in(shape_drawing(name, how))
             rows.append((*best_of(lines, matches(described(lines)))[1], False, "shape", "shape"))
             print(rows[-1], file=sys.stderr)
+    return fitted(rows)
+
+
+def fitted(rows: list[tuple[Any, ...]]) -> dict[str, Any]:
+    """The fit to rows of score, lead, gap, whether it is right, group and condition."""
     features, right = np.array([row[:3] for row in rows]), np.array([row[3] for row in rows])
+    features[:, 2] **= 2
     pictures = Counter(row[5] for row in rows)
     factors, offset = fitted_logistic(features, right, np.array([1 / pictures[row[5]] for row in rows]))
     sure = 1 / (1 + np.exp(-(features @ factors + offset)))
     bins = [(low / 10, (sure >= low / 10) & (sure < low / 10 + 0.1)) for low in range(10)]
     table = [(f"{low:.1f} to {low + 0.1:.1f}", int(i.sum()), float(right[i].mean())) for low, i in bins if i.any()]
     show("Confidence and what was right", ("confidence", "pictures", "right"), table)
-    figures: dict[str, Any] = {"of_score": factors[0], "of_lead": factors[1], "of_gap": factors[2], "offset": offset}
+    figures: dict[str, Any] = {
+        "of_score": factors[0],
+        "of_lead": factors[1],
+        "of_squared_gap": factors[2],
+        "offset": offset,
+    }
     for group in ("known", "left_out", "shape"):
         of_group = np.array([row[4] == group for row in rows])
         taken = (sure >= THRESHOLD)[of_group]

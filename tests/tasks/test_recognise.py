@@ -1,6 +1,8 @@
 """Members that the recogniser has not seen, drawn from known sides; `diff3ds image` with the built-in prior."""
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +16,12 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks import priors
 from diff3ds.tasks.image import inked
-from diff3ds.tasks.lines import lines_of
+from diff3ds.tasks.lines import Lines, lines_of
 from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.recognise import alike, confidence, descriptors, drawn_over, pieces, recognise
+from diff3ds.tasks.recognise import alike, confidence, descriptors, drawn_over, gap, pieces, recognise
+
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+from other_drawings import solid_drawing
 
 HELD_OUT = 1000
 
@@ -84,10 +89,45 @@ def test_what_the_library_lacks_is_refused_with_advice(cross):
         recognise(lines_in(cross))
 
 
-def test_confidence_rises_with_score_and_lead():
-    assert confidence(0.97, 0.90) > confidence(0.92, 0.85) > confidence(0.92, 0.90)
-    assert confidence(0.99, 0.80) > 0.95
-    assert confidence(0.80, 0.80) < 0.1
+def test_confidence_rises_with_score_and_lead_and_falls_with_the_gap():
+    assert confidence(0.97, 0.90, 0.02) > confidence(0.92, 0.85, 0.02) > confidence(0.92, 0.90, 0.02)
+    assert confidence(0.97, 0.90, 0.01) > confidence(0.97, 0.90, 0.03)
+    assert confidence(0.99, 0.80, 0.01) > 0.95
+    assert confidence(0.80, 0.80, 0.03) < 0.1
+
+
+def test_gap_of_one_of_two_lines():
+    """Two lines of length 1, .5 apart, of which the picture has one: half of the points lie .5 from it.
+
+    A picture's points lie up to half a piece from the middles of 32 pieces, a quarter of one in the mean.
+    """
+    ends = torch.tensor([[[0.0, -0.4, 0.2], [0.0, 0.4, 0.2]], [[0.0, -0.4, -0.2], [0.0, 0.4, -0.2]]])
+    along = torch.linspace(0, 1, 4)[:, None]
+    sketch = ds.Sketch(ends[:, :1] + along * (ends[:, 1:] - ends[:, :1]), torch.ones(2, 4))
+    camera = ds.orbit(0.0, 0.0, 3.0, size=1)
+    x = np.linspace(-0.5, 0.5, 2001)
+    one = Lines(np.stack([x, np.full_like(x, 0.25)], 1), np.zeros((2001, 2)))
+    both = Lines(np.concatenate([one.points, one.points * [1, -1]]), np.zeros((4002, 2)))
+    assert gap(one, sketch, camera) == pytest.approx((0.5 / 2 + 1 / 128) / 2, abs=0.001)
+    assert gap(both, sketch, camera) == pytest.approx(1 / 256, abs=0.001)
+
+
+@pytest.mark.parametrize("shape", ["ellipse", "rectangle"])
+def test_a_bare_circle_and_a_bare_square_are_no_clocks(shape, tmp_path):
+    image = Image.new("L", (300, 300), 255)
+    getattr(ImageDraw.Draw(image), shape)((40, 40, 260, 260), outline=0, width=5)
+    image.save(tmp_path / "shape.png")
+    with pytest.raises(ValueError, match=r"does not recognise the drawing: it is most like clock"):
+        recognise(lines_in(tmp_path / "shape.png"))
+
+
+def test_a_house_without_its_hidden_lines(tmp_path):
+    """As one draws it: three edges of its twelve end behind it."""
+    sketch, camera = drawn("house"), ds.orbit(35.0, 15.0, 1.9, size=512)
+    save_png(tmp_path / "house.png", solid_drawing(sketch, camera, outlined=True))
+    found = recognise(lines_in(tmp_path / "house.png"))
+    assert (found.category, found.attributes) == ("house", ())
+    assert abs(found.azimuth - 35) <= 10
 
 
 def test_descriptors_are_unit_vectors_that_count_a_line_once():
