@@ -22,7 +22,7 @@ MODULES = {
 HELPERS = {"_files", "_shapes"}
 SCENE = {"bezier", "camera", "sketch"} | HELPERS
 ALLOWED = {
-    "_files": set(),
+    "_files": {"_shapes"},
     "_options": set(),
     "_shapes": set(),
     "bezier": {"_shapes"},
@@ -45,7 +45,7 @@ ALLOWED = {
     "guidance": {"camera"} | HELPERS,
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
     "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
-              "refine", "density", "render", "project", "transforms"} | SCENE,
+              "refine", "density", "render", "project", "transforms", "_options"} | SCENE,
     "cli": {"tasks", "fit", "sketch", "_options"},
 }  # fmt: skip
 
@@ -137,7 +137,11 @@ def test_nothing_is_unpickled():
     for path in MODULES.values():
         for node in ast.walk(_tree(path)):
             where = f"{path}, line {getattr(node, 'lineno', 0)}"
-            if isinstance(node, ast.Import | ast.ImportFrom):
+            # What torch raises has no other name.
+            if (
+                isinstance(node, ast.Import | ast.ImportFrom)
+                and ast.unparse(node) != "from pickle import UnpicklingError"
+            ):
                 names = {a.name for a in node.names} | {getattr(node, "module", None)}
                 assert not names & {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}, where
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

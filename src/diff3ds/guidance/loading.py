@@ -3,10 +3,10 @@
 Only safetensors are read; the one exception is a single file that the user trusts by name (`Source.trust_pickle`).
 """
 
-import pickle
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import torch
@@ -132,7 +132,7 @@ def unpickle(path: Path) -> dict[str, Tensor]:
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
+    except UnpicklingError as error:
         # torch's own words are how to run the code.
         raise ValueError(
             f"{path}: not a file of tensors alone: it holds something else, such as code, or is damaged. Nothing was "

@@ -286,10 +286,10 @@ def _copies(known: Known) -> tuple[str | None, tuple[str, ...]]:
     """The folder of the first complete copy of some weights, and what incomplete ones lack."""
     incomplete = []
     for repository in known.repositories:
-        copy = locate(Source(repository.id, repository.revision))
+        copy = locate(Source(repository.id, repository.revision, repository.variant))
         if copy is None:
             continue
-        missing = lacking([f"{p.parent.name}/{p.name}" for p in copy.path.glob("*/*")], known.parts)
+        missing = lacking([f"{p.parent.name}/{p.name}" for p in copy.path.glob("*/*")], known.parts, repository.variant)
         if not missing:
             return str(copy.path), ()
         incomplete.append(f"{repository.id} lacks {', '.join(missing)}")
