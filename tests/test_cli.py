@@ -67,6 +67,7 @@ def test_doctor_as_json_is_json(capsys):
         ),
         (["text", "a chair", "--t-low", "0.9", "0.1"], "--t-low, --t-high, --anneal-share: timesteps must be drawn"),
         (["image", "x.png", "--reference-loss", "-1"], "--reference-loss must not be negative, got -1.0"),
+        (["eval", "runs", "--elevation", "nan"], "diff3ds: --elevation must be finite, got nan"),
         (["views", "--recipe", "3doodle", "x", "--width", "inf"], "diff3ds: --width must be finite, got inf"),
         (["views", "--recipe", "3doodle", "x", "--clip-weight", "-1"], "--clip-weight and --vgg-weight must not be"),
         (["text", "a chair", "--steps", "many"], "Error parsing --steps"),

@@ -265,3 +265,18 @@ def test_a_batch_must_fill_the_groups_of_the_prior(prior, tmp_path):
 
 def test_the_turntable_goes_all_around():
     assert len(turntable()) == 8
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_priors_are_told_the_poses_as_they_were_drawn():
+    """On the CPU and not copied back, which would wait for the device: another device gets copies to draw with."""
+    told = []
+    orbits = [ds.orbit([float(step)], size=8) for step in range(2)]
+    objective, cameras = task.placed(
+        lambda rendering, views, step: told.append(views), lambda step, generator: orbits[step], torch.device("meta")
+    )
+    for step in range(2):
+        there = cameras(step, torch.Generator())
+        assert there.world_to_camera.device.type == "meta"
+        objective(None, there, step)
+    assert [id(views) for views in told] == [id(views) for views in orbits]

@@ -157,13 +157,17 @@ def _place(wanted: Commission) -> torch.device:
 
 
 def placed(objective: Objective, cameras: CameraSampler, place: torch.device) -> tuple[Objective, CameraSampler]:
-    """The same for strokes on a device. Priors are told the poses on the CPU: some dozen numbers a step."""
+    """The same for strokes on a device. Priors are told the poses on the CPU, where they come from: to copy them back
+    would wait for the device in every step.
+    """
+    latest: list[Cameras] = []
 
-    def judged(rendering: Rendering, views: Cameras, step: int) -> Tensor:
-        return objective(rendering, views.to("cpu"), step)
+    def judged(rendering: Rendering, _: Cameras, step: int) -> Tensor:
+        return objective(rendering, latest[0], step)
 
     def drawn(step: int, generator: torch.Generator) -> Cameras:
-        return cameras(step, generator).to(place)
+        latest[:] = [cameras(step, generator)]
+        return latest[0].to(place)
 
     return judged, drawn
 

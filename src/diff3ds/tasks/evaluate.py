@@ -10,6 +10,7 @@ import torch
 
 import diff3ds
 from diff3ds._files import read_json, read_text
+from diff3ds._options import require_finite
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import load, load_image
@@ -44,6 +45,9 @@ class EvaluateOptions:
     distance: float = 2.0
     fov: float = 60.0
     size: int = 512
+
+    def __post_init__(self) -> None:
+        require_finite(self)
 
     def views(self) -> Cameras:
         """The eight views: azimuth 0, 45, ... 315 degrees."""
