@@ -18,7 +18,17 @@ from diff3ds.tasks import priors
 from diff3ds.tasks.image import inked
 from diff3ds.tasks.lines import Lines, lines_of
 from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.recognise import alike, confidence, descriptors, drawn_over, gap, pieces, recognise
+from diff3ds.tasks.recognise import (
+    Recognised,
+    alike,
+    cameras_at,
+    confidence,
+    descriptors,
+    drawn_over,
+    gap,
+    pieces,
+    recognise,
+)
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from other_drawings import solid_drawing
@@ -85,7 +95,9 @@ def test_pose_of_what_is_known_to_be_there(chair):
 
 
 def test_what_the_library_lacks_is_refused_with_advice(cross):
-    with pytest.raises(ValueError, match=r"does not recognise the drawing: it is most like .*--shows .*fetch zero123"):
+    with pytest.raises(
+        ValueError, match=r"does not recognise the drawing \(\d+% sure\): it is most like .*--shows .*fetch zero123"
+    ):
         recognise(lines_in(cross))
 
 
@@ -117,7 +129,7 @@ def test_a_bare_circle_and_a_bare_square_are_no_clocks(shape, tmp_path):
     image = Image.new("L", (300, 300), 255)
     getattr(ImageDraw.Draw(image), shape)((40, 40, 260, 260), outline=0, width=5)
     image.save(tmp_path / "shape.png")
-    with pytest.raises(ValueError, match=r"does not recognise the drawing: it is most like clock"):
+    with pytest.raises(ValueError, match=r"does not recognise the drawing \(\d+% sure\): it is most like clock"):
         recognise(lines_in(tmp_path / "shape.png"))
 
 
@@ -285,3 +297,24 @@ def test_a_drawing_takes_the_colour_of_the_strokes():
     red = inked(picture, (0.8, 0.1, 0.1))
     assert torch.allclose(red, torch.tensor([[[1.0, 1, 1], [0.8, 0.1, 0.1], [0.9, 0.55, 0.55]]]))
     assert inked(picture, None) is picture
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "words"),
+    [
+        (55.0, 0.0, "55 degrees to the right of the front, 0 above"),
+        (340.0, 12.4, "20 degrees to the left of the front, 12 above"),
+        (-20.0, -10.0, "20 degrees to the left of the front, 10 below"),
+        (0.2, 5.0, "in front, 5 above"),
+        (359.8, 5.0, "in front, 5 above"),
+        (180.0, 5.0, "behind, 5 above"),
+    ],
+)
+def test_poses_in_words(azimuth, elevation, words):
+    """Right is where the camera goes that goes to +y: to the right of the picture from the front."""
+    assert str(Recognised("mug", (), azimuth, elevation, 0.97, (), "a mug")) == f"a mug (97%), seen from {words}"
+    camera = cameras_at([(azimuth, elevation)]).centers[0]
+    right = ds.orbit([0.0], size=9)
+    seen = ds.project(ds.Sketch(torch.stack([camera, camera])[None] * 0.1), right).cubics[0, 0, 0]
+    if "right" in words or "left" in words:
+        assert ("right" in words) == (float(seen[0] / seen[2]) > 4.5)

@@ -64,8 +64,12 @@ class Recognised:
 
     def __str__(self) -> str:
         """In words."""
-        seen = f"from {self.azimuth:.0f} degrees beside the front, {self.elevation:.0f} above"
-        return f"{self.caption} ({self.confidence:.0%}), seen {seen}"
+        side, height = round((self.azimuth + 180) % 360 - 180), round(self.elevation)
+        # Azimuths run counter-clockwise seen from above, which is to the right of who faces the front.
+        beside = f"{abs(side)} degrees to the {'right' if side > 0 else 'left'} of the front"
+        around = {0: "in front", 180: "behind", -180: "behind"}.get(side, beside)
+        upright = f"{abs(height)} {'above' if height >= 0 else 'below'}"
+        return f"{self.caption} ({self.confidence:.0%}), seen from {around}, {upright}"
 
     def as_json(self) -> dict[str, object]:
         """In the types of JSON."""
@@ -110,7 +114,7 @@ def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, 
     sure = confidence(scores[0][1], scores[1][1], gap_to(lines, name, found[name]))
     if sure < LEAST_CONFIDENCE:
         raise ValueError(
-            f"the built-in prior does not recognise the {lines.kind}: it is most like "
+            f"the built-in prior does not recognise the {lines.kind} ({sure:.0%} sure): it is most like "
             f"{', '.join(f'{one} ({score:.2f})' for one, score in scores)}, but may be none of them. "
             f"If it shows one of the {len(CATEGORIES)} kinds of things that it knows, say so: "
             f'--shows "{CATEGORIES[name].captions()[0]}". '
