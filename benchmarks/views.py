@@ -102,11 +102,12 @@ def _line(row: dict[str, Any]) -> str:
 def _print_summary(damage: str, rows: list[dict[str, Any]]) -> None:
     scores = [row["F5"] for row in rows]
     errors = [row["radius_error_median"] for row in rows if row.get("radius_error_median") is not None]
-    total = {key: sum(row.get(key) or 0 for row in rows) for key in ("circles_exact", "circles")}
+    total = {key: sum(row.get(key) or 0 for row in rows) for key in ("circles_exact", "circles_radius", "circles")}
     print(
         f"{damage or 'all'}: {len(rows)} runs, F5 mean {statistics.mean(scores):.3f}, worst {min(scores):.3f}, "
         f"failed {sum('error' in row for row in rows)}, circles exact and within .5 % {total['circles_exact']} of "
-        f"{total['circles']}" + (f", radius error {statistics.median(errors):.2f} % (median)" if errors else "")
+        f"{total['circles']} ({total['circles_radius']} by the radius alone)"
+        + (f", radius error {statistics.median(errors):.2f} % (median)" if errors else "")
     )
 
 

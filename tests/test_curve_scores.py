@@ -97,13 +97,14 @@ def test_arcs_of_one_circle_that_do_not_touch_stay_two():
 @pytest.mark.parametrize(("radius", "found"), [(0.2008, 1), (0.1992, 1), (0.202, 0), (0.198, 0)])
 def test_a_circle_is_found_to_half_a_percent_of_its_radius(radius, found):
     figures = score(arcs(radius), circle_truth(0.2))
-    assert figures["circles_found"] == found
+    assert (figures["circles_found"], figures["circles_radius"]) == (found, found)
     assert figures["radius_error_median"] == pytest.approx(100 * abs(radius / 0.2 - 1), abs=1e-6)
 
 
 @pytest.mark.parametrize(("off", "found"), [(0.0018, 1), (0.0022, 0)])
 def test_a_circle_is_found_to_one_percent_of_its_centre(off, found):
-    assert score(arcs(0.2, center=(0.5 + off, 0.5, 0.5)), circle_truth(0.2))["circles_found"] == found
+    figures = score(arcs(0.2, center=(0.5 + off, 0.5, 0.5)), circle_truth(0.2))
+    assert (figures["circles_found"], figures["circles_exact"], figures["circles_radius"]) == (found, found, 1)
 
 
 def test_small_and_short_circles_are_not_asked_for():
@@ -115,7 +116,7 @@ def test_a_polynomial_quarter_circle_is_found_but_not_exact():
     k = 0.2 * 4 / 3 * math.tan(math.pi / 8)
     cubic = [[0.7, 0.5, 0.5], [0.7, 0.5 + k, 0.5], [0.5 + k, 0.7, 0.5], [0.5, 0.7, 0.5]]
     figures = score({"control_points": [cubic]}, circle_truth(0.2, angle=math.pi / 2))
-    assert (figures["circles_found"], figures["circles_exact"]) == (1, 0)
+    assert (figures["circles_found"], figures["circles_exact"], figures["circles_radius"]) == (1, 0, 0)
 
 
 def test_lines_and_waves_have_no_circle():
