@@ -29,7 +29,7 @@ class Options(NamedTuple):
 def render(
     sketch: Sketch, cameras: Cameras, background: Float[Tensor, "V1 H1 W1 3"], blur: float, strata: int, seed: int
 ) -> Images:
-    """As `rasterize` of `diff3ds.project`, in one operation: small drawings spend half of their time between them."""
+    """As `rasterize` of `diff3ds.project`, in one operation: a tenth faster where images are tiny."""
     options = Options(sketch.width_space == "world", cameras.near, blur, strata, seed)
     looks = (half_widths(sketch, cameras), sketch.color, sketch.opacity, background)
     return _draw((sketch.points, sketch.weights, cameras.projection), looks, cameras.size, options)
