@@ -36,11 +36,11 @@ class Companion(Protocol):
     """What learns beside the sketch, inside the objective, and must be in the checkpoint for a run to go on from it."""
 
     def state(self) -> dict[str, Tensor]:
-        """A copy of all that has changed, by name, on the CPU."""
+        """A copy of all that has changed, by name, on its own device: it is asked for in every step."""
         ...
 
     def restore(self, state: dict[str, Tensor]) -> None:
-        """Goes on from what `state` gave."""
+        """Goes on from what `state` gave, which may come from the CPU."""
         ...
 
 

@@ -53,9 +53,9 @@ class StubParticles(Particles):
     def predict(self, noisy: torch.Tensor, timesteps: torch.Tensor, cameras: ds.Cameras) -> torch.Tensor:
         return OWN * noisy
 
-    def learn(self, latents: torch.Tensor, cameras: ds.Cameras, generator: torch.Generator) -> float:
+    def learn(self, latents: torch.Tensor, cameras: ds.Cameras, generator: torch.Generator) -> torch.Tensor:
         self.learned += 1
-        return 0.0
+        return torch.zeros(())
 
 
 LATENTS = torch.randn(SHAPE, generator=torch.Generator().manual_seed(1))

@@ -57,7 +57,27 @@ def test_every_optional_package_of_the_project_is_looked_for():
             names = {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
             assert names <= set(doctor.OPTIONAL[extra])
     found = {package.name for package in diagnose().packages}
-    assert found == {name for names in doctor.OPTIONAL.values() for name in names}
+    assert found - {"NVRTC"} == {name for names in doctor.OPTIONAL.values() for name in names}
+
+
+def test_the_compiler_for_gpus_fits_torch(monkeypatch):
+    nvrtc = pytest.importorskip("cuda.bindings.nvrtc")
+    version = ".".join(map(str, nvrtc.nvrtcVersion()[1:]))
+    ours, older = version.split(".")[0], int(version.split(".")[0]) - 1
+    monkeypatch.setattr(torch.version, "cuda", f"{ours}.0")
+    assert package(diagnose(), "NVRTC") == doctor.Finding("NVRTC", version)
+    monkeypatch.setattr(torch.version, "cuda", f"{older}.9")
+    assert package(diagnose(), "NVRTC").advice.endswith(f'pip install "cuda-bindings=={older}.*"')
+
+    def fails():
+        raise RuntimeError("Failure finding libnvrtc.so")
+
+    monkeypatch.setattr(torch.version, "cuda", None)
+    monkeypatch.setattr(nvrtc, "nvrtcVersion", fails)
+    missing = package(diagnose(), "NVRTC")
+    assert missing.found is None
+    assert "pip install nvidia-cuda-nvrtc" in missing.advice
+    assert "Failure finding" in missing.advice
 
 
 def test_installed_packages_have_their_version():

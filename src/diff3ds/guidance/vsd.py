@@ -80,7 +80,9 @@ class Particles:
         finally:
             self._unet.disable_adapters()
 
-    def learn(self, latents: Float[Tensor, "B C h w"], cameras: Cameras, generator: torch.Generator) -> float:
+    def learn(
+        self, latents: Float[Tensor, "B C h w"], cameras: Cameras, generator: torch.Generator
+    ) -> Float[Tensor, ""]:
         """One step of training on latents of renderings, at any noise; returns its loss a number in them."""
         prior = self._prior
         timesteps = draw_timesteps(0, len(prior.schedule) - 1, len(latents), prior.group, generator)
@@ -90,19 +92,19 @@ class Particles:
         with torch.enable_grad(), self._added():
             (epsilon,) = prior.predict(noisy, timesteps, cameras, ("conditional",))
             # A sum: a mean's gradients would vanish in 16 bits. Adam does not mind the scale.
-            loss = (epsilon - noise).square().sum()
-            loss.backward()
+            loss: Tensor = (epsilon - noise).square().sum()
+            torch.autograd.backward(loss)
         self._optimizer.step()
         self.learned += 1
         self._optimizer.zero_grad()
-        return float(loss.detach()) / noise.numel()
+        return loss.detach() / noise.numel()
 
     def state(self) -> dict[str, Tensor]:
-        """All that training has changed, by name, for a checkpoint."""
-        kept = {name: parameter.detach().cpu().clone() for name, parameter in self._weights.items()}
+        """All that training has changed, by name, for a checkpoint; where it is, so that nothing waits for a copy."""
+        kept = {name: parameter.detach().clone() for name, parameter in self._weights.items()}
         for name, parameter in self._weights.items():
             for moment, value in self._optimizer.state[parameter].items():
-                kept[f"{name}/{moment}"] = value.detach().cpu().clone()
+                kept[f"{name}/{moment}"] = value.detach().clone()
         return kept
 
     def restore(self, state: dict[str, Tensor]) -> None:

@@ -20,7 +20,7 @@ from diff3ds.refine import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.distill_options import DistillOptions, Preset, PresetName
-from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.reference import Reference, followed
 from diff3ds.tasks.results import RunInfo, write_results
 from diff3ds.tasks.sharpen import STEPS, Sharpening
@@ -117,12 +117,13 @@ def _stopped(
     steps: Generator[Step], judge: ScoreDistillation, options: DistillOptions, out: Path, report: Report
 ) -> bool:
     """Goes through all steps, and says whether Ctrl-C came before the end."""
+    shown = ShownLoss()
     with closing(steps):
         try:
             for step in steps:
                 done = step.index + 1
                 low, high = judge.recipe.annealing.bounds(step.index, judge.steps)
-                report(Progress("distill", done, judge.steps, step.loss, len(step.sketch), f"t {low}-{high}"))
+                report(Progress("distill", done, judge.steps, shown.of(step), len(step.sketch), f"t {low}-{high}"))
                 if options.sheet_every and done % options.sheet_every == 0:
                     save_png(out / SHEETS / f"step_{done:05d}.png", contact_sheet(step, judge))
         except KeyboardInterrupt:

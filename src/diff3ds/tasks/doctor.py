@@ -199,7 +199,26 @@ def _base(devices: tuple[Device, ...]) -> tuple[Finding, ...]:
 
 
 def _packages() -> tuple[Finding, ...]:
-    return tuple(_package(name, extra) for extra, names in OPTIONAL.items() for name in names)
+    return (*(_package(name, extra) for extra, names in OPTIONAL.items() for name in names), *_gpu_compiler())
+
+
+def _gpu_compiler() -> tuple[Finding, ...]:
+    """NVRTC, which compiles the kernels for GPUs, where the packages are here that load it."""
+    if importlib.util.find_spec("cuda") is None or importlib.util.find_spec("cuda.bindings") is None:
+        return ()
+    bindings = int(importlib.metadata.version("cuda-bindings").split(".")[0])
+    torchs = int(torch.version.cuda.split(".")[0]) if torch.version.cuda else bindings
+    # A driver that is just new enough for torch loads nothing that a newer compiler made.
+    advice = f'torch is built for CUDA {torchs}: pip install "cuda-bindings=={torchs}.*"' if torchs < bindings else ""
+    try:
+        from cuda.bindings import nvrtc
+
+        version = ".".join(map(str, nvrtc.nvrtcVersion()[1:]))
+    except Exception as error:  # whatever its loader meets
+        package = "nvidia-cuda-nvrtc" if bindings >= 13 else f"nvidia-cuda-nvrtc-cu{bindings}"
+        reason = (str(error).splitlines() or [repr(error)])[0]
+        return (Finding("NVRTC", None, advice or f"pip install {package} ({reason})"),)
+    return (Finding("NVRTC", version, advice),)
 
 
 def _package(name: str, extra: str) -> Finding:

@@ -29,7 +29,7 @@ from diff3ds.tasks.hull import visual_hull
 from diff3ds.tasks.network_files import find_file, read_network
 from diff3ds.tasks.plan import Plan
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
-from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import RunInfo, claim, spread, write_results
 from diff3ds.tasks.store import Store, is_all_known
@@ -133,11 +133,11 @@ def fit_doodle(
     claim(out, out / CHECKPOINT, options.resume, options.overwrite)
     plan = plan_doodle(load_posed(path, "color", options.size, out), options, loss, out / CHECKPOINT)
     read = time.perf_counter()
-    stopped = False
+    stopped, shown = False, ShownLoss()
     with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
         try:
             for step in steps:
-                report(Progress("3doodle", step.index + 1, options.steps, step.loss, len(step.sketch)))
+                report(Progress("3doodle", step.index + 1, options.steps, shown.of(step), len(step.sketch)))
         except KeyboardInterrupt:
             stopped = True
     state = read_checkpoint(out / CHECKPOINT)

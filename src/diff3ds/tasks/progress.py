@@ -1,9 +1,12 @@
 """What a running task tells, and what it hands over at its end."""
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from diff3ds.fit import Step
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.posed import PosedPictures
 
@@ -15,7 +18,7 @@ class Progress:
     Attributes:
         stage: its name.
         done, total: steps of this stage; total None where nobody knows.
-        loss: of the last step.
+        loss: of the last step; where one waits for it (on a GPU), of a step in the last second.
         strokes: of the sketch so far.
         note: what else to say of this step.
     """
@@ -29,6 +32,19 @@ class Progress:
 
 
 Report = Callable[[Progress], None]
+
+
+class ShownLoss:
+    """The loss of a step for people to see. A look at one on a GPU waits for the device: there is one a second."""
+
+    def __init__(self) -> None:
+        self._value, self._due = math.nan, -math.inf
+
+    def of(self, step: Step) -> float:
+        """Of this step, or of one not long before."""
+        if step.loss_tensor.device.type == "cpu" or time.monotonic() >= self._due:
+            self._value, self._due = step.loss, time.monotonic() + 1
+        return self._value
 
 
 class Stopped(KeyboardInterrupt):

@@ -1,0 +1,51 @@
+"""What a running task tells of its losses."""
+
+import math
+import time
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from diff3ds.fit import Step
+from diff3ds.render import Rendering
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.progress import ShownLoss
+
+
+class CountedStep(Step):
+    """A step that counts the looks at its loss; "meta" stands for a GPU."""
+
+    looks = 0
+
+    def __init__(self, index: int, device: str) -> None:
+        sketch = Sketch.random(1, generator=torch.Generator().manual_seed(0))
+        drawn = Rendering(torch.zeros(1, 2, 2, 3), torch.zeros(1, 2, 2), torch.zeros(1, 2, 2))
+        super().__init__(index, sketch, torch.tensor(float(index), device=device), drawn)
+
+    @property
+    def loss(self) -> float:
+        CountedStep.looks += 1
+        return float(self.index)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr(time, "monotonic", lambda: now.seconds)
+    monkeypatch.setattr(CountedStep, "looks", 0)
+    return now
+
+
+def test_a_gpu_is_asked_once_a_second(clock):
+    shown, seen = ShownLoss(), []
+    for index in range(25):
+        seen.append(shown.of(CountedStep(index, "meta")))
+        clock.seconds += 0.125
+    assert seen == [8.0 * (index // 8) for index in range(25)]
+    assert CountedStep.looks == math.ceil(25 / 8)
+
+
+def test_losses_on_the_cpu_are_all_shown(clock):
+    shown = ShownLoss()
+    assert [shown.of(CountedStep(index, "cpu")) for index in range(5)] == [0, 1, 2, 3, 4]
