@@ -39,7 +39,7 @@ def ridges_along(cameras, lines, shown=None):
             if shown is None or shown[view, i]
         ]
         points, normals = (np.concatenate([p[k] for p in parts] or [np.zeros((0, 2))]) for k in (0, 1))
-        found.append(Ridges(points, normals, np.ones(len(points))))
+        found.append(Ridges.sharp(points, normals, np.ones(len(points))))
     return found
 
 

@@ -56,7 +56,7 @@ def test_outlines_with_gaps_have_sides():
 
 
 def test_no_ridges_no_sides():
-    empty = Ridges(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    empty = Ridges.sharp(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     assert outline_sides(empty, (32, 32)).shape == (0,)
 
 
@@ -64,7 +64,7 @@ def biased(bias):
     """The exact ridges as a detector with this bias gives them."""
     shift = np.array([bias.dx, bias.dy])
     return [
-        Ridges(r.points + shift + bias.outward * side[:, None] * r.normals, r.normals, r.values)
+        Ridges.sharp(r.points + shift + bias.outward * side[:, None] * r.normals, r.normals, r.values)
         for r, side in zip(EXACT, true_sides(), strict=True)
     ]
 

@@ -94,7 +94,7 @@ def test_a_texture_all_over_is_no_other_end_of_a_hole():
         inside = ((points > 1) & (points < 159)).all(1)
         points, normals = points[inside], np.repeat(normal, 9, axis=1).reshape(-1, 2)[inside]
         both = np.concatenate([rim.points, points]), np.concatenate([rim.normals, normals])
-        views.append(Ridges(*both, np.ones(len(both[0]))))
+        views.append(Ridges.sharp(*both, np.ones(len(both[0]))))
     halves = curves_of([], [[circular_arc(CENTER, radius * U, radius * V, a, a + np.pi) for a in (0, np.pi)]])
     assert closed(halves, edge_views(CAMERAS, views), ENOUGH, 0.0) is halves
 

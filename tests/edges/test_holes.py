@@ -85,7 +85,7 @@ def test_a_small_offset_of_rims_is_told_from_a_small_hole():
             rim[view] = replace(ridge, points=ridge.points + outward * pushed * inward + scatter)
         ends.append(rim)
     both = [
-        Ridges(*(np.concatenate([getattr(r, name) for r in pair]) for name in ("points", "normals", "values")))
+        Ridges.sharp(*(np.concatenate([getattr(r, name) for r in pair]) for name in ("points", "normals", "values")))
         for pair in zip(*ends, strict=True)
     ]
     views = edge_views(CAMERAS, both)

@@ -72,7 +72,7 @@ def test_views_do_not_match_what_they_do_not_contain():
 
 
 def test_a_view_without_ridges_matches_nothing():
-    empty = Ridges(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    empty = Ridges.sharp(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     match = edge_views(CAMERAS, [*RIDGES[:4], empty]).match(np.zeros((1, 3)))
     assert (match.distance[:4] < OUTSIDE).all()
     assert match.distance[4, 0] == OUTSIDE

@@ -27,7 +27,7 @@ def ridges(radius, push=0.0, every=2, start=0.0, stop=2 * np.pi):
     pushed = []
     for view, (r, c) in enumerate(zip(found, middle, strict=True)):
         inward = np.sign(((c - r.points) * r.normals).sum(1))[:, None] * r.normals
-        pushed.append(Ridges(r.points + push * bool(view % every) * inward, r.normals, r.values))
+        pushed.append(Ridges.sharp(r.points + push * bool(view % every) * inward, r.normals, r.values))
     return edge_views(CAMERAS, pushed)
 
 
@@ -82,7 +82,7 @@ def test_short_arcs_and_circles_without_ridges_stay():
     short = curves_of([near(radius, 0.3, 1.5)])
     assert torch.equal(placed(short, ridges(radius), 0.0).points, short.constrained(short.points)[0])
     whole = circle(radius)
-    corner = Ridges(np.array([[10.0, 10.0]]), np.array([[1.0, 0.0]]), np.ones(1))
+    corner = Ridges.sharp(np.array([[10.0, 10.0]]), np.array([[1.0, 0.0]]), np.ones(1))
     away = edge_views(CAMERAS, [corner] * len(CAMERAS))
     np.testing.assert_allclose(placed(whole, away, 0.5).points, whole.points, rtol=0, atol=1e-5)
 

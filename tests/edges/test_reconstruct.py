@@ -164,10 +164,10 @@ def test_views_that_agree_on_nothing():
         lines = [np.linspace(*rng.uniform(10, 118, (2, 2)), 80) for _ in range(3)]
         tangents = np.concatenate([np.repeat((line[-1:] - line[:1]), 80, 0) for line in lines])
         normals = np.stack([tangents[:, 1], -tangents[:, 0]], 1) / np.linalg.norm(tangents, axis=1)[:, None]
-        lost.append(Ridges(np.concatenate(lines), normals, np.ones(240)))
+        lost.append(Ridges.sharp(np.concatenate(lines), normals, np.ones(240)))
     with pytest.raises(ValueError, match=NOTHING.split(":")[0]):
         reconstruct(CAMERAS, lost)
-    none = Ridges(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    none = Ridges.sharp(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     with pytest.raises(ValueError, match=NOTHING.split(":")[0]):
         reconstruct(CAMERAS, [none] * 20)
     wrong = lines_between(((0.7, 0.7, 0.1), (0.7, 0.6, 0.5)))

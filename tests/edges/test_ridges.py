@@ -122,7 +122,7 @@ def test_within_keeps_what_is_far_from_the_unknown():
 def test_faint_ridges_go_whatever_view_they_are_in():
     def ridges(*values):
         count = len(values)
-        return Ridges(np.arange(2.0 * count).reshape(-1, 2), np.tile([1.0, 0.0], (count, 1)), np.array(values))
+        return Ridges.sharp(np.arange(2.0 * count).reshape(-1, 2), np.tile([1.0, 0.0], (count, 1)), np.array(values))
 
     kept = without_faint([ridges(1.0, 0.9, 0.1), ridges(0.05), ridges(0.8, 1.0), ridges()])
     assert [r.values.tolist() for r in kept] == [[1.0, 0.9], [], [0.8, 1.0], []]

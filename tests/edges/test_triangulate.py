@@ -80,7 +80,7 @@ def test_random_ridges_agree_on_nothing():
         lines = [rng.uniform(8, 88, (2, 2)) for _ in range(4)]
         points = np.concatenate([np.linspace(a, b, 60) for a, b in lines])
         normals = np.repeat([[(b - a)[1], -(b - a)[0]] / np.linalg.norm(b - a) for a, b in lines], 60, axis=0)
-        ridges.append(Ridges(points, normals, np.ones(len(points))))
+        ridges.append(Ridges.sharp(points, normals, np.ones(len(points))))
     found, _ = found_in(edge_views(CAMERAS, ridges), 12)
     assert len(found) == 0
 

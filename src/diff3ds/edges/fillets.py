@@ -194,8 +194,9 @@ def _measured(points: Float[Array, "N 4 3"], fillet: _Fillet, views: EdgeViews, 
     before, x, after = shape(np.zeros(4))
     tangents = (after - before) / np.linalg.norm(after - before, axis=1, keepdims=True)
     shown = agreement(views, x, tangents) & ~crowded(views, x, tangents)
+    joints = near_joints(x, np.stack([corner + length * way for way in ways]), views.pixel)
     inside = corner + 2 * length * (ways[0] + ways[1])
-    found = float(fitted(shape, 4, inside, shown, views, outward)[3])
+    found = float(fitted(shape, 4, inside, shown, views, outward, joints=joints)[3])
     # The arc of a right angle moves by √2 - 1 of that.
     return length + found if abs(found) < MOST_MOVE / (np.sqrt(2) - 1) * views.pixel else None
 

@@ -41,6 +41,7 @@ class EdgeViews:
         centers: of the cameras.
         points: all ridge points, pixels.
         normals: across them.
+        pulls, softness: see `Ridges`.
         start: index of the first ridge point of each view, and their number at the end.
         planes: (n, o) of the plane through the camera and the ridge; n . x + o is the distance of x, world units.
         nearest: index of the ridge point nearest to the centre of each pixel; -1 in views without any.
@@ -51,6 +52,8 @@ class EdgeViews:
     centers: Float[Array, "V 3"]
     points: Float[Array, "R 2"]
     normals: Float[Array, "R 2"]
+    pulls: Float[Array, " R"]
+    softness: float
     start: Int[NDArray[np.int64], " S"]
     planes: Float[Array, "R 4"]
     nearest: Int[NDArray[np.int32], "V H W"]
@@ -111,6 +114,8 @@ def edge_views(cameras: Cameras, ridges: Sequence[Ridges]) -> EdgeViews:
         _numpy(cameras.centers.double()),
         np.concatenate([r.points for r in ridges]),
         np.concatenate([r.normals for r in ridges]),
+        np.concatenate([r.pulls for r in ridges]),
+        max(r.softness for r in ridges),
         start,
         np.concatenate(planes),
         np.stack(nearest),

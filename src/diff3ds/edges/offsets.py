@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Bool, Float
 from diff3ds.edges.lookup import EdgeViews
-from diff3ds.edges.ridges import Array
+from diff3ds.edges.ridges import AROUND, Array
 from diff3ds.edges.support import SAMPLES
 
 # Rounds of reweighting; residuals in pixels that count half, in the first and the last of them. Empirical.
@@ -41,6 +41,7 @@ def fitted(
     views: EdgeViews,
     outward: float,
     rim: Bool[NDArray[np.bool_], "V S"] | None = None,
+    joints: Bool[NDArray[np.bool_], " S"] | None = None,
 ) -> Float[Array, " K"]:
     """The parameters near zero that agree best with the ridges.
 
@@ -50,16 +51,22 @@ def fitted(
         shown: which views show which of the places.
         outward: offset of outlines, pixels.
         rim: which places are pushed in which views if the curve is the rim of a hole through the object.
+        joints: which places lie next to another curve, see `near_joints`; default none.
     """
     shown = shown & ~_tight(shape(np.zeros(count)), views)
     if outward <= LEAST_OUTWARD:
-        return _least_squares(shape, count, inside, shown, views, outward, 0.0)[1]
+        return _least_squares(shape, count, inside, shown, views, outward, 0.0, joints)[1]
     # Few parts pushed, or half of them. Most is no start: rims pushed everywhere look like a larger circle.
     pushed: list[float | Array] = [0.1, 0.5]
     if rim is not None:
         pushed += [rim.astype(np.float64), np.zeros(rim.shape)]
-    fits = [_least_squares(shape, count, inside, shown, views, outward, first) for first in pushed]
+    fits = [_least_squares(shape, count, inside, shown, views, outward, first, joints) for first in pushed]
     return min(fits, key=lambda fit: fit[0])[1]
+
+
+def near_joints(x: Float[Array, "S 3"], joints: Float[Array, "J 3"], pixel: float) -> Bool[NDArray[np.bool_], " S"]:
+    """Which places lie so near to a joint of two curves that the curvature of their ridges was measured on both."""
+    return np.asarray(np.linalg.norm(x[:, None] - joints, axis=2).min(1) < AROUND * pixel)
 
 
 def _tight(places: Float[Array, "3 S 3"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
@@ -84,6 +91,7 @@ def _least_squares(
     views: EdgeViews,
     outward: float,
     pushed: float | Array,
+    joints: Bool[NDArray[np.bool_], " S"] | None,
 ) -> tuple[float, Float[Array, " K"]]:
     """How unlikely what the views show is with the best parameters, and these: Gauss and Newton, reweighted.
 
@@ -95,7 +103,7 @@ def _least_squares(
     value = np.zeros(count)
     pull = PULL / views.pixel**2
     for turn in range(ROUNDS):
-        offset, moved, inward = _offsets(shape(value), inside, views)
+        offset, moved, inward = _offsets(shape(value), inside, views, joints)
         scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** (turn / (ROUNDS - 1))
         if outward > LEAST_OUTWARD and turn and not known:
             push = _pushed(offset, inward * outward, shown, push)
@@ -110,7 +118,7 @@ def _least_squares(
         matrix = (weighted[:, None] * design).sum(-1) + pull * np.eye(count)
         right = (weighted * residual.ravel()).sum(-1) - pull * value
         value = value + np.linalg.solve(matrix, right)
-    offset, _, inward = _offsets(shape(value), inside, views)
+    offset, _, inward = _offsets(shape(value), inside, views, joints)
     rest = offset - push * inward * outward if known else offset
     return _unlikely(rest, inward * outward, shown, known), value
 
@@ -145,9 +153,15 @@ def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"],
 
 
 def _offsets(
-    places: Float[Array, "3 S 3"], inside: Float[Array, " 3"], views: EdgeViews
+    places: Float[Array, "3 S 3"],
+    inside: Float[Array, " 3"],
+    views: EdgeViews,
+    joints: Bool[NDArray[np.bool_], " S"] | None = None,
 ) -> tuple[Float[Array, "V S"], Float[Array, "V S 3"], Float[Array, "V S"]]:
     """How far the ridges lie from the curve along their normals, pixels.
+
+    The smoothing has pulled them inwards by their curvature, which was measured some way to both sides. Next to another
+    curve, at the joints, the curve's own curvature is taken instead.
 
     Returns the offsets, what a displacement of each place adds to where it appears (pixels by world unit), and the
     normals' component to the inner side, 1 or -1.
@@ -161,6 +175,11 @@ def _offsets(
     first, second = (ahead - back) / 2, ahead + back - 2 * match.pixel
     along = (apart * first).sum(-1, keepdims=True) / ((first**2).sum(-1, keepdims=True) + 1e-12)
     offset = ((apart + 0.5 * along**2 * second) * normal).sum(-1)
+    if joints is not None:
+        square = (first**2).sum(-1, keepdims=True) + 1e-12
+        bend = (second - (second * first).sum(-1, keepdims=True) * first / square) / square
+        pulls = views.pulls[match.ridge] - views.softness * (bend * normal).sum(-1)
+        offset = offset + np.where(joints, pulls, 0.0)
     scale = (views.focal[:, None] / np.maximum(match.depth, 1e-9))[..., None]
     inward = np.sign(((views.project(inside[None])[0] - match.pixel) * normal).sum(-1))
     return offset, views.planes[match.ridge][..., :3] * scale, inward

@@ -11,7 +11,7 @@ from diff3ds.edges.curves import Curves
 from diff3ds.edges.holes import other_ends, seen_through
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.meeting import met
-from diff3ds.edges.offsets import Shape, fitted, residuals
+from diff3ds.edges.offsets import Shape, fitted, near_joints, residuals
 from diff3ds.edges.primitives import Circle, Kind, angles_of, arc_control, fit_circle, turned
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
@@ -105,10 +105,12 @@ def _placed_arc(
     if sum(abs(b - a) for a, b in sweeps) < LEAST_SWEEP:
         return None
     angle = angles_of(start, x)
+    joints = near_joints(x, points_on(start, np.array(sweeps[0])), views.pixel) if len(old) == 1 else None
     for _ in range(LOOKS):
         before = points_on(circle, angle)
         rim = None if end is None else seen_through(circle, end, angle, views)
-        circle = circle_at(circle, angle, clear & shown_of(circle, angle, views), views, outward, rim)
+        shown = clear & shown_of(circle, angle, views)
+        circle = circle_at(circle, angle, shown, views, outward, rim, joints)
         if circle is None or apart(points_on(circle, angle), points_on(start, angle)) > MOST_MOVE * views.pixel:
             return None
         if apart(points_on(circle, angle), before) < STILL * views.pixel:
@@ -136,16 +138,17 @@ def circle_at(
     views: EdgeViews,
     outward: float,
     rim: Bool[NDArray[np.bool_], "V S"] | None = None,
+    joints: Bool[NDArray[np.bool_], " S"] | None = None,
 ) -> Circle | None:
     """The circle near this one that agrees best with the ridges at these angles; None if it shrinks to nothing.
 
     Args:
         shown: which views show which of the places.
         outward: offset of outlines, pixels.
-        rim: see `fitted`.
+        rim, joints: see `fitted`.
     """
     shape = _shape(start, angle, views.pixel)
-    found = fitted(shape, 6, start.center, shown, views, outward, rim)
+    found = fitted(shape, 6, start.center, shown, views, outward, rim, joints)
     circle = _stepped(start, found, np.cross(start.u, start.v))
     return circle if circle.radius > views.pixel else None
 

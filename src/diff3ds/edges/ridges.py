@@ -40,17 +40,26 @@ class Ridges:
         points: (x, y) in pixels, centres of pixels at half integers.
         normals: unit vectors across the ridge, of either sign.
         values: of the smoothed image.
+        pulls: how far the smoothing is taken to have pulled each point along its normal, pixels: undone in `points`.
+        softness: such a pull by curvature, pixels².
     """
 
     points: Float[Array, "M 2"]
     normals: Float[Array, "M 2"]
     values: Float[Array, " M"]
+    pulls: Float[Array, " M"]
+    softness: float = 0.0
+
+    @staticmethod
+    def sharp(points: Float[Array, "M 2"], normals: Float[Array, "M 2"], values: Float[Array, " M"]) -> "Ridges":
+        """Ridges that no smoothing has pulled."""
+        return Ridges(points, normals, values, np.zeros(len(points)))
 
     def __len__(self) -> int:
         return len(self.points)
 
     def __getitem__(self, index: NDArray[np.bool_]) -> "Ridges":
-        return Ridges(self.points[index], self.normals[index], self.values[index])
+        return Ridges(self.points[index], self.normals[index], self.values[index], self.pulls[index], self.softness)
 
 
 def map_ridges(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
@@ -119,7 +128,7 @@ def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_va
     ridge[:BORDER] = ridge[-BORDER:] = ridge[:, :BORDER] = ridge[:, -BORDER:] = False
     y, x = np.nonzero(ridge)
     points = np.stack([x + 0.5 + (top * nx)[ridge], y + 0.5 + (top * ny)[ridge]], 1)
-    return _unshrunk(Ridges(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge]), sigma)
+    return _unshrunk(Ridges.sharp(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge]), sigma)
 
 
 def _unshrunk(ridges: Ridges, sigma: float) -> Ridges:
@@ -128,9 +137,10 @@ def _unshrunk(ridges: Ridges, sigma: float) -> Ridges:
     The Gaussian is heat flow over the time sigma² / 2; in polar coordinates around the centre of curvature its equation
     I_t = I_rr + k I_r moves a line inwards at the speed of its curvature k, by k sigma² / 2 in all.
     """
-    pull = np.clip(_curvature(ridges) * sigma**2 / 2, -MOST_PULL, MOST_PULL)
+    softness = sigma**2 / 2
+    pulls = np.clip(_curvature(ridges) * softness, -MOST_PULL, MOST_PULL)
     # Towards the side of the normal is inwards where the curvature is positive.
-    return replace(ridges, points=ridges.points - pull[:, None] * ridges.normals)
+    return replace(ridges, points=ridges.points - pulls[:, None] * ridges.normals, pulls=pulls, softness=softness)
 
 
 def _curvature(ridges: Ridges) -> Float[Array, " M"]:
