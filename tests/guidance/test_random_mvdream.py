@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -59,6 +60,19 @@ def test_a_tiny_run():
     # torch alone takes more.
     assert figures["memory, GB"] > 0.1
     assert len(step_cost.step_seconds(step_cost.FreePrior(32, 4), torch.device("cpu"), 3)) == 3
+
+
+def test_a_step_is_timed_until_the_device_is_done(monkeypatch):
+    """By a clock that only a wait for the device moves."""
+    clock = SimpleNamespace(now=0.0)
+
+    def wait(device):
+        assert device == torch.device("cpu")
+        clock.now += 0.25
+
+    monkeypatch.setattr(step_cost, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(step_cost, "_wait", wait)
+    assert step_cost.step_seconds(step_cost.FreePrior(32, 4), torch.device("cpu"), 3) == [0.25] * 3
 
 
 def test_figures_follow_from_the_times(monkeypatch):

@@ -1,16 +1,19 @@
 """On a device only: graphs, streams, several GPUs, steps that wait for nothing. All else runs as it does emulated."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 import torch
 from cuda_backends import lack, promised
 
 import diff3ds as ds
+from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.tasks.distill import Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.reference import Reference
 
 if not promised() and not torch.cuda.is_available():
     pytest.skip("no GPU here, and none promised by DIFF3DS_GPU", allow_module_level=True)
@@ -117,11 +120,52 @@ def test_a_step_of_fit_waits_for_nothing(gpu):
     assert math.isfinite(next(steps).loss)
 
 
-def test_a_prior_on_the_device_has_its_strokes_drawn_there(gpu, tmp_path, monkeypatch):
-    """And the sketch is the one that strokes drawn on the CPU become, to rounding."""
+def small_prior(device: torch.device) -> SmallDenoiser:
     torch.manual_seed(0)
     network = SmallNetwork(Shape(1, patch=16, width=16, depth=1))
-    denoiser = SmallDenoiser(network, Vocabulary(("thing",), 0.2, 0.4), torch.ones(1), device=gpu)
+    return SmallDenoiser(network, Vocabulary(("thing",), 0.2, 0.4), torch.ones(1), device=device)
+
+
+def tiny_mvdream(device: torch.device):
+    pytest.importorskip("diffusers")
+    pytest.importorskip("peft")
+    from guidance import tiny
+
+    from diff3ds.guidance.latent import Autoencoder
+    from diff3ds.guidance.mvdream import MVDream
+
+    torch.manual_seed(0)
+    unet, autoencoder = tiny.make_mvdream_unet().to(device), Autoencoder(tiny.make_vae().to(device), 64)
+    return MVDream(unet, autoencoder, torch.randn(3, 7, 32), NoiseSchedule.scaled_linear())
+
+
+@pytest.mark.filterwarnings("ignore:Synchronization debug mode")
+@pytest.mark.parametrize(
+    ("prior", "method"), [(small_prior, "reconstruction"), (tiny_mvdream, "nfsd"), (tiny_mvdream, "vsd")]
+)
+def test_a_step_of_a_distillation_waits_for_nothing(gpu, prior, method, tmp_path, monkeypatch):
+    """With a known view, once memory is known and a loss has been shown."""
+    monkeypatch.setattr("diff3ds.tasks.progress.time", SimpleNamespace(monotonic=lambda: 0.0))
+    options = DistillOptions(steps=20, strokes=8, method=method, sheet_every=0, delete_length=0.0)
+    reference = Reference(torch.full((64, 64, 3), 0.5), ds.orbit(0.0, size=64), 1.0)
+    wanted = Commission({"phrase": "a thing"}, 7.5, width=0.05, reference=reference, network={"device": "cuda"})
+    watched = []
+
+    def report(progress) -> None:
+        watch = 8 <= progress.done < 18
+        watched.append(watch)
+        torch.cuda.set_sync_debug_mode("error" if watch else "default")
+
+    try:
+        distill(prior(gpu), options, tmp_path, wanted, report)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")
+    assert sum(watched) == 10
+
+
+def test_a_prior_on_the_device_has_its_strokes_drawn_there(gpu, tmp_path, monkeypatch):
+    """And the sketch is the one that strokes drawn on the CPU become, to rounding."""
+    denoiser = small_prior(gpu)
     options, seen, encode = DistillOptions(steps=4, strokes=8, sheet_every=2), [], denoiser.encode
 
     def watched(images, generator):

@@ -8,6 +8,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.upload import uploaded
 
 # What a prediction is conditioned on: the phrase or picture; nothing at all; or the negative phrase, which is nothing
 # at all too where a prior has none. Cameras condition every branch alike.
@@ -58,7 +59,7 @@ def gaussian(like: Tensor, generator: torch.Generator) -> Tensor:
 
     Drawn on the CPU: a seed means the same there and on a GPU.
     """
-    return torch.randn(like.shape, generator=generator).to(like.device)
+    return uploaded(torch.randn(like.shape, generator=generator), like.device)
 
 
 def check_groups(count: int, group: int) -> None:

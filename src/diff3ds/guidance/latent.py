@@ -12,6 +12,7 @@ from diff3ds.guidance.denoiser import gaussian
 from diff3ds.guidance.device import Work, free_memory, require_memory
 from diff3ds.guidance.loading import load_part
 from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.weights import Checkpoint
 
 Prediction = Literal["epsilon", "v_prediction"]
@@ -205,8 +206,8 @@ def predict_noise(
     if beside:
         latents = torch.cat([latents, torch.cat(list(beside)).to(latents)], 1)
     # Labels in another format than the weights are an error there.
-    more = {} if labels is None else {"class_labels": labels.repeat(rows, 1).to(weight)}
-    context, times = torch.cat(list(contexts)).to(weight), timesteps.repeat(rows).to(weight.device)
+    more = {} if labels is None else {"class_labels": uploaded(labels, weight.device).repeat(rows, 1).to(weight)}
+    context, times = torch.cat(list(contexts)).to(weight), uploaded(timesteps.repeat(rows), weight.device)
     output = unet(latents.to(weight), times, encoder_hidden_states=context, **more).sample
     kept = schedule.alpha_bar(timesteps, noisy)
     return torch.stack([predicted_noise(part, noisy.detach(), kept, prediction) for part in output.chunk(rows)])

@@ -12,6 +12,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import distill
 from diff3ds.guidance.denoiser import Branch, Denoiser, gaussian
+from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.vsd import Particles
 
 Method = Literal["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"]
@@ -144,7 +145,7 @@ def nfsd(look: Look) -> Verdict:
     """Noise-free score distillation (Katzir et al. 2024): the noise that was added does not enter the gradient."""
     noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
     predictions = look.predict(noisy, look.timesteps, "conditional", "unconditional", "negative")
-    late = (look.timesteps < LATE).to(noisy)
+    late = uploaded((look.timesteps < LATE).to(noisy.dtype), noisy.device)
     gradient = distill.noise_free(predictions[0], predictions[1], predictions[2], look.guidance, late)
     epsilon = distill.guided(predictions[0], predictions[1], look.guidance)
     return Verdict(gradient, distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))

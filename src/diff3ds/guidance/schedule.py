@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 
 from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.guidance.upload import uploaded
 
 # Timesteps of all models here.
 TIMESTEPS = 1000
@@ -39,8 +40,11 @@ class NoiseSchedule:
         return len(self.alpha_bars)
 
     def alpha_bar(self, timesteps: Int[Tensor, " B"], like: Tensor) -> Float[Tensor, "B 1 1 1"]:
-        """ᾱ at these timesteps, to be multiplied with images on the device of `like`, in float32."""
-        return self.alpha_bars[timesteps.cpu()].to(like.device)[:, None, None, None]
+        """ᾱ at these timesteps, to be multiplied with images on the device of `like`, in float32.
+
+        Timesteps are drawn on the CPU, where the schedule is: a look-up there makes no device wait.
+        """
+        return uploaded(self.alpha_bars[timesteps.cpu()], like.device)[:, None, None, None]
 
     def add_noise(
         self, latents: Float[Tensor, "B C H W"], noise: Float[Tensor, "B C H W"], timesteps: Int[Tensor, " B"]

@@ -18,6 +18,7 @@ from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import TIMESTEPS, NoiseSchedule
 from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.guidance.upload import uploaded
 
 GROUP = 4
 # Of the signal-to-noise ratio of Stable Diffusion's schedule. With all of it, four pictures of 64 x 64 lines show what
@@ -140,8 +141,8 @@ class SmallDenoiser:
         """
         check_groups(len(noisy), self.group)
         groups = noisy.reshape(-1, self.group, *noisy.shape[-2:])
-        poses = angles(cameras).to(noisy.device).reshape(-1, self.group, 3)
-        time = timesteps.to(noisy.device)[:: self.group] / TIMESTEPS
+        poses = uploaded(angles(cameras), noisy.device).reshape(-1, self.group, 3)
+        time = uploaded(timesteps[:: self.group], noisy.device) / TIMESTEPS
         kept = self.schedule.alpha_bar(timesteps, noisy)
         known: dict[bool, Tensor] = {}
         for asked in {branch == "conditional" for branch in branches}:

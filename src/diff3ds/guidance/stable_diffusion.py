@@ -23,6 +23,7 @@ from diff3ds.guidance.latent import (
 from diff3ds.guidance.loading import header, load_part
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.weights import Source, find
 
 # Directions that perpendicular negatives turn away from.
@@ -91,12 +92,13 @@ class StableDiffusion:
         seen, empty, negative = self._texts[:-2], self._texts[-2], self._texts[-1]
         count = (len(noisy), -1, -1)
         contexts = {"unconditional": empty.expand(count), "negative": negative.expand(count)}
-        contexts["conditional"] = seen[prompts.directions(azimuth, elevation)]
+        contexts["conditional"] = seen[uploaded(prompts.directions(azimuth, elevation), seen.device)]
         asked: dict[str, None] = dict.fromkeys(branches)
         if self.perp_neg and "conditional" in asked:
             plan = prompts.turned(azimuth, elevation)
-            contexts["conditional"] = torch.einsum("bv,vld->bld", plan.positive.to(seen), seen)
-            contexts |= {f"away {i}": seen[plan.negative[i]] for i in range(AWAY)}
+            contexts["conditional"] = torch.einsum("bv,vld->bld", uploaded(plan.positive, seen.device).to(seen), seen)
+            away_from = uploaded(plan.negative, seen.device)
+            contexts |= {f"away {i}": seen[away_from[i]] for i in range(AWAY)}
             start = "unconditional" if "unconditional" in asked else "negative"
             asked |= dict.fromkeys((start, *(f"away {i}" for i in range(AWAY))))
         wanted = [contexts[name] for name in asked]
@@ -104,9 +106,8 @@ class StableDiffusion:
         epsilon = dict(zip(asked, found, strict=True))
         if self.perp_neg and "conditional" in asked:
             away = torch.stack([epsilon[f"away {i}"] for i in range(AWAY)])
-            epsilon["conditional"] = distill.perp_neg(
-                epsilon["conditional"], epsilon[start], away, plan.weights.to(noisy)
-            )
+            weights = uploaded(plan.weights, noisy.device).to(noisy)
+            epsilon["conditional"] = distill.perp_neg(epsilon["conditional"], epsilon[start], away, weights)
         return torch.stack([epsilon[branch] for branch in branches])
 
 

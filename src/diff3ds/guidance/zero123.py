@@ -22,6 +22,7 @@ from diff3ds.guidance.latent import (
 from diff3ds.guidance.loading import header, load_part, read_tensors
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
+from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.weights import Checkpoint, Source, find
 
 # Channels of a latent; the UNet takes those of the picture as well.
@@ -158,7 +159,7 @@ class Zero123:
         Raises:
             ValueError: cameras where this prior knows nothing.
         """
-        poses = self._pose(cameras, self._condition.reference).to(noisy.device)
+        poses = uploaded(self._pose(cameras, self._condition.reference), noisy.device)
         tokens = self._projection.tokens(self._condition.embedding, poses)
         concat = self._condition.concat.expand(len(noisy), -1, -1, -1)
         # Whether the picture is shown; each kind once.

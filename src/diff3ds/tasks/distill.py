@@ -16,6 +16,7 @@ from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
+from diff3ds.guidance.upload import uploaded
 from diff3ds.refine import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
@@ -88,7 +89,7 @@ def distill(
     identity = {**wanted.about, **network, **_identity(options, values, recipe), "width": width}
     config = replace(_config(options, values, out, identity), companion=judge.particles)
     place = _place(wanted)
-    objective, cameras = placed(*followed(judge, _orbits(denoiser, options), wanted.reference), place)
+    objective, cameras = placed(*followed(judge, _orbits(denoiser, options), wanted.reference, place), place)
     if not options.resume:
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
@@ -159,7 +160,7 @@ def _place(wanted: Commission) -> torch.device:
 
 def placed(objective: Objective, cameras: CameraSampler, place: torch.device) -> tuple[Objective, CameraSampler]:
     """The same for strokes on a device. Priors are told the poses on the CPU, where they come from: to copy them back
-    would wait for the device in every step.
+    would wait for the device in every step, and so would copies to it that are not `uploaded`.
     """
     latest: list[Cameras] = []
 
@@ -167,8 +168,10 @@ def placed(objective: Objective, cameras: CameraSampler, place: torch.device) ->
         return objective(rendering, latest[0], step)
 
     def drawn(step: int, generator: torch.Generator) -> Cameras:
-        latest[:] = [cameras(step, generator)]
-        return latest[0].to(place)
+        views = cameras(step, generator)
+        latest[:] = [views]
+        poses, intrinsics = uploaded(views.world_to_camera, place), uploaded(views.intrinsics, place)
+        return replace(views, world_to_camera=poses, intrinsics=intrinsics)
 
     return judged, drawn
 

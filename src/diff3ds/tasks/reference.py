@@ -27,18 +27,25 @@ class Reference:
     weight: float
 
 
-def followed(judge: ScoreDistillation, orbits: Orbits, reference: Reference | None) -> tuple[Objective, CameraSampler]:
-    """What the sketch follows: the prior, and a known view, which is drawn behind those of the prior."""
+def followed(
+    judge: ScoreDistillation, orbits: Orbits, reference: Reference | None, place: torch.device | str = "cpu"
+) -> tuple[Objective, CameraSampler]:
+    """What the sketch follows: the prior, and a known view, which is drawn behind those of the prior.
+
+    Args:
+        place: where strokes are drawn: the picture waits there, instead of being copied in every step.
+    """
     if reference is None:
         return judge, orbits
     count, size = orbits.batch, (orbits.size, orbits.size)
-    picture = reference.picture.movedim(-1, 0)[None]
-    picture = torch.nn.functional.interpolate(picture, size, mode="bilinear", antialias=True)[0].movedim(0, -1)
+    channels = reference.picture.movedim(-1, 0)[None]
+    resized = torch.nn.functional.interpolate(channels, size, mode="bilinear", antialias=True)[0]
+    picture = resized.movedim(0, -1).to(place)
 
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
         prior = Rendering(rendering.color[:count], rendering.alpha[:count], rendering.depth[:count])
         color = rendering.color[count]
-        difference = (color - picture.to(color)).square().mean()
+        difference = (color - picture).square().mean()
         return judge(prior, cameras[:count], step) + reference.weight * difference
 
     return objective, _OneMoreView(orbits, reference.cameras.resize(orbits.size))
