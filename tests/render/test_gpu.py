@@ -77,6 +77,20 @@ def test_graphs(gpu):
     assert_same(captured, drawn(other, cameras))
 
 
+def test_cameras_first_seen_by_a_capture(gpu):
+    """They can be drawn with before the graph is replayed."""
+    sketch, cameras = scene(gpu)
+    expected = drawn(sketch, cameras)
+    fresh = ds.Cameras(cameras.world_to_camera, cameras.intrinsics, cameras.size)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        captured = drawn(sketch, fresh)
+    assert_same(drawn(sketch, fresh), expected)
+    graph.replay()
+    torch.cuda.synchronize()
+    assert_same(captured, expected)
+
+
 def test_other_streams(gpu):
     """Strokes that are still being written on a side stream."""
     sketch, cameras = scene(gpu)
