@@ -203,7 +203,7 @@ def test_bad_strokes_of_earlier_calls_are_reported_once(device, memories):
 
 def test_capture_needs_a_call_before(device):
     device.recording = True
-    with pytest.raises(RuntimeError, match="draw a picture of this kind once before the capture"):
+    with pytest.raises(RuntimeError, match="draw a picture of this kind with 5 strokes or more"):
         rasterize(crowd(5), 20, backend="cuda")
     device.recording = False
     expected = rasterize(crowd(5), 20, backend="cuda").color
@@ -211,6 +211,45 @@ def test_capture_needs_a_call_before(device):
     device.recording = True
     assert torch.equal(rasterize(crowd(5), 20, backend="cuda").color, expected)
     assert device.waits == before
+    with pytest.raises(RuntimeError, match="draw a picture of this kind with 6 strokes or more"):
+        rasterize(crowd(6), 20, backend="cuda")
+
+
+def test_capture_of_gradients_needs_one_of_gradients_before(device, memories):
+    """Of Monte Carlo, whose outlines only the backward pass counts; the forward pass says so, before it is recorded."""
+    strokes = crowd(5)
+    tracked(strokes)
+
+    def drawn():
+        return draw(strokes, 20, "cuda", "montecarlo", samples=4)
+
+    image = drawn()
+    device.recording = True
+    for fails in (image.color.sum().backward, drawn):
+        with pytest.raises(RuntimeError, match="and its backward if one is wanted, once before the capture"):
+            fails()
+    device.recording = False
+    expected = results(strokes, 20, "montecarlo")
+    device.recording = True
+    assert_same(results(strokes, 20, "montecarlo"), expected)
+
+
+def test_lists_that_were_too_short_are_freed_before_longer_ones_are_made(device, antialiasing, monkeypatch):
+    rasterizing = import_module("diff3ds.render.cuda.rasterize")
+    monkeypatch.setattr(
+        limits.Limits, "guess", lambda self, shape: [self.length.setdefault(n, 1) for n in limits.LISTS]
+    )
+    make, made = rasterizing.arrays, {}
+
+    def watched(sizes, *args, **options):
+        name = next(iter(sizes))
+        assert name not in made or made[name]() is None, name
+        arrays = make(sizes, *args, **options)
+        made[name] = weakref.ref(arrays[name])
+        return arrays
+
+    monkeypatch.setattr(rasterizing, "arrays", watched)
+    results(crowd(5), 20, antialiasing)
 
 
 def test_strokes_that_cannot_be_drawn_are_left_out_of_a_captured_drawing(device):
