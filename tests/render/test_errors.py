@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -102,6 +103,14 @@ def test_options(backend, strokes, options, error, message):
     options = {"size": 16, "backend": backend, **options}
     with pytest.raises(error, match=re.escape(message)):
         rasterize(strokes, options.pop("size"), **options)
+
+
+def test_a_generator_on_a_device(backend, strokes):
+    """Its number would have to be waited for."""
+    generator = SimpleNamespace(device=torch.device("cuda", 1))
+    message = "generator must be on the CPU, wherever the strokes are, got one on cuda:1: use torch.Generator()"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        rasterize(strokes, 16, antialiasing="montecarlo", generator=generator, backend=backend)
 
 
 def test_arguments_of_render(backend):

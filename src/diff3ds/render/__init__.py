@@ -85,7 +85,8 @@ def render(
         blur: standard deviation of a normal filter in pixels; gradients then reach 3.5 times as far beyond the strokes.
             0 is the box of a pixel. Analytic only.
         samples: samples per pixel, a square number. Monte Carlo only.
-        generator: source of the samples; None is torch's default generator. Monte Carlo only.
+        generator: source of the samples, on the CPU wherever the strokes are; None is torch's default generator. A
+            captured CUDA graph draws the samples of its capture in every replay. Monte Carlo only.
         backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
 
     Raises:

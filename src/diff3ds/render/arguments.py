@@ -117,6 +117,15 @@ def strata_from(samples: int) -> int:
 
 
 def seed_from(generator: torch.Generator | None) -> int:
-    """A seed of 63 bits from a generator, or from torch's default one."""
-    device = generator.device if generator is not None else "cpu"
-    return int(torch.randint(0, 2**63 - 1, (), generator=generator, device=device).item())
+    """A seed of 63 bits from a generator, or from torch's default one.
+
+    Raises:
+        ValueError: a generator that is not on the CPU.
+    """
+    if generator is not None and generator.device.type != "cpu":
+        # To read its number would wait for the device, which a capture forbids.
+        raise ValueError(
+            f"generator must be on the CPU, wherever the strokes are, got one on {generator.device}: use "
+            "torch.Generator().manual_seed(0)"
+        )
+    return int(torch.randint(0, 2**63 - 1, (), generator=generator).item())
