@@ -80,10 +80,10 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
         canvas = background
     else:
         try:
-            # A number is written by the device itself: a copy to it could not be part of a captured graph.
+            # Numbers are written by the device itself: a copy to it would wait, and be no part of a captured graph.
             if isinstance(background, int | float):
                 return like.new_full((1, 1, 1, 3), background)
-            canvas = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+            canvas = _from_sequence(background, like)
         except (TypeError, ValueError, RuntimeError) as error:
             got = type(background).__name__
             raise TypeError(f"background must be a number, three numbers or a tensor, got {got}") from error
@@ -93,6 +93,12 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
     if len(canvas.shape) != 4 or any(n not in (1, m) for n, m in zip(canvas.shape, shape, strict=True)):
         raise ValueError(f"background must broadcast to {shape}, got shape {tuple(canvas.shape)}")
     return canvas
+
+
+def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:
+    if not all(isinstance(value, int | float) for value in background):
+        return torch.as_tensor(background, dtype=like.dtype, device=like.device)
+    return torch.cat([like.new_full((1,), value) for value in background])
 
 
 def check_blur(blur: float, antialiasing: Antialiasing) -> None:
