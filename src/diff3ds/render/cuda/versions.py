@@ -4,6 +4,26 @@ from importlib import metadata
 
 import torch
 
+# Packages that bring NVRTC, for CUDA 13 and 12: each may be replaced by itself.
+NVRTC = ("nvidia-cuda-nvrtc", "nvidia-cuda-nvrtc-cu12")
+
+
+def compiler_versions() -> list[str]:
+    """Of all that decides which NVRTC compiles; to load it and ask would take longer than to read what it made.
+
+    Raises:
+        PackageNotFoundError: cuda-core or cuda-bindings are not installed.
+    """
+    needed = [metadata.version(name) for name in ("cuda-core", "cuda-bindings")]
+    return [torch.__version__, *needed, *(_version(name) for name in NVRTC)]
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
+
 
 def bindings_major() -> int:
     """The version of CUDA that cuda-bindings are for.
