@@ -183,6 +183,44 @@ def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories,
     assert only.needs() == needs
 
 
+@pytest.mark.parametrize(
+    ("kernel", "places", "sizes"),
+    [
+        ("write_pieces", "piece_first", {"pieces": 96, "piece_info": 168, "arcs": 80}),
+        ("write_chords", "chord_first", {"chords": 36, "chord_info": 12, "tangents": 16}),
+    ],
+)
+def test_what_was_not_counted_is_not_written(device, memories, monkeypatch, kernel, places, sizes):
+    """The last place is taken away between counting and writing: what lies there stays as it is."""
+    rasterizing = import_module("diff3ds.render.cuda.rasterize")
+    make, launch, memory = rasterizing.arrays, device.launch, {}
+
+    def kept(*args, **options):
+        made = make(*args, **options)
+        memory.update(made)
+        return made
+
+    def shortened(name, blocks, job):
+        if name == kernel:
+            count = int(memory["counters"].view(torch.int64)[limits.LISTS.index(next(iter(sizes)))])
+            memory[places].view(torch.int32).clamp_(max=count - 1)
+            for array in sizes:
+                memory[array].fill_(0xAB)
+            memory["last"] = torch.tensor(count - 1)
+        launch(name, blocks, job)
+        if name == kernel:
+            raise InterruptedError
+
+    monkeypatch.setattr(rasterizing, "arrays", kept)
+    monkeypatch.setattr(device, "launch", shortened)
+    with pytest.raises(InterruptedError):
+        rasterize(crowd(6), 20, backend="cuda")
+    for array, size in sizes.items():
+        last = size * int(memory["last"])
+        assert (memory[array][last:] == 0xAB).all(), array
+        assert not (memory[array][last - size : last] == 0xAB).all(), array
+
+
 def test_bad_strokes_are_named(device):
     bad = crowd(5)
     bad.opacity[3] = 2.0
