@@ -6,8 +6,9 @@ from importlib import import_module
 
 import pytest
 import torch
-from cuda_backends import NO_COMPILER, lack, use_emulation
+from cuda_backends import NO_COMPILER, use_emulation
 from emulated import Emulated, compiler
+from gpu_promise import lack
 from scenes import TENSORS, draw, strokes_at, tracked
 
 from diff3ds.render import available_backends, rasterize

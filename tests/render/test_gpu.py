@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from cuda_backends import lack, promised
+from gpu_promise import lack, promised
 
 import diff3ds as ds
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary

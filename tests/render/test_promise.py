@@ -13,9 +13,9 @@ import diff3ds as ds
 SKIPPED, FAILED = pytest.skip.Exception, pytest.fail.Exception
 
 
-def load(name: str):
+def load(name: str, folder: Path = Path(__file__).parent):
     """A module of tests, as pytest collects it."""
-    spec = spec_from_file_location(f"again_{name}", Path(__file__).with_name(f"{name}.py"))
+    spec = spec_from_file_location(f"again_{name}", folder / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
@@ -37,6 +37,15 @@ def test_without_what_compiles(monkeypatch, promise, outcome, name, missing):
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(outcome, match=rf"{missing} is not installed"):
         load(name)
+
+
+@pytest.mark.parametrize(("promise", "outcome"), [("", SKIPPED), ("1", FAILED)])
+def test_doctor_without_what_compiles(monkeypatch, promise, outcome):
+    monkeypatch.setenv("DIFF3DS_GPU", promise)
+    monkeypatch.setitem(sys.modules, "cuda.bindings.nvrtc", None)
+    module = load("test_doctor", Path(__file__).parents[1] / "tasks")
+    with pytest.raises(outcome, match=r"cuda.bindings.nvrtc is not installed"):
+        module.test_the_compiler_for_gpus_fits_torch(monkeypatch)
 
 
 @pytest.mark.parametrize(("promise", "outcome"), [("", SKIPPED), ("1", FAILED)])
