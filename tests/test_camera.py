@@ -223,3 +223,11 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
 def test_bad_arguments_are_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_projections_are_kept_on_the_cpu_alone():
+    """On a GPU another stream might read one too early, and that of a captured graph is not there before a replay."""
+    cameras = ds.orbit([0.0, 90.0])
+    assert cameras.projection is cameras.projection
+    away = cameras.to("meta")
+    assert away.projection is not away.projection

@@ -2,6 +2,7 @@
 
 import errno
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import torch
@@ -74,6 +75,15 @@ def test_new_files_have_the_rights_of_new_files(tmp_path):
     _files.write_text(tmp_path / "ours", "x")
     (tmp_path / "plain").write_text("x")
     assert os.stat(tmp_path / "ours").st_mode == os.stat(tmp_path / "plain").st_mode
+
+
+def test_threads_leave_the_umask_alone(tmp_path, monkeypatch):
+    """It belongs to the process: asked for by two threads at once, it can stay what one of them set it to."""
+    monkeypatch.setattr(os, "umask", None)
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda k: _files.write_text(tmp_path / str(k), "x"), range(64)))
+    (tmp_path / "plain").write_text("x")
+    assert {path.stat().st_mode for path in tmp_path.iterdir()} == {(tmp_path / "plain").stat().st_mode}
 
 
 def test_errors_name_the_file(tmp_path):

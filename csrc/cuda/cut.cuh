@@ -1,5 +1,5 @@
 // Strokes to pieces, one thread each, and pieces to chords, one warp each (docs/mathematics.md, section "Flattening"). Both walk twice: to
-// count, and, when all know where to write, to write.
+// count, and, when all know where to write, to write. What was not counted is never written: it would lie in another's place.
 #pragma once
 #include "device.cuh"
 
@@ -81,7 +81,7 @@ template <class Visit> __device__ void visit_pieces(const Whole &s, double a, do
 template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
   Whole s;
   u32 n = 0;
-  const u32 at = WRITE ? J.piece_first[i] : 0;
+  const u32 at = WRITE ? J.piece_first[i] : 0, end = WRITE ? J.piece_first[i + 1] : 0;
   const bool good = load_stroke(J, i, s);
   if (!WRITE && !good) J.counters[BAD] = i + 1;
   if (good) {
@@ -89,7 +89,7 @@ template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
     visible_spans(s.control, J.near, [&](double a, double b) {
       visit_pieces(s, a, b, [&](const Control &k, const v4d *p, double start, double stop) {
         const u32 piece = at + n++;
-        if (!WRITE) return;
+        if (!WRITE || piece >= end) return;
         Piece<real> c = s.look;
         J.arcs[piece] = make_piece(k, p, c);
         J.pieces[piece] = c;
@@ -149,7 +149,8 @@ template <bool WRITE> __device__ void cut_piece(const Job &J, u32 piece) {
   const Frame frame = {-reach, J.width + reach, -reach, J.height + reach};
   const int depth = sure_depth(whole);
   u32 at = WRITE ? J.chord_first[piece] : 0, counted = 0;
-  if (WRITE && lane() == 0) J.piece_info[piece].first_chord = at, J.piece_info[piece].end_chord = J.chord_first[piece + 1];
+  const u32 end = WRITE ? J.chord_first[piece + 1] : 0;
+  if (WRITE && lane() == 0) J.piece_info[piece].first_chord = at, J.piece_info[piece].end_chord = end;
   for (u32 base = 0; base < 1u << depth; base += WARP) {
     const u32 index = base + lane();
     const bool active = index < 1u << depth;
@@ -159,6 +160,7 @@ template <bool WRITE> __device__ void cut_piece(const Job &J, u32 piece) {
     at += total, counted += total;
     if (!WRITE || !active) continue;
     visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc &k, const Ends &e, float t0, float dt) {
+      if (next >= end) return;
       J.chords[next] = make_chord(c, k, t0, dt);
       J.chord_info[next] = {piece, e.length, e.turn};
       J.tangents[next++] = {e.a.x, e.a.y, e.b.x, e.b.y};

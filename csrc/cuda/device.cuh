@@ -80,6 +80,12 @@ struct Job {
   int views, strokes, height, width, tiles_x, tiles_y, world, strata, half_width_per_view, save;
 };
 
+// What job.py repeats to know how much memory the arrays take.
+static_assert(TILE == 16 && WARPS == 8 && NGRAD == 21 && COUNTERS == 10);
+static_assert(sizeof(Piece<real>) == 24 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc) == 80);
+static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
+static_assert(sizeof(Run) == 16 && sizeof(Segment) == 8 && sizeof(Cover) == 4 * sizeof(real));
+
 __device__ inline u32 stroke_count(const Job &J) { return u32(J.views) * u32(J.strokes); }
 __device__ inline u32 tile_count(const Job &J) { return u32(J.views) * u32(J.tiles_x) * u32(J.tiles_y); }
 __device__ inline int samples(const Job &J) { return J.strata ? J.strata * J.strata : 1; }

@@ -7,6 +7,8 @@
 namespace stroke {
 // Two strokes whose outlines touch within this many px count as overlapping there.
 constexpr double OUTLINE_SLACK = 1e-3;
+// As job.py has it.
+static_assert(sizeof(OutlinePoint<real>) == 9 * sizeof(real));
 
 __device__ inline u32 outline_tile(const Job &J, const OutlinePoint<real> &o) {  // NONE off the image
   if (!(o.x >= 0 && o.y >= 0 && o.x < J.width && o.y < J.height)) return NONE;

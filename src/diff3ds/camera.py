@@ -101,9 +101,12 @@ class Cameras:
 
         The pixel is (X / Z, Y / Z), the depth Z / W.
         """
-        if self.world_to_camera.requires_grad or self.intrinsics.requires_grad:
-            return self._projection()
-        return self._constant_projection
+        constant = not (self.world_to_camera.requires_grad or self.intrinsics.requires_grad)
+        # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
+        # is computed.
+        if constant and self.world_to_camera.device.type == "cpu":
+            return self._constant_projection
+        return self._projection()
 
     @cached_property
     def _constant_projection(self) -> Float[Tensor, "V 4 4"]:

@@ -6,7 +6,8 @@ from cuda_backends import on_device, use_device, use_emulation
 from diff3ds.render import available_backends, get_num_threads, set_num_threads
 
 # The CUDA kernels are emulated everywhere, and run on the device where there is one, or one is promised.
-KERNELS = [*(name for name in available_backends() if name == "cpu"), "cuda", *on_device("cuda on the device")]
+CUDA = ["cuda", *on_device("cuda on the device")]
+KERNELS = [*(name for name in available_backends() if name == "cpu"), *CUDA]
 
 
 @pytest.fixture(params=["reference", *KERNELS])
@@ -18,6 +19,12 @@ def backend(request, monkeypatch) -> str:
 @pytest.fixture(params=KERNELS)
 def kernels(request, monkeypatch) -> str:
     """The same without the reference."""
+    return _ready(request.param, monkeypatch)
+
+
+@pytest.fixture(params=CUDA)
+def cuda(request, monkeypatch) -> str:
+    """The CUDA kernels alone."""
     return _ready(request.param, monkeypatch)
 
 

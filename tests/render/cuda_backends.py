@@ -1,36 +1,15 @@
 """How tests with tensors on the CPU run the CUDA kernels: emulated, or on the device."""
 
 import functools
-import os
 from dataclasses import replace
 from importlib import import_module
 
 import pytest
 import torch
 from emulated import Emulated, compiler
+from gpu_promise import lack, promised
 
 NO_COMPILER = "no C++ compiler to emulate the CUDA kernels with"
-
-
-def promised() -> int:
-    """How many GPUs this machine is said to have: a test that cannot use them has failed."""
-    return int(os.environ.get("DIFF3DS_GPU") or 0)
-
-
-def lack(what: str, gpus: int = 1) -> None:
-    """Skips a test or a module; where as many GPUs are promised, it has failed."""
-    if promised() >= gpus:
-        pytest.fail(f"{what}, and DIFF3DS_GPU={promised()} promises that nothing is left out")
-    pytest.skip(what, allow_module_level=True)
-
-
-def need(*modules: str) -> None:
-    """Skips a module, as `lack`, that needs others."""
-    for name in modules:
-        try:
-            import_module(name)
-        except ImportError:
-            lack(f"{name} is not installed")
 
 
 def on_device(name: str) -> list:

@@ -12,6 +12,8 @@ from diff3ds.render import available_backends, rasterize
 
 # Share of the pixels with ink that may differ by more than PIXEL, and what gradients may differ by (issue's figures).
 PIXEL, SHARE, GRADIENT, COSINE = 1e-4, 1e-3, 1e-3, 0.99999
+# Of gradients by points on outlines, where a few of them may fall on the other side of an edge (empirical).
+OUTLINES = 1e-2
 SIZE = (40, 56)
 
 
@@ -128,6 +130,25 @@ def test_montecarlo_images_and_interior_gradients(kernels, dtype, width_space):
     assert ((got.alpha - expected.alpha).abs() > 1.001 / 9).sum() == 0, "more than one sample of a pixel differs"
     for name, a, b in zip(("color", "opacity", "background"), gradients, truth, strict=True):
         assert_close_gradients(a, b, name)
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_montecarlo_gradients_of_shapes(cuda, dtype, width_space):
+    """The CUDA kernels' against the CPU's, which put the same points on outlines: only few may fall elsewhere."""
+    truth, gradients = (sampled_shapes(backend, dtype, width_space) for backend in ("cpu", cuda))
+    for name, a, b in zip(("points", "weights", "width"), gradients, truth, strict=True):
+        assert (a - b).norm() < OUTLINES * b.norm(), name
+
+
+def sampled_shapes(backend: str, dtype: torch.dtype, width_space: str) -> tuple[torch.Tensor, ...]:
+    sketch, cameras = cast(*scene(5, 4, width_space), dtype)
+    options = {"antialiasing": "montecarlo", "samples": 9, "generator": torch.Generator().manual_seed(3)}
+    image = render(sketch, cameras, backend=backend, **options)
+    g = torch.Generator().manual_seed(4)
+    loss = sum((x * torch.randn(x.shape, generator=g).to(dtype)).sum() for x in (image.color, image.alpha))
+    return torch.autograd.grad(loss, [sketch.points, sketch.weights, sketch.width])
 
 
 def test_samples_at_the_border_of_tiles(kernels):

@@ -6,8 +6,9 @@ from importlib import import_module
 
 import pytest
 import torch
-from cuda_backends import NO_COMPILER, lack, use_emulation
+from cuda_backends import NO_COMPILER, use_emulation
 from emulated import Emulated, compiler
+from gpu_promise import lack
 from scenes import TENSORS, draw, strokes_at, tracked
 
 from diff3ds.render import available_backends, rasterize
@@ -183,6 +184,44 @@ def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories,
     assert only.needs() == needs
 
 
+@pytest.mark.parametrize(
+    ("kernel", "places", "sizes"),
+    [
+        ("write_pieces", "piece_first", {"pieces": 96, "piece_info": 168, "arcs": 80}),
+        ("write_chords", "chord_first", {"chords": 36, "chord_info": 12, "tangents": 16}),
+    ],
+)
+def test_what_was_not_counted_is_not_written(device, memories, monkeypatch, kernel, places, sizes):
+    """The last place is taken away between counting and writing: what lies there stays as it is."""
+    rasterizing = import_module("diff3ds.render.cuda.rasterize")
+    make, launch, memory = rasterizing.arrays, device.launch, {}
+
+    def kept(*args, **options):
+        made = make(*args, **options)
+        memory.update(made)
+        return made
+
+    def shortened(name, blocks, job):
+        if name == kernel:
+            count = int(memory["counters"].view(torch.int64)[limits.LISTS.index(next(iter(sizes)))])
+            memory[places].view(torch.int32).clamp_(max=count - 1)
+            for array in sizes:
+                memory[array].fill_(0xAB)
+            memory["last"] = torch.tensor(count - 1)
+        launch(name, blocks, job)
+        if name == kernel:
+            raise InterruptedError
+
+    monkeypatch.setattr(rasterizing, "arrays", kept)
+    monkeypatch.setattr(device, "launch", shortened)
+    with pytest.raises(InterruptedError):
+        rasterize(crowd(6), 20, backend="cuda")
+    for array, size in sizes.items():
+        last = size * int(memory["last"])
+        assert (memory[array][last:] == 0xAB).all(), array
+        assert not (memory[array][last - size : last] == 0xAB).all(), array
+
+
 def test_bad_strokes_are_named(device):
     bad = crowd(5)
     bad.opacity[3] = 2.0
@@ -203,7 +242,7 @@ def test_bad_strokes_of_earlier_calls_are_reported_once(device, memories):
 
 def test_capture_needs_a_call_before(device):
     device.recording = True
-    with pytest.raises(RuntimeError, match="draw a picture of this kind once before the capture"):
+    with pytest.raises(RuntimeError, match="draw a picture of this kind with 5 strokes or more"):
         rasterize(crowd(5), 20, backend="cuda")
     device.recording = False
     expected = rasterize(crowd(5), 20, backend="cuda").color
@@ -211,6 +250,45 @@ def test_capture_needs_a_call_before(device):
     device.recording = True
     assert torch.equal(rasterize(crowd(5), 20, backend="cuda").color, expected)
     assert device.waits == before
+    with pytest.raises(RuntimeError, match="draw a picture of this kind with 6 strokes or more"):
+        rasterize(crowd(6), 20, backend="cuda")
+
+
+def test_capture_of_gradients_needs_one_of_gradients_before(device, memories):
+    """Of Monte Carlo, whose outlines only the backward pass counts; the forward pass says so, before it is recorded."""
+    strokes = crowd(5)
+    tracked(strokes)
+
+    def drawn():
+        return draw(strokes, 20, "cuda", "montecarlo", samples=4)
+
+    image = drawn()
+    device.recording = True
+    for fails in (image.color.sum().backward, drawn):
+        with pytest.raises(RuntimeError, match="and its backward if one is wanted, once before the capture"):
+            fails()
+    device.recording = False
+    expected = results(strokes, 20, "montecarlo")
+    device.recording = True
+    assert_same(results(strokes, 20, "montecarlo"), expected)
+
+
+def test_lists_that_were_too_short_are_freed_before_longer_ones_are_made(device, antialiasing, monkeypatch):
+    rasterizing = import_module("diff3ds.render.cuda.rasterize")
+    monkeypatch.setattr(
+        limits.Limits, "guess", lambda self, shape: [self.length.setdefault(n, 1) for n in limits.LISTS]
+    )
+    make, made = rasterizing.arrays, {}
+
+    def watched(sizes, *args, **options):
+        name = next(iter(sizes))
+        assert name not in made or made[name]() is None, name
+        arrays = make(sizes, *args, **options)
+        made[name] = weakref.ref(arrays[name])
+        return arrays
+
+    monkeypatch.setattr(rasterizing, "arrays", watched)
+    results(crowd(5), 20, antialiasing)
 
 
 def test_strokes_that_cannot_be_drawn_are_left_out_of_a_captured_drawing(device):

@@ -4,9 +4,11 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from cuda_backends import need
+import torch
+from gpu_promise import need
 
 from diff3ds.render.cuda import compile as compiling
+from diff3ds.render.cuda import versions
 from diff3ds.render.cuda.sources import PARTS, kernels
 
 need("cuda.bindings.nvrtc", "cuda.core")
@@ -62,9 +64,17 @@ def test_code_is_kept_by_what_it_hangs_on(compiler, monkeypatch):
         patch.setitem(compiling.OPTIONS, "draw", {"std": "c++20", "fma": False})
         compiling.compiled("draw", "float", "sm_90")
     assert len(compiler) == 6
-    monkeypatch.setattr(compiling.metadata, "version", lambda name: "99")
-    compiling.compiled("draw", "float", "sm_90")
+    with monkeypatch.context() as patch:
+        patch.setattr(torch, "__version__", "99")
+        compiling.compiled("draw", "float", "sm_90")
     assert len(compiler) == 7
+    version = versions.metadata.version
+    for count, package in enumerate(("cuda-core", "cuda-bindings", *versions.NVRTC), 8):
+        with monkeypatch.context() as patch:
+            other = {package: "99"}
+            patch.setattr(versions.metadata, "version", lambda name, other=other: other.get(name) or version(name))
+            compiling.compiled("draw", "float", "sm_90")
+        assert len(compiler) == count, package
 
 
 def test_several_at_once(compiler, tmp_path):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from cuda_backends import need
+from gpu_promise import need
 
 from diff3ds.render.cuda import compile as compiling
 from diff3ds.render.cuda import gpu

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from cuda_backends import lack, promised
+from gpu_promise import lack, promised
 
 import diff3ds as ds
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
 from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.render.cuda.gpu import Gpu
 from diff3ds.tasks.distill import Commission, distill
 from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.reference import Reference
@@ -27,17 +28,19 @@ def gpu() -> torch.device:
     return torch.device("cuda")
 
 
-def scene(device, seed: int = 0) -> tuple[ds.Sketch, ds.Cameras]:
+def scene(device, seed: int = 0, dtype=torch.float32, **options) -> tuple[ds.Sketch, ds.Cameras]:
     """Strokes with gradients, and two views."""
     g = torch.Generator().manual_seed(seed)
     sketch = ds.Sketch.random(40, generator=g, radius=0.8, width=0.02).to(device)
-    tensors = {name: t.detach().clone().requires_grad_() for name, t in sketch.tensors().items()}
-    return ds.Sketch(**tensors), ds.orbit([10.0, 100.0], 20.0, 2.0, size=96).to(device)
+    tensors = {name: t.detach().to(dtype, copy=True).requires_grad_() for name, t in sketch.tensors().items()}
+    return ds.Sketch(**tensors, **options), ds.orbit([10.0, 100.0], 20.0, 2.0, size=96).to(device)
 
 
-def drawn(sketch: ds.Sketch, cameras: ds.Cameras, **options) -> list[torch.Tensor]:
-    """Colour and gradients."""
-    color = ds.render(sketch, cameras, **options).color
+def drawn(sketch: ds.Sketch, cameras: ds.Cameras, antialiasing="analytic", **options) -> list[torch.Tensor]:
+    """Colour and gradients; those of Monte Carlo have the same samples in all calls."""
+    if antialiasing == "montecarlo":
+        options |= {"generator": torch.Generator().manual_seed(0)}
+    color = ds.render(sketch, cameras, antialiasing=antialiasing, **options).color
     return [color, *torch.autograd.grad(color.square().sum(), list(sketch.tensors().values()))]
 
 
@@ -52,32 +55,50 @@ def test_kernels_are_chosen_and_agree_with_the_cpu(gpu):
     torch.testing.assert_close(ds.render(sketch, cameras).color.cpu(), on_cpu, rtol=0, atol=1e-4)
 
 
-def test_repeats_to_the_bit(gpu):
-    sketch, cameras = scene(gpu)
-    expected = drawn(sketch, cameras)
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_repeats_to_the_bit(gpu, antialiasing, width_space, dtype):
+    sketch, cameras = scene(gpu, dtype=dtype, width_space=width_space)
+    expected = drawn(sketch, cameras, antialiasing)
+    assert all(x.abs().sum() > 0 for x in expected)
     for _ in range(20):
-        assert_same(drawn(sketch, cameras), expected)
+        assert_same(drawn(sketch, cameras, antialiasing), expected)
 
 
-def test_graphs(gpu):
-    """A captured call draws what is in the strokes when it is replayed."""
+def test_graphs(gpu, antialiasing):
+    """A captured call draws what is in the strokes when it is replayed, with the samples of its capture."""
     sketch, cameras = scene(gpu)
+    way = {"antialiasing": antialiasing, "background": (0.9, 0.5, 0.1)}
     stream = torch.cuda.Stream()
     stream.wait_stream(torch.cuda.current_stream())
     with torch.cuda.stream(stream):
         for _ in range(3):
-            drawn(sketch, cameras)
+            drawn(sketch, cameras, **way)
     torch.cuda.current_stream().wait_stream(stream)
     graph = torch.cuda.CUDAGraph()
     with torch.cuda.graph(graph):
-        captured = drawn(sketch, cameras)
+        captured = drawn(sketch, cameras, **way)
     other, _ = scene(gpu, seed=1)
     with torch.no_grad():
         for name, tensor in sketch.tensors().items():
             tensor.copy_(other.tensors()[name])
     graph.replay()
     torch.cuda.synchronize()
-    assert_same(captured, drawn(other, cameras))
+    assert_same(captured, drawn(other, cameras, **way))
+
+
+def test_cameras_first_seen_by_a_capture(gpu):
+    """They can be drawn with before the graph is replayed."""
+    sketch, cameras = scene(gpu)
+    expected = drawn(sketch, cameras)
+    fresh = ds.Cameras(cameras.world_to_camera, cameras.intrinsics, cameras.size)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        captured = drawn(sketch, fresh)
+    assert_same(drawn(sketch, fresh), expected)
+    graph.replay()
+    torch.cuda.synchronize()
+    assert_same(captured, expected)
 
 
 def test_other_streams(gpu):
@@ -102,8 +123,8 @@ def test_several_devices(gpu):
 
 
 @pytest.mark.filterwarnings("ignore:Synchronization debug mode")
-def test_a_step_of_fit_waits_for_nothing(gpu):
-    """Once memory is known; torch raises where anything copies to the host."""
+def test_a_step_of_fit_waits_for_nothing(gpu, monkeypatch):
+    """Once memory is known; torch raises where anything copies to the host, but not where we wait for a stream."""
     sketch, cameras = scene(gpu)
     target = torch.zeros(2, 96, 96, 3, device=gpu)
     rates = ds.Rates(points=0.01, weights=0.01, width=0.01, color=0.01, opacity=0.01)
@@ -111,12 +132,15 @@ def test_a_step_of_fit_waits_for_nothing(gpu):
     steps = ds.fit(sketch.detach(), lambda r, c, i: (r.color - target).square().mean(), cameras, config)
     for _ in range(5):
         next(steps)
+    waits, wait = [], Gpu.wait
+    monkeypatch.setattr(Gpu, "wait", lambda self: waits.append(1) or wait(self))
     torch.cuda.set_sync_debug_mode("error")
     try:
         for _ in range(10):
             next(steps)
     finally:
         torch.cuda.set_sync_debug_mode("default")
+    assert not waits
     assert math.isfinite(next(steps).loss)
 
 

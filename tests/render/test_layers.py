@@ -9,6 +9,7 @@ from scenes import draw, strokes_at, tracked
 from diff3ds import render
 from diff3ds.library.crossing import crossing_cameras, crossing_strokes
 from diff3ds.project import project
+from diff3ds.render.arguments import canvas_from
 
 
 def crossings(cubic: np.ndarray, other: np.ndarray) -> list[tuple[np.ndarray, bool]]:
@@ -119,6 +120,17 @@ def test_backgrounds(backend, antialiasing):
         torch.testing.assert_close(background.grad, expected, rtol=1e-10, atol=1e-12)
     white, gray = (draw(strokes, size, backend, antialiasing, background=b, **options) for b in ([1, 1, 1], 0.5))
     torch.testing.assert_close(white.color - black.color, 2 * (gray.color - black.color), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("numbers", [[0.2, 1, 0.9], (0.1,), [0.3, 0.3, float("inf")]])
+def test_backgrounds_of_numbers(numbers, monkeypatch):
+    """They are the tensor of these, written where the strokes are: nothing is copied there, which would wait."""
+    like = torch.zeros(1)
+    expected = canvas_from(torch.tensor(numbers), like, (2, 3, 3, 3))
+    monkeypatch.setattr(torch, "as_tensor", None)
+    got = canvas_from(numbers, like, (2, 3, 3, 3))
+    assert got.dtype == torch.float32
+    assert torch.equal(got, expected)
 
 
 def test_translucent_pair(backend, antialiasing):

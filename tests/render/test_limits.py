@@ -8,6 +8,7 @@ from scenes import draw, noise, strokes_at, tracked
 
 from diff3ds import Sketch, bezier, render
 from diff3ds.camera import look_at
+from diff3ds.project import project
 from diff3ds.render import available_backends, rasterize
 
 BACKGROUND = (0.2, 0.5, 0.7)
@@ -34,6 +35,22 @@ def test_no_strokes(backend, antialiasing, size):
     assert image.color.shape == (1, height, width, 3)
     assert image.alpha.shape == image.depth.shape == (1, height, width)
     assert_empty(image, tensors)
+
+
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_no_views(backend, antialiasing, width_space):
+    """No pictures, of the right shape, and gradients of zero, also for the cameras."""
+    sketch, cameras = Sketch(torch.rand(3, 4, 3), width_space=width_space), looking()[:0]
+    inputs = [*sketch.tensors().values(), cameras.world_to_camera, torch.tensor(BACKGROUND)]
+    for tensor in inputs:
+        tensor.requires_grad_()
+    options = {"background": inputs[-1], "backend": backend, "antialiasing": antialiasing}
+    for image in (render(sketch, cameras, **options), rasterize(project(sketch, cameras), cameras.size, **options)):
+        assert image.color.shape == (0, 32, 32, 3)
+        assert image.alpha.shape == image.depth.shape == (0, 32, 32)
+        assert image.color.dtype == sketch.color.dtype
+        for gradient in torch.autograd.grad(image.color.sum() + image.alpha.sum() + image.depth.sum(), inputs):
+            assert (gradient == 0).all()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 23), (40, 3), (15, 17), (33, 16)])

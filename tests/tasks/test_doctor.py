@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from gpu_promise import need
 from guidance.tiny_zero123 import save_zero123
 from huggingface_hub import constants
 from rich.console import Console
@@ -61,7 +62,8 @@ def test_every_optional_package_of_the_project_is_looked_for():
 
 
 def test_the_compiler_for_gpus_fits_torch(monkeypatch):
-    nvrtc = pytest.importorskip("cuda.bindings.nvrtc")
+    need("cuda.bindings.nvrtc")
+    nvrtc = importlib.import_module("cuda.bindings.nvrtc")
     version = ".".join(map(str, nvrtc.nvrtcVersion()[1:]))
     ours, older = version.split(".")[0], int(version.split(".")[0]) - 1
     monkeypatch.setattr(torch.version, "cuda", f"{ours}.0")

@@ -11,7 +11,7 @@ from diff3ds.edges.chains import resampled
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.equal import agreed
 from diff3ds.edges.lookup import EdgeViews
-from diff3ds.edges.offsets import Shape, fitted
+from diff3ds.edges.offsets import Shape, fitted, near_joints
 from diff3ds.edges.primitives import Kind
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import sampled

@@ -85,7 +85,8 @@ def render(
         blur: standard deviation of a normal filter in pixels; gradients then reach 3.5 times as far beyond the strokes.
             0 is the box of a pixel. Analytic only.
         samples: samples per pixel, a square number. Monte Carlo only.
-        generator: source of the samples; None is torch's default generator. Monte Carlo only.
+        generator: source of the samples, on the CPU wherever the strokes are; None is torch's default generator. A
+            captured CUDA graph draws the samples of its capture in every replay. Monte Carlo only.
         backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
 
     Raises:
@@ -98,7 +99,7 @@ def render(
     check_devices(sketch, cameras)
     home = sketch.points.device
     place = drawing_device(home)
-    chosen = choose_backend(backend, place, sketch.points.dtype)
+    chosen = _chosen(backend, len(cameras), place, sketch.points.dtype)
     shape = (len(cameras), *cameras.size, 3)
     way = _way(background, sketch.color, shape, blur, antialiasing, samples, generator)
     if place != home:
@@ -134,7 +135,7 @@ def rasterize(
     """
     size = check_size(size)
     check_strokes(strokes)
-    chosen = choose_backend(backend, strokes.color.device, strokes.color.dtype)
+    chosen = _chosen(backend, len(strokes.cubics), strokes.color.device, strokes.color.dtype)
     shape = (len(strokes.cubics), *size, 3)
     way = _way(background, strokes.color, shape, blur, antialiasing, samples, generator)
     try:
@@ -142,6 +143,12 @@ def rasterize(
     except ValueError:
         check_stroke_values(strokes)
         raise
+
+
+def _chosen(backend: Backend | None, views: int, device: torch.device, dtype: torch.dtype) -> Backend:
+    chosen = choose_backend(backend, device, dtype)
+    # No views are no work for kernels: a GPU refuses a grid without blocks.
+    return chosen if views else "reference"
 
 
 class _Way(NamedTuple):

@@ -80,10 +80,10 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
         canvas = background
     else:
         try:
-            # A number is written by the device itself: a copy to it could not be part of a captured graph.
+            # Numbers are written by the device itself: a copy to it would wait, and be no part of a captured graph.
             if isinstance(background, int | float):
                 return like.new_full((1, 1, 1, 3), background)
-            canvas = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+            canvas = _from_sequence(background, like)
         except (TypeError, ValueError, RuntimeError) as error:
             got = type(background).__name__
             raise TypeError(f"background must be a number, three numbers or a tensor, got {got}") from error
@@ -93,6 +93,12 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
     if len(canvas.shape) != 4 or any(n not in (1, m) for n, m in zip(canvas.shape, shape, strict=True)):
         raise ValueError(f"background must broadcast to {shape}, got shape {tuple(canvas.shape)}")
     return canvas
+
+
+def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:
+    if not all(isinstance(value, int | float) for value in background):
+        return torch.as_tensor(background, dtype=like.dtype, device=like.device)
+    return torch.cat([like.new_full((1,), value) for value in background])
 
 
 def check_blur(blur: float, antialiasing: Antialiasing) -> None:
@@ -117,6 +123,15 @@ def strata_from(samples: int) -> int:
 
 
 def seed_from(generator: torch.Generator | None) -> int:
-    """A seed of 63 bits from a generator, or from torch's default one."""
-    device = generator.device if generator is not None else "cpu"
-    return int(torch.randint(0, 2**63 - 1, (), generator=generator, device=device).item())
+    """A seed of 63 bits from a generator, or from torch's default one.
+
+    Raises:
+        ValueError: a generator that is not on the CPU.
+    """
+    if generator is not None and generator.device.type != "cpu":
+        # To read its number would wait for the device, which a capture forbids.
+        raise ValueError(
+            f"generator must be on the CPU, wherever the strokes are, got one on {generator.device}: use "
+            "torch.Generator().manual_seed(0)"
+        )
+    return int(torch.randint(0, 2**63 - 1, (), generator=generator).item())

@@ -11,7 +11,13 @@ from typing import Literal
 
 import torch
 
+from diff3ds.render.cuda.versions import advice_on_bindings
+
 Backend = Literal["reference", "cpu", "cuda"]
+
+# Volta, the first whose lanes may take different ways between exchanges.
+_OLDEST_GPU = (7, 0)
+_ANY_GPU = torch.device("cuda")
 
 _thread_count: int | None = None
 
@@ -70,12 +76,17 @@ def available_backends() -> list[Backend]:
 
 
 @functools.cache
-def _why_no_cuda() -> str:
-    """What keeps the CUDA kernels from running here; empty if nothing does."""
+def _why_no_cuda(device: torch.device = _ANY_GPU) -> str:
+    """What keeps the CUDA kernels from running on a GPU, or on torch's current one; empty if nothing does."""
     if torch.version.hip is not None or not torch.cuda.is_available():
         return "There is no NVIDIA GPU that torch sees"
     if any(importlib.util.find_spec(name) is None for name in ("cuda", "cuda.core", "cuda.bindings")):
         return 'The kernels for NVIDIA GPUs need cuda-core: `pip install "diff3ds[cuda]"`'
+    if (capability := torch.cuda.get_device_capability(device)) < _OLDEST_GPU:
+        needed, got = (".".join(map(str, numbers)) for numbers in (_OLDEST_GPU, capability))
+        return f"The kernels for NVIDIA GPUs need compute capability {needed}, and this one has {got}"
+    if advice := advice_on_bindings():
+        return f"The compiler of the kernels for NVIDIA GPUs is newer than torch; {advice}"
     return ""
 
 
@@ -93,8 +104,8 @@ def choose_backend(backend: Backend | None, device: torch.device, dtype: torch.d
         return backend
     if backend == "cpu" and kernels() is None:
         raise ValueError(f'backend "cpu" is not installed. {_HOW_TO_BUILD}')
-    if backend == "cuda" and _why_no_cuda():
-        raise ValueError(f'backend "cuda" does not run here. {_why_no_cuda()}')
+    if backend == "cuda" and (why := _why_no_cuda(device if device.type == "cuda" else _ANY_GPU)):
+        raise ValueError(f'backend "cuda" does not run here. {why}')
     if device.type != backend:
         raise ValueError(
             f'backend "{backend}" draws tensors on {backend}, got {device}: use .to("{backend}") or backend=None'
@@ -126,9 +137,9 @@ _HOW_TO_BUILD = (
 
 def _best_backend(device: torch.device, dtype: torch.dtype) -> Backend:
     if device.type not in ("cpu", "meta"):
-        if device.type == "cuda" and not _why_no_cuda():
+        if device.type == "cuda" and not _why_no_cuda(device):
             return "cuda" if dtype in _KERNEL_DTYPES else "reference"
-        _warn_about_slow_device(device.type)
+        _warn_about_slow_device(device)
         return "reference"
     if device.type != "cpu" or dtype not in _KERNEL_DTYPES:
         return "reference"
@@ -139,11 +150,11 @@ def _best_backend(device: torch.device, dtype: torch.dtype) -> Backend:
 
 
 @functools.cache
-def _warn_about_slow_device(kind: str) -> None:
-    """Once a process and kind of device."""
+def _warn_about_slow_device(device: torch.device) -> None:
+    """Once a process and device."""
     amd = torch.version.hip is not None
-    why = "There are no kernels for AMD GPUs" if amd else f"There are no kernels for {kind} devices"
-    why = _why_no_cuda() if kind == "cuda" and not amd else why
+    why = "There are no kernels for AMD GPUs" if amd else f"There are no kernels for {device.type} devices"
+    why = _why_no_cuda(device) if device.type == "cuda" and not amd else why
     warnings.warn(
         f"{why}; the reference in PyTorch draws, much slower. On the CPU compiled kernels draw: move the sketch and "
         'the cameras there with .to("cpu").',

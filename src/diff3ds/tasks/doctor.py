@@ -20,6 +20,7 @@ import diff3ds
 from diff3ds.guidance.device import free_memory
 from diff3ds.guidance.known import KNOWN, Known
 from diff3ds.guidance.weights import Source, lacking, locate
+from diff3ds.render.cuda.versions import advice_on_bindings, bindings_major
 from diff3ds.tasks.judge_weights import ELSEWHERE, JUDGES
 from diff3ds.tasks.small_prior import SHIPPED
 
@@ -206,10 +207,7 @@ def _gpu_compiler() -> tuple[Finding, ...]:
     """NVRTC, which compiles the kernels for GPUs, where the packages are here that load it."""
     if importlib.util.find_spec("cuda") is None or importlib.util.find_spec("cuda.bindings") is None:
         return ()
-    bindings = int(importlib.metadata.version("cuda-bindings").split(".")[0])
-    torchs = int(torch.version.cuda.split(".")[0]) if torch.version.cuda else bindings
-    # A driver that is just new enough for torch loads nothing that a newer compiler made.
-    advice = f'torch is built for CUDA {torchs}: pip install "cuda-bindings=={torchs}.*"' if torchs < bindings else ""
+    bindings, advice = bindings_major(), advice_on_bindings()
     try:
         from cuda.bindings import nvrtc
 

@@ -5,11 +5,11 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from importlib import metadata
 from pathlib import Path
 
 from diff3ds._files import write_bytes
 from diff3ds.render.cuda.sources import PARTS, source_digest, source_folder
+from diff3ds.render.cuda.versions import compiler_versions
 
 # Strokes are walked through twice, to count and to write, and both must come to the same to the bit: a product is
 # rounded before it is added to, wherever the compiler meets it.
@@ -57,9 +57,7 @@ def compiled(part: str, real: str, arch: str) -> bytes:
     Safe for several processes at once: files are written whole under another name and then renamed. Where nothing can
     be written, every process compiles for itself. A file begins with its digest: what a disk has damaged is made anew.
     """
-    # They decide which NVRTC compiles; to load it and ask would take longer than to read what it made.
-    versions = [metadata.version(name) for name in ("torch", "cuda-core", "cuda-bindings")]
-    key = hashlib.sha256(repr((source_digest(), versions, OPTIONS[part])).encode()).hexdigest()[:32]
+    key = hashlib.sha256(repr((source_digest(), compiler_versions(), OPTIONS[part])).encode()).hexdigest()[:32]
     name = f"{part}-{real}-{arch}-{key}.cubin"
     with suppress(OSError, RuntimeError):
         held = (cache_folder() / name).read_bytes()

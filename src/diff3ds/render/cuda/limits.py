@@ -64,7 +64,7 @@ class Limits:
                 "an earlier drawing needed more memory than foreseen, more than twice as much as any before it: its "
                 "images are NaN and its gradients 0. From now on there is enough for it",
                 RuntimeWarning,
-                stacklevel=6,
+                stacklevel=7,
             )
         if any(2 * need > self.length[name] for name, need in needs.items()):
             self.proven.clear()

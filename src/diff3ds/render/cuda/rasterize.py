@@ -42,6 +42,7 @@ def rasterize(
     Raises:
         InvalidStrokeError: a stroke with a value that cannot be drawn, in this call or, once calls no longer wait for
             the device, in one before.
+        RuntimeError: a graph is captured, and no drawing before it has shown how much memory this one needs.
     """
     options = Options(strokes.width_space == "world", strokes.near, blur, strata, seed)
     tensors = (strokes.cubics, strokes.half_width, strokes.color, strokes.opacity, background)
@@ -81,12 +82,15 @@ def _forward(
     # The images are not kept with the rest: they would hold what made them, and never be freed.
     job.point(inputs | dict(zip(("out_color", "out_alpha", "out_depth"), images, strict=True)))
     # Without gradients somebody wants the picture itself, and reads it at once.
-    proven = limits.may_skip_waiting(shape, "forward") and save
-    waiting = not device.capturing() and not proven
+    waiting = _must_wait(device, limits, shape, "forward") or not (save or device.capturing())
+    if save and shape.strata and device.capturing():
+        _must_wait(device, limits, shape, "backward")
+    memory: dict[str, Tensor] = {}
     while True:
-        # Until it fits: each pass counts at least one list further.
+        # Until it fits: each pass counts at least one list further. What was too short is freed first.
+        memory.clear()
         lengths = dict(limits.length)
-        memory = inputs | _work(shape, lengths, color.device)
+        memory |= inputs | _work(shape, lengths, color.device)
         _draw(device, job, memory, lengths, limits)
         if not waiting or _settled(device, limits, shape, "forward"):
             break
@@ -99,10 +103,29 @@ def _remembered(shape: Shape, like: Tensor, device: Device) -> Limits:
     key = (like.device, like.dtype, shape.views, shape.height, shape.width, shape.strata)
     if key not in _limits:
         if device.capturing():
-            raise RuntimeError("draw a picture of this kind once before the capture: it finds how much memory it needs")
+            raise _unknown_needs(shape)
         _limits[key] = Limits(device.report(COUNTERS))
     _limits[key].guess(shape)
     return _limits[key]
+
+
+def _must_wait(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
+    """Whether a pass has to look at what it needed.
+
+    Raises:
+        RuntimeError: it has to, and cannot while a graph is captured.
+    """
+    unproven = not limits.may_skip_waiting(shape, which)
+    if unproven and device.capturing():
+        raise _unknown_needs(shape)
+    return unproven
+
+
+def _unknown_needs(shape: Shape) -> RuntimeError:
+    return RuntimeError(
+        f"draw a picture of this kind with {shape.strokes} strokes or more, and its backward if one is wanted, once "
+        "before the capture: it finds how much memory they need"
+    )
 
 
 def _settled(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
@@ -183,11 +206,13 @@ def _backward(
         "g_background": like.new_empty(shape.views, shape.height, shape.width, 3) if background else None,
     }
     job.point(given | outputs)
-    waiting = not device.capturing() and bool(shape.strata) and not limits.may_skip_waiting(shape, "backward")
+    waiting = bool(shape.strata) and _must_wait(device, limits, shape, "backward")
+    work: dict[str, Tensor] = {}
     while True:
         # Only outlines are counted anew; the lists of the forward pass stay as they are.
+        work.clear()
         lengths = lengths | {name: limits.length[name] for name in ("outline", "outline_fragments")}
-        work = arrays(shape.backward(lengths), like.device)
+        work |= arrays(shape.backward(lengths), like.device)
         work["g_run"] = like.new_zeros(lengths["runs"], SUMS)
         if shape.strata:
             work |= _outline_work(shape, lengths, like)
