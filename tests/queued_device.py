@@ -1,7 +1,7 @@
 """A device that works through a queue, as a GPU does, and is not there: it is an error to wait for it."""
 
 import torch
-from render.other_device import NAME, OtherDevice, There
+from other_device import NAME, OtherDevice, There
 from torch.utils._pytree import tree_leaves
 
 aten = torch.ops.aten

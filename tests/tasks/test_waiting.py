@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from other_device import NAME
 from queued_device import QueuedDevice
-from render.other_device import NAME
 
 import diff3ds as ds
 from diff3ds.guidance import upload

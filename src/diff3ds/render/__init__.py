@@ -99,7 +99,7 @@ def render(
     check_devices(sketch, cameras)
     home = sketch.points.device
     place = drawing_device(home)
-    chosen = _chosen(backend, len(cameras), place, sketch.points.dtype)
+    chosen = _drawing(len(cameras), choose_backend(backend, place, sketch.points.dtype))
     shape = (len(cameras), *cameras.size, 3)
     way = _way(background, sketch.color, shape, blur, antialiasing, samples, generator)
     if place != home:
@@ -135,7 +135,7 @@ def rasterize(
     """
     size = check_size(size)
     check_strokes(strokes)
-    chosen = _chosen(backend, len(strokes.cubics), strokes.color.device, strokes.color.dtype)
+    chosen = _drawing(len(strokes.cubics), choose_backend(backend, strokes.color.device, strokes.color.dtype))
     shape = (len(strokes.cubics), *size, 3)
     way = _way(background, strokes.color, shape, blur, antialiasing, samples, generator)
     try:
@@ -145,8 +145,7 @@ def rasterize(
         raise
 
 
-def _chosen(backend: Backend | None, views: int, device: torch.device, dtype: torch.dtype) -> Backend:
-    chosen = choose_backend(backend, device, dtype)
+def _drawing(views: int, chosen: Backend) -> Backend:
     # No views are no work for kernels: a GPU refuses a grid without blocks.
     return chosen if views else "reference"
 
