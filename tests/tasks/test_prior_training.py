@@ -97,12 +97,13 @@ def test_the_rate_rises_stays_and_falls_to_nothing():
 def test_a_network_learns(tmp_path, monkeypatch):
     """What it can learn at once: where there is ink at all. Noise alone has a loss of 1."""
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
-    path = train_prior(tmp_path, TrainOptions(steps=90, rate=0.02, **(TINY | {"batch": 2, "width": 32, "patch": 8})))
+    path = train_prior(tmp_path, TrainOptions(steps=180, rate=0.02, **(TINY | {"batch": 2, "width": 32, "patch": 8})))
     log = json.loads((tmp_path / LOG).read_text())
-    assert log["steps"] == 90
+    assert log["steps"] == 180
     values = log["loss"]["values"]
     assert values[0] > 0.9
-    assert sum(values[-3:]) / 3 < 0.8
+    # Means of ten steps with two pictures each, which scatter by .2 and differ between kinds of processors.
+    assert sum(values[-6:]) / 6 < 0.8
     network, vocabulary = read_network(path)
     assert vocabulary.words == words()
     assert network.shape.width == 32
