@@ -163,6 +163,27 @@ def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memori
     assert_same(again, expected)
 
 
+def test_large_drawings_wait_and_take_little_more_than_they_need(device, memories, antialiasing, monkeypatch):
+    """What spoils a smaller drawing only makes a large one wait; and a captured one cannot."""
+    thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    expected = results(thick, (60, 80), antialiasing)
+    memories.clear()
+    monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
+    monkeypatch.setattr(limits, "LARGE", 256)
+    monkeypatch.setattr(limits.Limits, "guess", lambda self, _: [self.length.setdefault(n, 8) for n in limits.LISTS])
+    results(thin, (60, 80), antialiasing)
+    assert_same(results(thick, (60, 80), antialiasing), expected)
+    (known,) = memories.values()
+    need = known.needs()["fragments"]
+    assert limits.LARGE < need <= known.length["fragments"] <= limits.LARGE_MARGIN * need
+    before = device.waits
+    results(thick, (60, 80), antialiasing)
+    assert device.waits > before
+    before, device.recording = device.waits, True
+    assert_same(results(thick, (60, 80), antialiasing), expected)
+    assert device.waits == before
+
+
 @pytest.mark.parametrize("name", limits.LISTS[:5])
 def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories, antialiasing, name, monkeypatch):
     """Also in calls that do not wait, and if memory that nobody wrote holds anything."""

@@ -3,7 +3,7 @@
 The kernels count what they need and tell the host through memory that both see. A call whose bounds are not proven
 waits for that, and is done again with more where it was too little. Once twice the need fits, calls no longer wait;
 what is told is read at the next one. A drawing that outgrows proven bounds in one step is spoilt: its images are NaN,
-its gradients zero.
+its gradients zero. Large drawings always wait, and then need little room to spare.
 """
 
 import warnings
@@ -16,6 +16,9 @@ from diff3ds.render.cuda.job import BAD, LISTS, Shape
 MOST = 2**32 - 256
 # Room for so many times the need. Less than half of it used is proven; more costs memory only.
 MARGIN = 3
+# From this length on a list has little room to spare, and calls wait: what takes milliseconds does not notice. A
+# hundred million fragments are 2 GB. Empirical.
+LARGE, LARGE_MARGIN = 1 << 24, 1.25
 # The first guess, by stroke and view, and per pixel (empirical); it only decides how often a first call is done again.
 PIECES, CHORDS, PAIRS, FRAGMENTS = 2, 32, 96, 2
 # No list is shorter (20 to 60 MB in all): a small drawing may then change as it likes and never outgrows its memory.
@@ -52,10 +55,11 @@ class Limits:
         """The greatest so far."""
         return dict(zip(LISTS, self.report.tolist(), strict=False))
 
-    def may_skip_waiting(self, shape: Shape, which: str) -> bool:
+    def may_skip_waiting(self, shape: Shape, which: str, capturing: bool) -> bool:
         """Whether a pass needs no look at what it needed; grows the bounds that earlier passes came near."""
         self._look_back()
-        return shape.strokes <= self.proven.get(which, -1)
+        large = any(need > LARGE for need in self.needs().values())
+        return shape.strokes <= self.proven.get(which, -1) and (capturing or not large)
 
     def _look_back(self) -> None:
         needs = self.needs()
@@ -66,12 +70,16 @@ class Limits:
                 RuntimeWarning,
                 stacklevel=7,
             )
-        if any(2 * need > self.length[name] for name, need in needs.items()):
+        if any(self._near(name, need) for name, need in needs.items()):
             self.proven.clear()
             self.grow()
 
+    def _near(self, name: str, need: int) -> bool:
+        """Whether a need comes near a list's end."""
+        return need > self.length[name] if need > LARGE else 2 * need > self.length[name]
+
     def grow(self) -> None:
-        """Makes room for MARGIN times what was needed.
+        """Makes more room than was needed, where that came near the end.
 
         Raises:
             MemoryError: more than 2^32 of something.
@@ -81,8 +89,8 @@ class Limits:
                 raise MemoryError(
                     f"the drawing needs {need:,} {name}, at most {MOST:,} are possible: draw fewer views at once"
                 )
-            if 2 * need > self.length[name]:
-                self.length[name] = min(MOST, MARGIN * need)
+            if self._near(name, need):
+                self.length[name] = min(MOST, int(LARGE_MARGIN * need) if need > LARGE else MARGIN * need)
 
     def enough(self, shape: Shape, which: str) -> bool:
         """After a pass has run: whether it had room. If it had plenty, it is proven; if not, there is more now."""

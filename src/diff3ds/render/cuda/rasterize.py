@@ -115,7 +115,7 @@ def _must_wait(device: Device, limits: Limits, shape: Shape, which: str) -> bool
     Raises:
         RuntimeError: it has to, and cannot while a graph is captured.
     """
-    unproven = not limits.may_skip_waiting(shape, which)
+    unproven = not limits.may_skip_waiting(shape, which, device.capturing())
     if unproven and device.capturing():
         raise _unknown_needs(shape)
     return unproven
