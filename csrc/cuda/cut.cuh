@@ -15,7 +15,7 @@ struct Whole {
 __device__ inline bool load_stroke(const Job &J, u32 i, Whole &s) {
   const u32 n = i % J.strokes;
   const double *cubic = J.cubics + 16 * u64(i);
-  const double half_width = J.half_width[J.half_width_per_view ? i : n];
+  const double half_width = J.half_width[J.half_width_per_view ? i : n] * real(J.width_scale);
   if (!drawable(cubic, half_width, J.color + 3 * n, double(J.opacity[n]))) return false;
   double largest = 0, scaled[16];
   for (int k = 3; k < 16; k += 4) largest = most(largest, cubic[k]);

@@ -29,8 +29,11 @@ enum { PIECES, CHORDS, PAIRS, RUNS, FRAGMENTS, OUTLINE, OUTLINE_FRAGMENTS, BOUND
 // Everything a kernel reads and writes; job.py has the same fields in the same order. Arrays of bounded length are as long as limit[..] says.
 // A pair is a chord and a tile that it may touch.
 struct Job {
-  // strokes and images, as the CPU kernels' (kernel.h)
-  const double *cubics;
+  // strokes in space and the cameras' matrices, as in project.h; null where cubics are given
+  const real *points, *weights;
+  const double *matrices;
+  // strokes and images, as the CPU kernels' (kernel.h); half widths are half_width times width_scale
+  double *cubics;
   const real *half_width, *color, *opacity, *background;
   real *out_color, *out_alpha, *out_depth;
   // per stroke and view
@@ -65,6 +68,8 @@ struct Job {
   real *g_run;                       // per run: NGRAD sums
   real *g_background;
   double *g_cubics, *g_look;         // per stroke and view: 16 and 5 numbers
+  real *g_widths, *g_colors, *g_opacities, *g_points, *g_weights;  // of the inputs
+  double *g_matrices;
   // outlines (Monte Carlo)
   OutlinePoint<real> *outline;
   u32 *outline_list, *outline_tile_first, *outline_tile_cursor;
@@ -76,8 +81,9 @@ struct Job {
   u64 limit[BOUNDED];
   u64 seed;
   long long background_view, background_row, background_pixel;
-  double near, inv_sigma, filter_reach;
+  double near, inv_sigma, filter_reach, width_scale;
   int views, strokes, height, width, tiles_x, tiles_y, world, strata, half_width_per_view, save;
+  int controls;                      // control points of a stroke in space; 0 where cubics are given
 };
 
 // What job.py repeats to know how much memory the arrays take.

@@ -141,6 +141,7 @@ template <bool WORLD, bool DEPTH, bool SAMPLES> __device__ void differentiate_ti
   const int x = pixel_x(threadIdx.x), y = pixel_y(threadIdx.x), strata = samples(J);
   const Upstream u = upstream_at(J, p, x, y, real(1) / strata);
   upstream[threadIdx.x] = {u.r, u.g, u.b, u.depth};
+  for (u32 k = threadIdx.x; k < (p.run_last - p.run_first) * NGRAD; k += PIX) J.g_run[u64(p.run_first) * NGRAD + k] = 0;
   real background = 0;
   for (int s = 0; s < strata; s++) {
     real clear = 1;

@@ -1,7 +1,6 @@
 """How tests with tensors on the CPU run the CUDA kernels: emulated, or on the device."""
 
 import functools
-from dataclasses import replace
 from importlib import import_module
 
 import pytest
@@ -34,13 +33,13 @@ def use_device(monkeypatch) -> None:
     """From now on the backend "cuda" moves tensors to the device, draws, and moves the images back."""
     assert torch.cuda.is_available(), "DIFF3DS_GPU promises a GPU, and torch sees none"
     module = import_module("diff3ds.render.cuda.rasterize")
-    draw = module.rasterize
+    draw = module.draw
 
-    def there_and_back(strokes, size, background, *options):
-        moved = {name: getattr(strokes, name).cuda() for name in ("cubics", "half_width", "color", "opacity")}
-        return tuple(x.cpu() for x in draw(replace(strokes, **moved), size, background.cuda(), *options))
+    def there_and_back(drawing):
+        curves, looks = (tuple(t.cuda() for t in tensors) for tensors in (drawing.curves, drawing.looks))
+        return tuple(x.cpu() for x in draw(drawing._replace(curves=curves, looks=looks)))
 
-    monkeypatch.setattr(module, "rasterize", there_and_back)
+    monkeypatch.setattr(module, "draw", there_and_back)
     _let_cuda_draw(monkeypatch)
 
 

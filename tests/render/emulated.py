@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -57,11 +58,12 @@ class Emulated:
     def __init__(self, real: str, backwards: bool = False):
         self.library, self.backwards, self.waits, self.recording = library(real), backwards, 0, False
 
-    def launch(self, name: str, blocks: int, job: Job) -> None:
-        error = self.library.emulate(
-            self.library[name], blocks, kernels()[name].threads, ctypes.byref(job), self.backwards
-        )
-        assert not error, f"{name}: {error.decode()}"
+    def launch(self, launches: Sequence[tuple[str, int]], job: Job) -> None:
+        for name, blocks in launches:
+            error = self.library.emulate(
+                self.library[name], blocks, kernels()[name].threads, ctypes.byref(job), self.backwards
+            )
+            assert not error, f"{name}: {error.decode()}"
 
     def wait(self) -> None:
         self.waits += 1

@@ -11,8 +11,9 @@ from emulated import Emulated, compiler
 from gpu_promise import lack
 from scenes import TENSORS, draw, strokes_at, tracked
 
+import diff3ds as ds
 from diff3ds.render import available_backends, rasterize
-from diff3ds.render.cuda.job import BAD, COUNTERS, Shape
+from diff3ds.render.cuda.job import BAD, COUNTERS, Arrays, Shape
 
 if compiler() is None:
     lack(NO_COMPILER)
@@ -58,6 +59,30 @@ def results(strokes, size, antialiasing="analytic", backend="cuda", **options) -
     return [image.color, image.alpha, image.depth, *torch.autograd.grad(loss, [*tensors, background])]
 
 
+class Dirty(Arrays):
+    """Memory that nobody wrote holds anything."""
+
+    def __init__(self, *args, zeros=False):
+        super().__init__(*args, zeros=zeros)
+        if not zeros:
+            self.memory.random_()
+
+
+def of_a_sketch(antialiasing: str, width_space: str, backend: str = "cuda") -> list[torch.Tensor]:
+    """Images, and gradients of strokes in space and of their cameras; more strokes than a block has threads."""
+    g = torch.Generator().manual_seed(0)
+    tensors = {name: t.detach().clone() for name, t in ds.Sketch.random(150, generator=g, width=0.1).tensors().items()}
+    cameras = ds.orbit([0.0, 130.0, 220.0], 20.0, 4.0, size=(20, 30))
+    inputs = [*tensors.values(), cameras.world_to_camera, cameras.intrinsics]
+    for tensor in inputs:
+        tensor.requires_grad_()
+    options = {"samples": 4, "generator": g} if antialiasing == "montecarlo" else {}
+    sketch = ds.Sketch(**tensors, width_space=width_space)
+    image = ds.render(sketch, cameras, antialiasing=antialiasing, backend=backend, **options)
+    loss = image.color.square().sum() + image.alpha.sum() + image.depth.sum()
+    return [image.color, image.alpha, image.depth, *torch.autograd.grad(loss, inputs)]
+
+
 def assert_same(got, expected) -> None:
     for a, b in zip(got, expected, strict=True):
         assert torch.equal(a, b)
@@ -71,6 +96,25 @@ def test_order_of_threads_and_blocks_does_not_matter(device, antialiasing, width
     device.backwards = True
     assert_same(results(strokes, (40, 50), antialiasing), expected)
     assert any(x.abs().sum() > 0 for x in expected[3:])
+
+
+@pytest.mark.parametrize("width_space", ["image", "world"])
+def test_sums_over_views_and_strokes_have_an_order(device, antialiasing, width_space):
+    """Also those of the strokes in space and of the cameras; and they are the CPU kernels'."""
+    expected = of_a_sketch(antialiasing, width_space)
+    device.backwards = True
+    assert_same(of_a_sketch(antialiasing, width_space), expected)
+    if "cpu" in available_backends():
+        for got, known in zip(expected[3:], of_a_sketch(antialiasing, width_space, "cpu")[3:], strict=True):
+            assert (got - known).norm() < 1e-2 * known.norm()
+
+
+def test_memory_that_nobody_wrote_may_hold_anything(device, antialiasing, monkeypatch):
+    strokes = crowd(20)
+    expected = results(strokes, (40, 50), antialiasing), of_a_sketch(antialiasing, "image")
+    monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "Arrays", Dirty)
+    assert_same(results(strokes, (40, 50), antialiasing), expected[0])
+    assert_same(of_a_sketch(antialiasing, "image"), expected[1])
 
 
 def test_backward_twice(device, antialiasing):
@@ -190,12 +234,9 @@ def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories,
     rasterizing = import_module("diff3ds.render.cuda.rasterize")
     results(crowd(6), 20, antialiasing)
     (only,) = memories.values()
-    needs, make = only.needs(), rasterizing.arrays
+    needs = only.needs()
 
-    def dirty(*args, zeros=False):
-        return {key: made if zeros else made.random_() for key, made in make(*args, zeros=zeros).items()}
-
-    monkeypatch.setattr(rasterizing, "arrays", dirty)
+    monkeypatch.setattr(rasterizing, "Arrays", Dirty)
     monkeypatch.setattr(limits.Limits, "guess", lambda *_: None)
     monkeypatch.setattr(limits.Limits, "may_skip_waiting", lambda *_: True)
     only.length[name] = 1
@@ -215,25 +256,25 @@ def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories,
 def test_what_was_not_counted_is_not_written(device, memories, monkeypatch, kernel, places, sizes):
     """The last place is taken away between counting and writing: what lies there stays as it is."""
     rasterizing = import_module("diff3ds.render.cuda.rasterize")
-    make, launch, memory = rasterizing.arrays, device.launch, {}
+    launch, memory = device.launch, {}
 
-    def kept(*args, **options):
-        made = make(*args, **options)
-        memory.update(made)
-        return made
+    class Kept(Arrays):
+        def __init__(self, sizes, *args, **options):
+            super().__init__(sizes, *args, **options)
+            memory.update({name: self[name] for name, size in sizes.items() if size})
 
-    def shortened(name, blocks, job):
-        if name == kernel:
-            count = int(memory["counters"].view(torch.int64)[limits.LISTS.index(next(iter(sizes)))])
-            memory[places].view(torch.int32).clamp_(max=count - 1)
-            for array in sizes:
-                memory[array].fill_(0xAB)
-            memory["last"] = torch.tensor(count - 1)
-        launch(name, blocks, job)
-        if name == kernel:
-            raise InterruptedError
+    def shortened(launches, job):
+        at = [name for name, _ in launches].index(kernel)
+        launch(launches[:at], job)
+        count = int(memory["counters"].view(torch.int64)[limits.LISTS.index(next(iter(sizes)))])
+        memory[places].view(torch.int32).clamp_(max=count - 1)
+        for array in sizes:
+            memory[array].fill_(0xAB)
+        memory["last"] = torch.tensor(count - 1)
+        launch([launches[at]], job)
+        raise InterruptedError
 
-    monkeypatch.setattr(rasterizing, "arrays", kept)
+    monkeypatch.setattr(rasterizing, "Arrays", Kept)
     monkeypatch.setattr(device, "launch", shortened)
     with pytest.raises(InterruptedError):
         rasterize(crowd(6), 20, backend="cuda")
@@ -299,16 +340,16 @@ def test_lists_that_were_too_short_are_freed_before_longer_ones_are_made(device,
     monkeypatch.setattr(
         limits.Limits, "guess", lambda self, shape: [self.length.setdefault(n, 1) for n in limits.LISTS]
     )
-    make, made = rasterizing.arrays, {}
+    made = {}
 
-    def watched(sizes, *args, **options):
-        name = next(iter(sizes))
-        assert name not in made or made[name]() is None, name
-        arrays = make(sizes, *args, **options)
-        made[name] = weakref.ref(arrays[name])
-        return arrays
+    class Watched(Arrays):
+        def __init__(self, sizes, *args, **options):
+            name = next(iter(sizes))
+            assert name not in made or made[name]() is None, name
+            super().__init__(sizes, *args, **options)
+            made[name] = weakref.ref(self.memory)
 
-    monkeypatch.setattr(rasterizing, "arrays", watched)
+    monkeypatch.setattr(rasterizing, "Arrays", Watched)
     results(crowd(5), 20, antialiasing)
 
 

@@ -54,18 +54,18 @@ def test_what_only_monte_carlo_needs_is_compiled_for_its_gradients_alone(device,
     for job in (Job(), Job(save=1), Job(strata=2)):
         for name, kernel in kernels().items():
             if kernel.part in DRAWING:
-                device.launch(name, 1, job)
+                device.launch([(name, 1)], job)
         device._kernels.clear()
     settle()
     assert sorted(compiled) == sorted(DRAWING)
-    device.launch("count_pieces", 1, Job(strata=2, save=1))
+    device.launch([("count_pieces", 1)], Job(strata=2, save=1))
     settle()
     assert sorted(compiled) == sorted(PARTS)
     assert kernels()["differentiate_samples"].part in MONTE_CARLO
 
 
 def test_a_kernel_that_nothing_announced_is_compiled(device, compiled):
-    device.launch("sum_outlines", 1, Job())
+    device.launch([("sum_outlines", 1)], Job())
     assert "outlines" in compiled
 
 
@@ -91,4 +91,4 @@ def test_what_the_driver_refuses_is_named(device, monkeypatch):
     with pytest.raises(
         RuntimeError, match="cuda refuses draw_image of the renderer's kernels: CUDA_ERROR_INVALID_VALUE"
     ):
-        device.launch("draw_image", 1, Job())
+        device.launch([("draw_image", 1)], Job())

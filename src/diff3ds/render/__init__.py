@@ -28,6 +28,7 @@ from diff3ds.render.backends import (
     get_num_threads,
     set_num_threads,
 )
+from diff3ds.render.drawing import Drawing, Images, of_sketch, of_strokes
 from diff3ds.sketch import Sketch
 
 __all__ = [
@@ -105,10 +106,10 @@ def render(
     if place != home:
         sketch, cameras, way = sketch.to(place), cameras.to(place), way._replace(canvas=way.canvas.to(place))
     try:
-        if chosen == "cpu":
-            images = autograd.render(sketch, cameras, *way)
+        if chosen == "reference":
+            images = _by_reference(project(sketch, cameras), cameras.size, way)
         else:
-            images = _rasterized(chosen, project(sketch, cameras), cameras.size, way)
+            images = _by_kernels(chosen, of_sketch(sketch, cameras, *way))
         return Rendering(*(image.to(home) for image in images))
     except ValueError:
         # The kernels only know that some value is bad; say which.
@@ -139,7 +140,9 @@ def rasterize(
     shape = (len(strokes.cubics), *size, 3)
     way = _way(background, strokes.color, shape, blur, antialiasing, samples, generator)
     try:
-        return Rendering(*_rasterized(chosen, strokes, size, way))
+        if chosen == "reference":
+            return Rendering(*_by_reference(strokes, size, way))
+        return Rendering(*_by_kernels(chosen, of_strokes(strokes, size, *way)))
     except ValueError:
         check_stroke_values(strokes)
         raise
@@ -174,12 +177,14 @@ def _way(
     return _Way(canvas, blur, *((strata_from(samples), seed_from(generator)) if sampled else (0, 0)))
 
 
-def _rasterized(backend: Backend, strokes: Strokes2D, size: tuple[int, int], way: _Way) -> autograd.Images:
+def _by_kernels(backend: Backend, drawing: Drawing) -> Images:
     if backend == "cpu":
-        return autograd.rasterize(strokes, size, *way)
-    if backend == "cuda":
-        # Imported by those who draw with it only.
-        return cast(autograd.Images, import_module("diff3ds.render.cuda.rasterize").rasterize(strokes, size, *way))
+        return autograd.draw(drawing)
+    # Imported by those who draw with it only.
+    return cast(Images, import_module("diff3ds.render.cuda.rasterize").draw(drawing))
+
+
+def _by_reference(strokes: Strokes2D, size: tuple[int, int], way: _Way) -> Images:
     check_stroke_values(strokes)
     if way.strata:
         return montecarlo.rasterize(strokes, size, way.canvas, way.strata, way.seed)

@@ -9,6 +9,7 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
+from diff3ds.render.drawing import Images
 from diff3ds.render.hits import (
     Hits,
     Near,
@@ -19,7 +20,7 @@ from diff3ds.render.hits import (
     point_on_stroke,
 )
 from diff3ds.render.outline import Outline, sample_outline
-from diff3ds.render.reference import Images, composite_points, images_from
+from diff3ds.render.reference import composite_points, images_from
 
 # An outline point this much (px) inside its own stroke is hidden by it; as long as the chords that stand for a jump.
 OUTLINE_SLACK = 1e-6

@@ -12,6 +12,7 @@ from torch.utils.checkpoint import checkpoint
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
+from diff3ds.render.drawing import Images
 from diff3ds.render.hits import Hits, closest_hits, find_near, half_width_at, moving_parameter, point_on_stroke
 
 # The normal distribution is cut here; what is lost, 2e-4, is given back by scaling so that coverage is continuous.
@@ -20,8 +21,6 @@ BLUR_REACH = 3.5
 MIN_ALPHA = 1e-6
 # Hits (padded to the longest list) shaded at a time.
 SHADE_BLOCK = 1 << 17
-
-Images = tuple[Float[Tensor, "V H W 3"], Float[Tensor, "V H W"], Float[Tensor, "V H W"]]
 
 
 def rasterize(

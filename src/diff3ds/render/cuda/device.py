@@ -1,6 +1,7 @@
 """What runs the kernels: a GPU, or in the tests its emulation on the CPU."""
 
 import functools
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -19,8 +20,8 @@ class Device(Protocol):
 
     strides: int
 
-    def launch(self, name: str, blocks: int, job: Job) -> None:
-        """Starts a kernel; the job is copied."""
+    def launch(self, launches: Sequence[tuple[str, int]], job: Job) -> None:
+        """Starts kernels, given by name and number of blocks, one after the other; the job is copied."""
         ...
 
     def wait(self) -> None:

@@ -1,6 +1,7 @@
 """A GPU that runs the kernels: on torch's current stream, in torch's context of that GPU."""
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -26,23 +27,24 @@ class Gpu:
         self._parts: dict[str, Any] = {}
         self._kernels: dict[str, Any] = {}
 
-    def launch(self, name: str, blocks: int, job: Job) -> None:
-        """Starts a kernel on the current stream.
+    def launch(self, launches: Sequence[tuple[str, int]], job: Job) -> None:
+        """Starts kernels on the current stream.
 
         Raises:
             RuntimeError: the driver refuses.
         """
         from cuda.bindings import driver
 
+        # The driver copies the job before it returns.
+        arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
+        address = ctypes.addressof(arguments)
         with torch.cuda.device(self._device):
-            kernel = self._kernels.get(name) or self._load(name, job)
             stream = torch.cuda.current_stream(self._device).cuda_stream or driver.CU_STREAM_LEGACY
-            # The driver copies the job before it returns.
-            arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
-            started = driver.cuLaunchKernel(
-                kernel, blocks, 1, 1, kernels()[name].threads, 1, 1, 0, stream, ctypes.addressof(arguments), 0
-            )
-        self._checked(started, name)
+            for name, blocks in launches:
+                kernel = self._kernels.get(name) or self._load(name, job)
+                threads = kernels()[name].threads
+                started = driver.cuLaunchKernel(kernel, blocks, 1, 1, threads, 1, 1, 0, stream, address, 0)
+                self._checked(started, name)
 
     def _load(self, name: str, job: Job) -> Any:
         """By the driver itself, not by cuda-core: its import alone takes longer than all of a later process may."""

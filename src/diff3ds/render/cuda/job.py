@@ -1,7 +1,7 @@
 """What a kernel is given, `Job` of csrc/cuda/device.cuh field by field, and the memory that its arrays take."""
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import torch
@@ -16,13 +16,14 @@ TILE, PIXELS, WARPS = 16, 256, 8
 SUMS = 21
 
 _POINTERS = (
-    "cubics", "half_width", "color", "opacity", "background", "out_color", "out_alpha", "out_depth", "reach", "scale",
-    "piece_first", "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents",
-    "pair_first", "pair_chord", "pair_run", "tile_first", "tile_cursor", "tile_run_first", "tile_runs", "tile_list",
-    "runs", "segments", "fragments", "order", "point_first", "point_count", "counters", "report", "g_color",
-    "g_alpha", "g_depth", "front", "g_fragment", "g_run", "g_background", "g_cubics", "g_look", "outline",
-    "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline", "outline_sums", "outline_segments",
-    "outline_fragments", "outline_order",
+    "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "out_color",
+    "out_alpha", "out_depth", "reach", "scale", "piece_first", "pieces", "piece_info", "arcs", "chord_first",
+    "outline_first", "chords", "chord_info", "tangents", "pair_first", "pair_chord", "pair_run", "tile_first",
+    "tile_cursor", "tile_run_first", "tile_runs", "tile_list", "runs", "segments", "fragments", "order",
+    "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
+    "g_run", "g_background", "g_cubics", "g_look", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights",
+    "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline",
+    "outline_sums", "outline_segments", "outline_fragments", "outline_order",
 )  # fmt: skip
 
 
@@ -34,15 +35,19 @@ class Job(ctypes.Structure):
         ("limit", ctypes.c_uint64 * len(LISTS)),
         ("seed", ctypes.c_uint64),
         *((f"background_{axis}", ctypes.c_int64) for axis in ("view", "row", "pixel")),
-        *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach")),
+        *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach", "width_scale")),
         *((name, ctypes.c_int32) for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y")),
-        *((name, ctypes.c_int32) for name in ("world", "strata", "half_width_per_view", "save")),
+        *((name, ctypes.c_int32) for name in ("world", "strata", "half_width_per_view", "save", "controls")),
     )
 
-    def point(self, arrays: Mapping[str, Tensor | int | None]) -> None:
+    def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
         """Sets addresses."""
+        if isinstance(arrays, Arrays):
+            for name, address in arrays.addresses():
+                setattr(self, name, address)
+            return
         for name, array in arrays.items():
-            setattr(self, name, array.data_ptr() if isinstance(array, Tensor) else array)
+            setattr(self, name, None if array is None else array.data_ptr())
 
     def copy(self) -> "Job":
         """One that can be changed apart from this."""
@@ -51,7 +56,13 @@ class Job(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Shape:
-    """The numbers that decide how long arrays are; `real` is the size of a pixel's number in bytes."""
+    """The numbers that decide how long arrays are.
+
+    Attributes:
+        real: the size of a pixel's number in bytes.
+        save: whether a backward pass may follow.
+        controls: control points of strokes in space, 0 for those that are projected already.
+    """
 
     views: int
     strokes: int
@@ -60,6 +71,7 @@ class Shape:
     strata: int
     real: int
     save: bool
+    controls: int = 0
 
     @property
     def seen(self) -> int:
@@ -96,6 +108,7 @@ class Shape:
         kept = self.samples if self.save else 1
         points = PIXELS * self.tiles * self.samples if self.save else 0
         return {
+            "cubics": 128 * self.seen if self.controls else 0,
             "reach": self.real * self.seen,
             "scale": 8 * self.seen,
             "piece_first": 4 * (self.seen + 1),
@@ -121,6 +134,8 @@ class Shape:
     def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
         """Bytes of the arrays that a backward pass needs beside."""
         sizes = dict.fromkeys(("front", "g_fragment"), self.real * limits["fragments"])
+        sizes |= {"g_run": SUMS * self.real * limits["runs"], "g_look": 40 * self.seen}
+        sizes["g_cubics"] = 128 * self.seen if self.controls else 0
         if not self.strata:
             return sizes
         points, fragments = limits["outline"], limits["outline_fragments"]
@@ -134,13 +149,29 @@ class Shape:
         }
 
 
-def arrays(sizes: Mapping[str, int], device: torch.device, *, zeros: bool = False) -> dict[str, Tensor]:
-    """Arrays of these sizes in bytes, parts of one allocation, not initialised unless `zeros`."""
-    # Addresses that any vector load may start at, and lines of the memory do.
-    places, total = {}, 0
-    for name, size in sizes.items():
-        places[name] = total
-        total += -(-size // 256) * 256
-    make = torch.zeros if zeros else torch.empty
-    memory = make(total, dtype=torch.uint8, device=device)
-    return {name: memory[start : start + sizes[name]] for name, start in places.items()}
+class Arrays:
+    """Arrays of given sizes in bytes, parts of one allocation; those of no size are not there.
+
+    Attributes:
+        memory: the allocation, not initialised unless `zeros`.
+    """
+
+    def __init__(self, sizes: Mapping[str, int], device: torch.device, *, zeros: bool = False) -> None:
+        # Addresses that any vector load may start at, and lines of the memory do.
+        self._places: dict[str, tuple[int, int]] = {}
+        total = 0
+        for name, size in sizes.items():
+            if size:
+                self._places[name] = (total, size)
+            total += -(-size // 256) * 256
+        make = torch.zeros if zeros else torch.empty
+        self.memory: Tensor = make(total, dtype=torch.uint8, device=device)
+
+    def addresses(self) -> Iterator[tuple[str, int]]:
+        """Names and where the arrays begin."""
+        base = self.memory.data_ptr()
+        return ((name, base + start) for name, (start, _) in self._places.items())
+
+    def __getitem__(self, name: str) -> Tensor:
+        start, size = self._places[name]
+        return self.memory[start : start + size]
