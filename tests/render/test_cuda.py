@@ -117,6 +117,16 @@ def test_memory_that_nobody_wrote_may_hold_anything(device, antialiasing, monkey
     assert_same(of_a_sketch(antialiasing, "image"), expected[1])
 
 
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+def test_more_strokes_than_a_block_adds_up_at_a_time(device):
+    g = torch.Generator().manual_seed(0)
+    points = 48 * torch.rand(9000, 1, 2, generator=g) + 2 * torch.randn(9000, 4, 2, generator=g)
+    looks = {"half_width": 0.1, "opacity": 0.2, "color": torch.rand(9000, 3, generator=g), "dtype": torch.float32}
+    strokes = strokes_at(points, depth=1 + torch.rand(9000, 4, generator=g), **looks)
+    expected, got = (draw(strokes, 48, backend) for backend in ("cpu", "cuda"))
+    assert ((got.color - expected.color).abs() < 1e-4).double().mean() > 0.999
+
+
 def test_backward_twice(device, antialiasing):
     """The backward leaves what the forward kept as it is."""
     strokes = crowd(12)
