@@ -210,7 +210,7 @@ template <class S> void prepare(State<S> &st) {
   J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
   const double sigma = std::sqrt(in.blur * in.blur + 1. / 12);
   J.filter = in.strata ? Filter<S>{S(0), S(0)} : in.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
-  J.chord_slack = S(2 * CHORD_TOL);
+  J.nearest = S(in.near / 2), J.chord_slack = S(2 * CHORD_TOL);
   J.strata = in.strata, J.seed = in.seed;
   J.background = in.background, J.background_view = in.background_view, J.background_row = in.background_row;
   J.background_pixel = in.background_pixel;

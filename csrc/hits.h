@@ -197,7 +197,7 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
     const Fragment<vf> g = fragment<WORLD>(c, filter, point, qx, qy);
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
-    const vi in = (a > real(0)) & (px >= 0);
+    const vi in = (a > real(0)) & (g.depth > J.nearest) & (px >= 0);
     const Mask m = bits(in);
     compress_store(k.t + n, point.tau, m), compress_store(k.a + n, a * c.opacity, m);
     compress_store(k.z + n, g.depth, m), compress_store(k.px + n, px, m);

@@ -40,6 +40,7 @@ template <class S> struct Job {
   int views, strokes, height, width, tiles_x, tiles_y;
   bool world, save;
   Filter<S> filter;
+  S nearest;                          // less depth than this is rounding: strokes are clipped at twice as much
   S chord_slack;                      // px: chords this much farther than the nearest may still lead to the nearest point
   const Piece<S> *pieces;
   const uint32_t *piece_stroke;       // view * strokes + stroke

@@ -24,8 +24,9 @@ constexpr double TIGHT = .75;
 
 HD float select(bool m, float a, float b) { return m ? a : b; }
 HD double select(bool m, double a, double b) { return m ? a : b; }
-HD float clamp(float x, float lo, float hi) { return x < lo ? lo : x > hi ? hi : x; }
-HD double clamp(double x, double lo, double hi) { return x < lo ? lo : x > hi ? hi : x; }
+// What is no number becomes lo, as it does in vectors.
+HD float clamp(float x, float lo, float hi) { return x > lo ? x < hi ? x : hi : lo; }
+HD double clamp(double x, double lo, double hi) { return x > lo ? x < hi ? x : hi : lo; }
 #ifdef __CUDACC__
 HD float root(float x) { return sqrtf(x); }
 HD double root(double x) { return sqrt(x); }

@@ -91,7 +91,8 @@ template <bool WORLD> __device__ Hit nearest_hit(const Job &J, const Tile &p, u3
   const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point, qx, qy);
   // Monte Carlo: a point is inside or not.
   const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
-  return {point.tau, a * c.opacity, g.depth, a > 0 ? start.run : NONE};
+  // Less depth is rounding: strokes are clipped at twice as much.
+  return {point.tau, a * c.opacity, g.depth, a > 0 && g.depth > real(J.near / 2) ? start.run : NONE};
 }
 
 // Memory for the fragments of a warp, taken in chunks: fewer atomic additions, at the price of some that stay empty.

@@ -13,3 +13,13 @@ def test_extreme_scenes(start):
 def test_extreme_scenes_of_the_reference():
     failures = {seed: wrong for seed in range(15) if (wrong := run_case(seed, "reference"))}
     assert not failures
+
+
+# Found by fuzzing: coordinates to 1e29, of which float32 leaves a depth of 0, and a stroke wider than all numbers.
+NO_DEPTH = 4864
+
+
+@pytest.mark.parametrize("start", range(0, 200, 50))
+def test_extreme_scenes_of_cuda(cuda, start):
+    failures = {seed: wrong for seed in (*range(start, start + 50), NO_DEPTH) if (wrong := run_case(seed, cuda))}
+    assert not failures
