@@ -345,6 +345,32 @@ def test_capture_of_gradients_needs_one_of_gradients_before(device, memories):
     assert_same(results(strokes, 20, "montecarlo"), expected)
 
 
+@pytest.mark.filterwarnings("ignore:an earlier drawing needed more memory")
+def test_a_drawing_too_large_for_the_memory_is_not_remembered(device, memories, antialiasing, monkeypatch):
+    """It is an error, in the forward or the backward pass; a smaller one of its kind then finds its room."""
+    small, large = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    rasterizing, room, scarce = import_module("diff3ds.render.cuda.rasterize"), {}, set()
+
+    class Scarce(Arrays):
+        def __init__(self, sizes, *args, **options):
+            kind, total = list(sizes)[1], sum(sizes.values())
+            if kind in scarce and total > room[kind]:
+                raise torch.OutOfMemoryError
+            room.setdefault(kind, total)
+            room[kind] = max(room[kind], total) if not scarce else room[kind]
+            super().__init__(sizes, *args, **options)
+
+    monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
+    monkeypatch.setattr(rasterizing, "Arrays", Scarce)
+    expected = results(small, (60, 80), antialiasing)
+    for kind in ("reach", "g_fragment"):
+        scarce = {kind}
+        with pytest.raises(torch.OutOfMemoryError):
+            # The first is spoilt, the second has what it needs, or would.
+            [results(large, (60, 80), antialiasing) for _ in range(2)]
+        assert_same(results(small, (60, 80), antialiasing), expected)
+
+
 def test_lists_that_were_too_short_are_freed_before_longer_ones_are_made(device, antialiasing, monkeypatch):
     rasterizing = import_module("diff3ds.render.cuda.rasterize")
     monkeypatch.setattr(

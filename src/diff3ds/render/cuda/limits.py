@@ -102,6 +102,13 @@ class Limits:
             self.proven[which] = max(shape.strokes, self.proven.get(which, -1))
         return fitted
 
+    def forget(self, shape: Shape) -> None:
+        """All needs, once memory has run out: what a large drawing needed is not taken for the next, smaller one."""
+        self.length.clear()
+        self.proven.clear()
+        self.report.zero_()
+        self.guess(shape)
+
     def take_bad(self) -> bool:
         """Whether a stroke could not be drawn since the last question."""
         bad = bool(self.report[BAD])

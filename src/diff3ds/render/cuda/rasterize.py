@@ -1,5 +1,7 @@
 """The CUDA kernels as one differentiable operation: from curves, in space or projected, to images."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple, cast
 
 import torch
@@ -75,7 +77,8 @@ def _forward(drawing: Drawing, save: bool) -> tuple[Images, _Drawn]:
         # Until it fits: each pass counts at least one list further. What was too short is freed first.
         work.clear()
         lengths = dict(limits.length)
-        work += _work(shape, lengths, color.device)
+        with _remembering_less(device, limits, shape):
+            work += _work(shape, lengths, color.device)
         _run(device, job, work, lengths, limits)
         if not waiting or _settled(device, limits, shape, "forward"):
             break
@@ -127,6 +130,19 @@ def _unknown_needs(shape: Shape) -> RuntimeError:
         f"draw a picture of this kind with {shape.strokes} strokes or more, and its backward if one is wanted, once "
         "before the capture: it finds how much memory they need"
     )
+
+
+@contextmanager
+def _remembering_less(device: Device, limits: Limits, shape: Shape) -> Iterator[None]:
+    """Inside, memory may run out: then no later drawing is asked to take as much."""
+    try:
+        yield
+    except torch.OutOfMemoryError:
+        if not device.capturing():
+            # What is under way still tells its needs.
+            device.wait()
+            limits.forget(shape)
+        raise
 
 
 def _settled(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
@@ -214,9 +230,11 @@ def _backward(drawn: _Drawn, upstream: tuple[Tensor | None, ...], gradients: dic
         # Only outlines are counted anew; the lists of the forward pass stay as they are.
         work.clear()
         lengths = lengths | {name: limits.length[name] for name in ("outline", "outline_fragments")}
-        work.append(Arrays(shape.backward(lengths), place))
+        with _remembering_less(device, limits, shape):
+            work.append(Arrays(shape.backward(lengths), place))
+            if shape.strata:
+                work.append(_outline_work(shape, lengths, place))
         if shape.strata:
-            work.append(_outline_work(shape, lengths, place))
             kept[0]["counters"][8 * COUNTED_FORWARD :].zero_()
         _differentiate(device, job, work, lengths)
         if not waiting or _settled(device, limits, shape, "backward"):
