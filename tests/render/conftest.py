@@ -1,7 +1,10 @@
 """Fixtures of the renderer's tests: every backend of this machine, and both kinds of antialiasing."""
 
+from importlib import import_module
+
 import pytest
 from cuda_backends import on_device, use_device, use_emulation
+from emulated import Emulated
 
 from diff3ds.render import available_backends, get_num_threads, set_num_threads
 
@@ -48,3 +51,18 @@ def threads():
     before = get_num_threads()
     yield set_num_threads
     set_num_threads(before)
+
+
+@pytest.fixture
+def memories(monkeypatch) -> dict:
+    """What is remembered of earlier drawings, empty."""
+    monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "_limits", {})
+    return import_module("diff3ds.render.cuda.rasterize")._limits
+
+
+@pytest.fixture
+def device(monkeypatch, memories) -> Emulated:
+    """A device without a past."""
+    one = Emulated("float")
+    use_emulation(monkeypatch, lambda *_: one)
+    return one
