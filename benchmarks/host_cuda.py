@@ -80,6 +80,7 @@ def pretend(stack: ExitStack, launched: list[int]) -> None:
     gpu, compiling = (import_module(f"diff3ds.render.cuda.{name}") for name in ("gpu", "compile"))
     for name in LOADING:
         put(driver, name, lambda *arguments: (0, arguments))
+    put(driver, "cuCtxGetCurrent", lambda: (0, 1))
     put(driver, "cuLaunchKernel", launch)
     put(compiling, "compiled", lambda part, real, arch: part.encode())
     put(gpu.Gpu, "report", lambda self, length: torch.zeros(length, dtype=torch.int64))

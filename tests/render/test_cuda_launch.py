@@ -34,6 +34,7 @@ def device(monkeypatch, compiled) -> gpu.Gpu:
     """A GPU of compute capability 9.0, on which everything succeeds."""
     for name in ("cuThreadExchangeStreamCaptureMode", "cuLibraryLoadData", "cuLibraryGetKernel", "cuKernelGetFunction"):
         monkeypatch.setattr(driver, name, lambda *arguments: (0, arguments))
+    monkeypatch.setattr(driver, "cuCtxGetCurrent", lambda: (0, driver.CUcontext(1)))
     monkeypatch.setattr(driver, "cuLaunchKernel", lambda *arguments: (0,))
     properties = SimpleNamespace(major=9, minor=0, multi_processor_count=132)
     monkeypatch.setattr(torch.cuda, "get_device_properties", lambda device: properties)
@@ -83,6 +84,29 @@ def test_parts_are_compiled_side_by_side(monkeypatch):
     assert [codes.of(part) for part in PARTS] == [f"{part} double sm_80".encode() for part in PARTS]
     codes.begin(PARTS)
     assert not meeting.n_waiting
+
+
+def test_a_thread_without_a_context_gets_torchs_before_anything_is_loaded(device, monkeypatch):
+    """Autograd's begin so, and where a backward pass finds its memory in torch's cache, nothing has bound them."""
+    asked: list[tuple[str, object]] = []
+
+    def put(name: str, *answer: object) -> None:
+        monkeypatch.setattr(driver, name, lambda *arguments: asked.append((name, *arguments)) or (0, *answer))
+
+    put("cuCtxGetCurrent", driver.CUcontext(0))
+    put("cuDeviceGet", driver.CUdevice(1))
+    put("cuDevicePrimaryCtxRetain", "context")
+    put("cuCtxSetCurrent")
+    put("cuLibraryLoadData", "library")
+    put("cuLaunchKernel")
+    device._device = torch.device("cuda", 1)
+    device.launch([("draw_image", 1)], Job())
+    names = [name for name, *_ in asked]
+    assert names[:4] == ["cuCtxGetCurrent", "cuDeviceGet", "cuDevicePrimaryCtxRetain", "cuCtxSetCurrent"]
+    assert asked[1][1] == 1
+    assert int(asked[2][1]) == 1
+    assert asked[3][1] == "context"
+    assert names[4:] == ["cuLibraryLoadData", "cuLaunchKernel"]
 
 
 def test_what_the_driver_refuses_is_named(device, monkeypatch):

@@ -1,6 +1,8 @@
 """On a device only: graphs, streams, several GPUs, steps that wait for nothing. All else runs as it does emulated."""
 
 import math
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -113,6 +115,24 @@ def test_other_streams(gpu):
         got = drawn(late, cameras)
     stream.synchronize()
     assert_same(got, expected)
+
+
+# All memory comes from torch's cache, and no kernel of torch runs in autograd's thread before ours.
+FIRST_BACKWARD = """
+import torch, diff3ds as ds
+room = torch.empty(1 << 30, dtype=torch.uint8, device="cuda")
+del room
+sketch = ds.Sketch.random(20, generator=torch.Generator().manual_seed(0)).to("cuda")
+points = sketch.points.clone().requires_grad_()
+image = ds.render(ds.Sketch(points, width=0.02), ds.orbit(20.0, size=64).to("cuda"))
+torch.autograd.backward(image.color, torch.ones_like(image.color))
+assert points.grad.abs().sum() > 0
+"""
+
+
+def test_the_first_backward_of_a_process_binds_its_thread(gpu):
+    run = subprocess.run([sys.executable, "-c", FIRST_BACKWARD], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
 
 
 def test_several_devices(gpu):

@@ -39,12 +39,29 @@ class Gpu:
         arguments = (ctypes.c_void_p * 1)(ctypes.addressof(job))
         address = ctypes.addressof(arguments)
         with torch.cuda.device(self._device):
+            self._bind()
             stream = torch.cuda.current_stream(self._device).cuda_stream or driver.CU_STREAM_LEGACY
             for name, blocks in launches:
                 kernel = self._kernels.get(name) or self._load(name, job)
                 threads = kernels()[name].threads
                 started = driver.cuLaunchKernel(kernel, blocks, 1, 1, threads, 1, 1, 0, stream, address, 0)
                 self._checked(started, name)
+
+    def _bind(self) -> None:
+        """Makes torch's context that of this thread, if it has none.
+
+        A thread of autograd begins so, and torch binds it with its first call to the device that needs one: neither the
+        choice of a device nor memory from torch's cache does.
+        """
+        from cuda.bindings import driver
+
+        if int(self._checked(driver.cuCtxGetCurrent(), "context")):
+            return
+        index = torch.cuda.current_device() if self._device.index is None else self._device.index
+        gpu = self._checked(driver.cuDeviceGet(index), "device")
+        # Kept for good, as torch does.
+        context = self._checked(driver.cuDevicePrimaryCtxRetain(gpu), "context")
+        self._checked(driver.cuCtxSetCurrent(context), "context")
 
     def _load(self, name: str, job: Job) -> Any:
         """By the driver itself, not by cuda-core: its import alone takes longer than all of a later process may."""
@@ -59,7 +76,6 @@ class Gpu:
         before = self._checked(driver.cuThreadExchangeStreamCaptureMode(relaxed), "capture mode")
         try:
             if part not in self._parts:
-                # torch's context is current: its allocations came first.
                 code = self._codes.of(part)
                 self._parts[part] = self._checked(driver.cuLibraryLoadData(code, [], [], 0, [], [], 0), part)
             kernel = self._checked(driver.cuLibraryGetKernel(self._parts[part], name.encode()), name)
