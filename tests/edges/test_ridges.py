@@ -56,17 +56,6 @@ def test_wide_lines_that_are_cut_off_at_white_have_no_gaps(offset):
     assert abs(found.points[:, 1].mean() - 24 - offset) < 0.1
 
 
-@pytest.mark.parametrize("width", [0.7, 1.0, 1.5])
-def test_the_spread_of_a_line_is_that_of_its_profile_and_the_smoothing(width):
-    y = np.mgrid[:48, :200][0] + 0.5
-    ink = np.exp(-0.5 * ((y - 24.3) / width) ** 2).astype(np.float32)
-    found = map_ridges(ink)
-    assert found.spread == pytest.approx(np.hypot(width, 1.0), rel=0.03)
-    assert found[found.points[:, 0] > 100].spread == found.spread
-    # And where nothing is drawn, of a line as thin as can be.
-    assert map_ridges(0 * ink).spread == 1.0
-
-
 @pytest.mark.parametrize("radius", [5.0, 8.0, 20.0])
 def test_a_small_circle_keeps_its_radius(radius):
     center = np.array([0.0, 0.3, -0.2]) / SCALE

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.edges.ridges import MAP_SIGMA, Array, Ridges
+from diff3ds.edges.ridges import Array, Ridges
 
 # Distance in pixels of a point that a view does not contain.
 OUTSIDE = 99.0
@@ -42,7 +42,6 @@ class EdgeViews:
         points: all ridge points, pixels.
         normals: across them.
         pulls, softness: see `Ridges`.
-        spread: as of `Ridges`, the median of the views.
         start: index of the first ridge point of each view, and their number at the end.
         planes: (n, o) of the plane through the camera and the ridge; n . x + o is the distance of x, world units.
         nearest: index of the ridge point nearest to the centre of each pixel; -1 in views without any.
@@ -55,7 +54,6 @@ class EdgeViews:
     normals: Float[Array, "R 2"]
     pulls: Float[Array, " R"]
     softness: float
-    spread: float
     start: Int[NDArray[np.int64], " S"]
     planes: Float[Array, "R 4"]
     nearest: Int[NDArray[np.int32], "V H W"]
@@ -118,7 +116,6 @@ def edge_views(cameras: Cameras, ridges: Sequence[Ridges]) -> EdgeViews:
         np.concatenate([r.normals for r in ridges]),
         np.concatenate([r.pulls for r in ridges]),
         max(r.softness for r in ridges),
-        float(np.median([r.spread for r in ridges if len(r)] or [MAP_SIGMA])),
         start,
         np.concatenate(planes),
         np.stack(nearest),

@@ -42,7 +42,6 @@ class Ridges:
         values: of the smoothed image.
         pulls: how far the smoothing is taken to have pulled each point along its normal, pixels: undone in `points`.
         softness: such a pull by curvature, pixels².
-        spread: standard deviation of the lines' profile in the smoothed image, pixels.
     """
 
     points: Float[Array, "M 2"]
@@ -50,7 +49,6 @@ class Ridges:
     values: Float[Array, " M"]
     pulls: Float[Array, " M"]
     softness: float = 0.0
-    spread: float = MAP_SIGMA
 
     @staticmethod
     def sharp(points: Float[Array, "M 2"], normals: Float[Array, "M 2"], values: Float[Array, " M"]) -> "Ridges":
@@ -61,8 +59,7 @@ class Ridges:
         return len(self.points)
 
     def __getitem__(self, index: NDArray[np.bool_]) -> "Ridges":
-        kept = {name: getattr(self, name)[index] for name in ("points", "normals", "values", "pulls")}
-        return replace(self, **kept)
+        return Ridges(self.points[index], self.normals[index], self.values[index], self.pulls[index], self.softness)
 
 
 def map_ridges(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
@@ -131,13 +128,7 @@ def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_va
     ridge[:BORDER] = ridge[-BORDER:] = ridge[:, :BORDER] = ridge[:, -BORDER:] = False
     y, x = np.nonzero(ridge)
     points = np.stack([x + 0.5 + (top * nx)[ridge], y + 0.5 + (top * ny)[ridge]], 1)
-    found = Ridges.sharp(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge])
-    return _unshrunk(replace(found, spread=_spread(value[ridge], least[ridge], sigma)), sigma)
-
-
-def _spread(values: Float[Array, " M"], bends: Float[Array, " M"], sigma: float) -> float:
-    """The median of Gaussian profiles, whose curvature at the top is - value / spread²; a flat top adds to it."""
-    return float(np.sqrt(np.median(-values / bends))) if len(values) else sigma
+    return _unshrunk(Ridges.sharp(points, np.stack([nx[ridge], ny[ridge]], 1), value[ridge]), sigma)
 
 
 def _unshrunk(ridges: Ridges, sigma: float) -> Ridges:

@@ -14,10 +14,9 @@ PARTS = 6
 SAMPLES, AGREEING = 5, 0.6
 # Distance from a ridge in pixels, and sine of the angle to it (25 degrees), that still agree. Empirical.
 NEAR, SLANT = 2.5, 0.436
-# Lines closer than this in the image, in spreads s of their smoothed profile, pull each other's ridges: two Gaussian
-# ones d spreads apart by about d exp(-d² / 2) s = .09 s. Empirical: with more, too little of small circles is left. If
-# they are farther apart in space than so many pixels, they are two lines.
-CROWDED, APART = 2.6, 5.0
+# Lines closer than this in the image, pixels, pull each other's ridges; if they are farther apart in space than that,
+# they are two lines.
+CROWDED, APART = 3.5, 5.0
 # Share of its views that a part may lose for that; with less left it keeps them all.
 CLEAR = 0.3
 # Step along the tangent, relative to the size of a pixel, that shows its direction in the image.
@@ -90,7 +89,7 @@ def crowded(
     found = np.zeros(pixel.shape[:2], bool)
     for view in range(len(views)):
         seen = np.nonzero(np.abs(pixel[view]).max(1) < 1e6)[0]
-        pairs = seen[cKDTree(pixel[view][seen]).query_pairs(CROWDED * views.spread, output_type="ndarray")].T
+        pairs = seen[cKDTree(pixel[view][seen]).query_pairs(CROWDED, output_type="ndarray")].T
         first, second = pairs[0], pairs[1]
         turned = heading[view, first, 0] * heading[view, second, 1] - heading[view, first, 1] * heading[view, second, 0]
         # Across the line: a line seen from its end is no other line.
