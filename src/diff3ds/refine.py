@@ -130,11 +130,18 @@ def support(
     height, width = cameras.size
     pixels = projected[..., :2] / depth.clamp(min=cameras.near)[..., None]
     scale = pixels.new_tensor([2 / width, 2 / height])
-    seen = torch.nn.functional.grid_sample(
-        ink[:, None].double(), pixels * scale - 1, mode="bilinear", align_corners=False
-    )[:, 0]
+    # View by view: in double precision all of them would take much room.
+    seen = torch.zeros_like(depth)
+    for view, image in enumerate(ink):
+        seen[view] = _read(image, pixels[view] * scale - 1)
     inside = ((pixels > 0) & (pixels < 2 / scale)).all(-1) & (depth > cameras.near)
     return ((seen * inside).sum(0) / inside.sum(0).clamp(min=1)).to(sketch.points.dtype)
+
+
+def _read(image: Float[Tensor, "H W"], places: Float[Tensor, "N S 2"]) -> Float[Tensor, "N S"]:
+    """Between the pixels of one image; places in [-1, 1]."""
+    image = image[None, None].double()
+    return torch.nn.functional.grid_sample(image, places[None], mode="bilinear", align_corners=False)[0, 0]
 
 
 def _along(sketch: Sketch, count: int) -> Float[Tensor, "N S 3"]:

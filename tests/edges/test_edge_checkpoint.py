@@ -9,28 +9,41 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from diff3ds.edges.bias import Bias
-from diff3ds.edges.checkpoint import FIELDS, read_result, write_result
+from diff3ds.edges.checkpoint import FIELDS, VERSION, read_result, write_result
 from diff3ds.edges.curves import curves_of
 from diff3ds.edges.reconstruct import Result
 
 SETTINGS = {"target": "edges", "seed": 3, "size": [64, 80]}
 CURVES = lines_between(((0, 0, 0), (0.1, 0.2, 1 / 3)), ((1, 0, 0), (0, 1, 0)))
+LOSSES = [0.5, 1 / 3]
 RESULT = Result(2, CURVES, Bias(0.1, -1 / 3, 0.7))
 
 
 @pytest.fixture
 def path(tmp_path):
-    write_result(tmp_path / "edges.safetensors", RESULT, SETTINGS)
+    write_result(tmp_path / "edges.safetensors", RESULT, LOSSES, SETTINGS)
     return tmp_path / "edges.safetensors"
 
 
 def test_what_is_written_is_read(path):
-    back = read_result(path, SETTINGS)
+    back, losses = read_result(path, SETTINGS)
+    assert losses == LOSSES
     assert back.stage == 2
     assert back.bias == RESULT.bias
     for name in FIELDS:
         assert torch.equal(getattr(back.curves, name), getattr(CURVES, name))
     assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_vertices_may_have_gaps_between_their_numbers(path):
+    """As they have once curves were taken out."""
+    lines = [((0, 0, 0), (0.1 * k, 1, 0)) for k in range(1, 9)]
+    few = lines_between(*lines)[torch.tensor([3, 7])]
+    assert int(few.vertex.max()) >= 2 * len(few)
+    write_result(path, Result(2, few, RESULT.bias), LOSSES, SETTINGS)
+    back, _ = read_result(path, SETTINGS)
+    assert torch.equal(back.curves.points, few.points)
+    assert torch.equal(*((c.vertex.reshape(-1, 1) == c.vertex.reshape(-1)) for c in (back.curves, few)))
 
 
 def test_a_disk_that_fills_up_is_said(path, monkeypatch):
@@ -39,13 +52,13 @@ def test_a_disk_that_fills_up_is_said(path, monkeypatch):
 
     monkeypatch.setattr("safetensors.torch.save_file", full)
     with pytest.raises(OSError, match="make room"):
-        write_result(path, Result(1, CURVES, Bias(0.0, 0.0, 0.0)), SETTINGS)
-    assert read_result(path, SETTINGS).stage == 2
+        write_result(path, Result(1, CURVES, Bias(0.0, 0.0, 0.0)), [], SETTINGS)
+    assert read_result(path, SETTINGS)[0].stage == 2
 
 
 def test_no_curves_are_a_result(path):
-    write_result(path, Result(1, curves_of([]), Bias(0.0, 0.0, 0.0)), SETTINGS)
-    assert len(read_result(path, SETTINGS).curves) == 0
+    write_result(path, Result(1, curves_of([]), Bias(0.0, 0.0, 0.0)), [], SETTINGS)
+    assert len(read_result(path, SETTINGS)[0].curves) == 0
 
 
 @pytest.mark.parametrize(("name", "value"), [("seed", 4), ("target", "color-edges"), ("size", [80, 64])])
@@ -58,12 +71,13 @@ def damaged(path, change, metadata=None):
     """The file with other tensors, or with other words about them."""
     tensors = load_file(path)
     change(tensors)
-    about = {"version": 1, "stage": 2, "bias": vars(RESULT.bias), "settings": SETTINGS}
+    about = {"version": VERSION, "stage": 2, "bias": vars(RESULT.bias), "settings": SETTINGS}
     save_file(tensors, path, {"diff3ds edges": json.dumps(about)} if metadata is None else metadata)
 
 
 CHANGES = {
     "a tensor is missing": lambda t: t.pop("other"),
+    "no losses": lambda t: t.pop("losses"),
     "shapes that do not fit": lambda t: t.update(kind=t["kind"][:1].clone()),
     "a vertex that is not there": lambda t: t["vertex"].fill_(4),
     "a negative vertex": lambda t: t["vertex"].fill_(-1),
@@ -87,9 +101,9 @@ ABOUT = {
     "no JSON": {"diff3ds edges": "{"},
     "a list": {"diff3ds edges": "[]"},
     "another version": {"diff3ds edges": json.dumps({"version": 99})},
-    "another bias": {"diff3ds edges": json.dumps({"version": 1, "stage": 1, "bias": {"x": 1}, "settings": {}})},
+    "another bias": {"diff3ds edges": json.dumps({"version": VERSION, "stage": 1, "bias": {"x": 1}, "settings": {}})},
     "settings that are none": {
-        "diff3ds edges": json.dumps({"version": 1, "stage": 1, "bias": vars(RESULT.bias), "settings": 5})
+        "diff3ds edges": json.dumps({"version": VERSION, "stage": 1, "bias": vars(RESULT.bias), "settings": 5})
     },
 }
 

@@ -56,6 +56,16 @@ def test_wide_lines_that_are_cut_off_at_white_have_no_gaps(offset):
     assert abs(found.points[:, 1].mean() - 24 - offset) < 0.1
 
 
+def test_dots_are_no_lines():
+    """Their tops fall off alike to all sides, on the grid exactly so: they have no direction."""
+    y, x = np.mgrid[:48, :48]
+    square = ((np.abs(x - 24) <= 1) & (np.abs(y - 24) <= 1)).astype(np.float32)
+    disc = (np.hypot(x - 24, y - 24) < 9).astype(np.float32)
+    for image in (square, disc, square + np.roll(disc, 12)):
+        found = map_ridges(np.minimum(image, 1))
+        np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("radius", [5.0, 8.0, 20.0])
 def test_a_small_circle_keeps_its_radius(radius):
     center = np.array([0.0, 0.3, -0.2]) / SCALE

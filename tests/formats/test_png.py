@@ -74,6 +74,16 @@ def test_colour_models(tmp_path, mode, channels, expected):
     torch.testing.assert_close(image[1, 2], torch.tensor(expected), atol=1e-7, rtol=0)
 
 
+@pytest.mark.parametrize(("mode", "clear"), [("L", 200), ("RGB", (200, 10, 10))])
+def test_a_transparent_colour_has_alpha(tmp_path, mode, clear):
+    picture = Image.new(mode, (2, 1), clear)
+    picture.putpixel((1, 0), 0 if mode == "L" else (0, 0, 0))
+    picture.save(tmp_path / "a.png", transparency=clear)
+    image = load_image(tmp_path / "a.png")
+    assert image.shape == (1, 2, 4)
+    assert image[0, :, 3].tolist() == [0, 1]
+
+
 def test_palette_with_transparency_has_alpha(tmp_path):
     picture = Image.new("P", (2, 1), 0)
     picture.putpalette([255, 0, 0, 0, 0, 255])

@@ -79,7 +79,7 @@ def test_large_pictures_are_reduced_with_their_cameras(scene, tmp_path):
 def test_which_file_of_a_folder(scene, tmp_path):
     sketch, cameras = scene
     images = ds.render(sketch, cameras).color
-    with pytest.raises(FileNotFoundError, match=r"no transforms\.json in this folder"):
+    with pytest.raises(FileNotFoundError, match=r"no transforms\.json, which says .* in this folder"):
         find_transforms(tmp_path, None)
     with pytest.raises(FileNotFoundError, match="no such file or folder"):
         find_transforms(tmp_path / "none", None)

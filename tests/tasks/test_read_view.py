@@ -40,6 +40,11 @@ def test_a_mask_is_part_of_alpha(tmp_path):
     expected = torch.tensor([[0.8, 0.0], [0.48, 0.8]])
     torch.testing.assert_close(pixels[..., 3], expected)
     torch.testing.assert_close(pixels[..., 0], 0.8 * expected)
+    # A mask of white that is cut out says the same.
+    cut = torch.ones(2, 2, 4)
+    cut[..., 3] = torch.tensor([[1.0, 0.0], [0.6, 1.0]])
+    save_png(tmp_path / "m.png", cut)
+    torch.testing.assert_close(read_view(view(tmp_path / "a.png", (2, 2), tmp_path / "m.png"), (2, 2))[0], pixels)
     save_png(tmp_path / "m.png", torch.ones(2, 3, 1))
     with pytest.raises(ValueError, match=r"m\.png: 2 x 3 .* its picture has 2 x 2"):
         read_view(view(tmp_path / "a.png", (2, 2), tmp_path / "m.png"), (2, 2))

@@ -17,6 +17,11 @@ from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.refine import chord_lengths
+from diff3ds.tasks.edges import most_views
+from diff3ds.tasks.linewidth import line_width
+from diff3ds.tasks.plan import ViewsOptions
+from diff3ds.tasks.posed import load_posed
+from diff3ds.tasks.views import fit_views
 
 RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
 FILES, EDGE_FILES = ["checkpoint.safetensors", *RESULTS], ["edges.safetensors", *RESULTS]
@@ -152,10 +157,29 @@ def assert_resumed_ends_as_unbroken(folder, options, files):
     main(["views", *options, "-o", str(folder / "whole")])
     for name in ("sketch.json", "sketch.step"):
         assert (folder / "broken" / name).read_bytes() == (folder / "whole" / name).read_bytes()
+    runs = [json.loads((folder / name / "run.json").read_text()) for name in ("broken", "whole")]
+    assert runs[0]["steps_done"] == runs[1]["steps_done"] > 0
+    assert runs[0]["loss"] == runs[1]["loss"]
 
 
 def test_ctrl_c_leaves_a_result_and_resume_ends_where_an_unbroken_run_does(colored):
     assert_resumed_ends_as_unbroken(colored, [str(colored), "--strokes", "20", "--steps", "800", "--quiet"], FILES)
+
+
+def test_ctrl_c_while_pictures_are_judged_leaves_the_sketch(colored, monkeypatch, capsys):
+    def stopped(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("diff3ds.tasks.views.color_scores", stopped)
+    out = colored / "out"
+    with pytest.raises(SystemExit) as end:
+        main(["views", str(colored), "-o", str(out), "--strokes", "5", "--steps", "4", "--quiet"])
+    assert end.value.code == STOPPED
+    assert "what was reached is written, --resume goes on" in capsys.readouterr().err
+    assert sorted(p.name for p in out.iterdir()) == FILES
+    monkeypatch.undo()
+    main(["views", str(colored), "-o", str(out), "--strokes", "5", "--steps", "4", "--quiet", "--resume"])
+    assert json.loads((out / "run.json").read_text())["scores"]
 
 
 # Two lines that meet, and a circle.
@@ -186,6 +210,8 @@ def test_drawings_stopped_and_resumed(drawings):
     assert distances(found, truth).max() < 0.02
     # A finished run has nothing left to do, and other settings are another run.
     main(["views", str(folder), "-o", str(folder / "whole"), "--resume", "--quiet"])
+    done = [json.loads((folder / name / "run.json").read_text())["steps_done"] for name in ("broken", "whole")]
+    assert done[0] == done[1] > 0
     assert (folder / "broken" / "sketch.json").read_bytes() == (folder / "whole" / "sketch.json").read_bytes()
 
 
@@ -221,6 +247,27 @@ def test_a_run_is_not_overwritten_unasked(drawings, capsys):
     assert (folder / "out" / "sketch.json").read_bytes() == before["sketch.json"]
 
 
+def test_what_an_overwritten_run_has_left_is_no_checkpoint(drawings, capsys):
+    """A new run that is killed before its first checkpoint has none; and that of other pictures is refused."""
+    folder, _ = drawings
+    command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
+    main(command)
+    old = (folder / "out" / "edges.safetensors").read_bytes()
+    options = ViewsOptions(overwrite=True)
+
+    def killed(progress):
+        raise RuntimeError("killed")
+
+    with pytest.raises(RuntimeError, match="killed"):
+        fit_views(folder, folder / "out", options, killed)
+    assert not (folder / "out" / "edges.safetensors").exists()
+    (folder / "out" / "edges.safetensors").write_bytes(old)
+    save_png(folder / "3.png", load_image(folder / "3.png").flip(0))
+    with pytest.raises(SystemExit):
+        main([*command, "--resume"])
+    assert "the run to resume had pictures=" in capsys.readouterr().err
+
+
 def test_random_curves_find_the_drawing(drawings):
     folder, truth = drawings
     options = ["--init", "random", "--strokes", "24", "--steps", "300", "--quiet"]
@@ -234,6 +281,55 @@ def test_random_curves_find_the_drawing(drawings):
     found = ds.load(folder / "out" / "sketch.json")
     assert (distances(truth, found) < 0.03).float().mean() > 0.9
     assert (distances(found, truth) < 0.03).float().mean() > 0.9
+    with pytest.raises(SystemExit):
+        main(["views", str(folder), "-o", str(folder / "out"), *options, "--resume", "--strokes", "25"])
+
+
+def test_ctrl_c_before_random_curves_are_cleaned_up_leaves_them(drawings, monkeypatch):
+    def stopped(*arguments, **options):
+        raise KeyboardInterrupt
+
+    folder, _ = drawings
+    monkeypatch.setattr("diff3ds.tasks.edges.reconstruct", stopped)
+    options = ["--init", "random", "--strokes", "5", "--steps", "3", "--quiet"]
+    with pytest.raises(SystemExit) as end:
+        main(["views", str(folder), "-o", str(folder / "out"), *options])
+    assert end.value.code == STOPPED
+    assert len(ds.load(folder / "out" / "sketch.json")) > 0
+    assert json.loads((folder / "out" / "run.json").read_text())["steps_done"] == 3
+
+
+@pytest.mark.parametrize("init", ["carve", "random"])
+def test_drawings_without_lines_are_refused(tmp_path, capsys, init):
+    """Wide gray clouds: they show something, and no line."""
+    cameras = ds.orbit([0.0, 90.0, 180.0], 20.0, 2.6, size=64)
+    y, x = torch.meshgrid(torch.arange(64.0), torch.arange(64.0), indexing="ij")
+    cloud = 1 - 0.9 * torch.exp(-((x - 32) ** 2 + (y - 32) ** 2) / 400)
+    for k in range(3):
+        save_png(tmp_path / f"{k}.png", cloud[..., None])
+    ds.save_transforms(tmp_path / "transforms.json", cameras, [f"{k}.png" for k in range(3)])
+    command = ["views", str(tmp_path), "-o", str(tmp_path / "out"), "--target", "edges", "--quiet", "--init", init]
+    with pytest.raises(SystemExit) as end:
+        main([*command, *(["--steps", "3", "--strokes", "4"] if init == "random" else [])])
+    assert end.value.code == FAULT
+    assert "the views show no edges that agree" in capsys.readouterr().err
+
+
+def test_the_width_of_lines_does_not_depend_on_threads(drawings):
+    store = load_posed(drawings[0] / "transforms.json").store
+    before = torch.get_num_threads()
+    widths = []
+    for count in (1, 2, 3):
+        torch.set_num_threads(count)
+        widths.append(line_width(store))
+    torch.set_num_threads(before)
+    assert len(set(widths)) == 1
+
+
+def test_fewer_views_are_kept_of_large_pictures():
+    assert most_views((512, 512)) == 200
+    assert most_views((2160, 3840)) == 48
+    assert most_views((65536, 65536)) == 3
 
 
 def box_pictures(folder, half, turn):

@@ -1,6 +1,7 @@
 """The file that keeps what a reconstruction has reached: safetensors, so that reading one runs no code."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,21 +14,24 @@ from diff3ds.edges.curves import Curves
 from diff3ds.edges.primitives import Kind
 from diff3ds.edges.reconstruct import Result
 
-VERSION = 1
+VERSION = 2
 STAGES = (1, 2, 3)
 MAX_BYTES = 1 << 28
 FIELDS = ("points", "kind", "vertex", "other")
 
 
-def write_result(path: Path, result: Result, settings: dict[str, Any]) -> None:
-    """Writes a result, whole or not at all; `settings` are what a resumed run must share."""
+def write_result(path: Path, result: Result, losses: Sequence[float], settings: dict[str, Any]) -> None:
+    """Writes a result and all losses so far, whole or not at all; `settings` are what a resumed run must share."""
     about = {"version": VERSION, "stage": result.stage, "bias": asdict(result.bias), "settings": settings}
     tensors = {name: getattr(result.curves, name) for name in FIELDS}
+    # Curves that were taken out have left gaps between the numbers of vertices.
+    tensors["vertex"] = torch.unique(result.curves.vertex, return_inverse=True)[1]
+    tensors["losses"] = torch.tensor(losses, dtype=torch.float64)
     write_tensors(path, tensors, {"diff3ds edges": json.dumps(about)})
 
 
-def read_result(path: Path, settings: dict[str, Any]) -> Result:
-    """The result in a file.
+def read_result(path: Path, settings: dict[str, Any]) -> tuple[Result, list[float]]:
+    """The result in a file, and the losses of the steps that led to it.
 
     Raises:
         FileNotFoundError: it is missing.
@@ -41,6 +45,7 @@ def read_result(path: Path, settings: dict[str, Any]) -> Result:
         with safe_open(path, "pt") as file:
             about = json.loads((file.metadata() or {})["diff3ds edges"])
             tensors = {name: file.get_tensor(name) for name in FIELDS}
+            losses = file.get_tensor("losses").reshape(-1).tolist()
         if about["version"] != VERSION:
             raise ValueError(f"version {about['version']}")
         curves = _checked(Curves(**tensors))
@@ -56,7 +61,7 @@ def read_result(path: Path, settings: dict[str, Any]) -> Result:
             raise ValueError(
                 f"{path}: the run to resume had {name}={was}, not {value}: give the same, or start a new run"
             )
-    return result
+    return result, losses
 
 
 def _checked(curves: Curves) -> Curves:

@@ -84,8 +84,12 @@ def reconstruct(
     Raises:
         ValueError: the views show no edges that agree.
     """
+    # Empty pictures are no witnesses.
+    showing = sum(len(ridge) > 0 for ridge in ridges)
+    if not showing:
+        raise ValueError(NOTHING)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
-    enough = confirming(len(ridges))
+    enough = confirming(showing)
     if reached is None:
         report("first curves", 0, None, 0)
         reached = _started(cameras, ridges, sides, start, enough)

@@ -125,6 +125,8 @@ def find_ridges(image: Float[NDArray[np.float32], "H W"], sigma: float, least_va
     flank = np.abs(gx * ny - gy * nx) > FLANK * value
     ridge = (least < -CURVATURE * value) & (xx + yy < 0) & (value > least_value) & ~flank
     ridge &= (np.abs(top * nx) <= WITHIN) & (np.abs(top * ny) <= WITHIN)
+    # The top of a dot falls off alike to all sides: it has no direction, and is no line.
+    ridge &= (nx != 0) | (ny != 0)
     ridge[:BORDER] = ridge[-BORDER:] = ridge[:, :BORDER] = ridge[:, -BORDER:] = False
     y, x = np.nonzero(ridge)
     points = np.stack([x + 0.5 + (top * nx)[ridge], y + 0.5 + (top * ny)[ridge]], 1)

@@ -94,8 +94,8 @@ def _tensor(picture: Any) -> Float[Tensor, "H W C"]:
     if picture.mode.startswith("I;16"):
         values = torch.from_numpy(np.asarray(picture).astype(np.float32))
         return (values / 65535)[..., None]
-    if picture.mode not in _MODES.values():
-        transparent = "A" in picture.getbands() or "transparency" in picture.info
+    transparent = "A" in picture.getbands() or "transparency" in picture.info
+    if picture.mode not in _MODES.values() or (transparent and picture.mode != "RGBA"):
         picture = picture.convert("L" if picture.mode == "1" else "RGBA" if transparent else "RGB")
     values = torch.from_numpy(np.asarray(picture).astype(np.float32)) / 255
     return values[..., None] if values.ndim == 2 else values

@@ -69,6 +69,7 @@ def plan_color(
         checkpoint=checkpoint,
         resume=options.resume,
         identity={
+            "pictures": pictures.digest(),
             "background": described(plates or color),
             "strokes": options.strokes,
             "batch": options.batch or BATCH,

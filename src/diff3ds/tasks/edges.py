@@ -19,8 +19,9 @@ from diff3ds.tasks.progress import Fitted, Progress, Report
 from diff3ds.tasks.results import spread
 from diff3ds.tasks.store import is_all_known
 
-# Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same.
-MOST_VIEWS = 200
+# Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
+# kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.
+MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
 
 
 def fit_edges(
@@ -38,15 +39,18 @@ def fit_edges(
         KeyboardInterrupt: before the first curves were found.
     """
     frame = frame_of(pictures.cameras, pictures.store)
-    views = spread(len(pictures), MOST_VIEWS)
+    views = spread(len(pictures), most_views(pictures.cameras.size))
     cameras = frame.cameras(pictures.cameras[views])
-    settings = {"target": pictures.target, "init": options.init, "seed": options.seed, "size": list(cameras.size)}
-    results = [read_result(checkpoint, settings)] if options.resume and checkpoint.exists() else []
+    settings = _settings(pictures, options)
+    results: list[Result] = []
     losses: list[float] = []
+    if options.resume and checkpoint.exists():
+        reached, losses = read_result(checkpoint, settings)
+        results.append(reached)
 
     def save(result: Result) -> None:
         results.append(result)
-        write_result(checkpoint, result, settings)
+        write_result(checkpoint, result, losses, settings)
 
     def tell(stage: str, step: int, loss: float | None, strokes: int) -> None:
         losses.extend([] if loss is None else [loss])
@@ -70,6 +74,18 @@ def fit_edges(
             raise
         stopped = True
     return _fitted(pictures, frame, results[-1], losses, stopped)
+
+
+def most_views(size: tuple[int, int]) -> int:
+    """How many views of this size are looked at."""
+    return max(FEWEST_VIEWS, min(MOST_VIEWS, MOST_PIXELS // (size[0] * size[1])))
+
+
+def _settings(pictures: PosedPictures, options: ViewsOptions) -> dict[str, object]:
+    """What must be the same for a run to go on."""
+    names = ["init", "seed", *(["strokes", "steps", "batch"] if options.init == "random" else [])]
+    about = {"target": pictures.target, "size": list(pictures.cameras.size), "pictures": pictures.digest()}
+    return {**about, **{name: getattr(options, name) for name in names}}
 
 
 def ridges_of(pictures: PosedPictures, views: Int[Tensor, " B"]) -> list[Ridges]:

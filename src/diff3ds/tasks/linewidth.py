@@ -2,6 +2,7 @@
 
 import math
 
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.store import Store
 
 
@@ -12,8 +13,10 @@ def line_width(store: Store) -> float:
     absolute differences along x and y measures 4 / pi times that, averaged over directions.
     """
     total = variation = 0.0
-    for views in store.chunks():
-        ink = store.batch(views).alpha
-        total += float(ink.sum())
-        variation += float((ink[:, 1:] - ink[:, :-1]).abs().sum() + (ink[:, :, 1:] - ink[:, :, :-1]).abs().sum())
+    # The last bits of sums on several threads depend on their number.
+    with torch_on_one_thread():
+        for views in store.chunks():
+            ink = store.batch(views).alpha
+            total += float(ink.sum())
+            variation += float((ink[:, 1:] - ink[:, :-1]).abs().sum() + (ink[:, :, 1:] - ink[:, :, :-1]).abs().sum())
     return 2 * (4 / math.pi) * total / variation / store.pixels.shape[1]

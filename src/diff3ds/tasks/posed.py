@@ -1,6 +1,7 @@
 """Posed pictures: found in a folder, brought onto one canvas, told apart into drawings and coloured pictures."""
 
 import functools
+import hashlib
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -49,6 +50,12 @@ class PosedPictures:
     def __len__(self) -> int:
         return len(self.cameras)
 
+    def digest(self) -> str:
+        """Of the pictures and their cameras: a run of others is another run."""
+        matrices = (self.cameras.world_to_camera, self.cameras.intrinsics)
+        posed = b"".join(m.detach().cpu().contiguous().numpy().tobytes() for m in matrices)
+        return hashlib.sha256(posed + self.store.digest().encode()).hexdigest()
+
     def batch(self, views: Sequence[int] | Int[Tensor, " B"]) -> Batch:
         """These views as floating point numbers."""
         return self.store.batch(views)
@@ -71,7 +78,9 @@ def find_transforms(path: Path, target: Target | None) -> Path:
             return path / name
     found = sorted(p.name for p in path.glob("transforms*.json"))
     if not found:
-        raise FileNotFoundError(f"{path}: no transforms.json in this folder")
+        raise FileNotFoundError(
+            f"{path}: no transforms.json, which says where each picture was taken from, in this folder"
+        )
     if len(found) > 1:
         raise ValueError(f"{path}: which of {', '.join(found)}? Name the file instead of the folder")
     return path / found[0]

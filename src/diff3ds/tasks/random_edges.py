@@ -5,7 +5,7 @@ from pathlib import Path
 
 import torch
 
-from diff3ds._shapes import Tensor
+from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.fit import FitConfig, Objective, Rates
 from diff3ds.losses import ink_loss
@@ -17,6 +17,7 @@ from diff3ds.tasks.linewidth import line_width
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.posed import PosedPictures
 from diff3ds.tasks.pyramid import Pyramid, build_pyramid
+from diff3ds.tasks.results import spread
 
 # The lengths below are relative to the radius of the scene. All are empirical: tried on two CAD models' edge maps, and
 # kept where they scored best.
@@ -25,6 +26,7 @@ SHORTEST = 0.06
 # Support pruning: agreement within 2 px in at least this share of the views.
 AGREEMENT = 5
 LEAST_SUPPORT = 0.15
+MOST_VIEWS = 200
 REPLACE = (0.125, 0.25, 0.3125, 0.375, 0.4375, 0.5, 0.5625, 0.625)
 DROP = (0.75, 0.9, 1.0)
 
@@ -49,6 +51,7 @@ def plan_random_edges(pictures: PosedPictures, options: ViewsOptions, checkpoint
         seed=options.seed,
         checkpoint=checkpoint,
         resume=options.resume,
+        identity={"pictures": pictures.digest(), "strokes": count, "batch": options.batch or 10, "size": options.size},
     )
     start = fresh(count, torch.Generator().manual_seed(options.seed))
     return Plan(pictures, frame, start, _ink_objective(pyramid), pyramid, config)
@@ -65,9 +68,14 @@ def _ink_objective(pyramid: Pyramid) -> Objective:
 def _refinements(
     cameras: Cameras, pictures: PosedPictures, fresh: Callable[[int, torch.Generator], Sketch], count: int
 ) -> list[Refinement]:
-    ink = pictures.batch(range(len(pictures))).alpha
-    thick = torch.nn.functional.max_pool2d(ink[:, None], AGREEMENT, 1, AGREEMENT // 2)[:, 0]
-    return [SupportPruning(cameras, thick, LEAST_SUPPORT, SHORTEST, REPLACE, DROP, fresh, count)]
+    # As numbers they take room, and so many say what all would.
+    views = spread(len(pictures), MOST_VIEWS)
+    thick = torch.stack([_thickened(pictures.batch([view]).alpha) for view in views.tolist()])
+    return [SupportPruning(cameras[views], thick, LEAST_SUPPORT, SHORTEST, REPLACE, DROP, fresh, count)]
+
+
+def _thickened(ink: Float[Tensor, "1 H W"]) -> Float[Tensor, "H W"]:
+    return torch.nn.functional.max_pool2d(ink[:, None], AGREEMENT, 1, AGREEMENT // 2)[0, 0]
 
 
 def _black_strokes(width: float) -> Callable[[int, torch.Generator], Sketch]:

@@ -67,4 +67,5 @@ def _mask(view: View) -> Float[Tensor, "H W"] | None:
             f"{view.mask}: {mask.shape[0]} x {mask.shape[1]} (height x width) pixels, but its picture has "
             f"{view.size[0]} x {view.size[1]}"
         )
-    return mask[..., :3].mean(-1)
+    gray = mask[..., :3].mean(-1)
+    return gray * mask[..., 3] if mask.shape[2] == 4 else gray

@@ -1,5 +1,6 @@
 """Pictures kept with 8 bits a channel, in memory or, when they are many, in a file that the system pages."""
 
+import hashlib
 import math
 import mmap
 import os
@@ -63,6 +64,15 @@ class Store:
         """These views."""
         rows = torch.as_tensor(views, dtype=torch.long)
         return Batch(self.pixels[rows].float().div_(255), self.known[rows])
+
+    def digest(self) -> str:
+        """Of all that the pictures show: equal for equal pictures."""
+        digest = hashlib.sha256(str(tuple(self.pixels.shape)).encode())
+        for views in self.chunks():
+            digest.update(self.pixels[views].numpy().data)
+            if not is_all_known(self.known):
+                digest.update(self.known[views].numpy().data)
+        return digest.hexdigest()
 
     def chunks(self) -> Iterator[Int[Tensor, " B"]]:
         """Indices of all views, few at a time, so that a pass over them needs little memory."""

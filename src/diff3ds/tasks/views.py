@@ -65,6 +65,10 @@ def fit_views(
     pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size, out)
     plates = _plates(pictures, path, options, out)
     read = time.perf_counter()
+    if options.overwrite and not options.resume:
+        # Killed before its first checkpoint, the new run must not go on from the old one's.
+        for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
+            (out / checkpoint).unlink(missing_ok=True)
     if pictures.target == "color":
         fitted = _fit_color(pictures, plates, path, options, out, report)
     elif options.init == "random":
@@ -118,7 +122,13 @@ def _fit_color(
     sketch, losses, stopped = _descended(plan, "fit", report)
     world = plan.frame.to_world(sketch)
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
-    return Fitted(world, plan.pictures, chosen, losses, color_scores(world, plan, path), stopped)
+    scores: dict[str, float] = {}
+    try:
+        scores = color_scores(world, plan, path)
+    except KeyboardInterrupt:
+        # The sketch is there, and is written without them.
+        stopped = True
+    return Fitted(world, plan.pictures, chosen, losses, scores, stopped)
 
 
 def _fit_random_edges(pictures: PosedPictures, options: ViewsOptions, out: Path, report: Report) -> Fitted:
@@ -129,7 +139,11 @@ def _fit_random_edges(pictures: PosedPictures, options: ViewsOptions, out: Path,
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start)}
     if stopped:
         return Fitted(plan.frame.to_world(sketch), pictures, chosen, losses, {}, stopped)
-    clean = fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, sketch)
+    try:
+        clean = fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, sketch)
+    except KeyboardInterrupt:
+        # Before anything was cleaned up.
+        return Fitted(plan.frame.to_world(sketch), pictures, chosen, losses, {}, stopped=True)
     return dataclasses.replace(clean, chosen={**chosen, **clean.chosen}, losses=[*losses, *clean.losses])
 
 
