@@ -115,12 +115,15 @@ template <class S> nb::tuple py_project_backward(In<S> points, In<S> weights, In
 
 template <class S> void bind(nb::module_ &m, const char *state) {
   nb::class_<Owner<S>>(m, state).def_prop_ro("fragments", [](const Owner<S> &o) { return o.state.fragments(); });
-  m.def("forward", &py_forward<S>, "cubics"_a, "half_width"_a, "color"_a, "opacity"_a, "background"_a, "world"_a, "near"_a, "blur"_a,
-        "strata"_a, "seed"_a, "save"_a);
-  m.def("project", &py_project<S>, "points"_a, "weights"_a, "matrices"_a);
-  m.def("project_backward", &py_project_backward<S>, "points"_a, "weights"_a, "matrices"_a, "g_cubics"_a, "want_matrices"_a);
-  m.def("backward", &py_backward<S>, "state"_a, "g_color"_a.none(), "g_alpha"_a.none(), "g_depth"_a.none(), "alpha"_a.none(),
-        "depth"_a.none(), "background"_a);
+  // Arrays of another precision are for the other overload, not to be converted.
+  auto exact = [](const char *name) { return nb::arg(name).noconvert(); };
+  m.def("forward", &py_forward<S>, exact("cubics"), exact("half_width"), exact("color"), exact("opacity"), exact("background"), "world"_a,
+        "near"_a, "blur"_a, "strata"_a, "seed"_a, "save"_a);
+  m.def("project", &py_project<S>, exact("points"), exact("weights"), exact("matrices"));
+  m.def("project_backward", &py_project_backward<S>, exact("points"), exact("weights"), exact("matrices"), exact("g_cubics"),
+        "want_matrices"_a);
+  m.def("backward", &py_backward<S>, "state"_a, exact("g_color").none(), exact("g_alpha").none(), exact("g_depth").none(),
+        exact("alpha").none(), exact("depth").none(), "background"_a);
 }
 }  // namespace
 }  // namespace stroke

@@ -1,6 +1,6 @@
 """The paper's crossing figure: depth decides at every point of the strokes, and weights change them.
 
-python examples/crossing_figure.py OUTPUT_FOLDER
+python examples/crossing_figure.py [OUTPUT_FOLDER]
 
 Three quadratics have the same control points (gray) and depths; the weight of the middle one differs. They are near on
 the left, where they hide the line, and far on the right, where it hides them.
@@ -27,4 +27,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(*sys.argv[1:2]))

@@ -1,6 +1,6 @@
 """A torus of 32 exact circles (Villarceau's), drawn with depth.
 
-python examples/first_render.py OUTPUT_FOLDER
+python examples/first_render.py [OUTPUT_FOLDER]
 """
 
 import sys
@@ -20,4 +20,4 @@ points, weights = (torch.cat(parts) for parts in zip(*circles, strict=True))
 hue = turn.repeat_interleave(4)[:, None] - torch.tensor([5.9, 4.2, 2.7])
 sketch = ds.Sketch(points, weights, width=0.02, color=0.42 + 0.38 * hue.cos(), width_space="world")
 cameras = ds.orbit(azimuth=30, elevation=38, distance=2.3, fov=42, size=(400, 512), target=(0.0, 0.0, -0.09))
-ds.save(Path(sys.argv[1]) / "first_render.png", sketch, cameras)
+ds.save(Path(*sys.argv[1:2]) / "first_render.png", sketch, cameras)

@@ -1,6 +1,6 @@
 """Analytic and Monte Carlo antialiasing side by side.
 
-python examples/monte_carlo.py OUTPUT_FOLDER
+python examples/monte_carlo.py [OUTPUT_FOLDER]
 
 The picture: analytic, Monte Carlo with 4 samples a pixel, with 256; and under them how far each is from 1,024 samples
 (white: not at all; black: by 0.1 or more). The numbers: gradients of both modes for one loss.
@@ -62,4 +62,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(*sys.argv[1:2]))

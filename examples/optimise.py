@@ -1,6 +1,6 @@
 """Random strokes become three Borromean rings, by plain torch through the renderer.
 
-python examples/optimise.py OUTPUT_FOLDER
+python examples/optimise.py [OUTPUT_FOLDER]
 
 The picture: two of the eight views; from left to right the target, the start and the result.
 """
@@ -52,4 +52,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(*sys.argv[1:2]))

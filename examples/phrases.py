@@ -1,6 +1,6 @@
 """Eight phrases and what the built-in prior makes of them, in one picture; some minutes.
 
-python examples/phrases.py OUTPUT_FOLDER
+python examples/phrases.py [OUTPUT_FOLDER]
 """
 
 import sys
@@ -38,4 +38,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(*sys.argv[1:2]))

@@ -1,6 +1,6 @@
 """The fit of the embedded scene as a film: random strokes become a stool, then it turns.
 
-python examples/stool_film.py OUTPUT_FOLDER
+python examples/stool_film.py [OUTPUT_FOLDER]
 """
 
 import sys
@@ -16,7 +16,7 @@ from diff3ds.tasks.random_edges import plan_random_edges
 from diff3ds.tasks.views import demo_pictures
 
 FRAMES, TURN = 45, 45
-folder = Path(sys.argv[1])
+folder = Path(*sys.argv[1:2])
 sketches: list[ds.Sketch] = []
 folder.mkdir(parents=True, exist_ok=True)
 plan = plan_random_edges(demo_pictures(), ViewsOptions(), folder / "checkpoint.safetensors")

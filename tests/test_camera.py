@@ -154,6 +154,22 @@ def test_projection_keeps_gradients_apart_from_its_cache():
     assert posed.projection is not posed.projection
 
 
+def test_projection_is_that_of_the_matrices_as_they_are():
+    """A preview in inference mode leaves nothing behind, nor does a change in place."""
+    cameras = _two()
+    with torch.inference_mode():
+        assert cameras.projection.is_inference()
+    assert not cameras.projection.is_inference()
+    before = cameras.projection
+    cameras.world_to_camera[:, 0, 3] += 0.5
+    same = ds.Cameras(cameras.world_to_camera.clone(), cameras.intrinsics, cameras.size)
+    assert torch.equal(cameras.projection, same.projection)
+    assert not torch.equal(cameras.projection, before)
+    with torch.inference_mode():
+        passing = ds.Cameras(cameras.world_to_camera.clone(), cameras.intrinsics.clone(), cameras.size)
+    assert torch.equal(passing.projection, same.projection)
+
+
 def _matrices(count: int = 2) -> tuple[torch.Tensor, torch.Tensor]:
     return torch.eye(4).repeat(count, 1, 1), torch.eye(3).repeat(count, 1, 1)
 
@@ -209,6 +225,7 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
             lambda: ds.orbit([0.0, 1.0], fov=[50.0, 60.0, 70.0]),
             r"fov must have one value or one for each of 2 views, got shape \(3,\)",
         ),
+        (lambda: ds.orbit(0.0, target=(0.0, 0.0)), r"target must have 3 coordinates, got shape \(2,\)"),
         (lambda: ds.orbit(0.0, size=0), "size must be a positive int"),
         (lambda: ds.look_at(torch.zeros(3)), r"eye must have shape \(V, 3\), got \(3,\)"),
         (

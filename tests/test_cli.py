@@ -9,6 +9,7 @@ import pytest
 import torch
 from rich.console import Console
 
+import diff3ds as ds
 from diff3ds import cli
 from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
@@ -72,6 +73,13 @@ def test_doctor_as_json_is_json(capsys):
         (["views", "--recipe", "3doodle", "x", "--clip-weight", "-1"], "--clip-weight and --vgg-weight must not be"),
         (["text", "a chair", "--steps", "many"], "Error parsing --steps"),
         (["text", "a chair", "--stepz", "3"], "Unrecognized options: --stepz"),
+        (["text", "a", "chair"], 'A phrase of several words stands in quotes: diff3ds text "a chair with armrests"'),
+        (
+            ["text", "a chair", "--size", "70000"],
+            "diff3ds: --size must be a positive int or (height, width) up to 65536",
+        ),
+        (["text", "a chair", "--seed", str(10**25)], "diff3ds: --seed must be a whole number from 0 to 2^63 - 1"),
+        (["views", "--demo", "--seed", "-3"], "diff3ds: --seed must be a whole number from 0 to 2^63 - 1, got -3"),
     ],
 )
 def test_faults_are_sentences(arguments, message, capsys, tmp_path, monkeypatch):
@@ -105,6 +113,31 @@ def test_a_gpu_without_room_is_a_sentence(capsys, tmp_path, monkeypatch):
     assert code == FAULT
     assert "CUDA out of memory. Try --precision float16" in said
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError("std::bad_alloc"), RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried ...")]
+)
+def test_a_machine_without_room_is_a_sentence(error, capsys, tmp_path, monkeypatch):
+    def full(*arguments):
+        raise error
+
+    monkeypatch.setattr(cli, "text_to_sketch", full)
+    code, _, said = ends(["text", "a chair", "-o", str(tmp_path)], capsys)
+    assert code == FAULT
+    assert said == "diff3ds: there is not enough memory. Try fewer strokes, a smaller --batch or --size"
+
+
+def test_the_version_is_said(capsys):
+    cli.main(["--version"])
+    assert capsys.readouterr().out == f"diff3ds {ds.__version__}\n"
+
+
+def test_a_folder_may_have_any_name(capsys, monkeypatch):
+    """Square brackets are no markup."""
+    monkeypatch.setattr(cli, "text_to_sketch", lambda *arguments: ds.Sketch(torch.rand(1, 4, 3)))
+    cli.main(["text", "a chair", "-o", "mug [v2] [/v3]"])
+    assert "1 stroke: mug [v2] [/v3]/sketch.json" in capsys.readouterr().err
 
 
 def test_a_download_that_was_stopped_goes_on_by_the_same_command(capsys, monkeypatch):

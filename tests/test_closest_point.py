@@ -99,6 +99,14 @@ def test_errors_name_what_does_not_fit():
     weights = torch.tensor([[1.0, 1, 1, 1], [1, -2, 1, 1]])
     with pytest.raises(ValueError, match="weights must be positive, got -2"):
         bezier.closest_point(points, weights, torch.zeros(5, 3))
+    with pytest.raises(ValueError, match=r"the batch axes of query, \(3,\), must broadcast with the curves', \(2,\)"):
+        bezier.closest_point(points, None, torch.zeros(3, 5, 3))
+    for bad in (math.nan, math.inf):
+        for k, argument in enumerate([points, torch.ones(2, 4), torch.zeros(5, 3)]):
+            arguments = [points, torch.ones(2, 4), torch.zeros(5, 3)]
+            arguments[k] = torch.full_like(argument, bad)
+            with pytest.raises(ValueError, match=r"must be (finite, got NaN or infinity|positive, got nan)"):
+                bezier.closest_point(*arguments)
 
 
 def _interior(generator: torch.Generator, count: int, controls: int) -> Cases:

@@ -179,11 +179,21 @@ def test_new_strokes_begin_with_full_steps(start, views, objective):
         ({"rates": ds.Rates(points=0.0)}, "all learning rates are 0"),
         ({"final_rate": 0.0}, "final_rate must be"),
         ({"resume": True}, "resume needs a checkpoint file"),
+        ({"seed": -1}, r"seed must be a whole number from 0 to 2\^63 - 1, got -1"),
+        ({"seed": 1 << 64}, "seed must be a whole number"),
     ],
 )
 def test_bad_configurations_say_what_is_wrong(unchecked, change, message):
     with pytest.raises(ValueError, match=message):
         ds.FitConfig(**change)
+
+
+def test_a_checkpoint_may_be_named_by_words(unchecked, start, views, objective, tmp_path):
+    config = ds.FitConfig(steps=2, checkpoint=str(tmp_path / "words.safetensors"), resume=True)
+    assert len(list(ds.fit(start, objective, views, config))) == 2
+    assert not list(ds.fit(start, objective, views, config))
+    with pytest.raises(TypeError, match=r"rates must be Rates\(points=..., ...\), got float"):
+        ds.FitConfig(rates=0.1)
 
 
 def test_bad_objectives_say_what_is_wrong(unchecked, start, views):
@@ -194,6 +204,8 @@ def test_bad_objectives_say_what_is_wrong(unchecked, start, views):
         fails(lambda r, c, i: r.color)()
     with pytest.raises(ValueError, match="must return a scalar tensor, got float"):
         fails(lambda r, c, i: 1.0)()
+    with pytest.raises(ValueError, match="the objective's loss has no gradient: compute it from the rendering"):
+        fails(lambda r, c, i: r.color.detach().sum())()
     with pytest.raises(FloatingPointError, match="the loss of step 0 is nan"):
         fails(lambda r, c, i: r.color.sum() * math.nan)()
     with pytest.raises(FloatingPointError, match="the gradient of points in step 0 is not finite"):
@@ -217,6 +229,12 @@ def test_losses_of_a_gpu_are_looked_at_now_and_then(start, views, objective, tmp
     assert all(next(bad).sketch.points.isfinite().all() for _ in range(4))
     with pytest.raises(FloatingPointError, match="the loss of step 2, or a gradient in it, is not finite"):
         next(bad)
+
+
+def test_gradients_are_on_inside(start, views, objective):
+    with torch.no_grad():
+        (step,) = ds.fit(start, objective, views, ds.FitConfig(steps=1))
+    assert not torch.equal(step.sketch.points, start.points)
 
 
 def test_no_strokes_to_fit(start, views, objective):

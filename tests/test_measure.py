@@ -149,6 +149,23 @@ def test_tolerances_are_positive(tolerance):
         bezier.tessellate(points, None, tolerance)
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_values_are_finite(bad):
+    points, weights = torch.zeros(1, 4, 3), torch.ones(1, 4)
+    for arguments in ((points + bad, weights), (points, weights * bad)):
+        for measure in (bezier.length, bezier.tessellate):
+            with pytest.raises(ValueError, match="points, weights and queries must be finite, got NaN or infinity"):
+                measure(*arguments, 0.1)
+
+
+def test_tessellation_ends_where_rounding_begins(generator):
+    """A small curve far away: its points are known to 1e-10, and it is not halved for less."""
+    points = 1e6 + 1e-3 * torch.randn(1, 4, 3, generator=generator, dtype=torch.float64)
+    ((t, vertices),) = bezier.tessellate(points, None, 1e-13)
+    assert 100 < len(t) < 10_000
+    torch.testing.assert_close(vertices[[0, -1]], points[0, [0, 3]], rtol=1e-15, atol=0)
+
+
 @pytest.mark.usefixtures("unchecked")
 def test_tessellate_takes_a_list_of_curves():
     with pytest.raises(ValueError, match=r"points must have shape \(N, K, D\), got \(4, 3\)"):

@@ -46,7 +46,7 @@ ALLOWED = {
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
     "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
               "refine", "density", "render", "project", "transforms", "_options"} | SCENE,
-    "cli": {"tasks", "fit", "sketch", "_options"},
+    "cli": {"diff3ds", "tasks", "fit", "sketch", "_options"},
 }  # fmt: skip
 
 

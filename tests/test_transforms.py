@@ -232,6 +232,10 @@ def test_pictures_that_are_none_are_named(tmp_path):
 def test_nothing_is_written_on_errors(tmp_path):
     with pytest.raises(ValueError, match="expected 2 pictures, one a view, got 1"):
         ds.save_transforms(tmp_path / "t.json", ds.orbit([0.0, 90.0], 0.0, 3.0), ["a.png"])
+    skewed = ds.orbit([0.0, 90.0], 0.0, 3.0)
+    skewed.intrinsics[1, 0, 1] = 0.5
+    with pytest.raises(ValueError, match=r"a transforms\.json holds no skew, and view 1 has 0\.5"):
+        ds.save_transforms(tmp_path / "t.json", skewed, ["a.png", "b.png"])
     assert list(tmp_path.iterdir()) == []
 
 

@@ -7,7 +7,7 @@ corner with centres at half integers, degrees at the surface.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import cast
 
 import torch
 
@@ -101,16 +101,18 @@ class Cameras:
 
         The pixel is (X / Z, Y / Z), the depth Z / W.
         """
-        constant = not (self.world_to_camera.requires_grad or self.intrinsics.requires_grad)
+        given = (self.world_to_camera, self.intrinsics)
         # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
-        # is computed.
-        if constant and self.world_to_camera.device.type == "cpu":
-            return self._constant_projection
-        return self._projection()
-
-    @cached_property
-    def _constant_projection(self) -> Float[Tensor, "V 4 4"]:
-        return self._projection()
+        # is computed. Kept from inference mode it could never be part of what has gradients.
+        passing = torch.is_inference_mode_enabled() or any(t.requires_grad or t.is_inference() for t in given)
+        if passing or self.world_to_camera.device.type != "cpu":
+            return self._projection()
+        # Frozen is the reference to a tensor, not what it holds.
+        state = tuple((t.data_ptr(), t._version) for t in given)
+        kept = self.__dict__.get("_kept_projection")
+        if kept is None or kept[0] != state:
+            kept = self.__dict__["_kept_projection"] = (state, self._projection())
+        return cast(Tensor, kept[1])
 
     def _projection(self) -> Float[Tensor, "V 4 4"]:
         to_camera, intrinsics = self.world_to_camera.double(), self.intrinsics.double()
@@ -194,7 +196,7 @@ def orbit(
         size: image size in pixels, an int or (height, width).
 
     Raises:
-        ValueError: values out of range, or lists of different lengths.
+        ValueError: values out of range, lists of different lengths, or a target without three coordinates.
     """
     values = [torch.as_tensor(a, dtype=torch.get_default_dtype()).reshape(-1) for a in (azimuth, elevation, distance)]
     lengths = sorted({len(v) for v in values} - {1})
@@ -209,6 +211,8 @@ def orbit(
     around, up = torch.deg2rad(around.double()), torch.deg2rad(up.double())
     direction = torch.stack([up.cos() * around.cos(), up.cos() * around.sin(), up.sin()], -1)
     center = torch.as_tensor(target, dtype=torch.float64)
+    if center.shape != (3,):
+        raise ValueError(f"target must have 3 coordinates, got shape {tuple(center.shape)}")
     cameras = look_at(center + radius[:, None] * direction, center, fov=fov, size=size, near=near)
     return cameras.to(torch.get_default_dtype())
 

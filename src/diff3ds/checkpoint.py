@@ -74,6 +74,12 @@ class State:
         return replace(self, sketch=sketch, first=moments[0], second=moments[1], age=grown(self.age))
 
 
+def check_seed(seed: int) -> None:
+    """Raises ValueError for what torch's generators do not take."""
+    if not isinstance(seed, int) or not 0 <= seed < 1 << 63:
+        raise ValueError(f"seed must be a whole number from 0 to 2^63 - 1, got {seed!r}")
+
+
 def start(sketch: Sketch, seed: int) -> State:
     """The state before the first step."""
     zeros = {name: torch.zeros_like(value) for name, value in sketch.tensors().items()}

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingCo
 from rich.progress import Progress as Bars
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
+from diff3ds import __version__
 from diff3ds._options import as_typed, read_options
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.distill_options import DistillOptions
@@ -181,7 +182,7 @@ class Eval:
                 bars.update(task, description=name or "runs", total=total, completed=done)
 
             rows = evaluate(self.folder, self.out, self.networks, self.eval, report)
-        console.print(f"{len(rows)} runs: {self.out / 'evaluation.md'}, .csv, .json")
+        _sayer(console)(f"{len(rows)} runs: {self.out / 'evaluation.md'}, .csv, .json")
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ class Prior:
         console = Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             path = train_prior(self.out, self.train, report, _sayer(console))
-        console.print(f"use it: --prior small --weights {path}", markup=False, highlight=False, soft_wrap=True)
+        _sayer(console)(f"use it: --prior small --weights {path}")
 
 
 @dataclass(frozen=True)
@@ -254,9 +255,15 @@ class Doctor:
             Console().print(as_tables(found))
 
 
+_TOO_LARGE = "there is not enough memory. Try fewer strokes, a smaller --batch or --size"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the command `diff3ds`."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        print(f"diff3ds {__version__}")
+        return
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
     commands = {"text": Text, "image": Image, "views": views}
@@ -274,8 +281,12 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(as_typed(str(error), commands.get(arguments[0])))
     except (OSError, ImportError, FloatingPointError) as error:
         _fail(str(error))
+    except MemoryError:
+        _fail(_TOO_LARGE)
     except RuntimeError as error:
         # Other devices than CUDA's have no error of their own for it.
+        if "can't allocate memory" in str(error):
+            _fail(_TOO_LARGE)
         if "out of memory" not in str(error):
             raise
         _fail(f"{error}. Try a smaller --batch or --size, or --device cpu")
@@ -296,7 +307,8 @@ def _fail(message: str) -> NoReturn:
 
 
 def _written(console: Console, sketch: Sketch, out: Path) -> None:
-    console.print(f"{len(sketch)} strokes: {out / 'sketch.json'}, .svg, .step, preview.png")
+    strokes = "1 stroke" if len(sketch) == 1 else f"{len(sketch)} strokes"
+    _sayer(console)(f"{strokes}: {out / 'sketch.json'}, .svg, .step, preview.png")
 
 
 def _sayer(console: Console) -> Callable[[str], None]:

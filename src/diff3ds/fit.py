@@ -10,7 +10,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.checkpoint import State, read_checkpoint, start, write_checkpoint
+from diff3ds.checkpoint import State, check_seed, read_checkpoint, start, write_checkpoint
 from diff3ds.project import Strokes2D
 from diff3ds.refine import Refinement
 from diff3ds.render import Rendering, rasterize, render
@@ -107,6 +107,11 @@ class FitConfig:
     companion: Companion | None = None
 
     def __post_init__(self) -> None:
+        if self.checkpoint is not None:
+            object.__setattr__(self, "checkpoint", Path(self.checkpoint))
+        if not isinstance(self.rates, Rates):
+            raise TypeError(f"rates must be Rates(points=..., ...), got {type(self.rates).__name__}")
+        check_seed(self.seed)
         for name in ("steps", "checkpoint_every"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
                 raise ValueError(f"{name} must be a positive integer, got {getattr(self, name)!r}")
@@ -196,7 +201,7 @@ def _settings(config: FitConfig) -> dict[str, object]:
 def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
     try:
         while state.index < config.steps:
-            with torch_on_one_thread():
+            with torch_on_one_thread(), torch.enable_grad():
                 state, step = _advance(state, objective, cameras, config)
             if state.index % LOOK_EVERY == 0 or state.index == config.steps:
                 state = _looked_at(state)
@@ -255,6 +260,10 @@ def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> tuple[Flo
     if not isinstance(loss, Tensor) or loss.numel() != 1:
         got = tuple(loss.shape) if isinstance(loss, Tensor) else type(loss).__name__
         raise ValueError(f"the objective must return a scalar tensor, got {got}")
+    if not loss.requires_grad:
+        raise ValueError(
+            "the objective's loss has no gradient: compute it from the rendering, not from detached tensors"
+        )
     loss = loss.reshape(())
     at_once = _known_at_once(loss)
     if at_once and not bool(loss.isfinite()):

@@ -111,10 +111,16 @@ def save_transforms(path: str | Path, cameras: Cameras, pictures: Sequence[str |
     """Writes a transforms.json for these cameras; picture paths are written as given.
 
     Raises:
-        ValueError: not one picture a view.
+        ValueError: not one picture a view, or intrinsics with skew, which such a file cannot hold.
     """
     if len(pictures) != len(cameras):
         raise ValueError(f"expected {len(cameras)} pictures, one a view, got {len(pictures)}")
+    skewed = cameras.intrinsics[:, 0, 1] != 0
+    if bool(skewed.any()):
+        view = int(skewed.int().argmax())
+        raise ValueError(
+            f"a transforms.json holds no skew, and view {view} has {cameras.intrinsics[view, 0, 1].item()}"
+        )
     poses = torch.linalg.inv(cameras.world_to_camera.detach().cpu().double()) @ _OPENGL_TO_OPENCV
     intrinsics = cameras.intrinsics.detach().cpu().double()
     height, width = cameras.size

@@ -1,11 +1,13 @@
 """Which backend draws on a GPU that is only pretended, and why not the kernels."""
 
 import importlib.util
+import threading
 from importlib import import_module
 
 import pytest
 import torch
 
+from diff3ds.render.backends import get_num_threads, set_num_threads, torch_on_one_thread
 from diff3ds.render.cuda import versions
 
 backends = import_module("diff3ds.render.backends")
@@ -71,3 +73,36 @@ def test_a_compiler_newer_than_torch(gpu, monkeypatch):
 def test_a_compiler_older_than_torch(gpu, monkeypatch):
     monkeypatch.setattr(versions.metadata, "version", lambda name: "12.9.1")
     assert backends.choose_backend("cuda", GPU, torch.float64) == "cuda"
+
+
+def test_fits_side_by_side_leave_the_number_of_threads_as_it_was():
+    """They overlap: the second begins while the first is inside, and ends after it."""
+    inside, second_inside, left = threading.Event(), threading.Event(), threading.Event()
+    seen: list[int] = []
+
+    def first() -> None:
+        with torch_on_one_thread():
+            inside.set()
+            assert second_inside.wait(60)
+        left.set()
+
+    def second() -> None:
+        assert inside.wait(60)
+        with torch_on_one_thread():
+            second_inside.set()
+            assert left.wait(60)
+            seen.append(get_num_threads())
+
+    set_num_threads(3)
+    try:
+        runs = [threading.Thread(target=run) for run in (first, second)]
+        for run in runs:
+            run.start()
+        for run in runs:
+            run.join(60)
+        assert seen == [3]
+        assert get_num_threads() == 3
+        set_num_threads(2)
+        assert get_num_threads() == 2
+    finally:
+        set_num_threads(None)

@@ -211,7 +211,7 @@ def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
         ({"clip": 0.0}, "clip must be positive"),
         ({"guidance": float("inf")}, "guidance must be finite"),
         ({"color_rate": -0.1}, "color_rate must not be negative"),
-        ({"seed": -1}, "seed must not be negative"),
+        ({"seed": -1}, "seed must be a whole number"),
     ],
 )
 def test_options_that_make_no_sense(wrong, message):

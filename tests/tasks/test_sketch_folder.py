@@ -33,7 +33,7 @@ def drawn(name: str, seed: int = 0, attributes=()) -> ds.Sketch:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Six sketches of three kinds, and notes."""
+    """Six sketches of three kinds, notes, and what a run has left."""
     path = tmp_path_factory.mktemp("library")
     (path / "mug").mkdir()
     ds.save(path / "chair_01.json", drawn("chair", 1))
@@ -43,6 +43,7 @@ def folder(tmp_path_factory) -> Path:
     ds.save(path / "mug" / "02.json", drawn("mug", 2))
     ds.save(path / "space_rocket.json", drawn("rocket", 5))
     (path / "notes.txt").write_text("mine")
+    (path / "mug" / "run.json").write_text("{}")
     (path / ".DS_Store").write_bytes(b"\0")
     return path
 
@@ -141,10 +142,10 @@ def test_what_a_phrase_may_not_be(phrase, message):
 def test_what_is_read_of_a_folder(folder):
     read = read_sketches(folder)
     assert [name.said for name in read.names] == ["chair with armrests", "chair", "chair", "space rocket", "mug", "mug"]
-    assert read.passed == ("notes.txt",)
+    assert read.passed == ("notes.txt", "run.json")
     said = str(read)
     assert "6 members in" in said
-    assert "chair (3), mug (2), rocket (1); passed over, for they are no sketches: notes.txt" in said
+    assert "chair (3), mug (2), rocket (1); passed over, for they are no sketches: notes.txt, run.json" in said
     # Its own members come back as they were, to the rounding of files and of float32.
     torch.testing.assert_close(read.members[1].sketch.points, drawn("chair", 1).points, atol=1e-6, rtol=0)
 

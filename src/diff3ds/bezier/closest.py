@@ -10,7 +10,7 @@ from typing import NamedTuple
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.bezier.curves import bernstein, check_curves, homogeneous
+from diff3ds.bezier.curves import bernstein, check_curves, check_finite, homogeneous
 from diff3ds.bezier.pieces import (
     TAME_RATIO,
     derivative_numerator,
@@ -51,7 +51,8 @@ def closest_point(
         far, one is chosen. float32 curves are solved in float64.
 
     Raises:
-        TypeError, ValueError: dtypes or shapes that do not fit, weights that are not positive.
+        TypeError, ValueError: dtypes or shapes that do not fit, weights that are not positive, values that are not
+            finite.
     """
     points, weights = check_curves(points, weights)
     if not isinstance(query, Tensor) or query.ndim < 2 or query.shape[-1] != points.shape[-1]:
@@ -59,6 +60,8 @@ def closest_point(
         raise ValueError(f"query must have shape (..., Q, {points.shape[-1]}), got {got}")
     if not bool((weights > 0).all()):
         raise ValueError(f"weights must be positive, got {weights.min().item()}")
+    check_finite(points, weights, query)
+    _check_batches(points.shape[:-2], query.shape[:-2])
     control = homogeneous(points.double(), weights.double())
     with torch.no_grad():
         t = closest_parameter(control, query.double())
@@ -67,6 +70,14 @@ def closest_point(
     point = basis[..., :-1] / basis[..., -1:]
     distance = torch.linalg.vector_norm(query - point, dim=-1)
     return ClosestPoint(t.to(points.dtype), point.to(points.dtype), distance.to(points.dtype))
+
+
+def _check_batches(curves: torch.Size, queries: torch.Size) -> None:
+    for one, other in zip(reversed(curves), reversed(queries), strict=False):
+        if one != other and 1 not in (one, other):
+            raise ValueError(
+                f"the batch axes of query, {tuple(queries)}, must broadcast with the curves', {tuple(curves)}"
+            )
 
 
 @torch.no_grad()

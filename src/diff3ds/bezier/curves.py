@@ -31,6 +31,12 @@ def check_curves(points: Tensor, weights: Tensor | None) -> tuple[Tensor, Tensor
     return points, weights
 
 
+def check_finite(*values: Tensor) -> None:
+    """Raises ValueError for NaN and infinity, which no search ends with; waits for a GPU."""
+    if not all(bool(value.detach().isfinite().all()) for value in values):
+        raise ValueError("points, weights and queries must be finite, got NaN or infinity")
+
+
 def _kind(value: object) -> str:
     return str(value.dtype) if isinstance(value, Tensor) else type(value).__name__
 

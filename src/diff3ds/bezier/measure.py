@@ -6,6 +6,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier.curves import (
     check_curves,
+    check_finite,
     evaluate,
     from_homogeneous,
     homogeneous,
@@ -18,6 +19,8 @@ from diff3ds.bezier.polynomial import polyval, roots_and_separators
 DEFAULT_TOLERANCE = 1e-6
 # Halvings after which an interval is taken as it is: 2^-48 of a curve is below the resolution of its parameter.
 MAX_HALVINGS = 48
+# Of distances between float64 numbers, relative to these: some eight times half a unit in the last place.
+ROUNDING = 1e-15
 _NODES, _NODE_WEIGHTS = (torch.from_numpy(a) for a in np.polynomial.legendre.leggauss(8))
 
 
@@ -72,9 +75,10 @@ def length(
         tolerance: absolute, in the unit of the control points.
 
     Raises:
-        TypeError, ValueError: dtypes or shapes that do not fit, tolerance not positive.
+        TypeError, ValueError: dtypes or shapes that do not fit, values that are not finite, tolerance not positive.
     """
     points, weights = check_curves(points, weights)
+    check_finite(points, weights)
     _check_tolerance(tolerance)
     batch = points.shape[:-2]
     control = homogeneous(points.double(), weights.double()).reshape(-1, points.shape[-2], points.shape[-1] + 1)
@@ -120,16 +124,17 @@ def tessellate(
 ) -> list[tuple[Float[Tensor, " M"], Float[Tensor, "M D"]]]:
     """Polylines that stay within a tolerance of the curves, one (parameters, vertices) for each curve.
 
-    Guaranteed up to rounding: an interval becomes one chord only when the control points of that part of the curve,
-    and so the part itself, lie within the tolerance of the chord.
+    Guaranteed up to rounding of the coordinates in float64: an interval becomes one chord only when the control points
+    of that part of the curve, and so the part itself, lie within the tolerance of the chord.
 
     Args:
         tolerance: distance in the unit of the control points.
 
     Raises:
-        TypeError, ValueError: dtypes or shapes that do not fit, tolerance not positive.
+        TypeError, ValueError: dtypes or shapes that do not fit, values that are not finite, tolerance not positive.
     """
     points, weights = check_curves(points, weights)
+    check_finite(points, weights)
     _check_tolerance(tolerance)
     if points.ndim != 3:
         raise ValueError(f"points must have shape (N, K, D), got {tuple(points.shape)}")
@@ -152,7 +157,8 @@ def chord_intervals(control: Float[Tensor, "N K E"], tolerance: float) -> _Inter
     for _ in range(MAX_HALVINGS):
         points, weights = from_homogeneous(open_.control(control))
         # The hull argument needs positive weights; where the curve is finite they become so by halving.
-        flat = (_distance_to_chord(points) <= tolerance) & (weights > 0).all(-1)
+        rounding = ROUNDING * points.abs().amax((-2, -1))
+        flat = (_distance_to_chord(points) <= rounding.clamp_min(tolerance)) & (weights > 0).all(-1)
         done.append(open_.where(flat))
         open_ = open_.where(~flat).halves()
         if len(open_.curve) == 0:

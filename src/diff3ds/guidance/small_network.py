@@ -39,7 +39,10 @@ class Shape:
             if not 1 <= getattr(self, name) <= MOST:
                 raise ValueError(f"{name} must lie in 1 to {MOST}, got {getattr(self, name)}")
         if self.size % self.patch or self.width % self.heads:
-            raise ValueError("size must be a multiple of patch, and width of heads")
+            raise ValueError(
+                f"a picture's size must be a multiple of patch, got {self.size} and {self.patch}, and width of the "
+                f"number of heads, got {self.width} and {self.heads}"
+            )
 
 
 class Attention(nn.Module):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 from typing import Literal, get_args
 
 import torch
@@ -25,6 +26,9 @@ def check_strokes(strokes: Strokes2D) -> None:
     """Raises TypeError or ValueError if types, shapes, dtypes or devices do not fit; no look at values."""
     if not isinstance(strokes, Strokes2D):
         raise TypeError(f"strokes must be Strokes2D, got {type(strokes).__name__}")
+    for name in ("cubics", "half_width", "color", "opacity"):
+        if not isinstance(getattr(strokes, name), Tensor):
+            raise TypeError(f"{name} must be a tensor, got {type(getattr(strokes, name)).__name__}")
     cubics, color = strokes.cubics, strokes.color
     if cubics.ndim != 4 or cubics.shape[2:] != (4, 4) or cubics.dtype != torch.float64:
         raise ValueError(f"cubics must be float64 of shape (V, N, 4, 4), got {cubics.dtype} of {tuple(cubics.shape)}")
@@ -71,14 +75,19 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
     """The background as a tensor of four axes that expands to (V, H, W, 3).
 
     Raises:
-        TypeError, ValueError: another dtype or device than the colours, or a shape that does not expand.
+        TypeError, ValueError: another dtype or device than the colours, a shape that does not expand, or, but for
+            tensors on a GPU, values that are not finite.
     """
     if isinstance(background, Tensor):
         if background.dtype != like.dtype or background.device != like.device:
             got = f"{background.dtype} on {background.device}"
             raise TypeError(f"background must be {like.dtype} on {like.device} as the colours are, got {got}")
         canvas = background
+        # A look at a GPU's values would wait. A sum is the faster one, and finite if they are, but for huge ones.
+        if canvas.device.type == "cpu" and not (math.isfinite(float(canvas.detach().sum())) or _all_finite(canvas)):
+            raise ValueError("background must be finite, got a tensor with NaN or infinite values")
     else:
+        _check_numbers(background)
         try:
             # Numbers are written by the device itself: a copy to it would wait, and be no part of a captured graph.
             if isinstance(background, int | float):
@@ -95,6 +104,16 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
     return canvas
 
 
+def _all_finite(values: Tensor) -> bool:
+    return bool(values.detach().isfinite().all())
+
+
+def _check_numbers(background: float | Sequence[float]) -> None:
+    numbers = [background] if isinstance(background, int | float) else background
+    if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+        raise ValueError(f"background must be finite, got {background}")
+
+
 def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:
     if not all(isinstance(value, int | float) for value in background):
         return torch.as_tensor(background, dtype=like.dtype, device=like.device)
@@ -105,7 +124,7 @@ def check_blur(blur: float, antialiasing: Antialiasing) -> None:
     """Raises ValueError for an unknown antialiasing, or a blur that is not a size or not with "analytic"."""
     if antialiasing not in get_args(Antialiasing):
         raise ValueError(f'antialiasing must be "analytic" or "montecarlo", got {antialiasing!r}')
-    if not (isinstance(blur, int | float) and 0 <= blur < 1e6):
+    if not (isinstance(blur, Real) and 0 <= blur < 1e6):
         raise ValueError(f"blur must be a number of pixels from 0 to 1e6, got {blur}")
     if blur and antialiasing == "montecarlo":
         raise ValueError(f'blur is for antialiasing="analytic", got blur={blur} with "montecarlo"')
@@ -126,8 +145,10 @@ def seed_from(generator: torch.Generator | None) -> int:
     """A seed of 63 bits from a generator, or from torch's default one.
 
     Raises:
-        ValueError: a generator that is not on the CPU.
+        TypeError, ValueError: no generator, or one that is not on the CPU.
     """
+    if generator is not None and not hasattr(generator, "device"):
+        raise TypeError(f"generator must be a torch.Generator or None, got {type(generator).__name__}")
     if generator is not None and generator.device.type != "cpu":
         # To read its number would wait for the device, which a capture forbids.
         raise ValueError(

@@ -6,6 +6,7 @@ import importlib.util
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from types import ModuleType
 from typing import Literal
 
@@ -20,6 +21,8 @@ _OLDEST_GPU = (7, 0)
 _ANY_GPU = torch.device("cuda")
 
 _thread_count: int | None = None
+# Of the kernels inside `torch_on_one_thread`, in one thread of Python: fits may run side by side.
+_fixed_threads: ContextVar[int | None] = ContextVar("threads of the CPU kernels", default=None)
 
 
 @functools.cache
@@ -47,7 +50,7 @@ def set_num_threads(count: int | None) -> None:
 
 def get_num_threads() -> int:
     """Threads that the CPU kernels use."""
-    return _thread_count or torch.get_num_threads()
+    return _fixed_threads.get() or _thread_count or torch.get_num_threads()
 
 
 @contextmanager
@@ -57,15 +60,14 @@ def torch_on_one_thread() -> Iterator[None]:
     Torch splits its sums over its threads, so that their last bits depend on the number of threads; the kernels' do
     not.
     """
-    global _thread_count
-    kernel_threads, torch_threads = _thread_count, torch.get_num_threads()
-    _thread_count = get_num_threads()
+    torch_threads = torch.get_num_threads()
+    token = _fixed_threads.set(get_num_threads())
     torch.set_num_threads(1)
     try:
         yield
     finally:
         torch.set_num_threads(torch_threads)
-        _thread_count = kernel_threads
+        _fixed_threads.reset(token)
 
 
 def available_backends() -> list[Backend]:

@@ -4,6 +4,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from diff3ds._options import require_finite
+from diff3ds.camera import check_size
+from diff3ds.checkpoint import check_seed
 from diff3ds.guidance.device import Work
 from diff3ds.guidance.distill import Weighting
 from diff3ds.guidance.methods import Method, conditions
@@ -81,7 +83,7 @@ class DistillOptions:
         method: sds, reconstruction (sds with restored contrast), or csd, nfsd, asd, ism, sdi, vsd; by default
             reconstruction for priors that see several views at once, else sds.
         rescale: share of the contrast that reconstruction restores.
-        weighting: w(t) of the methods that have one: sds (1 - ᾱ), uniform, fantasia3d, ratio.
+        weighting: w(t) of the methods that have one: sds (1 - alpha-bar), uniform, fantasia3d, ratio.
         clip: entries of the gradient at the prior are limited to ± this.
         t_high: highest timestep, share of all, at the first step and after the annealing.
         t_low: lowest timestep, at the first step and after the annealing.
@@ -89,8 +91,8 @@ class DistillOptions:
         delete_length: strokes shorter than this are deleted, world units; 0 deletes none.
         delete_from: share of the steps before the first deletion.
         delete_every: share of the steps between deletions.
-        sharpen: end with 300 further steps on finer pictures, where the prior is exemplar, widths are its own, and
-            positions are optimised.
+        sharpen: end with 300 further steps (--no-sharpen: without them) on finer pictures, where the prior is exemplar,
+            widths are its own, and positions are optimised.
         sheet_every: steps between contact sheets (renderings above what the prior sees in them); 0 makes none.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder.
@@ -142,10 +144,13 @@ class DistillOptions:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ValueError(f"{name} must be positive, got {value}")
-        for name in ("rate", "color_rate", "alpha_rate", "width_rate", "blur", "seed"):
+        for name in ("rate", "color_rate", "alpha_rate", "width_rate", "blur"):
             value = getattr(self, name)
             if value is not None and not value >= 0:
                 raise ValueError(f"{name} must not be negative, got {value}")
+        check_seed(self.seed)
+        if self.size is not None:
+            check_size(self.size)
         if not 0 < self.fov < 180:
             raise ValueError(f"fov must lie in (0, 180) degrees, got {self.fov}")
         if not self.optimize:

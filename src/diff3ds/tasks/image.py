@@ -152,7 +152,7 @@ def _built_in(
         say(f"library: {folder}")
         found, exemplars = recognise_in(folder, lines, options.shows)
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
-    say(f"recognised: {found}")
+    say(f"{'taken for' if options.shows else 'recognised'}: {found}")
     like = exemplars.members[0]
     weight = options.reference_loss
 

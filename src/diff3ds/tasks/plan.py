@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from diff3ds._shapes import Tensor
+from diff3ds.checkpoint import check_seed
 from diff3ds.fit import FitConfig, Objective
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import color_or_path
@@ -52,6 +53,7 @@ class ViewsOptions:
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"{name} must be positive, got {value}")
+        check_seed(self.seed)
         if self.background is not None:
             color_or_path(self.background)
 

@@ -19,6 +19,8 @@ from diff3ds.tasks.folder_phrase import Name, listed, named
 
 SKETCHES = (".json", ".step", ".stp")
 READ = (*SKETCHES, *MESHES)
+# What a folder of results holds beside its sketch.
+RUN = "run.json"
 # Of meshes that are not read.
 OTHER_MESHES = (".3ds", ".3mf", ".blend", ".dae", ".fbx", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 # Bounds: every step draws all members four times. 480 members with 11,700 strokes took half a second of two cores.
@@ -108,7 +110,7 @@ def read_sketches(path: Path) -> SketchFolder:
     for file in files:
         if file.suffix.lower() in OTHER_MESHES:
             raise ValueError(f"{file}: not a kind of mesh that is read: save it as one of {', '.join(MESHES)}")
-    read = [file for file in files if file.suffix.lower() in READ]
+    read = [file for file in files if file.suffix.lower() in READ and file.name != RUN]
     if not 0 < len(read) <= MOST_FILES:
         raise ValueError(
             f"{path} holds {len(read) or 'no'} sketches or meshes ({', '.join(READ)}): a library has 1 to {MOST_FILES}"
@@ -124,7 +126,7 @@ def read_sketches(path: Path) -> SketchFolder:
         digest.update(
             f"{file.relative_to(path).as_posix()}\0{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode()
         )
-    passed = tuple(file.name for file in files if file.suffix.lower() not in READ)
+    passed = tuple(file.name for file in files if file.suffix.lower() not in READ or file.name == RUN)
     return SketchFolder(path, tuple(members), passed, digest.hexdigest())
 
 
