@@ -188,3 +188,18 @@ def test_every_instruction_set():
                 assert_close_gradients(a, b, f"{field} with {name}")
     finally:
         _kernels.set_instruction_set(before)
+
+
+@pytest.mark.parametrize("antialiasing", ["analytic", "montecarlo"])
+def test_whole_numbers_draw_in_the_precision_of_the_strokes(kernels, antialiasing):
+    g = torch.Generator().manual_seed(0)
+    sketch = Sketch.random(4, generator=g, radius=0.5, width=0.03).to(torch.float64)
+    eye = torch.tensor([[2.0, 0.0, 0.5]], dtype=torch.float64)
+    images = []
+    for near, blur in ((1, 2), (1.0, 2.0)):
+        options = {"blur": blur} if antialiasing == "analytic" else {"generator": torch.Generator().manual_seed(0)}
+        cameras = look_at(eye, size=32, near=near)
+        images.append(render(sketch, cameras, backend=kernels, antialiasing=antialiasing, **options).color)
+    assert images[0].dtype == torch.float64
+    assert torch.equal(*images)
+    assert (images[0] < 0.9).any()

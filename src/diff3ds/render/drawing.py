@@ -55,7 +55,7 @@ def of_sketch(
     world = sketch.width_space == "world"
     widths, scale = (half_widths(sketch, cameras), 1.0) if world else (sketch.width, cameras.size[0] / 2)
     looks = (widths, sketch.color, sketch.opacity, background)
-    options = Options(world, float(cameras.near), float(blur), strata, seed, scale)
+    options = Options(world, cameras.near, blur, strata, seed, scale)
     return Drawing((sketch.points, sketch.weights, cameras.projection), looks, cameras.size, options)
 
 
@@ -68,5 +68,5 @@ def of_strokes(
     seed: int,
 ) -> Drawing:
     """The drawing of strokes that are projected already."""
-    options = Options(strokes.width_space == "world", float(strokes.near), float(blur), strata, seed, 1.0)
+    options = Options(strokes.width_space == "world", strokes.near, blur, strata, seed, 1.0)
     return Drawing((strokes.cubics,), (strokes.half_width, strokes.color, strokes.opacity, background), size, options)
