@@ -160,6 +160,7 @@ def fit(
     """Optimises a sketch by gradient descent (Adam); yields after every step.
 
     Nothing is lost by leaving the loop: every yielded sketch is complete, and the checkpoint is written on the way out.
+    (Who keeps the generator under a name of its own leaves it by its `close()`.)
 
     Args:
         sketch: where to start.

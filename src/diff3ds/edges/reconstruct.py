@@ -16,6 +16,7 @@ from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.equal import with_equal_circles
 from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.lookup import EdgeViews, edge_views
+from diff3ds.edges.phantoms import without_phantoms
 from diff3ds.edges.placing import placed
 from diff3ds.edges.refine import refined
 from diff3ds.edges.ridges import Array, Ridges
@@ -164,7 +165,8 @@ def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
     curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
     curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.enough)
-    curves = placed(curves[~smooth_outlines(scene.views, curves)], scene.views, scene.outward)
+    curves = without_phantoms(curves[~smooth_outlines(scene.views, curves)], scene.views)
+    curves = placed(curves, scene.views, scene.outward)
     curves = with_equal_circles(curves, pixel)
     return with_fillets(curves, scene.views, scene.outward)
 
