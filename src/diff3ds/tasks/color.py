@@ -69,11 +69,12 @@ def plan_color(
         checkpoint=checkpoint,
         resume=options.resume,
         identity={
-            "pictures": pictures.digest(),
             "background": described(plates or color),
             "strokes": options.strokes,
             "batch": options.batch or BATCH,
             "size": options.size,
+            # Last: of what is cut out of another background the digest is another, too.
+            "pictures": pictures.digest(),
         },
     )
     return Plan(pictures, frame, start, _objective(pyramid, background), pyramid, config, background)
