@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 from scenes import strokes_at
@@ -97,8 +98,10 @@ def test_fields(backend, strokes, change, error, message):
         ({"background": torch.ones(1, 1, 1, 1, 3).double()}, ValueError, "background must broadcast"),
         ({"background": NAN}, ValueError, "background must be finite, got nan"),
         ({"background": (0.0, float("inf"), 0.0)}, ValueError, "background must be finite, got (0.0, inf, 0.0)"),
-        ({"background": torch.full((3,), NAN).double()}, ValueError, "must be finite, got a tensor with NaN or infini"),
+        ({"background": torch.full((3,), NAN).double()}, ValueError, "must be finite, got NaN or infinite values"),
         ({"generator": 5, "antialiasing": "montecarlo"}, TypeError, "generator must be a torch.Generator or None, got"),
+        ({"background": np.full((16, 16, 3), NAN)}, ValueError, "must be finite, got NaN or infinite values"),
+        ({"background": None}, TypeError, "background must be a number, three numbers or a tensor, got NoneType"),
         ({"background": "white"}, TypeError, "background must be a number, three numbers or a tensor, got str"),
         ({"backend": "gpu"}, ValueError, 'backend must be "reference", "cpu", "cuda" or None, got \'gpu\''),
     ],

@@ -17,10 +17,7 @@ from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.refine import chord_lengths
-from diff3ds.tasks.edges import most_views
-from diff3ds.tasks.linewidth import line_width
 from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.posed import load_posed
 from diff3ds.tasks.views import fit_views
 
 RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
@@ -297,39 +294,6 @@ def test_ctrl_c_before_random_curves_are_cleaned_up_leaves_them(drawings, monkey
     assert end.value.code == STOPPED
     assert len(ds.load(folder / "out" / "sketch.json")) > 0
     assert json.loads((folder / "out" / "run.json").read_text())["steps_done"] == 3
-
-
-@pytest.mark.parametrize("init", ["carve", "random"])
-def test_drawings_without_lines_are_refused(tmp_path, capsys, init):
-    """Wide gray clouds: they show something, and no line."""
-    cameras = ds.orbit([0.0, 90.0, 180.0], 20.0, 2.6, size=64)
-    y, x = torch.meshgrid(torch.arange(64.0), torch.arange(64.0), indexing="ij")
-    cloud = 1 - 0.9 * torch.exp(-((x - 32) ** 2 + (y - 32) ** 2) / 400)
-    for k in range(3):
-        save_png(tmp_path / f"{k}.png", cloud[..., None])
-    ds.save_transforms(tmp_path / "transforms.json", cameras, [f"{k}.png" for k in range(3)])
-    command = ["views", str(tmp_path), "-o", str(tmp_path / "out"), "--target", "edges", "--quiet", "--init", init]
-    with pytest.raises(SystemExit) as end:
-        main([*command, *(["--steps", "3", "--strokes", "4"] if init == "random" else [])])
-    assert end.value.code == FAULT
-    assert "the views show no edges that agree" in capsys.readouterr().err
-
-
-def test_the_width_of_lines_does_not_depend_on_threads(drawings):
-    store = load_posed(drawings[0] / "transforms.json").store
-    before = torch.get_num_threads()
-    widths = []
-    for count in (1, 2, 3):
-        torch.set_num_threads(count)
-        widths.append(line_width(store))
-    torch.set_num_threads(before)
-    assert len(set(widths)) == 1
-
-
-def test_fewer_views_are_kept_of_large_pictures():
-    assert most_views((512, 512)) == 200
-    assert most_views((2160, 3840)) == 48
-    assert most_views((65536, 65536)) == 3
 
 
 def box_pictures(folder, half, turn):

@@ -83,9 +83,6 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
             got = f"{background.dtype} on {background.device}"
             raise TypeError(f"background must be {like.dtype} on {like.device} as the colours are, got {got}")
         canvas = background
-        # A look at a GPU's values would wait. A sum is the faster one, and finite if they are, but for huge ones.
-        if canvas.device.type == "cpu" and not (math.isfinite(float(canvas.detach().sum())) or _all_finite(canvas)):
-            raise ValueError("background must be finite, got a tensor with NaN or infinite values")
     else:
         _check_numbers(background)
         try:
@@ -96,6 +93,9 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
         except (TypeError, ValueError, RuntimeError) as error:
             got = type(background).__name__
             raise TypeError(f"background must be a number, three numbers or a tensor, got {got}") from error
+    # A look at a GPU's values would wait. A sum is the faster one, and finite if they are, but for huge ones.
+    if canvas.device.type == "cpu" and not (math.isfinite(float(canvas.detach().sum())) or _all_finite(canvas)):
+        raise ValueError("background must be finite, got NaN or infinite values")
     if canvas.ndim == 0 or canvas.shape[-1] == 1:
         canvas = canvas.reshape(*canvas.shape[:-1], 1).expand(*canvas.shape[:-1], 3)
     canvas = canvas.reshape((1,) * (4 - canvas.ndim) + tuple(canvas.shape))
@@ -109,7 +109,8 @@ def _all_finite(values: Tensor) -> bool:
 
 
 def _check_numbers(background: float | Sequence[float]) -> None:
-    numbers = [background] if isinstance(background, int | float) else background
+    """Raises ValueError for numbers that are not finite, before they are written on any device."""
+    numbers = background if isinstance(background, Sequence) else [background]
     if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
         raise ValueError(f"background must be finite, got {background}")
 

@@ -187,7 +187,7 @@ def plan_doodle(
         seed=options.seed,
         checkpoint=checkpoint,
         resume=options.resume,
-        identity={name: getattr(options, name) for name in names},
+        identity={**{name: getattr(options, name) for name in names}, "pictures": pictures.digest()},
     )
     objective = _objective(pyramid, loss, options.seed)
     return Plan(pictures, frame, _start(cameras, pictures.store, options), objective, pyramid, config, background)

@@ -12,6 +12,7 @@ from diff3ds.losses import ink_loss
 from diff3ds.refine import Refinement, SupportPruning
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.edges import most_views
 from diff3ds.tasks.frame import frame_of
 from diff3ds.tasks.linewidth import line_width
 from diff3ds.tasks.plan import Plan, ViewsOptions
@@ -26,7 +27,6 @@ SHORTEST = 0.06
 # Support pruning: agreement within 2 px in at least this share of the views.
 AGREEMENT = 5
 LEAST_SUPPORT = 0.15
-MOST_VIEWS = 200
 REPLACE = (0.125, 0.25, 0.3125, 0.375, 0.4375, 0.5, 0.5625, 0.625)
 DROP = (0.75, 0.9, 1.0)
 
@@ -69,7 +69,7 @@ def _refinements(
     cameras: Cameras, pictures: PosedPictures, fresh: Callable[[int, torch.Generator], Sketch], count: int
 ) -> list[Refinement]:
     # As numbers they take room, and so many say what all would.
-    views = spread(len(pictures), MOST_VIEWS)
+    views = spread(len(pictures), most_views(pictures.cameras.size))
     thick = torch.stack([_thickened(pictures.batch([view]).alpha) for view in views.tolist()])
     return [SupportPruning(cameras[views], thick, LEAST_SUPPORT, SHORTEST, REPLACE, DROP, fresh, count)]
 
