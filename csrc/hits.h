@@ -89,6 +89,16 @@ template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const P
   }
 }
 
+// From a start on a chord nearly to the nearest point, and its squared distance.
+struct Settled { vf tau, d2; };
+SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy) {
+  const Approach<vf> first = newton_step(c, start, qx, qy), again = newton_step(c, first.tau, qx, qy);
+  const Point<vf> end = point_at(c, again.tau);
+  const vf dx = end.x - qx, dy = end.y - qy, end_d2 = dx * dx + dy * dy;
+  // In a bend tighter than the distance Newton may go astray: then the start is better.
+  return {select(end_d2 <= first.start, end.tau, start), lesser(end_d2, first.start)};
+}
+
 // The nearest points of candidates [n0, n) of one piece; the best so far of each pixel is kept in k.best (squared distance), best_tau, best_piece.
 template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
   const Piece<real> c = J.pieces[piece];
@@ -96,17 +106,27 @@ template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, cons
     const vi px = load(k.px + i) & (PIX - 1);
     vf qx, qy;
     points_of<POINTS>(k, p, c, px, qx, qy);
-    const vf start = load(k.t + i);
-    const Approach<vf> first = newton_step(c, start, qx, qy), again = newton_step(c, first.tau, qx, qy);
-    const Point<vf> end = point_at(c, again.tau);
-    const vf dx = end.x - qx, dy = end.y - qy, end_d2 = dx * dx + dy * dy;
-    // In a bend tighter than the distance Newton may go astray: then the start is better.
-    const vf d2 = lesser(end_d2, first.start), tau = select(end_d2 <= first.start, end.tau, start);
+    const Settled s = settle(c, load(k.t + i), qx, qy);
     const int lanes = int(n - i) < VL ? int(n - i) : VL;
     for (int j = 0; j < lanes; j++) {
       const int q = int(px[j]);
-      if (d2[j] < k.best[q]) k.best[q] = d2[j], k.best_tau[q] = tau[j], k.best_piece[q] = integer(piece);
+      if (s.d2[j] < k.best[q]) k.best[q] = s.d2[j], k.best_tau[q] = s.tau[j], k.best_piece[q] = integer(piece);
     }
+  }
+}
+
+// Decides between k.tau, from the nearest chord, and the second ones of the candidates [n0, n): the one that leads nearer goes to k.tau.
+template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+  const Piece<real> c = J.pieces[piece];
+  for (uint32_t i = n0; i < n; i += VL) {
+    const vi px = load(k.px + i) & (PIX - 1);
+    vf qx, qy, nearest;
+    points_of<POINTS>(k, p, c, px, qx, qy);
+    for (int j = 0; j < VL; j++) nearest[j] = k.tau[px[j]];
+    const Settled a = settle(c, nearest, qx, qy), b = settle(c, load(k.t + i), qx, qy);
+    const vf tau = select(b.d2 < a.d2, b.tau, a.tau);
+    const int lanes = int(n - i) < VL ? int(n - i) : VL;
+    for (int j = 0; j < lanes; j++) k.tau[px[j]] = tau[j];
   }
 }
 
@@ -121,35 +141,37 @@ SIMD uint32_t add_layer(Work &k, uint32_t piece, uint32_t slot, uint32_t n0, uin
   return (n1 + VL - 1) / VL * VL;
 }
 
-// Two lists of candidates of one piece: [n0, n1) from the nearest chords, [n1, n2) from second ones that may lead to the nearest point too.
-struct Candidates { uint32_t n1, n2; Rows rows; };
-template <int POINTS>
-SIMD Candidates two_lists(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, uint32_t n0, real R) {
-  Candidates c;
-  c.rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
-  c.n1 = pack(k, c.rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
-  c.n2 = pack(k, c.rows, k.second_tau, c.n1, [&](int i) SIMD_LAMBDA {
+// Candidates behind n of the rows' points where the second chord of nearest_two_chords may lead to the nearest point too.
+SIMD uint32_t pack_second(const Job<real> &J, Work &k, Rows rows, uint32_t n, real R) {
+  return pack(k, rows, k.second_tau, n, [&](int i) SIMD_LAMBDA {
     const vf limit = root(load(k.d2 + i)) + J.chord_slack;
     return (load(k.second + i) < limit * limit) & (load(k.second + i) < R * R);
   });
-  return c;
 }
 
-// Candidates of a stroke with bends, cusps or several pieces over the tile: from the two nearest chords of every piece that are no neighbours.
+// Candidates of a stroke with bends or cusps over the tile, but a single piece: from the two nearest chords that are no neighbours.
 template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
+  const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
+  decide<POINTS>(J, e.piece, p, k, n0, pack_second(J, k, rows, n0, R));
+  const uint32_t n1 = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+  return add_layer(k, e.piece, e.slot, n0, n1);
+}
+
+// Candidates of a stroke with several pieces over the tile: from the two nearest chords of every piece that are no neighbours.
+template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
   for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
-  Rows rows = {TILE, -1};
+  Rows all = {TILE, -1};
   for (uint32_t first = e.first, last; first <= e.last; first = last + 1) {
     const uint32_t piece = J.chord_info[first].piece;
     for (last = first; last < e.last && J.chord_info[last + 1].piece == piece;) last++;
-    const Candidates c = two_lists<POINTS>(J, first, last, p, k, n0, R);
-    if (e.pieces == 1 && c.n2 == c.n1) return add_layer(k, piece, e.slot, n0, c.n1);
-    improve<POINTS>(J, piece, p, k, n0, c.n2);
-    rows = join(rows, c.rows);
+    const Rows rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
+    const uint32_t n1 = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+    improve<POINTS>(J, piece, p, k, n0, pack_second(J, k, rows, n1, R));
+    all = join(all, rows);
   }
   for (uint32_t piece = e.piece; piece < e.piece + e.pieces; piece++) {
     reserve(k, n0, n0 + PIX);
-    const uint32_t n1 = pack(k, rows, k.best_tau, n0, [&](int i) SIMD_LAMBDA {
+    const uint32_t n1 = pack(k, all, k.best_tau, n0, [&](int i) SIMD_LAMBDA {
       return (load(k.best + i) < real(1e30)) & (load(k.best_piece + i) == splat_int(integer(piece)));
     });
     n0 = add_layer(k, piece, e.slot + (piece - e.piece), n0, n1);
@@ -235,7 +257,7 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
     const real R = J.reach[entry.stroke];
     reserve(k, n, n + 2 * PIX);
     if (!entry.smooth) {
-      n = bent_candidates<POINTS>(J, entry, p, k, n, R);
+      n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
       continue;
     }
     const Rows rows = nearest_chord<POINTS>(J, entry.first, entry.last, p, k, R);
