@@ -12,7 +12,9 @@ template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratc
   }
   Work &k = work(S);
   const uint32_t n = collect<GRID, WORLD>(J, tile, p, k);
-  if (sort_fragments(k)) blend_layers(J, k);
+  const uint32_t sorted = sort_layers(k);
+  if (sorted < k.layers || J.save) sort_fragments(k, sorted);
+  if (sorted == k.layers) blend_layers(J, k);
   else transmit(k, n), composite(J, k);
   write_tile(J, p, k);
   if (J.save) save_tile(J.tiles[tile], k, n, A);

@@ -1,9 +1,11 @@
-// Strokes to pieces and chords on the CPU, in double precision: the walk; the rules are in flatten_math.h.
+// Strokes to pieces (in double precision) and chords (four at a time) on the CPU: the walk; the rules are in flatten_math.h.
 #pragma once
 #include "flatten_math.h"
 #include "memory.h"
 
 namespace stroke {
+typedef float v4f __attribute__((vector_size(16)));
+typedef int v4i __attribute__((vector_size(16)));
 
 template <class S> struct Flat {
   List<Piece<S>> pieces;
@@ -17,11 +19,12 @@ class Flattener {
   Control whole_;
   double reach_;
   Frame frame_;
+  float left_ = 0, right_ = 0, top_ = 0, bottom_ = 0;  // the frame relative to the piece's origin
   bool outline_;
   double span_start_ = 0, span_stop_ = 1;
   uint32_t stroke_ = 0;
   float bend_ = 0;
-  Direction last_tangent_ = {};
+  Direction<float> last_tangent_ = {};
   bool gap_ = true, partly_outside_ = true;
   int sure_depth_ = 0, cuts_ = 0;
 
@@ -31,41 +34,71 @@ class Flattener {
     const v4d p012 = lerp(p01, p12), p123 = lerp(p12, p23), middle = lerp(p012, p123);
     a = {k.c[0], p01, p012, middle}, b = {middle, p123, p23, k.c[3]};
   }
-  static void halve(v4f a, v4f &left, v4f &right) {
-    const v4f p = (a + v4f{a[1], a[2], a[3], a[3]}) * .5f, q = (p + v4f{p[1], p[2], p[3], p[3]}) * .5f, r = (q + v4f{q[1], q[1], q[1], q[1]}) * .5f;
-    left = v4f{a[0], p[0], q[0], r[0]}, right = v4f{r[0], q[1], p[2], a[3]};
+  // Halves four arcs: those of lanes 0 and 1 one after the other, and those of lanes 2 and 3.
+  static void halve(const v4f *a, v4f *first, v4f *last) {
+    const v4f p0 = (a[0] + a[1]) * .5f, p1 = (a[1] + a[2]) * .5f, p2 = (a[2] + a[3]) * .5f;
+    const v4f q0 = (p0 + p1) * .5f, q1 = (p1 + p2) * .5f, middle = (q0 + q1) * .5f;
+    const v4f left[4] = {a[0], p0, q0, middle}, right[4] = {middle, q1, p2, a[3]};
+    for (int i = 0; i < 4; i++) {
+      const v4f l = left[i], r = right[i];
+      first[i] = v4f{l[0], r[0], l[1], r[1]}, last[i] = v4f{l[2], r[2], l[3], r[3]};
+    }
   }
-
-  template <class S> void add_chord(Flat<S> &out, const Arc &k, const Ends &e, float t0, float dt) {
+  template <class S> void add_chord(Flat<S> &out, const Chord<float> &chord, const Ends<float> &e) {
     const uint32_t piece = uint32_t(out.pieces.size() - 1);
     bend_ += gap_ ? SHARP : turning(last_tangent_, e.a);
     const float before = bend_;
     bend_ += e.turn * reach_ > TIGHT * e.length ? SHARP : e.turn;
-    out.chords.add(make_chord(out.pieces[piece], k, t0, dt));
+    out.chords.add(placed(chord, out.pieces[piece]));
     out.chord_info.add({piece, before, bend_, e.length, e.turn});
     if (outline_) out.tangents.add({e.a.x, e.a.y, e.b.x, e.b.y});
     last_tangent_ = e.b, gap_ = false;
   }
 
-  template <class S> void chords(Flat<S> &out, const Arc &k, float t0, float dt, int depth) {
-    if (partly_outside_ && frame_.outside(k, out.pieces[out.pieces.size() - 1])) {
-      gap_ = true;
-      return;
+  v4i outside(const Arc<v4f> &k) const {
+    const v4f x0 = least(k.u[0], k.u[1], k.u[2], k.u[3]), x1 = most(k.u[0], k.u[1], k.u[2], k.u[3]);
+    const v4f y0 = least(k.v[0], k.v[1], k.v[2], k.v[3]), y1 = most(k.v[0], k.v[1], k.v[2], k.v[3]);
+    return (x1 < left_) | (x0 > right_) | (y1 < top_) | (y0 > bottom_);
+  }
+  static Chord<float> lane(const Chord<v4f> &c, int i) {
+    return {c.ax[i], c.ay[i], c.ex[i], c.ey[i], c.ix[i], c.iy[i], c.tau0[i], c.dtau[i], c.bow[i]};
+  }
+  static Ends<float> lane(const Ends<v4f> &e, int i) { return {{e.a.x[i], e.a.y[i]}, {e.b.x[i], e.b.y[i]}, e.turn[i], e.length[i]}; }
+
+  // The chords of the arcs in lanes begin .. end of k, in order; each begins at t0 and is dt long in the piece's parameter.
+  template <class S> void chords(Flat<S> &out, Arc<v4f> &k, v4f t0, float dt, int depth, int begin, int end) {
+    const v4i lanes = {0, 1, 2, 3}, in = (lanes >= begin) & (lanes < end);
+    v4i gone = {}, cut = in;
+    Chord<v4f> chord;
+    Ends<v4f> ends;
+    Arc<v4f> half[2];
+    if (depth >= sure_depth_ || partly_outside_) project(k);
+    if (partly_outside_) gone = outside(k);
+    if (depth >= sure_depth_) {
+      v4f across;
+      cut &= depth == MAX_CHORD_DEPTH ? v4i{} : crooked(k, across);
+      if (somewhere(in & ~cut)) {
+        ends = ends_of(k), chord = make_chord(k, t0, dt);
+        if (depth < MAX_CHORD_DEPTH) cut |= in & sharp(ends, across, reach_, outline_);
+      }
     }
-    float across;
-    if (depth >= sure_depth_ && (flat(k, across) || depth == MAX_CHORD_DEPTH)) {
-      const Ends e = ends_of(k);
-      if (gentle(e, across, reach_, outline_) || depth == MAX_CHORD_DEPTH) return add_chord(out, k, e, t0, dt);
+    if (somewhere(cut & ~gone)) halve(k.x, half[0].x, half[1].x), halve(k.y, half[0].y, half[1].y), halve(k.z, half[0].z, half[1].z);
+    const v4f later = t0 + dt / 2;
+    for (int i = begin; i < end; i++) {
+      if (gone[i]) gap_ = true;
+      else if (!cut[i]) add_chord(out, lane(chord, i), lane(ends, i));
+      else {
+        const bool pair = i % 2 == 0 && i + 1 < end && cut[i + 1] && !gone[i + 1];
+        const int at = i % 2 * 2, j = i / 2 * 2;
+        chords(out, half[i / 2], v4f{t0[j], later[j], t0[j + 1], later[j + 1]}, dt / 2, depth + 1, at, pair ? 4 : at + 2);
+        i += pair;
+      }
     }
-    Arc a, b;
-    halve(k.x, a.x, b.x), halve(k.y, a.y, b.y), halve(k.z, a.z, b.z);
-    project(a), project(b);
-    chords(out, a, t0, dt / 2, depth + 1), chords(out, b, t0 + dt / 2, dt / 2, depth + 1);
   }
 
   template <class S> void add_piece(Flat<S> &out, const Control &k, const v4d *p, double start, double stop, const Piece<S> &look) {
     Piece<S> c = look;
-    const Arc arc = make_piece(k, p, c);
+    const Arc<float> arc = make_piece(k, p, c);
     PieceInfo info{};
     info.stroke = stroke_, info.start = start, info.stop = stop;
     info.first_chord = uint32_t(out.chords.size());
@@ -75,8 +108,11 @@ class Flattener {
     out.piece_info.add(info);
     bend_ += SHARP;
     partly_outside_ = !frame_.inside(p);
+    left_ = float(frame_.left - c.ox), right_ = float(frame_.right - c.ox), top_ = float(frame_.top - c.oy), bottom_ = float(frame_.bottom - c.oy);
     sure_depth_ = sure_depth(arc);
-    chords(out, arc, 0, 1, 0);
+    Arc<v4f> whole;  // in every lane, of which the first counts
+    for (int i = 0; i < 4; i++) whole.x[i] = v4f{} + arc.x[i], whole.y[i] = v4f{} + arc.y[i], whole.z[i] = v4f{} + arc.z[i];
+    chords(out, whole, v4f{}, 1, 0, 0, 1);
     if (out.chords.size() == info.first_chord) {
       out.pieces.shorten(out.pieces.size() - 1), out.piece_info.shorten(out.piece_info.size() - 1);
       return;

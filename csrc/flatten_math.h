@@ -28,10 +28,8 @@ STROKE_FOUR(*)
 STROKE_FOUR(/)
 #undef STROKE_FOUR
 using v4d = Four<double>;
-using v4f = Four<float>;
 #else
 typedef double v4d __attribute__((vector_size(32)));
-typedef float v4f __attribute__((vector_size(16)));
 #endif
 
 // Four homogeneous control points (X, Y, Z, W).
@@ -108,13 +106,29 @@ HD Control mapped(const Control &k, const double *map) {
   return out;
 }
 
-// Lanes of x, y, z: the homogeneous control points of a part of a piece relative to its origin (float is exact to 1e-4 px); of u, v: the same
-// on screen.
-struct Arc { v4f x, y, z, u, v; };
-HD void project(Arc &k) { k.u = k.x / k.z, k.v = k.y / k.z; }
+// The homogeneous control points of a part of a piece relative to its origin (float is exact to 1e-4 px), and the same on screen. F is float,
+// or a vector of as many parts as it has lanes.
+template <class F> struct Arc { F x[4], y[4], z[4], u[4], v[4]; };
+template <class F> HD void project(Arc<F> &k) {
+  for (int i = 0; i < 4; i++) k.u[i] = k.x[i] / k.z[i], k.v[i] = k.y[i] / k.z[i];
+}
+// Roots of a number or of lanes, and whether something holds for any. Names of their own: the kernels' root and any are for their vectors.
+template <class F> HD F roots(F x) {
+  if constexpr (sizeof(F) == sizeof(float)) return root(x);
+  else for (unsigned i = 0; i < sizeof(F) / sizeof(float); i++) x[i] = root(x[i]);
+  return x;
+}
+template <class Mask> HD bool somewhere(const Mask &m) {
+  if constexpr (sizeof(Mask) <= sizeof(int)) return m;
+  else {
+    int found = 0;
+    for (unsigned i = 0; i < sizeof(Mask) / sizeof(int); i++) found |= m[i];
+    return found;
+  }
+}
 
-// A piece without its looks, and its Arc, from control points k with the points p on screen.
-template <class S> HD Arc make_piece(const Control &k, const v4d *p, Piece<S> &c) {
+// A piece without its looks, and its arc, from control points k with the points p on screen.
+template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piece<S> &c) {
   const double ox = nearest((p[0][0] + p[3][0]) / 2), oy = nearest((p[0][1] + p[3][1]) / 2);
   for (int i = 0; i < 4; i++) {
     v4d s = {};
@@ -124,7 +138,7 @@ template <class S> HD Arc make_piece(const Control &k, const v4d *p, Piece<S> &c
   const bool flat_w = k.c[0][3] == k.c[1][3] && k.c[0][3] == k.c[2][3] && k.c[0][3] == k.c[3][3];
   c.flat_w = flat_w ? S(1 / k.c[0][3]) : S(0);
   c.ox = S(ox), c.oy = S(oy);
-  Arc arc;
+  Arc<float> arc;
   for (int i = 0; i < 4; i++) {
     const v4d local = k.c[i] - v4d{ox, oy, 0, 0} * k.c[i][2];
     arc.x[i] = float(local[0]), arc.y[i] = float(local[1]), arc.z[i] = float(local[2]);
@@ -134,66 +148,74 @@ template <class S> HD Arc make_piece(const Control &k, const v4d *p, Piece<S> &c
 }
 
 // Directions of the curve at both ends of an arc, the angle between them (about), and the length of the chord.
-struct Direction { float x, y; };
-HD float turning(Direction a, Direction b) { return length(a.x - b.x, a.y - b.y); }
-// The direction in which the points leave lane `from` where its neighbour coincides with it.
-HD Direction leaving(const Arc &k, int from, int step, float small) {
-  for (int i = 2; i <= 3; i++) {
-    const float dx = (k.u[from + i * step] - k.u[from]) * step, dy = (k.v[from + i * step] - k.v[from]) * step, l = length(dx, dy);
-    if (l > small) return {dx / l, dy / l};
-  }
-  return {0, 0};
+template <class F> struct Direction { F x, y; };
+template <class F> HD F turning(Direction<F> a, Direction<F> b) { return roots((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y)); }
+// The direction to the first of two points that is not here, else none.
+template <class F> HD Direction<F> leaving(F x1, F y1, F x2, F y2, F small) {
+  const F l1 = roots(x1 * x1 + y1 * y1), l2 = roots(x2 * x2 + y2 * y2);
+  const auto first = l1 > small, second = l2 > small;
+  const F none = small * 0.f, x = second ? x2 / l2 : none, y = second ? y2 / l2 : none;
+  return {first ? x1 / l1 : x, first ? y1 / l1 : y};
 }
-struct Ends { Direction a, b; float turn, length; };
-HD Ends ends_of(const Arc &k) {
-  const v4f d = {k.u[1] - k.u[0], k.v[1] - k.v[0], k.u[3] - k.u[2], k.v[3] - k.v[2]};
-  const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0];
-  v4f l = {d[0] * d[0] + d[1] * d[1], d[2] * d[2] + d[3] * d[3], ex * ex + ey * ey, 1};
-  for (int i = 0; i < 4; i++) l[i] = root(l[i]);
-  const float small = 1e-6f * (1 + l[2]);
-  const v4f e = d / v4f{l[0], l[0], l[1], l[1]};
-  Ends out = {{e[0], e[1]}, {e[2], e[3]}, 0, l[2]};
-  if (!(l[0] > small)) out.a = leaving(k, 0, 1, small);
-  if (!(l[1] > small)) out.b = leaving(k, 3, -1, small);
+template <class F> struct Ends { Direction<F> a, b; F turn, length; };
+template <class F> HD Ends<F> ends_of(const Arc<F> &k) {
+  const F ax = k.u[1] - k.u[0], ay = k.v[1] - k.v[0], bx = k.u[3] - k.u[2], by = k.v[3] - k.v[2], ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0];
+  const F la = roots(ax * ax + ay * ay), lb = roots(bx * bx + by * by), l = roots(ex * ex + ey * ey), small = 1e-6f * (1.f + l);
+  Ends<F> out = {{ax / la, ay / la}, {bx / lb, by / lb}, l, l};
+  // Where a neighbour coincides with an end, the next point says where the curve goes.
+  const auto at_a = la <= small, at_b = lb <= small;
+  if (somewhere(at_a)) {
+    const Direction<F> d = leaving(k.u[2] - k.u[0], k.v[2] - k.v[0], ex, ey, small);
+    out.a = {at_a ? d.x : out.a.x, at_a ? d.y : out.a.y};
+  }
+  if (somewhere(at_b)) {
+    const Direction<F> d = leaving(k.u[3] - k.u[1], k.v[3] - k.v[1], ex, ey, small);
+    out.b = {at_b ? d.x : out.b.x, at_b ? d.y : out.b.y};
+  }
   out.turn = turning(out.a, out.b);
   return out;
 }
 
-// The chord of an arc of piece c that begins at t0 and is dt long in the piece's parameter from 0 to 1.
-template <class S> HD Chord<S> make_chord(const Piece<S> &c, const Arc &k, float t0, float dt) {
-  const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey, il = ee > 1e-24f ? 1 / ee : 0;
+// The chord of an arc that begins at t0 and is dt long in the piece's parameter from 0 to 1; relative to the piece's origin.
+template <class F> HD Chord<F> make_chord(const Arc<F> &k, F t0, float dt) {
+  const F ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey, none = ee * 0.f, il = ee > 1e-24f ? 1.f / ee : none;
   // Share of the chord reached in the middle of the parameter; the bow brings that point to one half.
-  const float z = 1 / (k.z[0] + 3 * (k.z[1] + k.z[2]) + k.z[3]);
-  const float mx = (k.x[0] + 3 * (k.x[1] + k.x[2]) + k.x[3]) * z - k.u[0], my = (k.y[0] + 3 * (k.y[1] + k.y[2]) + k.y[3]) * z - k.v[0];
-  const float m = clamp((mx * ex + my * ey) * il, .3f, .7f), bow = dt * (.5f - m) / (m * (1 - m));
-  return {S(k.u[0] + c.ox), S(k.v[0] + c.oy), S(ex), S(ey), S(ex * il), S(ey * il), S(t0 - .5f), S(dt), S(bow)};
+  const F z = 1.f / (k.z[0] + 3.f * (k.z[1] + k.z[2]) + k.z[3]);
+  const F mx = (k.x[0] + 3.f * (k.x[1] + k.x[2]) + k.x[3]) * z - k.u[0], my = (k.y[0] + 3.f * (k.y[1] + k.y[2]) + k.y[3]) * z - k.v[0];
+  const F m = least(most((mx * ex + my * ey) * il, none + .3f), none + .7f), bow = dt * (.5f - m) / (m * (1.f - m));
+  return {k.u[0], k.v[0], ex, ey, ex * il, ey * il, t0 - .5f, none + dt, bow};
+}
+template <class S> HD Chord<S> placed(const Chord<float> &c, const Piece<S> &piece) {
+  return {S(c.ax) + piece.ox, S(c.ay) + piece.oy, S(c.ex), S(c.ey), S(c.ix), S(c.iy), S(c.tau0), S(c.dtau), S(c.bow)};
 }
 
-// Whether the curve may pass for its chord, but for its turning. Squares throughout: no roots, no divisions.
-HD bool flat(const Arc &k, float &most_across) {
-  const float ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey;
+// Whether the curve is too far from its chord to pass for it, but for its turning. Squares throughout: no roots, no divisions.
+template <class F> HD auto crooked(const Arc<F> &k, F &most_across) {
+  const F ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey;
   // Of the inner control points from even places on the chord: across and along it, both times its length.
-  const v4f even = {0, 1 / 3.f, 2 / 3.f, 1}, du = k.u - k.u[0] - even * ex, dv = k.v - k.v[0] - even * ey;
-  v4f across = du * ey - dv * ex, along = du * ex + dv * ey;
-  across *= across, along *= along;
+  const F ax = k.u[1] - k.u[0] - ex * (1 / 3.f), ay = k.v[1] - k.v[0] - ey * (1 / 3.f);
+  const F bx = k.u[2] - k.u[0] - ex * (2 / 3.f), by = k.v[2] - k.v[0] - ey * (2 / 3.f);
+  const F across_a = ax * ey - ay * ex, across_b = bx * ey - by * ex, along_a = ax * ex + ay * ey, along_b = bx * ex + by * ey;
   // A control point at distance d pulls the curve .75 d away at most.
-  constexpr float TOL2 = CHORD_TOL * CHORD_TOL / .5625;
-  most_across = most(across[1], across[2]);
-  if (most_across > TOL2 * ee || most(along[1], along[2]) > most(FOLD_TOL * FOLD_TOL * ee, MAX_SKEW * MAX_SKEW * ee * ee)) return false;
-  if (ee < 1e-12f && most(du[1] * du[1] + dv[1] * dv[1], du[2] * du[2] + dv[2] * dv[2]) > FOLD_TOL * FOLD_TOL) return false;
+  constexpr float TOL2 = CHORD_TOL * CHORD_TOL / .5625, FOLD2 = FOLD_TOL * FOLD_TOL, SKEW2 = MAX_SKEW * MAX_SKEW;
+  most_across = most(across_a * across_a, across_b * across_b);
+  const auto uneven = most(along_a * along_a, along_b * along_b) > most(FOLD2 * ee, SKEW2 * ee * ee);
+  const auto loop = (ee < 1e-12f) & (most(ax * ax + ay * ay, bx * bx + by * by) > FOLD2);
   // Newton starts where the parameter runs evenly along the chord.
-  return most(k.z[0], k.z[1], k.z[2], k.z[3]) <= 1.5f * least(k.z[0], k.z[1], k.z[2], k.z[3]);
+  const auto deep = most(k.z[0], k.z[1], k.z[2], k.z[3]) > 1.5f * least(k.z[0], k.z[1], k.z[2], k.z[3]);
+  return (most_across > TOL2 * ee) | uneven | loop | deep;
 }
-// Whether it turns little enough for that, for a stroke of this reach; outline: as little as the Monte Carlo boundary samples need.
-HD bool gentle(const Ends &e, float most_across, double reach, bool outline) {
+// Whether it turns too much for that, for a stroke of this reach; outline: more than the Monte Carlo boundary samples can do with.
+template <class F> HD auto sharp(const Ends<F> &e, F most_across, double reach, bool outline) {
   constexpr float TIGHT2 = TIGHT_CHORD_TOL * TIGHT_CHORD_TOL / .5625;
-  const float ee = e.length * e.length;
-  if (most_across > TIGHT2 * ee && e.turn * e.turn * float(reach * reach) > float(TIGHT * TIGHT) * ee) return false;
-  return !(outline && e.turn > OUTLINE_TURN && e.length > OUTLINE_MIN);
+  const F ee = e.length * e.length;
+  const float turn = outline ? OUTLINE_TURN : 1e30f;
+  return ((most_across > TIGHT2 * ee) & (e.turn * e.turn * float(reach * reach) > float(TIGHT * TIGHT) * ee)) |
+         ((e.turn > turn) & (e.length > OUTLINE_MIN));
 }
 
 // A piece is halved so often without a question: half as finely as the largest second difference asks for.
-HD int sure_depth(const Arc &k) {
+HD int sure_depth(const Arc<float> &k) {
   const float ax = k.u[0] - 2 * k.u[1] + k.u[2], ay = k.v[0] - 2 * k.v[1] + k.v[2], bx = k.u[1] - 2 * k.u[2] + k.u[3], by = k.v[1] - 2 * k.v[2] + k.v[3];
   // n^2 for chords of even length in the parameter: |p''| / (8 tol), |p''| <= 6 times the second difference.
   const float n2 = .75f / float(CHORD_TOL) * root(most(ax * ax + ay * ay, bx * bx + by * by));
@@ -210,7 +232,7 @@ struct Frame {
     return !(high(p, 0) >= left && low(p, 0) <= right && high(p, 1) >= top && low(p, 1) <= bottom);
   }
   HD bool inside(const v4d *p) const { return low(p, 0) >= left && high(p, 0) <= right && low(p, 1) >= top && high(p, 1) <= bottom; }
-  template <class S> HD bool outside(const Arc &k, const Piece<S> &c) const {
+  template <class S> HD bool outside(const Arc<float> &k, const Piece<S> &c) const {
     const float x0 = least(k.u[0], k.u[1], k.u[2], k.u[3]), x1 = most(k.u[0], k.u[1], k.u[2], k.u[3]);
     const float y0 = least(k.v[0], k.v[1], k.v[2], k.v[3]), y1 = most(k.v[0], k.v[1], k.v[2], k.v[3]);
     return !(x1 + c.ox >= left && x0 + c.ox <= right && y1 + c.oy >= top && y0 + c.oy <= bottom);

@@ -130,6 +130,15 @@ template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const
   }
 }
 
+template <int POINTS> SIMD void settle_all(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+  const Piece<real> c = J.pieces[piece];
+  for (uint32_t i = n0; i < n; i += VL) {
+    vf qx, qy;
+    points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
+    store(k.t + i, settle(c, load(k.t + i), qx, qy).tau);
+  }
+}
+
 // Closes the candidates [n0, n1) of a piece: a layer of their own, with the rest of the last vector marked empty. Returns where the next begin.
 SIMD uint32_t add_layer(Work &k, uint32_t piece, uint32_t slot, uint32_t n0, uint32_t n1) {
   if (n0 == n1) return n0;
@@ -152,8 +161,11 @@ SIMD uint32_t pack_second(const Job<real> &J, Work &k, Rows rows, uint32_t n, re
 // Candidates of a stroke with bends or cusps over the tile, but a single piece: from the two nearest chords that are no neighbours.
 template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
   const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
-  decide<POINTS>(J, e.piece, p, k, n0, pack_second(J, k, rows, n0, R));
+  const uint32_t second = pack_second(J, k, rows, n0, R);
+  decide<POINTS>(J, e.piece, p, k, n0, second);
   const uint32_t n1 = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+  // Where two places are as near, the centre of curvature is not far, and Newton's way is long.
+  if (second > n0) settle_all<POINTS>(J, e.piece, p, k, n0, n1);
   return add_layer(k, e.piece, e.slot, n0, n1);
 }
 

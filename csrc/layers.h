@@ -99,27 +99,40 @@ PHASE uint32_t *sort_points(Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
   return out;
 }
 
-// k.order: fragments near to far per point. Layers are sorted by their nearest depth; runs of layers whose depths overlap are sorted per
-// point where they must be. Returns whether the layers in the order of k.perm are near to far at every point.
-PHASE bool sort_fragments(Work &k) {
+// The last of the layers from g0 on (in k.perm, by their nearest depth) whose depths overlap, and one more.
+SIMD uint32_t overlap_end(const Work &k, uint32_t g0) {
+  uint32_t g1 = g0 + 1;
+  for (real far = k.layer[k.perm[g0]].far; g1 < k.layers && k.layer[k.perm[g1]].near <= far; g1++) far = greater(far, k.layer[k.perm[g1]].far);
+  return g1;
+}
+
+// Sorts the layers by their nearest depth, in k.perm. Returns how many of them, from the first on, are near to far at every point.
+PHASE uint32_t sort_layers(Work &k) {
   const uint32_t L = k.layers;
-  bool layered = true;
   for (uint32_t l = 0; l < L; l++) k.layer_key[l] = make_key(k.layer[l].near, l);
   sort_keys(k.layer_key, L);
   for (uint32_t l = 0; l < L; l++) k.perm[l] = uint32_t(k.layer_key[l]);
-  uint32_t *out = k.order;
   for (uint32_t g0 = 0, g1; g0 < L; g0 = g1) {
-    real far = k.layer[k.perm[g0]].far;
-    for (g1 = g0 + 1; g1 < L && k.layer[k.perm[g1]].near <= far; g1++) far = greater(far, k.layer[k.perm[g1]].far);
-    if (g1 == g0 + 1 || in_order(k, g0, g1)) {
-      for (uint32_t g = g0; g < g1; g++)
-        for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) *out++ = f;
-      continue;
-    }
-    layered = false;
-    out = sort_points(k, g0, g1, out);
+    g1 = overlap_end(k, g0);
+    if (g1 > g0 + 1 && !in_order(k, g0, g1)) return g0;
   }
-  return layered;
+  return L;
+}
+
+SIMD uint32_t *append_layers(const Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
+  for (uint32_t g = g0; g < g1; g++)
+    for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) *out++ = f;
+  return out;
+}
+
+// k.order: fragments near to far per point, given what sort_layers found. Layers whose depths overlap are sorted per point where they must be.
+PHASE void sort_fragments(Work &k, uint32_t sorted) {
+  uint32_t *out = append_layers(k, 0, sorted, k.order);
+  for (uint32_t g0 = sorted, g1; g0 < k.layers; g0 = g1) {
+    g1 = overlap_end(k, g0);
+    const bool good = g1 == g0 + 1 || (g0 > sorted && in_order(k, g0, g1));
+    out = good ? append_layers(k, g0, g1, out) : sort_points(k, g0, g1, out);
+  }
 }
 
 // k.T: the transmittance in front of each fragment; k.run: behind everything.

@@ -36,7 +36,7 @@ template <bool WORLD> void montecarlo_forward(const Job<real> &J, int tile, Scra
   for (int s = 0; s < strata; s++) {
     place_samples(J, p, s, k);
     const uint32_t n = collect<NEAR_GRID, WORLD>(J, tile, p, k);
-    sort_fragments(k);
+    sort_fragments(k, sort_layers(k));
     transmit(k, n);
     composite(J, k);
     for (int i = 0; i < PIX; i++) total[i] += k.pix[i];
@@ -123,7 +123,7 @@ template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch 
         k.a[f] = 0;
       }
     }
-    sort_fragments(k);
+    sort_fragments(k, sort_layers(k));
     // Fragment to layer, for the colour: layers hold runs of fragments.
     for (uint32_t l = 0; l < k.layers; l++) {
       const Piece<real> &c = J.pieces[k.layer[l].piece];

@@ -38,14 +38,18 @@ PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
   }
   const real *corner = background_at(J, p, 0);
   const vf plain = tile4(v4{corner[0], corner[1], corner[2], 0});
-  alignas(64) real row[3 * TILE + VL];
+  alignas(64) real row[3 * TILE];
   constexpr int STEP = VL < 4 ? 1 : VL / 4;
   for (int y = 0; y < p.h; y++) {
     const size_t at = pixel_index(J, p, y);
     const v4 *pix = k.pix + y * TILE;
     const real *run = k.run + y * TILE;
     if (VL >= 4 && plain_background(J)) {
-      for (int x = 0; x < TILE; x += STEP) store_triples(row + 3 * x, load((const real *)(pix + x)) + repeat4(run + x) * plain);
+      for (int x = 0; x < TILE; x += VL) {
+        vf v[4];
+        for (int j = 0; j < 4; j++) v[j] = load((const real *)(pix + x + j * STEP)) + repeat4(run + x + j * STEP) * plain;
+        store(row + 3 * x, triples<0>(v[0], v[1])), store(row + 3 * x + VL, triples<1>(v[1], v[2])), store(row + 3 * x + 2 * VL, triples<2>(v[2], v[3]));
+      }
     } else {
       const real *bg = background_at(J, p, y);
       for (int x = 0; x < p.w; x++, bg += J.background_pixel)

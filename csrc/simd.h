@@ -138,6 +138,10 @@ SIMD bool any(vi m) { return bits(m) != 0; }
 SIMD void stream(real *p, vf v, bool aligned) {
 #if defined(__AVX512F__)
   if constexpr (F32) if (aligned) return _mm512_stream_ps(p, (__m512)v);
+#elif defined(__AVX2__)
+  if constexpr (F32) if (aligned) return _mm256_stream_ps(p, (__m256)v);
+#elif defined(__SSE4_2__)
+  if constexpr (F32) if (aligned) return _mm_stream_ps((float *)p, (__m128)v);
 #endif
   (void)aligned;
   store(p, v);
@@ -155,10 +159,21 @@ SIMD vf repeat4(const real *p) {
 }
 // The vector of four numbers, repeated.
 template <class V4> SIMD vf tile4(V4 q) { vf v; for (int i = 0; i < VL; i++) v[i] = q[i % 4]; return v; }
-// Of every four lanes the first three, contiguously.
-SIMD void store_triples(real *dst, vf v) {
-  if constexpr (VL == 4) store(dst, v);
-  else compress_store(dst, v, Mask(0x7777 & ((1u << VL) - 1)));
+// Of four vectors of (r, g, b, -), the three vectors of what is left without the fourth numbers: PART comes from the vectors PART and PART + 1.
+// In registers: loads across two earlier stores would wait for both.
+template <int PART> SIMD vf triples(vf a, vf b) {
+  vi from;
+  for (int i = 0; i < VL; i++) {
+    const int at = PART * VL + i, pixel = at / 3;
+    from[i] = pixel * 4 + at % 3 - PART * VL;
+  }
+#if defined(__clang__)
+  vf v;
+  for (int i = 0; i < VL; i++) v[i] = from[i] < VL ? a[from[i] & (VL - 1)] : b[from[i] & (VL - 1)];
+  return v;
+#else
+  return __builtin_shuffle(a, b, from);
+#endif
 }
 SIMD int count(Mask m) { return __builtin_popcount(m); }
 SIMD Mask first_lanes(int n) { return n >= VL ? Mask((uint64_t(1) << VL) - 1) : Mask((uint64_t(1) << n) - 1); }

@@ -49,7 +49,7 @@ __device__ inline bool smooth_run(const Job &J, u32 first, u32 last, float reach
     if (i > first) {
       const Tangents a = J.tangents[c - 1], b = J.tangents[c];
       if (J.pair_chord[J.tile_list[i - 1]] + 1 != c || J.chords[c - 1].tau0 + J.chords[c - 1].dtau != J.chords[c].tau0) return false;
-      bend += turning({a.bx, a.by}, {b.ax, b.ay});
+      bend += turning<float>({a.bx, a.by}, {b.ax, b.ay});
     }
     bend += info.turn;
   }

@@ -103,12 +103,12 @@ template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
 }
 
 // The arc of a piece over part `index` of 2^depth of its parameter.
-__device__ inline Arc part_of(const Arc &k, int depth, u32 index) {
+__device__ inline Arc<float> part_of(const Arc<float> &k, int depth, u32 index) {
   if (depth == 0) return k;
   const float dt = 1 / float(1u << depth), t = float(index) * dt;
   float map[16];
   blossom(t, t + dt, map);
-  Arc out;
+  Arc<float> out;
   for (int i = 0; i < 4; i++) {
     out.x[i] = out.y[i] = out.z[i] = 0;
     for (int j = 0; j < 4; j++) out.x[i] += map[4 * i + j] * k.x[j], out.y[i] += map[4 * i + j] * k.y[j], out.z[i] += map[4 * i + j] * k.z[j];
@@ -119,14 +119,14 @@ __device__ inline Arc part_of(const Arc &k, int depth, u32 index) {
 
 // The chords of part `index` of 2^depth of a piece, halved where they must be: f(arc, its ends, t0, dt), in order.
 template <class Visit>
-__device__ void visit_chords(const Arc &whole, const Piece<real> &c, const Frame &frame, double reach, bool outline, int depth, u32 index, Visit f) {
+__device__ void visit_chords(const Arc<float> &whole, const Piece<real> &c, const Frame &frame, double reach, bool outline, int depth, u32 index, Visit f) {
   const int top = depth;
   for (;;) {
-    const Arc k = part_of(whole, depth, index);
+    const Arc<float> k = part_of(whole, depth, index);
     if (!frame.outside(k, c)) {
       float across;
-      Ends e;
-      const bool fine = flat(k, across) && (e = ends_of(k), gentle(e, across, reach, outline));
+      Ends<float> e;
+      const bool fine = !crooked(k, across) && (e = ends_of(k), !sharp(e, across, reach, outline));
       if (!fine && depth < MAX_CHORD_DEPTH) {
         index *= 2, depth++;
         continue;
@@ -143,7 +143,7 @@ __device__ void visit_chords(const Arc &whole, const Piece<real> &c, const Frame
 
 // The chords of one piece, by one warp: a lane takes the parts that are halved without a question in its turn.
 template <bool WRITE> __device__ void cut_piece(const Job &J, u32 piece) {
-  const Arc whole = J.arcs[piece];
+  const Arc<float> whole = J.arcs[piece];
   const Piece<real> &c = J.pieces[piece];
   const double reach = J.reach[J.piece_info[piece].stroke];
   const Frame frame = {-reach, J.width + reach, -reach, J.height + reach};
@@ -155,13 +155,13 @@ template <bool WRITE> __device__ void cut_piece(const Job &J, u32 piece) {
     const u32 index = base + lane();
     const bool active = index < 1u << depth;
     u32 n = 0, total;
-    if (active) visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc &, const Ends &, float, float) { n++; });
+    if (active) visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc<float> &, const Ends<float> &, float, float) { n++; });
     u32 next = at + warp_prefix(n, total);
     at += total, counted += total;
     if (!WRITE || !active) continue;
-    visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc &k, const Ends &e, float t0, float dt) {
+    visit_chords(whole, c, frame, reach, J.strata > 0, depth, index, [&](const Arc<float> &k, const Ends<float> &e, float t0, float dt) {
       if (next >= end) return;
-      J.chords[next] = make_chord(c, k, t0, dt);
+      J.chords[next] = placed(make_chord(k, t0, dt), c);
       J.chord_info[next] = {piece, e.length, e.turn};
       J.tangents[next++] = {e.a.x, e.a.y, e.b.x, e.b.y};
     });

@@ -110,7 +110,7 @@ def render(
             images = _by_reference(project(sketch, cameras), cameras.size, way)
         else:
             images = _by_kernels(chosen, of_sketch(sketch, cameras, *way))
-        return Rendering(*(image.to(home) for image in images))
+        return Rendering(*(images if place == home else (image.to(home) for image in images)))
     except ValueError:
         # The kernels only know that some value is bad; say which.
         sketch.check_values()

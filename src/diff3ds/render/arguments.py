@@ -12,6 +12,7 @@ from diff3ds.project import Strokes2D
 
 Antialiasing = Literal["analytic", "montecarlo"]
 Background = float | Sequence[float] | Tensor
+_ANTIALIASINGS = get_args(Antialiasing)
 
 # Coordinates in pixels beyond this cannot come from a drawing; their squares would overflow.
 MAX_COORDINATE = 1e100
@@ -123,7 +124,7 @@ def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:
 
 def check_blur(blur: float, antialiasing: Antialiasing) -> None:
     """Raises ValueError for an unknown antialiasing, or a blur that is not a size or not with "analytic"."""
-    if antialiasing not in get_args(Antialiasing):
+    if antialiasing not in _ANTIALIASINGS:
         raise ValueError(f'antialiasing must be "analytic" or "montecarlo", got {antialiasing!r}')
     if not (isinstance(blur, Real) and 0 <= blur < 1e6):
         raise ValueError(f"blur must be a number of pixels from 0 to 1e6, got {blur}")
