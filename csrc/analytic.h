@@ -24,7 +24,7 @@ template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int
   const Tile &t = J.tiles[tile];
   clear_slots(J, tile);
   if (t.fragments == 0 && !J.g_background) return;
-  prefetch_tile(J, tile + 1, J.tiles[tile + 1]);
+  Ahead ahead(J, tile);
   const Place p = place_of(J, tile);
   const Filter<real> filter = J.filter;
   Work &k = work(S);
@@ -42,6 +42,7 @@ template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int
     const Piece<real> c = J.pieces[t.piece[l]];
     Moments<vf> m = {};
     for (uint32_t f = t.first[l]; f < t.first[l + 1]; f += VL) {
+      ahead.some();
       const vi px = widen(t.pixel + f), in = iota() < splat_int(integer(t.first[l + 1] - f));
       vf qx, qy, gz = {};
       points_of<GRID>(k, p, c, px, qx, qy);

@@ -4,6 +4,8 @@
 
 namespace stroke {
 namespace {
+constexpr int LOOK_AHEAD = 16;                     // tiles, for one with fragments (empirical)
+
 SIMD bool plain_background(const Job<real> &J) { return J.background_row == 0 && J.background_pixel == 0; }
 
 // Numbers of a tile's row, past the caches where lines are whole: the next to read them is another program part, if any.
@@ -60,15 +62,31 @@ PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
   }
 }
 
-// Asks for what the backward of a tile reads while another tile is worked on.
-SIMD void prefetch_tile(const Job<real> &J, int tile, const Tile &t) {
-  if (tile >= J.views * J.tiles_x * J.tiles_y || t.fragments == 0) return;
-  for (const char *q = (const char *)t.piece; q < t.end; q += 64) __builtin_prefetch(q);
-  if (!J.g_color) return;
-  const Place p = place_of(J, tile);
-  for (int y = 0; y < p.h; y++)
-    for (size_t i = 0; i < 3 * TILE * sizeof(real); i += 64) __builtin_prefetch((const char *)(J.g_color + 3 * pixel_index(J, p, y)) + i);
-}
+// Asks, a little at a time, for what the backward reads of the next tile that has fragments while this one is worked on: more than some twenty
+// lines at once would have to wait for each other.
+struct Ahead {
+  const char *kept = nullptr, *kept_end = nullptr;
+  const real *color = nullptr;
+  size_t row = 0;
+  int rows = 0;
+
+  SIMD Ahead(const Job<real> &J, int tile) {
+    const int tiles = J.views * J.tiles_x * J.tiles_y, end = tile + LOOK_AHEAD < tiles ? tile + LOOK_AHEAD : tiles - 1;
+    while (++tile <= end && J.tiles[tile].fragments == 0) {}
+    if (tile > end) return;
+    kept = (const char *)J.tiles[tile].piece, kept_end = J.tiles[tile].end;
+    if (!J.g_color) return;
+    const Place p = place_of(J, tile);
+    color = J.g_color + 3 * pixel_index(J, p, 0), row = 3 * size_t(J.width), rows = p.h;
+  }
+  SIMD void some() {
+    for (int i = 0; i < 4 && kept < kept_end; i++, kept += 64) __builtin_prefetch(kept);
+    if (rows-- > 0) {
+      for (size_t i = 0; i < 3 * TILE * sizeof(real); i += 64) __builtin_prefetch((const char *)color + i);
+      color += row;
+    }
+  }
+};
 
 // What the loss says of a tile. A fragment adds T a (pix . (color - plain, depth - tau) + best) to it, the background T run; all times `scale`.
 // Depth is sum(T a z) / sum(T a), here k.tau: its gradient goes to both sums. Returns `plain`: a background of one colour, whose share all
