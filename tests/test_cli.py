@@ -92,6 +92,13 @@ def test_faults_are_sentences(arguments, message, capsys, tmp_path, monkeypatch)
     assert not list(tmp_path.iterdir())
 
 
+def test_a_phrase_in_quotes_needs_no_hint(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _, _, said = ends(["text", "a chair", "--size", "64", "64"], capsys)
+    assert "Unrecognized options: 64" in said
+    assert "stands in quotes" not in said
+
+
 def test_only_options_are_written_as_options():
     """Steps of a run, a width that something has, positional arguments and files are none."""
     message = (

@@ -107,9 +107,12 @@ def test_dtype_is_the_one_asked_for(dtype):
     [
         (lambda: bezier.circle((0.0, 0.0, 0.0), 0.0), "positive radius and a normal with a length, got 0.0"),
         (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, (0.0, 0.0, 0.0)), "a normal with a length"),
-        (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, start=5.0, stop=5.0), "start != stop, got start 5.0, stop 5.0"),
-        (lambda: bezier.circle((0.0, math.nan, 0.0), 1.0), "finite"),
-        (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, stop=math.inf), "finite"),
+        (
+            lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, start=5.0, stop=5.0),
+            "and differ, got start 5.0, stop 5.0",
+        ),
+        (lambda: bezier.circle((0.0, math.nan, 0.0), 1.0), r"finite values, got center \[0.0, nan, 0.0\]"),
+        (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, stop=math.inf), "start and stop must be finite and differ"),
         (lambda: bezier.ellipse((0.0, 0.0), (1.0, 0.0), (0.0, 1.0, 0.0)), r"vectors of one length, got shapes"),
         (lambda: bezier.parabola((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), 1.0, 1.0), "start must differ from stop"),
         (lambda: bezier.parabola((0.0,), (1.0, 0.0), (0.0, 1.0), 0.0, 1.0), "vectors of one length"),

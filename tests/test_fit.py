@@ -181,6 +181,9 @@ def test_new_strokes_begin_with_full_steps(start, views, objective):
         ({"resume": True}, "resume needs a checkpoint file"),
         ({"seed": -1}, r"seed must be a whole number from 0 to 2\^63 - 1, got -1"),
         ({"seed": 1 << 64}, "seed must be a whole number"),
+        ({"seed": True}, "seed must be a whole number from .*, got True"),
+        ({"final_rate": "x"}, "final_rate must be a finite rate, not negative, got x"),
+        ({"width_range": 3}, r"width_range must be \(least, greatest\), got 3"),
     ],
 )
 def test_bad_configurations_say_what_is_wrong(unchecked, change, message):
@@ -194,6 +197,12 @@ def test_a_checkpoint_may_be_named_by_words(unchecked, start, views, objective, 
     assert not list(ds.fit(start, objective, views, config))
     with pytest.raises(TypeError, match=r"rates must be Rates\(points=..., ...\), got float"):
         ds.FitConfig(rates=0.1)
+    with pytest.raises(TypeError, match="refinements must be a sequence of functions, got 3"):
+        ds.FitConfig(refinements=3)
+    with pytest.raises(TypeError, match=r"config must be FitConfig\(...\) or None, got dict"):
+        next(ds.fit(start, objective, views, {"steps": 3}))
+    with pytest.raises(TypeError, match="objective must be a function of rendering, cameras and step, got int"):
+        next(ds.fit(start, 3, views))
 
 
 def test_bad_objectives_say_what_is_wrong(unchecked, start, views):

@@ -154,8 +154,14 @@ def test_values_are_finite(bad):
     points, weights = torch.zeros(1, 4, 3), torch.ones(1, 4)
     for arguments in ((points + bad, weights), (points, weights * bad)):
         for measure in (bezier.length, bezier.tessellate):
-            with pytest.raises(ValueError, match="points, weights and queries must be finite, got NaN or infinity"):
+            with pytest.raises(ValueError, match=r"(points|weights) must be finite, got NaN or infinity"):
                 measure(*arguments, 0.1)
+
+
+@pytest.mark.parametrize("weights", [[-1.0, -1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 0.0], [-1.0, 1.0, 1.0, 1.0]])
+def test_tessellation_wants_positive_ends(weights):
+    with pytest.raises(ValueError, match=r"the first and last weights of curves must be positive, got (-1|0)"):
+        bezier.tessellate(torch.rand(1, 4, 3), torch.tensor([weights]), 0.01)
 
 
 def test_tessellation_ends_where_rounding_begins(generator):

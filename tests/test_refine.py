@@ -37,6 +37,15 @@ def test_deletion_drops_short_strokes_only(generator):
     assert NoiseDeletion(length=0.01)(99, 100, sketch, generator) is None
 
 
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("bad", [math.nan, -1.0, "x"])
+@pytest.mark.parametrize("name", ["length", "start", "every"])
+def test_deletion_wants_numbers(name, bad):
+    """Nothing is as long as NaN: every stroke would go."""
+    with pytest.raises(ValueError, match=f"{name} must be a number, finite and not negative, got {bad!r}"):
+        NoiseDeletion(**{name: bad})
+
+
 def test_the_longest_stroke_always_stays():
     sketch = ds.Sketch.concatenate([line((0.0, 0.0, 0.0), (x, 0.0, 0.0)) for x in (0.01, 0.02)])
     assert long_enough(sketch, 1.0).tolist() == [False, True]

@@ -34,7 +34,7 @@ def read_options(commands: Mapping[str, type], arguments: list[str], description
         fault = _own_fault(ended)
         if fault is None:
             sys.stderr.write(said.getvalue())
-            if "Unrecognized options" in said.getvalue() and "text" in arguments[:1]:
+            if "Unrecognized options" in said.getvalue() and "text" in arguments[:1] and " " not in arguments[1]:
                 sys.stderr.write('A phrase of several words stands in quotes: diff3ds text "a chair with armrests"\n')
             raise
     raise fault

@@ -76,7 +76,7 @@ class State:
 
 def check_seed(seed: int) -> None:
     """Raises ValueError for what torch's generators do not take."""
-    if not isinstance(seed, int) or not 0 <= seed < 1 << 63:
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 1 << 63:
         raise ValueError(f"seed must be a whole number from 0 to 2^63 - 1, got {seed!r}")
 
 

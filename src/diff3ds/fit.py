@@ -116,13 +116,17 @@ class FitConfig:
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
                 raise ValueError(f"{name} must be a positive integer, got {getattr(self, name)!r}")
         for name, rate in {**asdict(self.rates), "final_rate": self.final_rate}.items():
-            if not 0 <= rate < math.inf or (name == "final_rate" and rate == 0):
+            if not (isinstance(rate, int | float) and 0 <= rate < math.inf) or (name == "final_rate" and rate == 0):
                 raise ValueError(f"{name} must be a finite rate, not negative, got {rate}")
         if not any(asdict(self.rates).values()):
             raise ValueError("all learning rates are 0: nothing would change")
+        if not (isinstance(self.width_range, Sequence) and len(self.width_range) == 2):
+            raise ValueError(f"width_range must be (least, greatest), got {self.width_range!r}")
         least, most = self.width_range
         if not 0 <= least <= most:
             raise ValueError(f"width_range must be (least, greatest), not negative, got {self.width_range}")
+        if not (isinstance(self.refinements, Sequence) and all(callable(r) for r in self.refinements)):
+            raise TypeError(f"refinements must be a sequence of functions, got {self.refinements!r}")
         if self.resume and self.checkpoint is None:
             raise ValueError("resume needs a checkpoint file: give checkpoint=")
 
@@ -169,11 +173,16 @@ def fit(
         config: default `FitConfig()`.
 
     Raises:
+        TypeError: a config or an objective of another kind.
         ValueError: an empty sketch; a checkpoint of another run.
         FloatingPointError: in the loop, when a loss or a gradient is not finite; names the step. On a GPU, for which no
             step waits, up to `LOOK_EVERY` steps later; such a step has no gradient.
     """
-    config = config or FitConfig()
+    config = FitConfig() if config is None else config
+    if not isinstance(config, FitConfig):
+        raise TypeError(f"config must be FitConfig(...) or None, got {type(config).__name__}")
+    if not callable(objective):
+        raise TypeError(f"objective must be a function of rendering, cameras and step, got {type(objective).__name__}")
     if not len(sketch):
         raise ValueError("the sketch has no strokes to fit")
     if config.rates.width and not bool((sketch.width > 0).all()):

@@ -1,5 +1,6 @@
 """Which strokes a running fit should keep, and which to add."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -44,6 +45,12 @@ class NoiseDeletion:
     length: float = 0.1
     start: float = 0.5
     every: float = 0.025
+
+    def __post_init__(self) -> None:
+        for name in ("length", "start", "every"):
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and 0 <= value < math.inf):
+                raise ValueError(f"{name} must be a number, finite and not negative, got {value!r}")
 
     def __call__(self, step: int, steps: int, sketch: Sketch, generator: torch.Generator) -> Edit | None:
         """The strokes to keep after this step, or None."""

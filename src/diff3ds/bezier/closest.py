@@ -60,7 +60,7 @@ def closest_point(
         raise ValueError(f"query must have shape (..., Q, {points.shape[-1]}), got {got}")
     if not bool((weights > 0).all()):
         raise ValueError(f"weights must be positive, got {weights.min().item()}")
-    check_finite(points, weights, query)
+    check_finite(points=points, weights=weights, query=query)
     _check_batches(points.shape[:-2], query.shape[:-2])
     control = homogeneous(points.double(), weights.double())
     with torch.no_grad():

@@ -34,8 +34,11 @@ def ellipse(
     if not (c.ndim == 1 and c.shape == a.shape == b.shape):
         shapes = [tuple(x.shape) for x in (c, a, b)]
         raise ValueError(f"center, u and v must be vectors of one length, got shapes {shapes}")
-    if start == stop or not all(x.isfinite().all() for x in (c, a, b, torch.tensor([start, stop]))):
-        raise ValueError(f"expected finite values and start != stop, got start {start}, stop {stop}")
+    if not all(x.isfinite().all() for x in (c, a, b)):
+        values = ", ".join(f"{name} {x.tolist()}" for name, x in (("center", c), ("u", a), ("v", b)))
+        raise ValueError(f"expected finite values, got {values}")
+    if start == stop or not (math.isfinite(start) and math.isfinite(stop)):
+        raise ValueError(f"start and stop must be finite and differ, got start {start}, stop {stop}")
     pieces = math.ceil(abs(stop - start) / MAX_ARC)
     angles = torch.deg2rad(torch.linspace(start, stop, pieces + 1, dtype=torch.float64))
     half = (angles[1] - angles[0]) / 2

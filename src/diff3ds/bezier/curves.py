@@ -31,10 +31,11 @@ def check_curves(points: Tensor, weights: Tensor | None) -> tuple[Tensor, Tensor
     return points, weights
 
 
-def check_finite(*values: Tensor) -> None:
+def check_finite(**values: Tensor) -> None:
     """Raises ValueError for NaN and infinity, which no search ends with; waits for a GPU."""
-    if not all(bool(value.detach().isfinite().all()) for value in values):
-        raise ValueError("points, weights and queries must be finite, got NaN or infinity")
+    for name, value in values.items():
+        if not bool(value.detach().isfinite().all()):
+            raise ValueError(f"{name} must be finite, got NaN or infinity")
 
 
 def _kind(value: object) -> str:

@@ -78,7 +78,7 @@ def length(
         TypeError, ValueError: dtypes or shapes that do not fit, values that are not finite, tolerance not positive.
     """
     points, weights = check_curves(points, weights)
-    check_finite(points, weights)
+    check_finite(points=points, weights=weights)
     _check_tolerance(tolerance)
     batch = points.shape[:-2]
     control = homogeneous(points.double(), weights.double()).reshape(-1, points.shape[-2], points.shape[-1] + 1)
@@ -131,13 +131,18 @@ def tessellate(
         tolerance: distance in the unit of the control points.
 
     Raises:
-        TypeError, ValueError: dtypes or shapes that do not fit, values that are not finite, tolerance not positive.
+        TypeError, ValueError: dtypes or shapes that do not fit, values that are not finite, first or last weights or a
+            tolerance not positive.
     """
     points, weights = check_curves(points, weights)
-    check_finite(points, weights)
+    check_finite(points=points, weights=weights)
     _check_tolerance(tolerance)
     if points.ndim != 3:
         raise ValueError(f"points must have shape (N, K, D), got {tuple(points.shape)}")
+    ends = weights.detach()[:, [0, -1]]
+    if not bool((ends > 0).all()):
+        # Such a curve runs through infinity, or is one with all signs turned; halving would never end.
+        raise ValueError(f"the first and last weights of curves must be positive, got {float(ends.min()):g}")
     with torch.no_grad():
         control = homogeneous(points.double(), weights.double())
         intervals = chord_intervals(control, tolerance)
