@@ -55,10 +55,10 @@ class Flattener {
     last_tangent_ = e.b, gap_ = false;
   }
 
-  v4i outside(const Arc<v4f> &k) const {
+  v4i outside(const Arc<v4f> &k) const {  // as Frame: NaN counts as a miss
     const v4f x0 = least(k.u[0], k.u[1], k.u[2], k.u[3]), x1 = most(k.u[0], k.u[1], k.u[2], k.u[3]);
     const v4f y0 = least(k.v[0], k.v[1], k.v[2], k.v[3]), y1 = most(k.v[0], k.v[1], k.v[2], k.v[3]);
-    return (x1 < left_) | (x0 > right_) | (y1 < top_) | (y0 > bottom_);
+    return ~((x1 >= left_) & (x0 <= right_) & (y1 >= top_) & (y0 <= bottom_));
   }
   static Chord<float> lane(const Chord<v4f> &c, int i) {
     return {c.ax[i], c.ay[i], c.ex[i], c.ey[i], c.ix[i], c.iy[i], c.tau0[i], c.dtau[i], c.bow[i]};

@@ -130,6 +130,7 @@ template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const
   }
 }
 
+// All candidates [n0, n) of one piece.
 template <int POINTS> SIMD void settle_all(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
   const Piece<real> c = J.pieces[piece];
   for (uint32_t i = n0; i < n; i += VL) {
