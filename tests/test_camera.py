@@ -226,6 +226,7 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
             r"fov must have one value or one for each of 2 views, got shape \(3,\)",
         ),
         (lambda: ds.orbit(0.0, target=(0.0, 0.0)), r"target must have 3 coordinates, got shape \(2,\)"),
+        (lambda: ds.orbit(0.0, target=(0.0, 0.0, math.nan)), "target must be finite, got NaN or infinity"),
         (lambda: ds.orbit(0.0, size=0), "size must be a positive int"),
         (lambda: ds.look_at(torch.zeros(3)), r"eye must have shape \(V, 3\), got \(3,\)"),
         (
@@ -235,11 +236,21 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
         (lambda: ds.look_at(torch.tensor([[1.0, 0, 0], [math.nan, 0, 1]])), "eye of view 1 must be finite"),
         (lambda: ds.look_at(torch.ones(2, 3), torch.zeros(5, 3)), r"target must have shape \(3,\) or \(2, 3\), got"),
         (lambda: ds.look_at(torch.tensor([[1.0, 0, 0], [0, 0, 2]])), r"eye of view 1 .* \[0.0, 0.0, 2.0\]"),
+        (lambda: ds.look_at(torch.ones(1, 3), up=(0.0, 1.0)), r"up must have shape \(3,\) or \(1, 3\), got \(2,\)"),
+        (lambda: ds.look_at(torch.ones(1, 3), up=(0.0, 0.0, math.inf)), "up must be finite, got NaN or infinity"),
     ],
 )
 def test_bad_arguments_are_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "fov", "target"])
+@pytest.mark.parametrize(("value", "kind"), [("x", "str"), (None, "NoneType"), ([[1.0], [1.0, 2.0]], "list")])
+def test_arguments_of_an_orbit_are_numbers(name, value, kind):
+    with pytest.raises(TypeError, match=f"^{name} must be a number, a list of numbers or a tensor, got {kind}"):
+        ds.orbit(**{"azimuth": 0.0, name: value})
 
 
 def test_projections_are_kept_on_the_cpu_alone():

@@ -191,28 +191,47 @@ def test_bad_configurations_say_what_is_wrong(unchecked, change, message):
         ds.FitConfig(**change)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rates": 0.1}, r"rates must be Rates\(points=..., ...\), got 0.1"),
+        ({"refinements": 3}, "refinements must be a sequence of functions, got 3"),
+        ({"refinements": [3]}, r"refinements must be a sequence of functions, got \[3\]"),
+        ({"project": 3}, "project must be a function of sketch, cameras and step, got 3"),
+        ({"identity": 3}, "identity must be a mapping from names to what JSON knows, got 3"),
+        ({"companion": 3}, "companion must be an object with the methods state and restore, got 3"),
+    ],
+)
+def test_configurations_of_another_kind_say_what_is_wrong(unchecked, change, message):
+    with pytest.raises(TypeError, match=message):
+        ds.FitConfig(**change)
+
+
 def test_a_checkpoint_may_be_named_by_words(unchecked, start, views, objective, tmp_path):
     config = ds.FitConfig(steps=2, checkpoint=str(tmp_path / "words.safetensors"), resume=True)
     assert len(list(ds.fit(start, objective, views, config))) == 2
     assert not list(ds.fit(start, objective, views, config))
-    with pytest.raises(TypeError, match=r"rates must be Rates\(points=..., ...\), got float"):
-        ds.FitConfig(rates=0.1)
-    with pytest.raises(TypeError, match="refinements must be a sequence of functions, got 3"):
-        ds.FitConfig(refinements=3)
+
+
+def test_arguments_of_another_kind_say_what_is_wrong(unchecked, start, views, objective):
     with pytest.raises(TypeError, match=r"config must be FitConfig\(...\) or None, got dict"):
         next(ds.fit(start, objective, views, {"steps": 3}))
     with pytest.raises(TypeError, match="objective must be a function of rendering, cameras and step, got int"):
         next(ds.fit(start, 3, views))
+    with pytest.raises(TypeError, match="cameras must be Cameras or a function of step and generator, got int"):
+        ds.fit(start, objective, 3)
 
 
 def test_bad_objectives_say_what_is_wrong(unchecked, start, views):
     def fails(objective):
         return lambda: list(ds.fit(start, objective, views, ds.FitConfig(steps=2)))
 
-    with pytest.raises(ValueError, match=r"must return a scalar tensor, got \(4, 48, 48, 3\)"):
+    with pytest.raises(ValueError, match=r"must return a real scalar tensor, got .* of shape \(4, 48, 48, 3\)"):
         fails(lambda r, c, i: r.color)()
-    with pytest.raises(ValueError, match="must return a scalar tensor, got float"):
+    with pytest.raises(ValueError, match="must return a real scalar tensor, got float"):
         fails(lambda r, c, i: 1.0)()
+    with pytest.raises(ValueError, match=r"must return a real scalar tensor, got torch\.complex64"):
+        fails(lambda r, c, i: torch.fft.fft(r.color.flatten()).sum())()
     with pytest.raises(ValueError, match="the objective's loss has no gradient: compute it from the rendering"):
         fails(lambda r, c, i: r.color.detach().sum())()
     with pytest.raises(FloatingPointError, match="the loss of step 0 is nan"):
@@ -249,6 +268,11 @@ def test_gradients_are_on_inside(start, views, objective):
 def test_no_strokes_to_fit(start, views, objective):
     with pytest.raises(ValueError, match="no strokes"):
         ds.fit(start[[]], objective, views)
+
+
+def test_no_views_to_fit(start, objective):
+    with pytest.raises(ValueError, match="the cameras have no views to fit"):
+        ds.fit(start, objective, ds.orbit([]))
 
 
 def test_checkpoints_of_other_runs_and_broken_ones_are_refused(start, views, objective, tmp_path):

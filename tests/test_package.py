@@ -19,16 +19,17 @@ MODULES = {
 # What each part (a module or folder right under the package) may import: cli -> tasks -> {fit, guidance, losses,
 # formats, viewer}; fit -> render, refine, losses; render -> project -> {bezier, camera, sketch}. "diff3ds" stands for
 # the list of public names. A new part needs a line here.
-HELPERS = {"_files", "_shapes"}
+HELPERS = {"_checks", "_files", "_shapes"}
 SCENE = {"bezier", "camera", "sketch"} | HELPERS
 ALLOWED = {
+    "_checks": {"_shapes"},
     "_files": {"_shapes"},
     "_options": set(),
     "_shapes": set(),
-    "bezier": {"_shapes"},
+    "bezier": {"_checks", "_shapes"},
     "camera": HELPERS,
     "transforms": {"camera"} | HELPERS,
-    "sketch": {"bezier", "_shapes"},
+    "sketch": {"bezier", "_checks", "_shapes"},
     "project": SCENE,
     "render": {"project"} | SCENE,
     "losses": SCENE,

@@ -98,12 +98,12 @@ BAD_SHAPES = [
     ("weights", torch.ones(3, 4).double(), TypeError, "weights must have the dtype of points, torch.float32, got torc"),
     ("width", torch.ones(2), ValueError, r"width must have shape \(3,\) for 3 strokes, got \(2,\)"),
     ("width", torch.ones(3, dtype=torch.int32), TypeError, "width must have the dtype of points, .* got torch.int32"),
-    ("width", "thin", TypeError, "width must be a number or a tensor, got str"),
+    ("width", "thin", TypeError, "width must be a number, a list of numbers or a tensor, got str"),
     ("width", torch.ones(3, device="meta"), ValueError, "width must be on the device of points, cpu, got meta"),
     ("color", torch.ones(3), None, ""),
     ("color", torch.ones(3, 4), ValueError, r"color must have shape \(3, 3\) for 3 strokes, got \(3, 4\)"),
     ("color", (1.0, 0.0), ValueError, r"color must have shape \(3, 3\) for 3 strokes, got \(2,\)"),
-    ("color", None, TypeError, "color must be a number or a tensor, got NoneType"),
+    ("color", None, TypeError, "color must be a number, a list of numbers or a tensor, got None"),
     ("opacity", torch.ones(3, 1), ValueError, r"opacity must have shape \(3,\) for 3 strokes, got \(3, 1\)"),
     ("width_space", "screen", ValueError, 'width_space must be "image" or "world", got \'screen\''),
 ]
@@ -275,6 +275,21 @@ def test_random_does_not_touch_the_global_generator(generator):
     before = torch.get_rng_state()
     ds.Sketch.random(5, generator=generator)
     assert torch.equal(torch.get_rng_state(), before)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"count": -1}, ValueError, "count must be a whole number, not negative, got -1"),
+        ({"count": 1.5}, ValueError, "count must be a whole number, not negative, got 1.5"),
+        ({"generator": 3}, TypeError, "generator must be a torch.Generator, such as .*manual_seed.*, got 3"),
+        ({"radius": NAN}, ValueError, "points of stroke 0 must be finite, got nan"),
+    ],
+)
+def test_bad_random_sketches_are_refused_by_name(generator, change, error, message):
+    with pytest.raises(error, match=message):
+        ds.Sketch.random(**{"generator": generator, **change})
 
 
 def test_random_strokes_fill_the_ball(generator):

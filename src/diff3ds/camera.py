@@ -11,6 +11,7 @@ from typing import cast
 
 import torch
 
+from diff3ds._checks import as_numbers, check_finite
 from diff3ds._shapes import Float, Tensor
 
 Angle = float | Sequence[float] | Tensor
@@ -147,19 +148,18 @@ def look_at(
         size: image size in pixels, an int or (height, width).
 
     Raises:
-        ValueError: wrong shapes, an eye on its target, a view along `up`, a field of view outside (0, 180).
+        TypeError, ValueError: what is no numbers, wrong shapes, values that are not finite, an eye on its target, a
+            view along `up`, a field of view outside (0, 180).
     """
     height, width = check_size(size)
-    eye = torch.as_tensor(eye)
+    eye = as_numbers("eye", eye)
     eye = eye if eye.is_floating_point() else eye.to(torch.get_default_dtype())
     if eye.ndim != 2 or eye.shape[1] != 3:
         raise ValueError(f"eye must have shape (V, 3), got {tuple(eye.shape)}")
-    target = torch.as_tensor(target, dtype=eye.dtype, device=eye.device)
-    if target.shape not in ((3,), eye.shape):
-        raise ValueError(f"target must have shape (3,) or {tuple(eye.shape)}, got {tuple(target.shape)}")
-    focal = _focal_lengths(torch.as_tensor(fov, dtype=eye.dtype, device=eye.device), height, len(eye))
-    forward = target - eye
-    right = torch.linalg.cross(forward, torch.as_tensor(up, dtype=eye.dtype, device=eye.device).expand_as(forward))
+    center, upwards = _place("target", target, eye), _place("up", up, eye)
+    focal = _focal_lengths(as_numbers("fov", fov, eye.dtype, eye.device), height, len(eye))
+    forward = center - eye
+    right = torch.linalg.cross(forward, upwards.expand_as(forward))
     lengths = torch.linalg.vector_norm(torch.stack([forward, right]), dim=-1)
     sideways = lengths[1] > 1e-6 * lengths[0]
     if not bool(sideways.all()):
@@ -196,9 +196,11 @@ def orbit(
         size: image size in pixels, an int or (height, width).
 
     Raises:
-        ValueError: values out of range, lists of different lengths, or a target without three coordinates.
+        TypeError, ValueError: what is no numbers, values out of range, lists of different lengths, or a target without
+            three coordinates.
     """
-    values = [torch.as_tensor(a, dtype=torch.get_default_dtype()).reshape(-1) for a in (azimuth, elevation, distance)]
+    given = {"azimuth": azimuth, "elevation": elevation, "distance": distance}
+    values = [as_numbers(name, value, torch.get_default_dtype()).reshape(-1) for name, value in given.items()]
     lengths = sorted({len(v) for v in values} - {1})
     if len(lengths) > 1:
         raise ValueError(f"azimuth, elevation and distance must have one value or one a view, got {lengths} values")
@@ -210,11 +212,20 @@ def orbit(
         )
     around, up = torch.deg2rad(around.double()), torch.deg2rad(up.double())
     direction = torch.stack([up.cos() * around.cos(), up.cos() * around.sin(), up.sin()], -1)
-    center = torch.as_tensor(target, dtype=torch.float64)
+    center = as_numbers("target", target, torch.float64)
     if center.shape != (3,):
         raise ValueError(f"target must have 3 coordinates, got shape {tuple(center.shape)}")
     cameras = look_at(center + radius[:, None] * direction, center, fov=fov, size=size, near=near)
     return cameras.to(torch.get_default_dtype())
+
+
+def _place(name: str, value: object, eye: Float[Tensor, "V 3"]) -> Tensor:
+    """A place or direction in the world, one for all eyes or one for each."""
+    value = as_numbers(name, value, eye.dtype, eye.device)
+    if value.shape not in ((3,), eye.shape):
+        raise ValueError(f"{name} must have shape (3,) or {tuple(eye.shape)}, got {tuple(value.shape)}")
+    check_finite(**{name: value})
+    return value
 
 
 def _focal_lengths(fov: Tensor, height: int, views: int) -> Tensor:

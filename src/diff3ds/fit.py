@@ -109,8 +109,7 @@ class FitConfig:
     def __post_init__(self) -> None:
         if self.checkpoint is not None:
             object.__setattr__(self, "checkpoint", Path(self.checkpoint))
-        if not isinstance(self.rates, Rates):
-            raise TypeError(f"rates must be Rates(points=..., ...), got {type(self.rates).__name__}")
+        self._check_kinds()
         check_seed(self.seed)
         for name in ("steps", "checkpoint_every"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
@@ -125,10 +124,23 @@ class FitConfig:
         least, most = self.width_range
         if not 0 <= least <= most:
             raise ValueError(f"width_range must be (least, greatest), not negative, got {self.width_range}")
-        if not (isinstance(self.refinements, Sequence) and all(callable(r) for r in self.refinements)):
-            raise TypeError(f"refinements must be a sequence of functions, got {self.refinements!r}")
         if self.resume and self.checkpoint is None:
             raise ValueError("resume needs a checkpoint file: give checkpoint=")
+
+    def _check_kinds(self) -> None:
+        """Raises TypeError for the first field of another kind; names it."""
+        functions = isinstance(self.refinements, Sequence) and all(callable(r) for r in self.refinements)
+        learns = self.companion is None or isinstance(self.companion, Companion)
+        rules = {
+            "rates": (isinstance(self.rates, Rates), "Rates(points=..., ...)"),
+            "project": (self.project is None or callable(self.project), "a function of sketch, cameras and step"),
+            "refinements": (functions, "a sequence of functions"),
+            "identity": (isinstance(self.identity, Mapping), "a mapping from names to what JSON knows"),
+            "companion": (learns, "an object with the methods state and restore"),
+        }
+        for name, (holds, expected) in rules.items():
+            if not holds:
+                raise TypeError(f"{name} must be {expected}, got {getattr(self, name)!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +185,8 @@ def fit(
         config: default `FitConfig()`.
 
     Raises:
-        TypeError: a config or an objective of another kind.
-        ValueError: an empty sketch; a checkpoint of another run.
+        TypeError: a config, an objective or cameras of another kind.
+        ValueError: a sketch without strokes, cameras without views; a checkpoint of another run.
         FloatingPointError: in the loop, when a loss or a gradient is not finite; names the step. On a GPU, for which no
             step waits, up to `LOOK_EVERY` steps later; such a step has no gradient.
     """
@@ -187,16 +199,24 @@ def fit(
         raise ValueError("the sketch has no strokes to fit")
     if config.rates.width and not bool((sketch.width > 0).all()):
         raise ValueError("a stroke of width 0 cannot grow: give all strokes a width to fit widths")
+    sampler = _sampler(cameras)
     companion = config.companion.state() if config.companion is not None else {}
     state = replace(start(sketch.detach(), config.seed), companion=companion)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
         state = read_checkpoint(config.checkpoint, _settings(config)).to(sketch.points.device)
         if config.companion is not None:
             config.companion.restore(state.companion)
-    return _run(state, objective, cameras if callable(cameras) else _always(cameras), config)
+    return _run(state, objective, sampler, config)
 
 
-def _always(cameras: Cameras) -> CameraSampler:
+def _sampler(cameras: Cameras | CameraSampler) -> CameraSampler:
+    """The views of a step, by its index."""
+    if callable(cameras):
+        return cameras
+    if not isinstance(cameras, Cameras):
+        raise TypeError(f"cameras must be Cameras or a function of step and generator, got {type(cameras).__name__}")
+    if not len(cameras):
+        raise ValueError("the cameras have no views to fit")
     return lambda step, generator: cameras
 
 
@@ -267,9 +287,9 @@ def _assembled(sketch: Sketch, leaves: dict[str, Tensor]) -> Sketch:
 
 def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
     """The loss, detached, and the gradients. On a GPU, if not all is finite, NaN and zeros: nothing waits here."""
-    if not isinstance(loss, Tensor) or loss.numel() != 1:
-        got = tuple(loss.shape) if isinstance(loss, Tensor) else type(loss).__name__
-        raise ValueError(f"the objective must return a scalar tensor, got {got}")
+    if not isinstance(loss, Tensor) or loss.numel() != 1 or loss.is_complex():
+        got = f"{loss.dtype} of shape {tuple(loss.shape)}" if isinstance(loss, Tensor) else type(loss).__name__
+        raise ValueError(f"the objective must return a real scalar tensor, got {got}")
     if not loss.requires_grad:
         raise ValueError(
             "the objective's loss has no gradient: compute it from the rendering, not from detached tensors"

@@ -7,6 +7,7 @@ from typing import Literal, get_args
 import torch
 
 from diff3ds import bezier
+from diff3ds._checks import as_numbers, check_generator, kind
 from diff3ds._shapes import Float, Tensor
 
 WidthSpace = Literal["image", "world"]
@@ -54,7 +55,7 @@ class Sketch:
         width_space: WidthSpace = "image",
     ) -> None:
         if not isinstance(points, Tensor) or not points.is_floating_point():
-            raise TypeError(f"points must be a floating point tensor, got {_kind(points)}")
+            raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
         if points.ndim != 3 or points.shape[1] not in (2, 3, 4) or points.shape[2] != 3:
             hint = ": add a leading stroke axis with points[None]" if points.ndim == 2 else ""
             raise ValueError(f"points must have shape (N, K, 3), K = 2, 3 or 4, got {tuple(points.shape)}{hint}")
@@ -174,7 +175,13 @@ class Sketch:
             radius: of the ball, world units.
             extent: length of the strokes as a fraction of the radius.
             width: as for `Sketch`.
+
+        Raises:
+            TypeError, ValueError: no generator, a negative count, or values that `Sketch` refuses.
         """
+        check_generator(generator)
+        if not isinstance(count, int) or count < 0:
+            raise ValueError(f"count must be a whole number, not negative, got {count!r}")
 
         def normal(*shape: int) -> Tensor:
             return torch.randn(*shape, 3, generator=generator, device=generator.device)
@@ -195,10 +202,7 @@ def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...]) ->
         if value.device != points.device:
             raise ValueError(f"{name} must be on the device of points, {points.device}, got {value.device}")
     else:
-        try:
-            value = torch.as_tensor(value, dtype=points.dtype, device=points.device)
-        except (TypeError, ValueError, RuntimeError) as error:
-            raise TypeError(f"{name} must be a number or a tensor, got {_kind(value)}") from error
+        value = as_numbers(name, value, points.dtype, points.device)
     if (
         value.ndim < len(shape)
         and value.shape == shape[len(shape) - value.ndim :]
@@ -208,7 +212,3 @@ def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...]) ->
     if value.shape != shape:
         raise ValueError(f"{name} must have shape {shape} for {shape[0]} strokes, got {tuple(value.shape)}")
     return value
-
-
-def _kind(value: object) -> str:
-    return str(value.dtype) if isinstance(value, Tensor) else type(value).__name__

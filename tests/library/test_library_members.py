@@ -140,5 +140,10 @@ def test_what_is_unknown_is_refused_with_what_is_known():
         member("chair", generator, ("zzz",))
     with pytest.raises(ValueError, match="no table has all of round, square"):
         member("table", generator, ("square", "round"))
-    with pytest.raises(ValueError, match="must be a collection of names, got the string 'round'"):
-        member("table", generator, "round")
+    for attributes in ("round", 3):
+        with pytest.raises(ValueError, match=f"attributes must be a collection of names, got {attributes!r}"):
+            member("table", generator, attributes)
+    with pytest.raises(ValueError, match="no category is named 3; there are airplane"):
+        member(3, generator)
+    with pytest.raises(TypeError, match=r"generator must be a torch.Generator, such as .*, got 3"):
+        member("chair", 3)

@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -99,7 +98,8 @@ def test_fields(backend, strokes, change, error, message):
         ({"background": NAN}, ValueError, "background must be finite, got nan"),
         ({"background": (0.0, float("inf"), 0.0)}, ValueError, "background must be finite, got (0.0, inf, 0.0)"),
         ({"background": torch.full((3,), NAN).double()}, ValueError, "must be finite, got NaN or infinite values"),
-        ({"generator": 5, "antialiasing": "montecarlo"}, TypeError, "generator must be a torch.Generator or None, got"),
+        ({"generator": 5}, TypeError, "generator must be a torch.Generator, such as torch.Generator().manual_seed(0)"),
+        ({"generator": 5, "antialiasing": "montecarlo"}, TypeError, "generator must be a torch.Generator, such as "),
         ({"background": np.full((16, 16, 3), NAN)}, ValueError, "must be finite, got NaN or infinite values"),
         ({"background": None}, TypeError, "background must be a number, three numbers or a tensor, got NoneType"),
         ({"background": "white"}, TypeError, "background must be a number, three numbers or a tensor, got str"),
@@ -114,10 +114,13 @@ def test_options(backend, strokes, options, error, message):
 
 def test_a_generator_on_a_device(backend, strokes):
     """Its number would have to be waited for."""
-    generator = SimpleNamespace(device=torch.device("cuda", 1))
+
+    class Elsewhere(torch.Generator):
+        device = torch.device("cuda", 1)
+
     message = "generator must be on the CPU, wherever the strokes are, got one on cuda:1: use torch.Generator()"
     with pytest.raises(ValueError, match=re.escape(message)):
-        rasterize(strokes, 16, antialiasing="montecarlo", generator=generator, backend=backend)
+        rasterize(strokes, 16, antialiasing="montecarlo", generator=Elsewhere(), backend=backend)
 
 
 def test_arguments_of_render(backend):
@@ -160,9 +163,10 @@ def available() -> list[str]:
     return available_backends()
 
 
-def test_number_of_threads():
-    with pytest.raises(ValueError, match="the number of threads must be positive, got 0"):
-        set_num_threads(0)
+@pytest.mark.parametrize(("count", "got"), [(0, "0"), ("x", "'x'"), (2.5, "2.5")])
+def test_number_of_threads(count, got):
+    with pytest.raises(ValueError, match=f"the number of threads must be a positive integer or None, got {got}"):
+        set_num_threads(count)
 
 
 @pytest.mark.skipif("cpu" not in available(), reason="installed without compiled kernels")

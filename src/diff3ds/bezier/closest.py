@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import torch
 
+from diff3ds._checks import check_finite
 from diff3ds._shapes import Float, Tensor
-from diff3ds.bezier.curves import bernstein, check_curves, check_finite, homogeneous
+from diff3ds.bezier.curves import bernstein, check_curves, homogeneous
 from diff3ds.bezier.pieces import (
     TAME_RATIO,
     derivative_numerator,

@@ -4,6 +4,7 @@ import math
 
 import torch
 
+from diff3ds._checks import kind
 from diff3ds._shapes import Float, Tensor
 
 MAX_DEGREE = 3
@@ -17,7 +18,7 @@ def check_curves(points: Tensor, weights: Tensor | None) -> tuple[Tensor, Tensor
         ValueError: not 2, 3 or 4 control points, or weights of another shape.
     """
     if not isinstance(points, Tensor) or not points.is_floating_point():
-        raise TypeError(f"points must be a floating point tensor, got {_kind(points)}")
+        raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
     if points.ndim < 2 or not 2 <= points.shape[-2] <= MAX_DEGREE + 1:
         raise ValueError(
             f"points must have shape (..., K, D) with K = 2, 3 or 4 control points, got {tuple(points.shape)}"
@@ -25,21 +26,10 @@ def check_curves(points: Tensor, weights: Tensor | None) -> tuple[Tensor, Tensor
     if weights is None:
         return points, points.new_ones(points.shape[:-1])
     if not isinstance(weights, Tensor) or not weights.is_floating_point():
-        raise TypeError(f"weights must be a floating point tensor, got {_kind(weights)}")
+        raise TypeError(f"weights must be a floating point tensor, got {kind(weights)}")
     if weights.shape != points.shape[:-1]:
         raise ValueError(f"weights must have shape {tuple(points.shape[:-1])}, got {tuple(weights.shape)}")
     return points, weights
-
-
-def check_finite(**values: Tensor) -> None:
-    """Raises ValueError for NaN and infinity, which no search ends with; waits for a GPU."""
-    for name, value in values.items():
-        if not bool(value.detach().isfinite().all()):
-            raise ValueError(f"{name} must be finite, got NaN or infinity")
-
-
-def _kind(value: object) -> str:
-    return str(value.dtype) if isinstance(value, Tensor) else type(value).__name__
 
 
 def bernstein(t: Float[Tensor, "*B"], degree: int) -> Float[Tensor, "*B K"]:
@@ -86,7 +76,8 @@ def evaluate(
         t: parameters, usually in [0, 1]; the batch axes broadcast with those of the curves.
 
     Returns:
-        Positions in the unit of the control points.
+        Positions in the unit of the control points; NaN where those are not finite: values are not looked at here,
+        which would wait for a GPU.
 
     Raises:
         TypeError, ValueError: dtypes or shapes that do not fit.

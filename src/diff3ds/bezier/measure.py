@@ -3,10 +3,10 @@
 import numpy as np
 import torch
 
+from diff3ds._checks import check_finite
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier.curves import (
     check_curves,
-    check_finite,
     evaluate,
     from_homogeneous,
     homogeneous,
@@ -190,9 +190,10 @@ def bounding_box(
     The extremes are real roots of X' W - X W' (degree 2 n - 2), or the ends. Differentiable.
 
     Raises:
-        TypeError, ValueError: dtypes or shapes that do not fit.
+        TypeError, ValueError: dtypes or shapes that do not fit, values that are not finite.
     """
     points, weights = check_curves(points, weights)
+    check_finite(points=points, weights=weights)
     low, high = homogeneous_box(homogeneous(points.double(), weights.double()))
     return low.to(points.dtype), high.to(points.dtype)
 

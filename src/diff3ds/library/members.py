@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
+from diff3ds._checks import check_generator
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
@@ -46,11 +47,13 @@ def member(category: str, generator: torch.Generator, attributes: Collection[str
     """Draws a member of a category; the generator (on the CPU) varies its proportions.
 
     Raises:
+        TypeError: no generator.
         ValueError: no such category, no such attribute of it, or attributes that exclude each other; the message says
             what there is.
     """
     kind = _find(category)
     names = _check(kind, attributes)
+    check_generator(generator)
 
     def vary(low: float, high: float) -> float:
         return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
@@ -59,15 +62,15 @@ def member(category: str, generator: torch.Generator, attributes: Collection[str
 
 
 def _find(category: str) -> Category:
-    if category not in CATEGORIES:
+    if not (isinstance(category, str) and category in CATEGORIES):
         raise ValueError(f"no category is named {category!r}{_nearest(category, CATEGORIES)}")
     return CATEGORIES[category]
 
 
 def _check(category: Category, attributes: Collection[str]) -> tuple[str, ...]:
     """The attributes in the category's order."""
-    if isinstance(attributes, str):
-        raise ValueError(f"attributes must be a collection of names, got the string {attributes!r}")
+    if isinstance(attributes, str) or not isinstance(attributes, Collection):
+        raise ValueError(f"attributes must be a collection of names, got {attributes!r}")
     known = [attribute.name for attribute in category.attributes]
     for name in attributes:
         if name not in known:
@@ -78,9 +81,9 @@ def _check(category: Category, attributes: Collection[str]) -> tuple[str, ...]:
     return chosen
 
 
-def _nearest(word: str, known: Iterable[str]) -> str:
+def _nearest(word: object, known: Iterable[str]) -> str:
     names = list(known)
-    near = difflib.get_close_matches(word, names, n=3)
+    near = difflib.get_close_matches(str(word), names, n=3)
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names) or 'none'}"
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple, cast
 
 import torch
 
+from diff3ds._checks import check_generator
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
@@ -173,6 +174,8 @@ def _way(
 ) -> _Way:
     canvas = canvas_from(background, like, shape)
     check_blur(blur, antialiasing)
+    if generator is not None:
+        check_generator(generator)
     sampled = antialiasing == "montecarlo"
     return _Way(canvas, blur, *((strata_from(samples), seed_from(generator)) if sampled else (0, 0)))
 

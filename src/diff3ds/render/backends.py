@@ -40,11 +40,11 @@ def set_num_threads(count: int | None) -> None:
     Results do not depend on it, to the last bit.
 
     Raises:
-        ValueError: not a positive number.
+        ValueError: not a positive integer.
     """
     global _thread_count
-    if count is not None and count < 1:
-        raise ValueError(f"the number of threads must be positive, got {count}")
+    if count is not None and not (isinstance(count, int) and count > 0):
+        raise ValueError(f"the number of threads must be a positive integer or None, got {count!r}")
     _thread_count = count
 
 
