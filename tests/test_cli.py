@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import sys
 from datetime import timedelta
 
 import pytest
@@ -13,9 +14,10 @@ import diff3ds as ds
 from diff3ds import cli
 from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.tasks import views
 from diff3ds.tasks.progress import Progress
 
-COMMANDS = ["text", "image", "views", "eval", "fetch", "doctor"]
+COMMANDS = ["text", "image", "views", "eval", "prior", "fetch", "doctor"]
 
 
 def ends(arguments: list[str], capsys) -> tuple[int, str, str]:
@@ -31,6 +33,17 @@ def test_every_command_explains_itself(command, capsys):
     code, out, _ = ends([command, "--help"], capsys)
     assert code == 0
     assert f"usage: diff3ds {command}" in out
+
+
+def test_help_tells_of_what_is_already_given(capsys):
+    assert re.search(r"usage: diff3ds prior .*\{train\}", ends(["prior", "train", "--help"], capsys)[1])
+
+
+def test_help_says_what_happens_without_an_option(capsys):
+    """--no-sharpen (default: True) would say the contrary."""
+    said = " ".join(ends(["text", "--help"], capsys)[1].split())
+    assert "(default: with them)" in said
+    assert "default: True" not in said
 
 
 def test_the_recipe_has_options_of_its_own(capsys):
@@ -71,13 +84,17 @@ def test_doctor_as_json_is_json(capsys):
         (["eval", "runs", "--elevation", "nan"], "diff3ds: --elevation must be finite, got nan"),
         (["views", "--recipe", "3doodle", "x", "--width", "inf"], "diff3ds: --width must be finite, got inf"),
         (["views", "--recipe", "3doodle", "x", "--clip-weight", "-1"], "--clip-weight and --vgg-weight must not be"),
-        (["text", "a chair", "--steps", "many"], "Error parsing --steps"),
+        (["text", "a chair", "--steps", "many"], "diff3ds: --steps must be a whole number, got 'many'"),
+        (["text", "a chair", "--seed=1.5"], "diff3ds: --seed must be a whole number, got '1.5'"),
+        (["text", "a chair", "--rate", "slow"], "diff3ds: --rate must be a number, got 'slow'"),
+        (["text", "a chair", "--fov", "wide"], "diff3ds: --fov must be a number, got 'wide'"),
+        (["text", "a chair", "--distance", "1.8", "x"], "diff3ds: --distance must be two numbers, got '1.8', 'x'"),
         (["text", "a chair", "--stepz", "3"], "Unrecognized options: --stepz"),
+        (["text", "a chair", "--stepz", "3"], "run diff3ds text --help"),
+        (["views", "--recipe", "3doodle", "--demo"], "options of its own: diff3ds views --recipe 3doodle --help"),
+        (["views", "--recipe", "3doodle"], "diff3ds: give a transforms.json of coloured pictures, or a folder with"),
         (["text", "a", "chair"], 'A phrase of several words stands in quotes: diff3ds text "a chair with armrests"'),
-        (
-            ["text", "a chair", "--size", "70000"],
-            "diff3ds: --size must be a positive int or (height, width) up to 65536",
-        ),
+        (["text", "a chair", "--size", "70000"], "diff3ds: --size must be a whole number up to 65536, got 70000"),
         (["text", "a chair", "--seed", str(10**25)], "diff3ds: --seed must be a whole number from 0 to 2^63 - 1"),
         (["views", "--demo", "--seed", "-3"], "diff3ds: --seed must be a whole number from 0 to 2^63 - 1, got -3"),
     ],
@@ -97,6 +114,29 @@ def test_a_phrase_in_quotes_needs_no_hint(capsys, tmp_path, monkeypatch):
     _, _, said = ends(["text", "a chair", "--size", "64", "64"], capsys)
     assert "Unrecognized options: 64" in said
     assert "stands in quotes" not in said
+
+
+def test_faults_in_colours_are_told_alike(capsys, monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert "--seed must be a whole number, got '1.5'" in ends(["text", "a chair", "--seed", "1.5"], capsys)[2]
+    said = ends(["text", "a", "chair"], capsys)[2]
+    assert "\x1b" in said
+    assert "stands in quotes" in said
+
+
+@pytest.mark.parametrize(("given", "size"), [(64, 64), (1024, 256)])
+def test_pictures_of_the_demo_are_reduced(given, size, tmp_path, monkeypatch):
+    class Seen(Exception):  # noqa: N818
+        pass
+
+    def see(pictures, *arguments):
+        assert pictures.cameras.size == (size, size)
+        raise Seen
+
+    monkeypatch.setattr(views, "fit_edges", see)
+    with pytest.raises(Seen):
+        main(["views", "--demo", "--size", str(given), "-o", str(tmp_path), "--quiet"])
 
 
 def test_only_options_are_written_as_options():
@@ -138,6 +178,7 @@ def test_a_machine_without_room_is_a_sentence(error, capsys, tmp_path, monkeypat
 def test_the_version_is_said(capsys):
     cli.main(["--version"])
     assert capsys.readouterr().out == f"diff3ds {ds.__version__}\n"
+    assert '"diff3ds --version"' in ends(["--help"], capsys)[1]
 
 
 def test_a_folder_may_have_any_name(capsys, monkeypatch):

@@ -12,6 +12,10 @@ from typing import Any, get_type_hints
 
 import tyro
 
+_COLORS = re.compile(r"\x1b\[[\d;]*m")
+# By what tyro calls the values of options.
+_NUMBERS = {"INT": "a whole number", "FLOAT FLOAT": "two numbers", "FLOAT": "a number"}
+
 
 def read_options(commands: Mapping[str, type], arguments: list[str], description: str) -> Any:
     """The command that arguments name, with its options.
@@ -23,21 +27,38 @@ def read_options(commands: Mapping[str, type], arguments: list[str], description
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
-            return tyro.extras.subcommand_cli_from_dict(
-                dict(commands),
-                prog="diff3ds",
-                description=description,
-                args=arguments,
-                config=(tyro.conf.FlagCreatePairsOff,),
-            )
+            return _read(commands, arguments, description)
     except SystemExit as ended:
-        fault = _own_fault(ended)
+        plain = _COLORS.sub("", said.getvalue())
+        fault = _own_fault(ended) or _no_number(plain)
         if fault is None:
             sys.stderr.write(said.getvalue())
-            if "Unrecognized options" in said.getvalue() and "text" in arguments[:1] and " " not in arguments[1]:
-                sys.stderr.write('A phrase of several words stands in quotes: diff3ds text "a chair with armrests"\n')
+            if "Unrecognized options" in plain:
+                sys.stderr.write(_meant(arguments))
             raise
     raise fault
+
+
+def _read(commands: Mapping[str, type], arguments: list[str], description: str) -> Any:
+    config = (tyro.conf.FlagCreatePairsOff,)
+    name, *rest = arguments or [""]
+    if name not in commands:
+        return tyro.extras.subcommand_cli_from_dict(
+            dict(commands), prog="diff3ds", description=description, args=arguments, config=config
+        )
+    # tyro's help leaves out what is given before it: "train".
+    rest = ["--help"] if {"-h", "--help"} & {*rest} else rest
+    # As a program of its own: what it says of faults names its options and its help, and no other command's.
+    return tyro.cli(commands[name], prog=f"diff3ds {name}", args=rest, config=config)
+
+
+def _meant(arguments: list[str]) -> str:
+    """What may be at the bottom of options that are not known."""
+    if arguments[0] == "text" and " " not in arguments[1]:
+        return 'A phrase of several words stands in quotes: diff3ds text "a chair with armrests"\n'
+    if any(word.startswith("--recipe") for word in arguments):
+        return "A recipe has options of its own: diff3ds views --recipe 3doodle --help\n"
+    return ""
 
 
 def require_finite(options: Any) -> None:
@@ -69,6 +90,14 @@ def _fields(command: type) -> list[str]:
     """Names of all fields of the dataclasses of options that a command has."""
     kinds = [kind for kind in get_type_hints(command).values() if dataclasses.is_dataclass(kind)]
     return [field.name for kind in kinds for field in dataclasses.fields(kind)]
+
+
+def _no_number(said: str) -> ValueError | None:
+    """The fault of words where tyro wants numbers, which it tells as Python does; None if it says something else."""
+    kinds = "|".join(_NUMBERS)
+    pattern = rf"Error parsing (--[\w-]+):.*?('.*?'(?:, '.*?')*).*helptext:\W+\1 ({{None}}\|)?({kinds})\b"
+    found = re.search(pattern, said, re.DOTALL)
+    return ValueError(f"{found[1]} must be {_NUMBERS[found[4]]}, got {found[2]}") if found else None
 
 
 def _own_fault(ended: SystemExit) -> ValueError | None:

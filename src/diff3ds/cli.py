@@ -81,7 +81,7 @@ class Doodle:
     fit: OmitArgPrefixes[DoodleOptions]
     recipe: Recipe
     # transforms.json, or a folder with one.
-    source: Positional[Path]
+    source: Positional[Path | None] = None
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
     # No progress, only errors.
@@ -89,6 +89,8 @@ class Doodle:
 
     def run(self) -> None:
         """Runs the command."""
+        if self.source is None:
+            raise ValueError("give a transforms.json of coloured pictures, or a folder with one")
         console = Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_doodle(self.source, self.out, self.fit, report)
@@ -255,6 +257,7 @@ class Doctor:
             Console().print(as_tables(found))
 
 
+_ABOUT = '3D sketches of rational Bézier strokes. "diff3ds --version" says which version this is.'
 _TOO_LARGE = "there is not enough memory. Try fewer strokes, a smaller --batch or --size"
 
 
@@ -270,7 +273,7 @@ def main(arguments: list[str] | None = None) -> None:
     commands |= {"eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor}
     command = None
     try:
-        command = read_options(commands, arguments, "3D sketches of rational Bézier strokes.")
+        command = read_options(commands, arguments, _ABOUT)
         command.run()
     except KeyboardInterrupt as stop:
         Console(stderr=True).print(_stopped(command, stop))

@@ -350,7 +350,7 @@ def test_random_curves_want_drawings(colored, capsys):
         (["views", "somewhere"], FAULT, "somewhere: no such file or folder"),
         (["views", "--demo", "--steps", "0"], FAULT, "--steps must be positive, got 0"),
         (["views", "--demo", "--strokes", "-3"], FAULT, "--strokes must be positive, got -3"),
-        (["views", "--demo", "--size", "many"], 2, "--size"),
+        (["views", "--demo", "--size", "many"], FAULT, "--size must be a whole number, got 'many'"),
         ([], 2, "views"),
     ],
 )

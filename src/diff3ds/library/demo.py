@@ -10,6 +10,8 @@ from diff3ds.camera import Cameras, orbit
 from diff3ds.sketch import Sketch
 
 LEGS = 4
+# Of the pictures, pixels.
+DEMO_SIZE = 256
 # World units: the stool is two high and stands in the unit ball.
 SEAT_RADIUS, SEAT_TOP, SEAT_BOTTOM = 0.5, 0.7, 0.56
 FOOT_RADIUS, FOOT = 0.62, -0.75
@@ -29,7 +31,7 @@ def demo_sketch() -> Sketch:
     return Sketch.concatenate([*(_ring(radius, height) for radius, height in circles), Sketch(legs), Sketch(sides)])
 
 
-def demo_cameras(views: int = 24, size: int = 256) -> Cameras:
+def demo_cameras(views: int = 24, size: int = DEMO_SIZE) -> Cameras:
     """Views from all around, at five elevations in turn."""
     azimuth = [360 * i / views for i in range(views)]
     return orbit(azimuth, [(-10.0, 35.0, 5.0, 50.0, 20.0)[i % 5] for i in range(views)], 2.6, fov=45, size=size)

@@ -281,5 +281,6 @@ def _unknown(phrase: str, said: str, near: list[str], otherwise: str) -> str:
     hint = f"the nearest that it knows: {', '.join(near)}" if near else otherwise
     return (
         f"{phrase!r}: the built-in prior does not know {said!r}; {hint}. "
-        'For any phrase use MVDream, on a GPU: diff3ds fetch mvdream, then diff3ds text "..." --prior mvdream'
+        "For anything else use a network, on a GPU: for phrases diff3ds fetch mvdream, then --prior mvdream; for "
+        "pictures zero123 in its place"
     )

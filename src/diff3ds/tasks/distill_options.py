@@ -1,10 +1,12 @@
 """Options that `diff3ds text` and `diff3ds image` share, and the presets that fill them in."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Annotated, Literal
+
+from tyro.conf import arg
 
 from diff3ds._options import require_finite
-from diff3ds.camera import check_size
+from diff3ds.camera import MAX_SIZE
 from diff3ds.checkpoint import check_seed
 from diff3ds.guidance.device import Work
 from diff3ds.guidance.distill import Weighting
@@ -128,7 +130,8 @@ class DistillOptions:
     delete_length: float = 0.1
     delete_from: float = 0.5
     delete_every: float = 0.025
-    sharpen: bool = True
+    # The option is --no-sharpen, whose default is not True.
+    sharpen: Annotated[bool, arg(help_behavior_hint="(default: with them)")] = True
     sheet_every: int = 500
     seed: int = 0
     resume: bool = False
@@ -149,8 +152,8 @@ class DistillOptions:
             if value is not None and not value >= 0:
                 raise ValueError(f"{name} must not be negative, got {value}")
         check_seed(self.seed)
-        if self.size is not None:
-            check_size(self.size)
+        if self.size is not None and not (isinstance(self.size, int) and self.size <= MAX_SIZE):
+            raise ValueError(f"size must be a whole number up to {MAX_SIZE}, got {self.size}")
         if not 0 < self.fov < 180:
             raise ValueError(f"fov must lie in (0, 180) degrees, got {self.fov}")
         if not self.optimize:

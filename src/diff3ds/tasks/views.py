@@ -11,7 +11,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.checkpoint import read_checkpoint
 from diff3ds.fit import fit
 from diff3ds.formats import tile_images
-from diff3ds.library.demo import demo_cameras, demo_sketch
+from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import color_or_path, described
@@ -62,7 +62,7 @@ def fit_views(
         raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
-    pictures = demo_pictures() if path is None else load_posed(path, options.target, options.size, out)
+    pictures = demo_pictures(options.size) if path is None else load_posed(path, options.target, options.size, out)
     plates = _plates(pictures, path, options, out)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
@@ -97,9 +97,9 @@ def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
     return tile_images(pairs, columns=2)
 
 
-def demo_pictures() -> PosedPictures:
-    """Line drawings of the package's own scene from all around."""
-    cameras = demo_cameras()
+def demo_pictures(size: int = DEMO_SIZE) -> PosedPictures:
+    """Line drawings of the package's own scene from all around, reduced to this size as other pictures are."""
+    cameras = demo_cameras(size=min(size, DEMO_SIZE))
     alpha = render(demo_sketch(), cameras).alpha
     return PosedPictures(cameras, "edges", store_of(alpha[..., None]), tuple(f"view {i}" for i in range(len(cameras))))
 
