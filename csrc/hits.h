@@ -89,15 +89,13 @@ template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const P
   }
 }
 
-// From a start on a chord nearly to the nearest point, and its squared distance.
+// From a start on a chord to the nearest point, and its squared distance.
 struct Settled { vf tau, d2; };
-SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy) {
-  const Approach<vf> first = newton_step(c, start, qx, qy), again = newton_step(c, first.tau, qx, qy);
-  const Point<vf> end = point_at(c, again.tau);
-  const vf dx = end.x - qx, dy = end.y - qy, end_d2 = dx * dx + dy * dy;
-  // In a bend tighter than the distance Newton may go astray: then the start is better.
-  return {select(end_d2 <= first.start, end.tau, start), lesser(end_d2, first.start)};
+SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy, vi in) {
+  const Point<vf> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, in);
+  return {point.tau, (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy)};
 }
+SIMD vi lanes_before(uint32_t i, uint32_t n) { return iota() < splat_int(integer(n - i)); }
 
 // The nearest points of candidates [n0, n) of one piece; the best so far of each pixel is kept in k.best (squared distance), best_tau, best_piece.
 template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
@@ -106,7 +104,7 @@ template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, cons
     const vi px = load(k.px + i) & (PIX - 1);
     vf qx, qy;
     points_of<POINTS>(k, p, c, px, qx, qy);
-    const Settled s = settle(c, load(k.t + i), qx, qy);
+    const Settled s = settle(c, load(k.t + i), qx, qy, lanes_before(i, n));
     const int lanes = int(n - i) < VL ? int(n - i) : VL;
     for (int j = 0; j < lanes; j++) {
       const int q = int(px[j]);
@@ -115,28 +113,18 @@ template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, cons
   }
 }
 
-// Decides between k.tau, from the nearest chord, and the second ones of the candidates [n0, n): the one that leads nearer goes to k.tau.
+// Decides between k.tau, from the nearest chord, and other starts, the candidates [n0, n), no point twice: the one that leads nearer goes to k.tau.
 template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
   const Piece<real> c = J.pieces[piece];
   for (uint32_t i = n0; i < n; i += VL) {
-    const vi px = load(k.px + i) & (PIX - 1);
+    const vi px = load(k.px + i) & (PIX - 1), in = lanes_before(i, n);
     vf qx, qy, nearest;
     points_of<POINTS>(k, p, c, px, qx, qy);
     for (int j = 0; j < VL; j++) nearest[j] = k.tau[px[j]];
-    const Settled a = settle(c, nearest, qx, qy), b = settle(c, load(k.t + i), qx, qy);
+    const Settled a = settle(c, nearest, qx, qy, in), b = settle(c, load(k.t + i), qx, qy, in);
     const vf tau = select(b.d2 < a.d2, b.tau, a.tau);
     const int lanes = int(n - i) < VL ? int(n - i) : VL;
     for (int j = 0; j < lanes; j++) k.tau[px[j]] = tau[j];
-  }
-}
-
-// All candidates [n0, n) of one piece.
-template <int POINTS> SIMD void settle_all(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
-  const Piece<real> c = J.pieces[piece];
-  for (uint32_t i = n0; i < n; i += VL) {
-    vf qx, qy;
-    points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
-    store(k.t + i, settle(c, load(k.t + i), qx, qy).tau);
   }
 }
 
@@ -159,18 +147,42 @@ SIMD uint32_t pack_second(const Job<real> &J, Work &k, Rows rows, uint32_t n, re
   });
 }
 
-// Candidates of a stroke with bends or cusps over the tile, but a single piece: from the two nearest chords that are no neighbours.
-template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
-  const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
-  const uint32_t second = pack_second(J, k, rows, n0, R);
-  decide<POINTS>(J, e.piece, p, k, n0, second);
-  const uint32_t n1 = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
-  // Where two places are as near, the centre of curvature is not far, and Newton's way is long.
-  if (second > n0) settle_all<POINTS>(J, e.piece, p, k, n0, n1);
-  return add_layer(k, e.piece, e.slot, n0, n1);
+// The same where an end of the piece, at this chord, may be the nearest point of a bend; where it is what nearest_two_chords found, from the
+// middle of the chord. Neither is so where the point lies farther to one side of the end than the chord turns.
+template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord, bool stop, const Place &p, Work &k, uint32_t n, real R) {
+  const Chord<real> c = J.chords[chord];
+  const ChordInfo &info = J.chord_info[chord];
+  if (info.turn * float(R) < BENT_END * info.length) return n;
+  const real end = stop ? real(.5) : real(-.5), x = stop ? c.ex : real(0), y = stop ? c.ey : real(0), middle = chord_tau(c, real(.5));
+  const real inwards = stop ? real(-1) : real(1), turn = real(info.turn) * info.length;
+  visit_chord<POINTS>(p, k, c, R, [&](int i, vf dx, vf dy) SIMD_LAMBDA {
+    const vf ex = dx - x, ey = dy - y, d2 = ex * ex + ey * ey, along = (ex * c.ex + ey * c.ey) * inwards;
+    const vf limit = root(load(k.d2 + i)) + J.chord_slack;
+    const vi found = load(k.tau + i) == splat(end);
+    const Mask m = bits((d2 < limit * limit) & (d2 < R * R) & (select(found, -along, along) < turn * root(d2)));
+    compress_store(k.t + n, select(found, splat(middle), splat(end)), m);
+    compress_store(k.px + n, iota() + integer(i), m);
+    n += count(m);
+  });
+  return n;
 }
 
-// Candidates of a stroke with several pieces over the tile: from the two nearest chords of every piece that are no neighbours.
+// Candidates from n on besides the nearest of the chords first .. last of a piece, in lists without a point twice: use(where the list ends).
+template <int POINTS, class Use>
+SIMD void other_candidates(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, Rows rows, uint32_t n, real R, Use use) {
+  use(pack_second(J, k, rows, n, R));
+  if (J.chords[first].tau0 == real(-.5)) use(pack_end<POINTS>(J, first, false, p, k, n, R));
+  if (J.chords[last].tau0 + J.chords[last].dtau == real(.5)) use(pack_end<POINTS>(J, last, true, p, k, n, R));
+}
+
+// Candidates of a stroke with bends or cusps over the tile, but a single piece.
+template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
+  const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
+  other_candidates<POINTS>(J, e.first, e.last, p, k, rows, n0, R, [&](uint32_t n) SIMD_LAMBDA { decide<POINTS>(J, e.piece, p, k, n0, n); });
+  return add_layer(k, e.piece, e.slot, n0, pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
+}
+
+// Candidates of a stroke with several pieces over the tile: the best of all pieces.
 template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
   for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
   Rows all = {TILE, -1};
@@ -178,8 +190,9 @@ template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, co
     const uint32_t piece = J.chord_info[first].piece;
     for (last = first; last < e.last && J.chord_info[last + 1].piece == piece;) last++;
     const Rows rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
-    const uint32_t n1 = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
-    improve<POINTS>(J, piece, p, k, n0, pack_second(J, k, rows, n1, R));
+    const auto use = [&](uint32_t n) SIMD_LAMBDA { improve<POINTS>(J, piece, p, k, n0, n); };
+    use(pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
+    other_candidates<POINTS>(J, first, last, p, k, rows, n0, R, use);
     all = join(all, rows);
   }
   for (uint32_t piece = e.piece; piece < e.piece + e.pieces; piece++) {
@@ -192,9 +205,6 @@ template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, co
   return n0;
 }
 
-// Newton steps after the second, where the parameter runs unevenly along a chord (rare).
-constexpr int MORE_STEPS = 6;
-
 // Coverage and depth at the nearest point of all candidates up to `end`; the covered ones stay as fragments. Loops over the vectors of all
 // layers, and two short ones instead of a long one: the processor then works on several vectors at a time. Returns the number of fragments.
 template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
@@ -205,7 +215,7 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
     vf qx, qy;
     points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
     const Approach<vf> step = newton_step(c, start, qx, qy);
-    store(k.start + i, start), store(k.t + i, step.tau), store(k.a + i, step.rate), store(k.z + i, step.start);
+    store(k.start + i, start), store(k.z + i, step.d2), store(k.t + i, step.tau), store(k.a + i, step.rate);
     store(k.T + i, qx), store(k.g + i, qy);
   }
   uint32_t n = 0;
@@ -214,21 +224,8 @@ template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, con
     const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
     const vf qx = load(k.T + i), qy = load(k.g + i);
-    vf rate = load(k.a + i);
-    vi far;
-    Point<vf> point = second_step(c, load(k.t + i), rate, qx, qy, far);
-    for (int tries = 0; tries < MORE_STEPS && any(far & (px >= 0)); tries++) {
-      const Approach<vf> step = newton_step(c, point.tau, qx, qy);
-      rate = select(far, step.rate, rate);
-      point = second_step(c, select(far, step.tau, point.tau), rate, qx, qy, far);
-    }
-    // In a bend tighter than the distance Newton may go astray: then the start is better.
-    const vi astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > load(k.z + i) * real(1.0001);
-    if (any(astray)) {
-      const Point<vf> start = point_at(c, load(k.start + i));
-      point.tau = select(astray, start.tau, point.tau), point.z = select(astray, start.z, point.z);
-      point.x = select(astray, start.x, point.x), point.y = select(astray, start.y, point.y);
-    }
+    const Approach<vf> step = {load(k.start + i), load(k.z + i), load(k.t + i), load(k.a + i)};
+    const Point<vf> point = arrive(c, step, qx, qy, px >= 0);
     const Fragment<vf> g = fragment<WORLD>(c, filter, point, qx, qy);
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
@@ -268,7 +265,7 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
     const Entry &entry = J.entries[e], &next = J.entries[e + 1];
     __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
     const real R = J.reach[entry.stroke];
-    reserve(k, n, n + 2 * PIX);
+    reserve(k, n, n + PIX);
     if (!entry.smooth) {
       n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
       continue;

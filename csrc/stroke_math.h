@@ -21,7 +21,10 @@ constexpr double MIN_ALPHA = 1e-6;    // pixels with less ink than this have no 
 // for a second the curve would have to turn round.
 constexpr float SMOOTH_TURN = 2.5f;
 constexpr double TIGHT = .75;
+// At an end of a piece a curve whose chord turns by more than this times its length over the reach may come near twice within the chord.
+constexpr float BENT_END = .3f;       // (empirical)
 
+HD bool any(bool m) { return m; }
 HD float select(bool m, float a, float b) { return m ? a : b; }
 HD double select(bool m, double a, double b) { return m ? a : b; }
 // What is no number becomes lo, as it does in vectors.
@@ -119,29 +122,74 @@ template <class F, class S> HD Point<F> point_at(const Piece<S> &c, F tau) {
   return {tau, cubic(c.x, tau) * iz, cubic(c.y, tau) * iz, z};
 }
 
-// Towards the point of the piece nearest to (qx, qy), from tau on a chord within CHORD_TOL (eq. 4): a Newton step on half the squared distance.
-// rate: the inverse of its slope there; start: the squared distance before.
-template <class F> struct Approach { F tau, rate, start; };
-template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F tau, F qx, F qy) {
-  const Jet<F> j = jet(c, tau);
+// Towards the point of the piece nearest to (qx, qy), from a parameter on a chord within CHORD_TOL (eq. 4): a Newton step on half the squared
+// distance. d2: the squared distance before; rate: the inverse of the slope there.
+template <class F> struct Approach { F from, d2, tau, rate; };
+template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from, F qx, F qy) {
+  const Jet<F> j = jet(c, from);
   const F rx = j.px - qx, ry = j.py - qy;
   const F vv = j.vx * j.vx + j.vy * j.vy + S(1e-30), f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
   // Gauss-Newton where the curvature term would turn the step uphill.
   const F rate = S(1) / select(f2 > S(.1) * vv, f2, vv);
-  return {clamp(tau - (rx * j.vx + ry * j.vy) * rate, S(-.5), S(.5)), rate, rx * rx + ry * ry};
+  return {from, rx * rx + ry * ry, clamp(from - (rx * j.vx + ry * j.vy) * rate, S(-.5), S(.5)), rate};
 }
-// A second step with the slope of the first, along the tangent. Where that is too long for the tangent to stand for the curve, it is not taken, and
-// `far` is set.
-constexpr double MAX_SECOND_STEP = .01;  // px: beyond, the gradient of sharply bent strokes loses digits (empirical)
-template <class F, class S, class M> HD Point<F> second_step(const Piece<S> &c, F tau, F rate, F qx, F qy, M &far) {
+
+// A second step with the slope of the first, along the tangent. bent: it is too long for the tangent to stand for the curve. far: it does not
+// lead to the nearest point, since it is long, hardly shorter than the first, or the first led uphill and is taken back.
+constexpr double TANGENT_STEP = .001;    // px: 1e-5 px off a bend with a radius of .05 px
+constexpr double LONG_STEP = .003;       // px: behind a longer one a third step would still be felt (empirical)
+constexpr double SLOW = .1;              // the second step over the first, squared: Newton's steps shrink faster (empirical)
+template <class F, class S, class M> HD Point<F> second_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &bent, M &far) {
   F x1, y1, z1;
-  const F z = cubic(c.z, tau, z1), iz = S(1) / z, px = cubic(c.x, tau, x1) * iz, py = cubic(c.y, tau, y1) * iz;
-  const F vx = (x1 - px * z1) * iz, vy = (y1 - py * z1) * iz;
-  const F next = clamp(tau - ((px - qx) * vx + (py - qy) * vy) * rate, S(-.5), S(.5)), wish = next - tau;
-  far = wish * wish * (vx * vx + vy * vy) > S(MAX_SECOND_STEP * MAX_SECOND_STEP);
-  const F step = select(far, wish * S(0), wish);
+  const F z = cubic(c.z, a.tau, z1), iz = S(1) / z, px = cubic(c.x, a.tau, x1) * iz, py = cubic(c.y, a.tau, y1) * iz;
+  const F vx = (x1 - px * z1) * iz, vy = (y1 - py * z1) * iz, rx = px - qx, ry = py - qy;
+  const F next = clamp(a.tau - (rx * vx + ry * vy) * a.rate, S(-.5), S(.5)), step = next - a.tau, first = a.tau - a.from;
+  const F moved2 = step * step * (vx * vx + vy * vy);
+  const M uphill = rx * rx + ry * ry > a.d2 * S(1.0001);
+  bent = (moved2 > S(TANGENT_STEP * TANGENT_STEP)) | uphill;
+  far = (bent & ((moved2 > S(LONG_STEP * LONG_STEP)) | (step * step > S(SLOW) * first * first))) | uphill;
   // Depth is no matter of pixels: near a vanishing point it may double within such a step.
-  return {tau + step, px + step * vx, py + step * vy, cubic(c.z, tau + step)};
+  return {select(uphill, a.from, next), px + step * vx, py + step * vy, cubic(c.z, next)};
+}
+
+// A step of Newton's, downhill, if it stays between the parameters last left in either direction, else to the middle of these. moved2: its
+// squared length in px along the tangent.
+template <class F> struct Bracket { F low, high; };
+template <class F, class S> HD F step_between(const Piece<S> &c, Bracket<F> &b, F tau, F qx, F qy, F &moved2) {
+  const Jet<F> j = jet(c, tau);
+  const F rx = j.px - qx, ry = j.py - qy, slope = rx * j.vx + ry * j.vy, vv = j.vx * j.vx + j.vy * j.vy + S(1e-30);
+  const F f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
+  const auto rises = slope >= S(0);
+  b.low = select(rises, b.low, tau), b.high = select(rises, tau, b.high);
+  const F newton = clamp(tau - slope / select(f2 > S(.001) * vv, f2, vv), S(-.5), S(.5));
+  const auto between = ((newton > b.low) & (newton < b.high)) | (newton == tau);
+  const F next = select(between, newton, clamp((b.low + b.high) * S(.5), S(-.5), S(.5)));
+  moved2 = (next - tau) * (next - tau) * vv;
+  return next;
+}
+
+constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
+template <class F, class M> HD Point<F> choose(const M &m, const Point<F> &a, const Point<F> &b) {
+  return {select(m, a.tau, b.tau), select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
+}
+// The nearest point, behind the first step. in: of interest; in other lanes whatever comes.
+template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &in) {
+  M bent, far;
+  Point<F> point = second_step(c, a, qx, qy, bent, far);
+  if (any(bent & in)) {
+    F tau = point.tau;
+    Bracket<F> bracket = {tau * S(0) - S(1), tau * S(0) + S(1)};  // wider than the piece: its ends have not been left yet
+    far = far & in;
+    for (int tries = 0; tries < MORE_STEPS && any(far); tries++) {
+      F moved2;
+      tau = select(far, step_between(c, bracket, tau, qx, qy, moved2), tau);
+      far = far & (moved2 > S(TANGENT_STEP * TANGENT_STEP));
+    }
+    point = choose(bent, point_at(c, tau), point);
+  }
+  // In a bend tighter than the distance all may have led astray: then the start is better.
+  const M astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > a.d2 * S(1.0001);
+  return any(astray) ? choose(astray, point_at(c, a.from), point) : point;
 }
 
 template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) {

@@ -30,30 +30,28 @@ template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u
 
 // The nearest point of a piece from a chord's parameter, as a candidate among others.
 struct Candidate { real d2, tau; u32 run; };
+__device__ inline Point<real> settle(const Piece<real> &c, real start, real qx, real qy) {
+  return arrive(c, newton_step(c, start, qx, qy), qx, qy, true);
+}
 __device__ inline void improve(const Piece<real> &c, u32 run, real start, real qx, real qy, Candidate &best) {
-  const Approach<real> first = newton_step(c, start, qx, qy), again = newton_step(c, first.tau, qx, qy);
-  const Point<real> end = point_at(c, again.tau);
-  const real end_d2 = (end.x - qx) * (end.x - qx) + (end.y - qy) * (end.y - qy);
-  // In a bend tighter than the distance Newton may go astray: then the start is better.
-  const bool good = end_d2 <= first.start;
-  const real d2 = good ? end_d2 : first.start;
-  if (d2 < best.d2) best = {d2, good ? end.tau : start, run};
+  const Point<real> point = settle(c, start, qx, qy);
+  const real d2 = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy);
+  if (d2 < best.d2) best = {d2, point.tau, run};
 }
 
-// Newton steps after the second, where the parameter runs unevenly along a chord (rare).
-constexpr int MORE_STEPS = 6;
-__device__ inline Point<real> settle(const Piece<real> &c, real start, real qx, real qy) {
-  const Approach<real> first = newton_step(c, start, qx, qy);
-  real rate = first.rate;
-  bool far;
-  Point<real> point = second_step(c, first.tau, rate, qx, qy, far);
-  for (int tries = 0; tries < MORE_STEPS && far; tries++) {
-    const Approach<real> step = newton_step(c, point.tau, qx, qy);
-    rate = step.rate;
-    point = second_step(c, step.tau, rate, qx, qy, far);
-  }
-  const bool astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > first.start * real(1.0001);
-  return astray ? point_at(c, start) : point;
+// Where an end of the piece, at this chord, may be the nearest point of a bend, improves on the best from there; where it is what the chords
+// say, from the middle of the chord. Neither is so where the point (x, y) lies farther to one side of the end than the chord turns.
+__device__ inline void improve_at_end(const Job &J, u32 chord, bool stop, const Tile &p, real x, real y, const Nearest &n, const Piece<real> &piece, u32 run,
+                                      real R, Candidate &best) {
+  const Chord<real> c = J.chords[chord];
+  const ChordInfo info = J.chord_info[chord];
+  const real end = stop ? real(.5) : real(-.5);
+  if ((stop ? c.tau0 + c.dtau : c.tau0) != end || info.turn * float(R) < BENT_END * info.length) return;
+  const real ex = real(p.x) - c.ax + x - (stop ? c.ex : real(0)), ey = real(p.y) - c.ay + y - (stop ? c.ey : real(0)), d2 = ex * ex + ey * ey;
+  const real limit = root(n.d2) + real(2 * CHORD_TOL), along = (ex * c.ex + ey * c.ey) * (stop ? real(-1) : real(1));
+  const bool found = n.tau == end;
+  if (!(d2 < limit * limit && d2 < R * R && (found ? -along : along) < real(info.turn) * info.length * root(d2))) return;
+  improve(piece, run, found ? chord_tau(c, real(.5)) : end, real(p.x) - piece.ox + x, real(p.y) - piece.oy + y, best);
 }
 
 __device__ inline u32 run_end(const Job &J, const Tile &p, u32 run) {
@@ -78,6 +76,8 @@ __device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first
     const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
     improve(c, r, n.tau, qx, qy, best);
     if (two) improve(c, r, n.second_tau, qx, qy, best);
+    improve_at_end(J, J.tile_list[run.first], false, p, x, y, n, c, r, R, best);
+    improve_at_end(J, J.tile_list[end - 1], true, p, x, y, n, c, r, R, best);
   }
   return best;
 }
