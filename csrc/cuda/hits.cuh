@@ -41,8 +41,8 @@ __device__ inline void improve(const Piece<real> &c, u32 run, real start, real q
 
 // Where an end of the piece, at this chord, may be the nearest point of a bend, improves on the best from there; where it is what the chords
 // say, from the middle of the chord. Neither is so where the point (x, y) lies farther to one side of the end than the chord turns.
-__device__ inline void improve_at_end(const Job &J, u32 chord, bool stop, const Tile &p, real x, real y, const Nearest &n, const Piece<real> &piece, u32 run,
-                                      real R, Candidate &best) {
+__device__ inline void improve_at_end(const Job &J, u32 chord, bool stop, const Tile &p, real x, real y, const Nearest &n, const Piece<real> &piece,
+                                      u32 run, real R, Candidate &best) {
   const Chord<real> c = J.chords[chord];
   const ChordInfo info = J.chord_info[chord];
   const real end = stop ? real(.5) : real(-.5);
