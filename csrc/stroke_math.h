@@ -188,7 +188,7 @@ template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const
     point = choose(bent, point_at(c, tau), point);
   }
   // In a bend tighter than the distance all may have led astray: then the start is better.
-  const M astray = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > a.d2 * S(1.0001);
+  const M astray = in & ((point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > a.d2 * S(1.0001));
   return any(astray) ? choose(astray, point_at(c, a.from), point) : point;
 }
 
