@@ -22,10 +22,11 @@ inline void relax() {
 #endif
 }
 
-// run(n, g, f): f(i, thread) for i in [0, n), taken g at a time in dynamic order. Workers spin briefly before they sleep; one that comes
+// run(n, g, f): f(i, thread) for i in [0, n), taken in runs that shrink down to g, in dynamic order. Workers spin briefly before they sleep; one that comes
 // late (or not at all: on a busy machine, or in a forked child, which has no workers) is not waited for. The first exception is rethrown.
 class Threads {
   using Body = std::function<void(int, int)>;
+  static constexpr int SHARES = 4;  // of what is left, a thread (empirical: 2 leaves threads idle at the end)
   std::vector<std::thread> workers_;
   std::mutex mutex_, busy_, error_mutex_;
   std::condition_variable wake_;
@@ -36,10 +37,18 @@ class Threads {
   int count_ = 0, grain_ = 1;
   bool open_ = false, stop_ = false;
 
+  // The next run: a share of what is left, since every exchange between threads waits for this one's stores past the caches.
+  bool take(int &begin, int &end) {
+    for (begin = next_; begin < count_;) {
+      end = std::min(count_, begin + std::max(grain_, (count_ - begin) / (SHARES * size())));
+      if (next_.compare_exchange_weak(begin, end)) return true;
+    }
+    return false;
+  }
   void work(int id) noexcept {
     try {
-      for (int i; (i = next_.fetch_add(grain_)) < count_;)
-        for (int j = i; j < std::min(count_, i + grain_); j++) (*body_)(j, id);
+      for (int begin, end; take(begin, end);)
+        for (int i = begin; i < end; i++) (*body_)(i, id);
 #if defined(__x86_64__)
       __builtin_ia32_sfence();  // stores past the caches are not ordered otherwise
 #endif
@@ -81,7 +90,6 @@ public:
     for (int i = 1; i < n; i++) workers_.emplace_back([this, i] { loop(i); });
   }
   void run(int n, int grain, const Body &body) {
-    // next_ must not overflow when every thread takes one grain too many.
     if (n <= 0) return;
     const bool alone = workers_.empty() || n <= grain;
     {
