@@ -7,25 +7,40 @@ namespace {
 struct Rows { int lo, hi; };                       // rows of points that may be reached
 SIMD Rows join(Rows a, Rows b) { return {a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi}; }
 
-// Visits the vectors of points that chord c may reach: f(first point, dx, dy), both relative to the chord's start.
+// Rows of points that chord c may reach.
+template <int POINTS> SIMD Rows rows_of(const Place &p, const Chord<real> &c, real R) {
+  if constexpr (POINTS == ANYWHERE) return {0, TILE - 1};
+  const real oy = p.y + real(.5) - c.ay, reach = POINTS == GRID ? R : R + real(.5);
+  return {int(clamp(lesser(real(0), c.ey) - reach - oy + 1, real(0), real(TILE))),
+          int(clamp(greater(real(0), c.ey) + reach - oy, real(-1), real(TILE - 1)))};
+}
+// Whether it may reach columns x .. x + VL - 1 of the tile.
+template <int POINTS> SIMD bool in_columns(const Place &p, const Chord<real> &c, int x, real R) {
+  const real ox = p.x + real(.5) - c.ax + x, reach = POINTS == GRID ? R : R + real(.5);
+  return VPR == 1 || POINTS == ANYWHERE || !(ox > greater(real(0), c.ex) + reach || ox + (VL - 1) < lesser(real(0), c.ex) - reach);
+}
+// Squared distances of the points from i on, which are in column x and row y, from a chord, and the parameter there.
+template <int POINTS> SIMD vf chord_distance(const Place &p, const Work &k, const Chord<real> &c, int i, vf &tau) {
+  const int x = i % TILE, y = i / TILE;
+  vf u, d;
+  if constexpr (POINTS == GRID) d = chord_dist2(c, to_real(iota()) + (p.x + real(.5) - c.ax + x), splat(p.y + real(.5) - c.ay + y), u);
+  else d = chord_dist2(c, load(k.x + i) + (p.x - c.ax), load(k.y + i) + (p.y - c.ay), u);
+  tau = chord_tau(c, u);
+  return d;
+}
+
+// Visits the vectors of points that chord c may reach: f(first point, squared distances, parameters).
 template <int POINTS, class Visit> SIMD Rows visit_chord(const Place &p, const Work &k, const Chord<real> &c, real R, Visit f) {
-  const real ox = p.x + real(.5) - c.ax, oy = p.y + real(.5) - c.ay, reach = POINTS == GRID ? R : R + real(.5);
-  int y0 = 0, y1 = TILE - 1;
-  if constexpr (POINTS != ANYWHERE) {
-    y0 = int(clamp(lesser(real(0), c.ey) - reach - oy + 1, real(0), real(TILE)));
-    y1 = int(clamp(greater(real(0), c.ey) + reach - oy, real(-1), real(TILE - 1)));
-  }
-  const vf lane = to_real(iota());
-  for (int v = 0; v < VPR; v++) {
-    const real x = ox + v * VL;
-    if (VPR > 1 && POINTS != ANYWHERE && (x > greater(real(0), c.ex) + reach || x + (VL - 1) < lesser(real(0), c.ex) - reach)) continue;
-    for (int y = y0; y <= y1; y++) {
-      const int i = y * TILE + v * VL;
-      if constexpr (POINTS == GRID) f(i, lane + x, splat(oy + y));
-      else f(i, load(k.x + i) + (p.x - c.ax), load(k.y + i) + (p.y - c.ay));
+  const Rows rows = rows_of<POINTS>(p, c, R);
+  for (int x = 0; x < TILE; x += VL) {
+    if (!in_columns<POINTS>(p, c, x, R)) continue;
+    for (int y = rows.lo; y <= rows.hi; y++) {
+      vf tau;
+      const vf d = chord_distance<POINTS>(p, k, c, y * TILE + x, tau);
+      f(y * TILE + x, d, tau);
     }
   }
-  return {y0, y1};
+  return rows;
 }
 
 // Nearest of the chords first .. last per point: k.d2 (R2 where out of reach), k.tau. Returns the rows reached.
@@ -34,10 +49,9 @@ template <int POINTS> PHASE Rows nearest_chord(const Job<real> &J, uint32_t firs
   Rows rows = {TILE, -1};
   for (uint32_t s = first; s <= last; s++) {
     const Chord<real> c = J.chords[s];
-    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf dx, vf dy) SIMD_LAMBDA {
-      vf u;
-      const vf d = chord_dist2(c, dx, dy, u), best = load(k.d2 + i);
-      store(k.tau + i, select(d < best, chord_tau(c, u), load(k.tau + i)));
+    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf d, vf tau) SIMD_LAMBDA {
+      const vf best = load(k.d2 + i);
+      store(k.tau + i, select(d < best, tau, load(k.tau + i)));
       store(k.d2 + i, lesser(d, best));
     }));
   }
@@ -51,9 +65,8 @@ template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t
   for (uint32_t s = first; s <= last; s++) {
     const Chord<real> c = J.chords[s];
     const vf index = splat(real(s - first));
-    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf dx, vf dy) SIMD_LAMBDA {
-      vf u;
-      const vf d = chord_dist2(c, dx, dy, u), tau = chord_tau(c, u), best = load(k.d2 + i), second = load(k.second + i);
+    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf d, vf tau) SIMD_LAMBDA {
+      const vf best = load(k.d2 + i), second = load(k.second + i);
       const vi nearer = d < best, apart = index - load(k.index + i) > real(1.5);
       // What comes second: this chord, or the one that it beats.
       const vf rest = select(nearer, best, d), rest_tau = select(nearer, load(k.tau + i), tau);
@@ -75,6 +88,31 @@ template <class In> SIMD uint32_t pack(Work &k, Rows rows, const real *tau, uint
     compress_store(k.t + n, load(tau + i), m);
     compress_store(k.px + n, iota() + integer(i), m);
     n += count(m);
+  }
+  return n;
+}
+
+// The points within reach of so many chords from `first` on, packed behind fragment n: nearest_chord and pack without the way through memory.
+template <int CHORDS, int POINTS> PHASE uint32_t pack_nearest(const Job<real> &J, uint32_t first, const Place &p, Work &k, uint32_t n, real R) {
+  Chord<real> c[CHORDS];
+  Rows rows = {TILE, -1};
+  for (int s = 0; s < CHORDS; s++) c[s] = J.chords[first + s], rows = join(rows, rows_of<POINTS>(p, c[s], R));
+  for (int x = 0; x < TILE; x += VL) {
+    bool reached = false;
+    for (int s = 0; s < CHORDS; s++) reached |= in_columns<POINTS>(p, c[s], x, R);
+    if (!reached) continue;
+    for (int y = rows.lo; y <= rows.hi; y++) {
+      const int i = y * TILE + x;
+      vf tau, best = chord_distance<POINTS>(p, k, c[0], i, tau);
+      for (int s = 1; s < CHORDS; s++) {
+        vf other;
+        const vf d = chord_distance<POINTS>(p, k, c[s], i, other);
+        tau = select(d < best, other, tau), best = lesser(d, best);
+      }
+      const Mask m = bits(best < R * R);
+      compress_store(k.t + n, tau, m), compress_store(k.px + n, iota() + integer(i), m);
+      n += count(m);
+    }
   }
   return n;
 }
@@ -270,8 +308,14 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
       n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
       continue;
     }
-    const Rows rows = nearest_chord<POINTS>(J, entry.first, entry.last, p, k, R);
-    n = add_layer(k, entry.piece, entry.slot, n, pack(k, rows, k.tau, n, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
+    uint32_t packed;
+    if (entry.first == entry.last) packed = pack_nearest<1, POINTS>(J, entry.first, p, k, n, R);
+    else if (VPR == 1 && entry.first + 1 == entry.last) packed = pack_nearest<2, POINTS>(J, entry.first, p, k, n, R);
+    else {
+      const Rows rows = nearest_chord<POINTS>(J, entry.first, entry.last, p, k, R);
+      packed = pack(k, rows, k.tau, n, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+    }
+    n = add_layer(k, entry.piece, entry.slot, n, packed);
   }
   n = resolve<POINTS, WORLD>(J, p, k, n);
   close_layers(k);

@@ -8,58 +8,76 @@ constexpr int LOOK_AHEAD = 16;                     // tiles, for one with fragme
 
 SIMD bool plain_background(const Job<real> &J) { return J.background_row == 0 && J.background_pixel == 0; }
 
-// Numbers of a tile's row, past the caches where lines are whole: the next to read them is another program part, if any.
-template <int N> SIMD void write_row(real *out, const real *row, int n, size_t at) {
-  if (n < N) return (void)std::memcpy(out, row, n * sizeof(real));
-  const bool aligned = at % VL == 0;  // the images themselves are
+template <int N> SIMD void stream_row(real *out, const real *row, bool aligned) {
   for (int x = 0; x < N; x += VL) stream(out + x, load(row + x), aligned);
 }
+// Calls fill(y, color, alpha, depth, aligned) for the rows of a tile. It writes TILE pixels, past the caches where lines are whole: the next to
+// read them is another program part, if any. Where the image ends within them, the rows lie elsewhere, and what is needed is copied.
+template <class Fill> SIMD void write_rows(const Job<real> &J, const Place &p, Fill fill) {
+  alignas(64) real spare[5 * TILE];
+  size_t at = pixel_index(J, p, 0);
+  for (int y = 0; y < p.h; y++, at += J.width) {
+    real *color = J.color + 3 * at, *alpha = J.alpha + at, *depth = J.depth + at;
+    if (p.w == TILE) {
+      fill(y, color, alpha, depth, at % VL == 0);  // the images themselves are aligned
+      continue;
+    }
+    fill(y, spare, spare + 3 * TILE, spare + 4 * TILE, false);
+    std::memcpy(color, spare, 3 * p.w * sizeof(real));
+    std::memcpy(alpha, spare + 3 * TILE, p.w * sizeof(real)), std::memcpy(depth, spare + 4 * TILE, p.w * sizeof(real));
+  }
+}
 
-// A row of the background.
-SIMD void background_row(const Job<real> &J, const Place &p, int y, real *row) {
+// Colours of a row over a picture: of each pixel color(x, c, background).
+template <class Color> SIMD void row_over_picture(const Job<real> &J, const Place &p, int y, real *out, bool aligned, Color color) {
+  alignas(64) real row[3 * TILE];
   const real *bg = background_at(J, p, y);
-  for (int x = 0; x < p.w; x++, bg += J.background_pixel) row[3 * x] = bg[0], row[3 * x + 1] = bg[1], row[3 * x + 2] = bg[2];
+  for (int x = 0; x < p.w; x++, bg += J.background_pixel)
+    for (int c = 0; c < 3; c++) row[3 * x + c] = color(x, c, bg[c]);
+  stream_row<3 * TILE>(out, row, aligned);
+}
+SIMD vf plain_color(const Job<real> &J, const Place &p) {
+  const real *bg = background_at(J, p, 0);
+  return tile4(v4{bg[0], bg[1], bg[2], 0});
+}
+SIMD bool in_registers(const Job<real> &J) { return VL >= 4 && plain_background(J); }
+// VL colours, from four vectors of (r, g, b, -).
+SIMD void stream_color(real *out, const vf *v, bool aligned) {
+  stream(out, triples<0>(v[0], v[1]), aligned), stream(out + VL, triples<1>(v[1], v[2]), aligned), stream(out + 2 * VL, triples<2>(v[2], v[3]), aligned);
 }
 
 PHASE void write_empty(const Job<real> &J, const Place &p) {
-  alignas(64) real row[3 * TILE], nothing[TILE] = {};
-  for (int y = 0; y < p.h; y++) {
-    const size_t at = pixel_index(J, p, y);
-    if (y == 0 || !plain_background(J)) background_row(J, p, y, row);
-    write_row<3 * TILE>(J.color + 3 * at, row, 3 * p.w, at);
-    write_row<TILE>(J.alpha + at, nothing, p.w, at), write_row<TILE>(J.depth + at, nothing, p.w, at);
-  }
+  const vf plain = plain_color(J, p), colors[4] = {plain, plain, plain, plain};
+  write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
+    if (!in_registers(J)) row_over_picture(J, p, y, color, aligned, [](int, int, real background) { return background; });
+    for (int x = 0; x < TILE; x += VL) {
+      if (in_registers(J)) stream_color(color + 3 * x, colors, aligned);
+      stream(alpha + x, vf{}, aligned), stream(depth + x, vf{}, aligned);
+    }
+  });
 }
 
 // Colour over the background, alpha and mean depth from k.pix = sum T a (r, g, b, depth), k.ink = sum T a and k.run = what shows of the background.
 PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
-  for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
-  for (int i = 0; i < PIX; i += VL) {
-    const vf ink = load(k.ink + i);
-    store(k.best + i, select(ink > real(MIN_ALPHA), load(k.best + i) / ink, vf{}));
-  }
-  const real *corner = background_at(J, p, 0);
-  const vf plain = tile4(v4{corner[0], corner[1], corner[2], 0});
-  alignas(64) real row[3 * TILE];
-  constexpr int STEP = VL < 4 ? 1 : VL / 4;
-  for (int y = 0; y < p.h; y++) {
-    const size_t at = pixel_index(J, p, y);
-    const v4 *pix = k.pix + y * TILE;
-    const real *run = k.run + y * TILE;
-    if (VL >= 4 && plain_background(J)) {
-      for (int x = 0; x < TILE; x += VL) {
-        vf v[4];
-        for (int j = 0; j < 4; j++) v[j] = load((const real *)(pix + x + j * STEP)) + repeat4(run + x + j * STEP) * plain;
-        store(row + 3 * x, triples<0>(v[0], v[1])), store(row + 3 * x + VL, triples<1>(v[1], v[2])), store(row + 3 * x + 2 * VL, triples<2>(v[2], v[3]));
+  if (!in_registers(J)) for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
+  const vf plain = plain_color(J, p);
+  write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
+    const int row = y * TILE;
+    if (!in_registers(J))
+      row_over_picture(J, p, y, color, aligned, [&](int x, int c, real background) { return k.pix[row + x][c] + k.run[row + x] * background; });
+    for (int x = 0; x < TILE; x += VL) {
+      const vf run = load(k.run + row + x), ink = load(k.ink + row + x);
+      vf sum = load(k.best + row + x);
+      if (in_registers(J)) {
+        const real *pix = (const real *)(k.pix + row + x);
+        vf v[4] = {load(pix), load(pix + VL), load(pix + 2 * VL), load(pix + 3 * VL)};
+        sum = fourths(v);
+        v[0] += repeat4<0>(run) * plain, v[1] += repeat4<1>(run) * plain, v[2] += repeat4<2>(run) * plain, v[3] += repeat4<3>(run) * plain;
+        stream_color(color + 3 * x, v, aligned);
       }
-    } else {
-      const real *bg = background_at(J, p, y);
-      for (int x = 0; x < p.w; x++, bg += J.background_pixel)
-        for (int c = 0; c < 3; c++) row[3 * x + c] = pix[x][c] + run[x] * bg[c];
+      stream(alpha + x, ink, aligned), stream(depth + x, select(ink > real(MIN_ALPHA), sum / ink, vf{}), aligned);
     }
-    write_row<3 * TILE>(J.color + 3 * at, row, 3 * p.w, at);
-    write_row<TILE>(J.alpha + at, k.ink + y * TILE, p.w, at), write_row<TILE>(J.depth + at, k.best + y * TILE, p.w, at);
-  }
+  });
 }
 
 // Asks, a little at a time, for what the backward reads of the next tile that has fragments while this one is worked on: more than some twenty

@@ -146,16 +146,23 @@ SIMD void stream(real *p, vf v, bool aligned) {
   (void)aligned;
   store(p, v);
 }
-// VL / 4 numbers, each four times.
-SIMD vf repeat4(const real *p) {
-  if constexpr (VL <= 4) return splat(p[0]);
+// Lanes from two vectors, by number: those of b count from VL on.
+SIMD vf lanes_of(vf a, vf b, vi from) {
 #if defined(__clang__)
   vf v;
-  for (int i = 0; i < VL; i++) v[i] = p[i / 4];
+  for (int i = 0; i < VL; i++) v[i] = from[i] < VL ? a[from[i] & (VL - 1)] : b[from[i] & (VL - 1)];
   return v;
 #else
-  return __builtin_shuffle(load(p), iota() >> 2);
+  return __builtin_shuffle(a, b, from);
 #endif
+}
+// Quarter PART of the lanes, each four times.
+template <int PART> SIMD vf repeat4(vf v) { return lanes_of(v, v, (iota() >> 2) + integer(PART * VL / 4)); }
+// Every fourth number of four vectors.
+SIMD vf fourths(const vf *v) {
+  const vi half = (iota() & (VL / 2 - 1)) * 4 + 3;
+  const vf first = lanes_of(v[0], v[1], half), last = lanes_of(v[2], v[3], half);
+  return lanes_of(first, last, iota() + (iota() / (VL / 2)) * (VL / 2));
 }
 // The vector of four numbers, repeated.
 template <class V4> SIMD vf tile4(V4 q) { vf v; for (int i = 0; i < VL; i++) v[i] = q[i % 4]; return v; }
@@ -167,13 +174,7 @@ template <int PART> SIMD vf triples(vf a, vf b) {
     const int at = PART * VL + i, pixel = at / 3;
     from[i] = pixel * 4 + at % 3 - PART * VL;
   }
-#if defined(__clang__)
-  vf v;
-  for (int i = 0; i < VL; i++) v[i] = from[i] < VL ? a[from[i] & (VL - 1)] : b[from[i] & (VL - 1)];
-  return v;
-#else
-  return __builtin_shuffle(a, b, from);
-#endif
+  return lanes_of(a, b, from);
 }
 SIMD int count(Mask m) { return __builtin_popcount(m); }
 SIMD Mask first_lanes(int n) { return n >= VL ? Mask((uint64_t(1) << VL) - 1) : Mask((uint64_t(1) << n) - 1); }
