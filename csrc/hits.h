@@ -19,26 +19,26 @@ template <int POINTS> SIMD bool in_columns(const Place &p, const Chord<real> &c,
   const real ox = p.x + real(.5) - c.ax + x, reach = POINTS == GRID ? R : R + real(.5);
   return VPR == 1 || POINTS == ANYWHERE || !(ox > greater(real(0), c.ex) + reach || ox + (VL - 1) < lesser(real(0), c.ex) - reach);
 }
-// Squared distances of the points from i on, which are in column x and row y, from a chord, and the parameter there.
+// The points from i on relative to a chord's start.
+template <int POINTS> SIMD void from_start(const Place &p, const Work &k, const Chord<real> &c, int i, vf &dx, vf &dy) {
+  if constexpr (POINTS == GRID) dx = to_real(iota()) + (p.x + real(.5) - c.ax + i % TILE), dy = splat(p.y + real(.5) - c.ay + i / TILE);
+  else dx = load(k.x + i) + (p.x - c.ax), dy = load(k.y + i) + (p.y - c.ay);
+}
+// Their squared distances from the chord, and the parameters there.
 template <int POINTS> SIMD vf chord_distance(const Place &p, const Work &k, const Chord<real> &c, int i, vf &tau) {
-  const int x = i % TILE, y = i / TILE;
-  vf u, d;
-  if constexpr (POINTS == GRID) d = chord_dist2(c, to_real(iota()) + (p.x + real(.5) - c.ax + x), splat(p.y + real(.5) - c.ay + y), u);
-  else d = chord_dist2(c, load(k.x + i) + (p.x - c.ax), load(k.y + i) + (p.y - c.ay), u);
+  vf dx, dy, u;
+  from_start<POINTS>(p, k, c, i, dx, dy);
+  const vf d = chord_dist2(c, dx, dy, u);
   tau = chord_tau(c, u);
   return d;
 }
 
-// Visits the vectors of points that chord c may reach: f(first point, squared distances, parameters).
-template <int POINTS, class Visit> SIMD Rows visit_chord(const Place &p, const Work &k, const Chord<real> &c, real R, Visit f) {
+// Visits the vectors of points that chord c may reach: f(first point).
+template <int POINTS, class Visit> SIMD Rows visit_chord(const Place &p, const Chord<real> &c, real R, Visit f) {
   const Rows rows = rows_of<POINTS>(p, c, R);
   for (int x = 0; x < TILE; x += VL) {
     if (!in_columns<POINTS>(p, c, x, R)) continue;
-    for (int y = rows.lo; y <= rows.hi; y++) {
-      vf tau;
-      const vf d = chord_distance<POINTS>(p, k, c, y * TILE + x, tau);
-      f(y * TILE + x, d, tau);
-    }
+    for (int y = rows.lo; y <= rows.hi; y++) f(y * TILE + x);
   }
   return rows;
 }
@@ -49,8 +49,9 @@ template <int POINTS> PHASE Rows nearest_chord(const Job<real> &J, uint32_t firs
   Rows rows = {TILE, -1};
   for (uint32_t s = first; s <= last; s++) {
     const Chord<real> c = J.chords[s];
-    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf d, vf tau) SIMD_LAMBDA {
-      const vf best = load(k.d2 + i);
+    rows = join(rows, visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
+      vf tau;
+      const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i);
       store(k.tau + i, select(d < best, tau, load(k.tau + i)));
       store(k.d2 + i, lesser(d, best));
     }));
@@ -65,8 +66,9 @@ template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t
   for (uint32_t s = first; s <= last; s++) {
     const Chord<real> c = J.chords[s];
     const vf index = splat(real(s - first));
-    rows = join(rows, visit_chord<POINTS>(p, k, c, R, [&](int i, vf d, vf tau) SIMD_LAMBDA {
-      const vf best = load(k.d2 + i), second = load(k.second + i);
+    rows = join(rows, visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
+      vf tau;
+      const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i);
       const vi nearer = d < best, apart = index - load(k.index + i) > real(1.5);
       // What comes second: this chord, or the one that it beats.
       const vf rest = select(nearer, best, d), rest_tau = select(nearer, load(k.tau + i), tau);
@@ -193,7 +195,9 @@ template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord,
   if (info.turn * float(R) < BENT_END * info.length) return n;
   const real end = stop ? real(.5) : real(-.5), x = stop ? c.ex : real(0), y = stop ? c.ey : real(0), middle = chord_tau(c, real(.5));
   const real inwards = stop ? real(-1) : real(1), turn = real(info.turn) * info.length;
-  visit_chord<POINTS>(p, k, c, R, [&](int i, vf dx, vf dy) SIMD_LAMBDA {
+  visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
+    vf dx, dy;
+    from_start<POINTS>(p, k, c, i, dx, dy);
     const vf ex = dx - x, ey = dy - y, d2 = ex * ex + ey * ey, along = (ex * c.ex + ey * c.ey) * inwards;
     const vf limit = root(load(k.d2 + i)) + J.chord_slack;
     const vi found = load(k.tau + i) == splat(end);
