@@ -118,12 +118,16 @@ PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) 
     v4 *pix = k.pix + y * TILE;
     if (J.g_color) {
       const real *g = J.g_color + 3 * at;
-      for (int x = 0; x < p.w - 1; x++) {  // the fourth number is the next pixel's
-        v4 v;
-        std::memcpy(&v, g + 3 * x, sizeof v);
-        pix[x] = v * only_color;
+      if (VL >= 4 && p.w == TILE) {
+        for (int x = 0; x < TILE; x += VL) {
+          const vf a = load(g + 3 * x), b = load(g + 3 * x + VL), c = load(g + 3 * x + 2 * VL), only = tile4(only_color);
+          real *out = (real *)(pix + x);
+          store(out, quads<0>(a, b) * only), store(out + VL, quads<1>(a, b) * only);
+          store(out + 2 * VL, quads<2>(b, c) * only), store(out + 3 * VL, quads<3>(b, c) * only);
+        }
+      } else {
+        for (int x = 0; x < p.w; x++) pix[x] = v4{g[3 * x], g[3 * x + 1], g[3 * x + 2], 0} * scale;
       }
-      pix[p.w - 1] = v4{g[3 * p.w - 3], g[3 * p.w - 2], g[3 * p.w - 1], 0} * only_color;
       if (!plain_background(J)) {
         const real *bg = background_at(J, p, y);
         for (int x = 0; x < p.w; x++, bg += J.background_pixel) k.run[y * TILE + x] = pix[x][0] * bg[0] + pix[x][1] * bg[1] + pix[x][2] * bg[2];

@@ -176,6 +176,12 @@ template <int PART> SIMD vf triples(vf a, vf b) {
   }
   return lanes_of(a, b, from);
 }
+// The other way: a quarter of the triples in three vectors as (r, g, b, b), of the vectors PART / 2 and the next.
+template <int PART> SIMD vf quads(vf a, vf b) {
+  vi from;
+  for (int i = 0; i < VL; i++) from[i] = PART * VL * 3 / 4 + i / 4 * 3 + (i % 4 < 3 ? i % 4 : 2) - PART / 2 * VL;
+  return lanes_of(a, b, from);
+}
 SIMD int count(Mask m) { return __builtin_popcount(m); }
 SIMD Mask first_lanes(int n) { return n >= VL ? Mask((uint64_t(1) << VL) - 1) : Mask((uint64_t(1) << n) - 1); }
 
