@@ -173,7 +173,8 @@ PHASE void blend_layers(const Job<real> &J, Work &k) {
       const integer px = k.px[f];
       const real T = k.run[px], share = T * k.a[f];
       color[3] = k.z[f];
-      k.T[f] = T, k.run[px] = T - share;
+      if (J.save) k.T[f] = T;
+      k.run[px] = T - share;
       k.pix[px] += share * color, k.ink[px] += share;
     }
   }
