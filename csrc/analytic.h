@@ -13,11 +13,10 @@ template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratc
   Work &k = work(S);
   const uint32_t n = collect<GRID, WORLD>(J, tile, p, k);
   const uint32_t sorted = sort_layers(k);
-  if (sorted < k.layers || J.save) sort_fragments(k, sorted);
   if (sorted == k.layers) blend_layers(J, k);
-  else transmit(k, n), composite(J, k);
+  else sort_fragments(k, sorted), transmit(k, n), composite(J, k);
   write_tile(J, p, k);
-  if (J.save) save_tile(J.tiles[tile], k, n, A);
+  if (J.save) save_tile(J.tiles[tile], k, n, sorted == k.layers, A);
 }
 
 template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int tile, Scratch &S) {
@@ -35,8 +34,7 @@ template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int
     const Piece<real> c = J.pieces[t.piece[l]];
     for (uint32_t f = t.first[l]; f < t.first[l + 1]; f += VL) store(k.z + f, depth_at(c, load(tau + f), cubic(c.z, load(tau + f))));
   }
-  value_fragments(J, t, k, plain);
-  differentiate_alpha(t, k);
+  differentiate_alpha(J, t, k, plain);
   if (J.g_background) background_gradient(J, p, t, k, false);
   for (uint32_t l = 0; l < t.layers; l++) {
     const Piece<real> c = J.pieces[t.piece[l]];

@@ -180,20 +180,29 @@ PHASE void blend_layers(const Job<real> &J, Work &k) {
   }
 }
 
-// Leaves the tile's fragments for the backward, in one run of memory.
-SIMD void save_tile(Tile &t, const Work &k, uint32_t n, Arena &A) {
+// Leaves the tile's fragments for the backward, in one run of memory. sorted: the layers are near to far at every point in the order of k.perm;
+// then they lie in that order.
+SIMD void save_tile(Tile &t, const Work &k, uint32_t n, bool sorted, Arena &A) {
   const uint32_t L = k.layers;
   auto bytes = [](size_t count, size_t size) { return (count * size + 127) / 64 * 64; };  // and room for a vector behind the end
-  char *p = (char *)arena_take(A, 3 * bytes(L + 1, 4) + bytes(n, 4) + 3 * bytes(n, sizeof(real)) + bytes(n, 1));
+  char *p = (char *)arena_take(A, 3 * bytes(L + 1, 4) + bytes(sorted ? 0 : n, 4) + 3 * bytes(n, sizeof(real)) + bytes(n, 1));
   auto take = [&](auto *&array, size_t count) { array = (std::remove_reference_t<decltype(array)>)p, p += bytes(count, sizeof(*array)); };
   real *tau, *a, *T;
-  t.layers = L, t.fragments = n;
+  t.layers = L, t.fragments = n, t.order = nullptr;
   take(t.piece, L + 1), take(t.slot, L + 1), take(t.first, L + 1);
-  take(t.pixel, n), take(t.order, n), take(a, n), take(T, n), take(tau, n);
-  for (uint32_t l = 0; l < L; l++) t.piece[l] = k.layer[l].piece, t.slot[l] = k.layer[l].slot;
-  std::memcpy(t.first, k.first, (L + 1) * sizeof(uint32_t)), std::memcpy(t.order, k.order, n * sizeof(uint32_t));
-  std::memcpy(a, k.a, n * sizeof(real)), std::memcpy(T, k.T, n * sizeof(real)), std::memcpy(tau, k.t, n * sizeof(real));
-  for (uint32_t f = 0; f < n; f++) t.pixel[f] = uint8_t(k.px[f]);
+  if (!sorted) take(t.order, n), std::memcpy(t.order, k.order, n * sizeof(uint32_t));
+  take(t.pixel, n), take(a, n), take(T, n), take(tau, n);
+  uint32_t at = 0;
+  for (uint32_t i = 0; i < L; i++) {
+    const uint32_t l = sorted ? k.perm[i] : i, from = k.first[l], count = k.first[l + 1] - from;
+    t.piece[i] = k.layer[l].piece, t.slot[i] = k.layer[l].slot, t.first[i] = at;
+    for (uint32_t f = 0; f < count; f += VL) {  // what goes beyond the layer's end is written again by the next
+      store(a + at + f, load(k.a + from + f)), store(T + at + f, load(k.T + from + f)), store(tau + at + f, load(k.t + from + f));
+      narrow(t.pixel + at + f, load(k.px + from + f));
+    }
+    at += count;
+  }
+  t.first[L] = at;
   t.tau = tau, t.a = a, t.T = T, t.end = p;
 }
 }  // namespace

@@ -36,12 +36,13 @@ template <bool WORLD> void montecarlo_forward(const Job<real> &J, int tile, Scra
   for (int s = 0; s < strata; s++) {
     place_samples(J, p, s, k);
     const uint32_t n = collect<NEAR_GRID, WORLD>(J, tile, p, k);
-    sort_fragments(k, sort_layers(k));
+    const uint32_t sorted = sort_layers(k);
+    sort_fragments(k, sorted);
     transmit(k, n);
     composite(J, k);
     for (int i = 0; i < PIX; i++) total[i] += k.pix[i];
     for (int i = 0; i < PIX; i += VL) store(clear + i, load(clear + i) + load(k.run + i)), store(ink + i, load(ink + i) + load(k.ink + i));
-    if (J.save) save_tile(J.tiles[size_t(tile) * strata + s], k, n, A);
+    if (J.save) save_tile(J.tiles[size_t(tile) * strata + s], k, n, sorted == k.layers, A);
   }
   const real share = real(1) / strata;
   for (int i = 0; i < PIX; i++) k.pix[i] = total[i] * share;
@@ -66,8 +67,7 @@ void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
       const Piece<real> &c = J.pieces[t.piece[l]];
       for (uint32_t f = t.first[l]; f < t.first[l + 1]; f++) k.z[f] = depth_at(c, tau[f], cubic(c.z, tau[f]));
     }
-    value_fragments(J, t, k, plain);
-    differentiate_alpha(t, k);
+    differentiate_alpha(J, t, k, plain);
     if (J.g_background) background_gradient(J, p, t, k, s > 0);
     for (uint32_t l = 0; l < t.layers; l++) {
       const Piece<real> c = J.pieces[t.piece[l]];

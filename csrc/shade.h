@@ -146,28 +146,30 @@ PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) 
 }
 SIMD v4 color_of(const Piece<real> &c) { return v4{c.color[0], c.color[1], c.color[2], 0}; }
 
-// k.z = value of each fragment to the loss; where depth matters, k.z holds it before.
-PHASE void value_fragments(const Job<real> &J, const Tile &t, Work &k, v4 plain) {
-  for (uint32_t l = 0; l < t.layers; l++) {
-    v4 color = color_of(J.pieces[t.piece[l]]) - plain;
+// Value of a fragment to the loss. Where depth matters, k.z holds it.
+SIMD real value_of(const Job<real> &J, const Tile &t, const Work &k, v4 color, uint32_t f) {
+  const uint32_t px = t.pixel[f];
+  if (J.g_depth) color[3] = k.z[f] - k.tau[px];
+  const v4 q = k.pix[px] * color;
+  return (q[0] + q[1]) + (q[2] + q[3]) + k.best[px];
+}
+// k.g = dL/d(alpha) = T (value - behind), k.run = value of what is behind, which grows from far to near.
+SIMD void differentiate_fragment(const Tile &t, Work &k, uint32_t f, real value) {
+  real &behind = k.run[t.pixel[f]];
+  const real excess = value - behind;
+  k.g[f] = ((const real *)t.T)[f] * excess;
+  behind += ((const real *)t.a)[f] * excess;
+}
+PHASE void differentiate_alpha(const Job<real> &J, const Tile &t, Work &k, v4 plain) {
+  for (uint32_t l = t.layers; l-- > 0;) {
+    const v4 color = color_of(J.pieces[t.piece[l]]) - plain;
     for (uint32_t f = t.first[l]; f < t.first[l + 1]; f++) {
-      if (J.g_depth) color[3] = k.z[f] - k.tau[t.pixel[f]];
-      const v4 q = k.pix[t.pixel[f]] * color;
-      k.z[f] = (q[0] + q[1]) + (q[2] + q[3]) + k.best[t.pixel[f]];
+      const real value = value_of(J, t, k, color, f);
+      if (t.order) k.z[f] = value;
+      else differentiate_fragment(t, k, f, value);
     }
   }
-}
-
-// Far to near: k.run = value of what is behind, k.g = dL/d(alpha) = T (value - behind).
-PHASE void differentiate_alpha(const Tile &t, Work &k) {
-  const real *T = (const real *)t.T, *a = (const real *)t.a;
-  for (uint32_t i = t.fragments; i-- > 0;) {
-    const uint32_t f = t.order[i];
-    real &behind = k.run[t.pixel[f]];
-    const real excess = k.z[f] - behind;
-    k.g[f] = T[f] * excess;
-    behind += a[f] * excess;
-  }
+  for (uint32_t i = t.order ? t.fragments : 0; i-- > 0;) differentiate_fragment(t, k, t.order[i], k.z[t.order[i]]);
 }
 
 // Adds what shows of the background, times the gradient of the colour.

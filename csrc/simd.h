@@ -51,6 +51,23 @@ SIMD vi widen(const uint8_t *p) {  // bytes; __builtin_convertvector takes them 
   for (int i = 0; i < VL; i++) v[i] = p[i];
   return v;
 }
+SIMD void narrow(uint8_t *p, vi v) {  // the other way, for numbers below 256
+#if defined(__AVX512F__)
+  if constexpr (F32) return _mm_storeu_si128((__m128i *)p, _mm512_cvtepi32_epi8((__m512i)v));
+#elif defined(__AVX2__)
+  if constexpr (F32) {
+    const __m128i w = _mm_packus_epi32(_mm256_castsi256_si128((__m256i)v), _mm256_extracti128_si256((__m256i)v, 1));
+    return _mm_storel_epi64((__m128i *)p, _mm_packus_epi16(w, w));
+  }
+#elif defined(__SSE4_1__)
+  if constexpr (F32) {
+    const __m128i w = _mm_packus_epi32((__m128i)v, (__m128i)v);
+    const int b = _mm_cvtsi128_si32(_mm_packus_epi16(w, w));
+    return (void)std::memcpy(p, &b, 4);
+  }
+#endif
+  for (int i = 0; i < VL; i++) p[i] = uint8_t(v[i]);
+}
 SIMD vi iota() { vi v; for (int i = 0; i < VL; i++) v[i] = i; return v; }
 SIMD vf to_real(vi v) { return __builtin_convertvector(v, vf); }
 SIMD vf select(vi m, vf a, vf b) { return m ? a : b; }
