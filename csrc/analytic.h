@@ -7,7 +7,7 @@ namespace {
 template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
   const Place p = place_of(J, tile);
   if (J.tile_first[tile] == J.tile_first[tile + 1]) {
-    if (J.save) J.tiles[tile].layers = J.tiles[tile].fragments = 0;
+    if (J.save) J.tiles[tile] = {};
     return write_empty(J, p);
   }
   Work &k = work(S);

@@ -340,7 +340,7 @@ template <class S> Images<S> forward(State<S> &st, bool save) {
   J.tiles = st.tiles.get();
   st.arenas.resize(threads().size());
   auto &memory = scratch<S>();
-  threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().forward(J, t, memory[id], st.arenas[id]); });
+  threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().forward(J, t, memory[id], st.arenas[id]); }, J.tile_first);
   return images;
 }
 
@@ -356,7 +356,7 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
   J.g_background = background ? out.background.get() : nullptr;
   J.alpha = const_cast<S *>(alpha), J.depth = const_cast<S *>(depth);
   auto &memory = scratch<S>();
-  threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().backward(J, t, memory[id]); });
+  threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().backward(J, t, memory[id]); }, J.tile_first);
   if (J.strata) {
     Outlines<S> outlines = sample_outlines(st);
     J.outline = outlines.points.get(), J.outline_order = outlines.order.get(), J.outline_first = outlines.tile_first.get();

@@ -312,7 +312,7 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
       n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
       continue;
     }
-    uint32_t packed;
+    uint32_t packed;  // two chords at once only where a vector is a row: else each is looked for in its own columns
     if (entry.first == entry.last) packed = pack_nearest<1, POINTS>(J, entry.first, p, k, n, R);
     else if (VPR == 1 && entry.first + 1 == entry.last) packed = pack_nearest<2, POINTS>(J, entry.first, p, k, n, R);
     else {

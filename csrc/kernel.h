@@ -32,7 +32,7 @@ inline bool smooth(const ChordInfo &first, const ChordInfo &last) { return last.
 struct Entry { uint32_t stroke, first, last, piece, pieces, slot; bool smooth; };
 
 // Fragments of one tile that the forward keeps for the backward. A layer is one piece over the tile: fragments first[l] .. first[l+1],
-// sums to slot[l]. order: fragments near to far per pixel; null where they lie in that order.
+// sums to slot[l]. order: fragments near to far per pixel; null where the layers lie in that order.
 // tau, a, T: parameter, alpha and transmittance in front of each.
 struct Tile { uint32_t layers, fragments; uint32_t *piece, *slot, *first, *order; void *tau, *a, *T; uint8_t *pixel; char *end; };
 

@@ -27,7 +27,7 @@ template <bool WORLD> void montecarlo_forward(const Job<real> &J, int tile, Scra
   const Place p = place_of(J, tile);
   const int strata = J.strata * J.strata;
   if (J.tile_first[tile] == J.tile_first[tile + 1]) {
-    for (int s = 0; s < strata && J.save; s++) J.tiles[size_t(tile) * strata + s].layers = J.tiles[size_t(tile) * strata + s].fragments = 0;
+    for (int s = 0; s < strata && J.save; s++) J.tiles[size_t(tile) * strata + s] = {};
     return write_empty(J, p);
   }
   Work &k = work(S);

@@ -160,6 +160,7 @@ SIMD void differentiate_fragment(const Tile &t, Work &k, uint32_t f, real value)
   k.g[f] = ((const real *)t.T)[f] * excess;
   behind += ((const real *)t.a)[f] * excess;
 }
+// All fragments, far to near: layer by layer where they lie in order, else in t.order, with their values in k.z first.
 PHASE void differentiate_alpha(const Job<real> &J, const Tile &t, Work &k, v4 plain) {
   for (uint32_t l = t.layers; l-- > 0;) {
     const v4 color = color_of(J.pieces[t.piece[l]]) - plain;

@@ -22,11 +22,12 @@ inline void relax() {
 #endif
 }
 
-// run(n, g, f): f(i, thread) for i in [0, n), taken in runs that shrink down to g, in dynamic order. Workers spin briefly before they sleep; one that comes
-// late (or not at all: on a busy machine, or in a forked child, which has no workers) is not waited for. The first exception is rethrown.
+// run(n, g, f): f(i, thread) for i in [0, n), taken in dynamic order, in runs that shrink down to g. Workers spin briefly before they sleep; one
+// that comes late (or not at all: on a busy machine, or in a forked child, which has no workers) is not waited for. The first exception is
+// rethrown. parts: of how many parts the items in front of each, and all n, consist; runs then are of like work.
 class Threads {
   using Body = std::function<void(int, int)>;
-  static constexpr int SHARES = 4;  // of what is left, a thread (empirical: 2 leaves threads idle at the end)
+  static constexpr int SHARES = 4, PART = 4;  // runs of what is left, a thread; work of a part in that of an item without any (empirical)
   std::vector<std::thread> workers_;
   std::mutex mutex_, busy_, error_mutex_;
   std::condition_variable wake_;
@@ -34,13 +35,20 @@ class Threads {
   std::atomic<int> next_{0}, active_{0};
   std::exception_ptr error_;
   const Body *body_ = nullptr;
+  const uint32_t *parts_ = nullptr;
   int count_ = 0, grain_ = 1;
   bool open_ = false, stop_ = false;
 
-  // The next run: a share of what is left, since every exchange between threads waits for this one's stores past the caches.
+  int64_t work_before(int i) const { return i + (parts_ ? PART * int64_t(parts_[i]) : 0); }
+  // The next run: a share of the work that is left, since every exchange between threads waits for this one's stores past the caches.
   bool take(int &begin, int &end) {
     for (begin = next_; begin < count_;) {
-      end = std::min(count_, begin + std::max(grain_, (count_ - begin) / (SHARES * size())));
+      const int64_t start = work_before(begin), goal = start + (work_before(count_) - start) / (SHARES * size());
+      end = begin + std::min(grain_, count_ - begin);
+      for (int beyond = count_ + 1; beyond - end > 1;) {
+        const int middle = end + (beyond - end) / 2;
+        (work_before(middle) <= goal ? end : beyond) = middle;
+      }
       if (next_.compare_exchange_weak(begin, end)) return true;
     }
     return false;
@@ -89,12 +97,12 @@ public:
     join_all();
     for (int i = 1; i < n; i++) workers_.emplace_back([this, i] { loop(i); });
   }
-  void run(int n, int grain, const Body &body) {
+  void run(int n, int grain, const Body &body, const uint32_t *parts = nullptr) {
     if (n <= 0) return;
     const bool alone = workers_.empty() || n <= grain;
     {
       std::lock_guard lock(mutex_);
-      body_ = &body, count_ = n, grain_ = grain, next_ = 0, error_ = nullptr, open_ = !alone;
+      body_ = &body, parts_ = parts, count_ = n, grain_ = grain, next_ = 0, error_ = nullptr, open_ = !alone;
       if (open_) epoch_++;
     }
     if (!alone) wake_.notify_all();
