@@ -111,14 +111,47 @@ def test_dtype_is_the_one_asked_for(dtype):
             lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, start=5.0, stop=5.0),
             "and differ, got start 5.0, stop 5.0",
         ),
-        (lambda: bezier.circle((0.0, math.nan, 0.0), 1.0), r"finite values, got center \[0.0, nan, 0.0\]"),
+        (lambda: bezier.circle((0.0, math.nan, 0.0), 1.0), "center must be finite, got NaN or infinity"),
         (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, stop=math.inf), "start and stop must be finite and differ"),
         (lambda: bezier.ellipse((0.0, 0.0), (1.0, 0.0), (0.0, 1.0, 0.0)), r"vectors of one length, got shapes"),
-        (lambda: bezier.parabola((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), 1.0, 1.0), "start must differ from stop"),
-        (lambda: bezier.parabola((0.0,), (1.0, 0.0), (0.0, 1.0), 0.0, 1.0), "vectors of one length"),
+        (
+            lambda: bezier.parabola((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), 1.0, 1.0),
+            "start and stop must be finite and differ",
+        ),
+        (
+            lambda: bezier.parabola((0.0,), (1.0, 0.0), (0.0, 1.0), 0.0, 1.0),
+            "vertex, u, v must be vectors of one length",
+        ),
+        (lambda: bezier.parabola((0.0, math.nan), (1.0, 0.0), (0.0, 1.0), 0.0, 1.0), "vertex must be finite"),
+        (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, (0.0, 1.0)), "a normal with a length"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
 def test_errors(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: bezier.ellipse("x", (1.0, 0.0), (0.0, 1.0)),
+            "center must be a number, a list of numbers or a tensor, got",
+        ),
+        (
+            lambda: bezier.ellipse((0.0, 0.0), (1.0, 0.0), None),
+            "v must be a number, a list of numbers or a tensor, got",
+        ),
+        (lambda: bezier.circle((0.0, 0.0, 0.0), "wide"), "radius must be a number, .* got str"),
+        (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, stop="end"), "stop must be a number, .* got str"),
+        (
+            lambda: bezier.parabola((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), None, 1.0),
+            "start must be a number, .* got NoneType",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_what_is_no_number_is_named(call, message):
+    with pytest.raises(TypeError, match=message):
         call()

@@ -199,6 +199,7 @@ def test_bad_configurations_say_what_is_wrong(unchecked, change, message):
         ({"refinements": [3]}, r"refinements must be a sequence of functions, got \[3\]"),
         ({"project": 3}, "project must be a function of sketch, cameras and step, got 3"),
         ({"identity": 3}, "identity must be a mapping from names to what JSON knows, got 3"),
+        ({"checkpoint": 3}, "checkpoint must be a path or None, got 3"),
         ({"companion": 3}, "companion must be an object with the methods state and restore, got 3"),
     ],
 )
@@ -220,6 +221,10 @@ def test_arguments_of_another_kind_say_what_is_wrong(unchecked, start, views, ob
         next(ds.fit(start, 3, views))
     with pytest.raises(TypeError, match="cameras must be Cameras or a function of step and generator, got int"):
         ds.fit(start, objective, 3)
+    with pytest.raises(TypeError, match="sketch must be a Sketch, got int"):
+        ds.fit(3, objective, views)
+    with pytest.raises(TypeError, match="that gives cameras must return Cameras, got int in step 0"):
+        next(ds.fit(start, objective, lambda step, generator: 3))
 
 
 def test_bad_objectives_say_what_is_wrong(unchecked, start, views):
@@ -273,6 +278,10 @@ def test_no_strokes_to_fit(start, views, objective):
 def test_no_views_to_fit(start, objective):
     with pytest.raises(ValueError, match="the cameras have no views to fit"):
         ds.fit(start, objective, ds.orbit([]))
+    some = ds.fit(start, objective, lambda step, generator: ds.orbit([0.0] if step < 1 else [], size=48))
+    next(some)
+    with pytest.raises(ValueError, match="the cameras of step 1 have no views to fit"):
+        next(some)
 
 
 def test_checkpoints_of_other_runs_and_broken_ones_are_refused(start, views, objective, tmp_path):

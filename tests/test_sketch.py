@@ -284,7 +284,10 @@ def test_random_does_not_touch_the_global_generator(generator):
         ({"count": -1}, ValueError, "count must be a whole number, not negative, got -1"),
         ({"count": 1.5}, ValueError, "count must be a whole number, not negative, got 1.5"),
         ({"generator": 3}, TypeError, "generator must be a torch.Generator, such as .*manual_seed.*, got 3"),
-        ({"radius": NAN}, ValueError, "points of stroke 0 must be finite, got nan"),
+        ({"radius": NAN}, ValueError, "radius must be a finite number, not negative, got nan"),
+        ({"radius": -1}, ValueError, "radius must be a finite number, not negative, got -1"),
+        ({"extent": "x"}, TypeError, "extent must be a number, a list of numbers or a tensor, got str"),
+        ({"width": NAN}, ValueError, "width of stroke 0 must be finite"),
     ],
 )
 def test_bad_random_sketches_are_refused_by_name(generator, change, error, message):

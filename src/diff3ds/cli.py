@@ -66,7 +66,7 @@ class Views:
             raise ValueError("give either a transforms.json (or a folder with one) or --demo")
         console = Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = fit_views(self.source, self.out, self.fit, report)
+            sketch = fit_views(self.source, self.out, self.fit, report, _sayer(console))
         _written(console, sketch, self.out)
 
 

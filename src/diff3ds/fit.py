@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -107,9 +108,9 @@ class FitConfig:
     companion: Companion | None = None
 
     def __post_init__(self) -> None:
+        self._check_kinds()
         if self.checkpoint is not None:
             object.__setattr__(self, "checkpoint", Path(self.checkpoint))
-        self._check_kinds()
         check_seed(self.seed)
         for name in ("steps", "checkpoint_every"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
@@ -135,6 +136,7 @@ class FitConfig:
             "rates": (isinstance(self.rates, Rates), "Rates(points=..., ...)"),
             "project": (self.project is None or callable(self.project), "a function of sketch, cameras and step"),
             "refinements": (functions, "a sequence of functions"),
+            "checkpoint": (isinstance(self.checkpoint, str | PathLike | None), "a path or None"),
             "identity": (isinstance(self.identity, Mapping), "a mapping from names to what JSON knows"),
             "companion": (learns, "an object with the methods state and restore"),
         }
@@ -185,7 +187,7 @@ def fit(
         config: default `FitConfig()`.
 
     Raises:
-        TypeError: a config, an objective or cameras of another kind.
+        TypeError: a sketch, a config, an objective or cameras of another kind.
         ValueError: a sketch without strokes, cameras without views; a checkpoint of another run.
         FloatingPointError: in the loop, when a loss or a gradient is not finite; names the step. On a GPU, for which no
             step waits, up to `LOOK_EVERY` steps later; such a step has no gradient.
@@ -193,6 +195,8 @@ def fit(
     config = FitConfig() if config is None else config
     if not isinstance(config, FitConfig):
         raise TypeError(f"config must be FitConfig(...) or None, got {type(config).__name__}")
+    if not isinstance(sketch, Sketch):
+        raise TypeError(f"sketch must be a Sketch, got {type(sketch).__name__}")
     if not callable(objective):
         raise TypeError(f"objective must be a function of rendering, cameras and step, got {type(objective).__name__}")
     if not len(sketch):
@@ -218,6 +222,17 @@ def _sampler(cameras: Cameras | CameraSampler) -> CameraSampler:
     if not len(cameras):
         raise ValueError("the cameras have no views to fit")
     return lambda step, generator: cameras
+
+
+def _checked(views: Cameras, step: int) -> Cameras:
+    """The views of a step that a user's function gave, if they are some."""
+    if not isinstance(views, Cameras):
+        raise TypeError(
+            f"the function that gives cameras must return Cameras, got {type(views).__name__} in step {step}"
+        )
+    if not len(views):
+        raise ValueError(f"the cameras of step {step} have no views to fit")
+    return views
 
 
 def _settings(config: FitConfig) -> dict[str, object]:
@@ -246,7 +261,7 @@ def _run(state: State, objective: Objective, cameras: CameraSampler, config: Fit
 def _advance(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> tuple[State, Step]:
     """One step. The given state is left as it is, so that an interruption loses this step only."""
     generator = state.generator()
-    views = cameras(state.index, generator)
+    views = _checked(cameras(state.index, generator), state.index)
     leaves = _leaves(state.sketch, config.rates)
     rendering = _drawn(_assembled(state.sketch, leaves), views, state.index, config, generator)
     loss = objective(rendering, views, state.index)

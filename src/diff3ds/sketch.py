@@ -1,5 +1,6 @@
 """The 3D sketch: strokes, each a rational Bézier curve with width, colour and opacity."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal, get_args
@@ -182,6 +183,10 @@ class Sketch:
         check_generator(generator)
         if not isinstance(count, int) or count < 0:
             raise ValueError(f"count must be a whole number, not negative, got {count!r}")
+        for name, value in (("radius", radius), ("extent", extent)):
+            number = as_numbers(name, value)
+            if number.ndim or not 0 <= number < math.inf:
+                raise ValueError(f"{name} must be a finite number, not negative, got {value!r}")
 
         def normal(*shape: int) -> Tensor:
             return torch.randn(*shape, 3, generator=generator, device=generator.device)

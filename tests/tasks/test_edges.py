@@ -8,23 +8,40 @@ from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.tasks.edges import most_views
 from diff3ds.tasks.linewidth import line_width
+from diff3ds.tasks.plan import ViewsOptions
 from diff3ds.tasks.store import store_of
 
 
-@pytest.mark.parametrize("init", ["carve", "random"])
-def test_drawings_without_lines_are_refused(tmp_path, capsys, init):
-    """Wide gray clouds: they show something, and no line."""
+@pytest.fixture
+def clouds(tmp_path):
+    """The folder of three pictures of wide gray clouds: they show something, and no line."""
     cameras = ds.orbit([0.0, 90.0, 180.0], 20.0, 2.6, size=64)
     y, x = torch.meshgrid(torch.arange(64.0), torch.arange(64.0), indexing="ij")
     cloud = 1 - 0.9 * torch.exp(-((x - 32) ** 2 + (y - 32) ** 2) / 400)
     for k in range(3):
         save_png(tmp_path / f"{k}.png", cloud[..., None])
     ds.save_transforms(tmp_path / "transforms.json", cameras, [f"{k}.png" for k in range(3)])
-    command = ["views", str(tmp_path), "-o", str(tmp_path / "out"), "--target", "edges", "--quiet", "--init", init]
+    return tmp_path
+
+
+def refused(folder, *options):
     with pytest.raises(SystemExit) as end:
-        main([*command, *(["--steps", "3", "--strokes", "4"] if init == "random" else [])])
+        main(["views", str(folder), "-o", str(folder / "out"), "--target", "edges", *options])
     assert end.value.code == FAULT
+
+
+@pytest.mark.parametrize("init", ["carve", "random"])
+def test_drawings_without_lines_are_refused(clouds, capsys, init):
+    refused(clouds, "--quiet", "--init", init, *(["--steps", "3", "--strokes", "4"] if init == "random" else []))
     assert "the views show no edges that agree" in capsys.readouterr().err
+
+
+def test_options_that_change_nothing_are_named(clouds, capsys):
+    refused(clouds, "--strokes", "9", "--background", "white")
+    assert "--background white, --strokes 9: no effect with --target edges --init carve" in capsys.readouterr().err
+    assert ViewsOptions(init="random", steps=9, batch=2).idle("edges") == []
+    assert ViewsOptions(init="random", steps=9, background="white").idle("color") == ["--init random"]
+    assert ViewsOptions(steps=9, batch=2).idle("color-edges") == ["--steps 9", "--batch 2"]
 
 
 def test_the_width_of_lines_does_not_depend_on_threads():

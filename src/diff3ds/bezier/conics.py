@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import torch
 
+from diff3ds._checks import as_numbers, check_finite
 from diff3ds._shapes import Float, Tensor
 
 Vector = Sequence[float] | Float[Tensor, " D"]
@@ -28,17 +29,11 @@ def ellipse(
     Consecutive pieces of at most 90 degrees share their end points exactly.
 
     Raises:
+        TypeError: what should be numbers is none.
         ValueError: start equals stop, a value is not finite, or center, u and v differ in length.
     """
-    c, a, b = (torch.as_tensor(x, dtype=torch.float64) for x in (center, u, v))
-    if not (c.ndim == 1 and c.shape == a.shape == b.shape):
-        shapes = [tuple(x.shape) for x in (c, a, b)]
-        raise ValueError(f"center, u and v must be vectors of one length, got shapes {shapes}")
-    if not all(x.isfinite().all() for x in (c, a, b)):
-        values = ", ".join(f"{name} {x.tolist()}" for name, x in (("center", c), ("u", a), ("v", b)))
-        raise ValueError(f"expected finite values, got {values}")
-    if start == stop or not (math.isfinite(start) and math.isfinite(stop)):
-        raise ValueError(f"start and stop must be finite and differ, got start {start}, stop {stop}")
+    c, a, b = _vectors(center=center, u=u, v=v)
+    _check_range(start, stop)
     pieces = math.ceil(abs(stop - start) / MAX_ARC)
     angles = torch.deg2rad(torch.linspace(start, stop, pieces + 1, dtype=torch.float64))
     half = (angles[1] - angles[0]) / 2
@@ -67,11 +62,12 @@ def circle(
     Angle 0 is the direction of x projected into the circle's plane (of y if the normal is along x).
 
     Raises:
-        ValueError: the radius is not positive or the normal has no length; and as `ellipse`.
+        ValueError: the radius is not positive, or the normal not of three numbers or without a length; and as
+            `ellipse`.
     """
-    n = torch.as_tensor(normal, dtype=torch.float64)
+    n, size = as_numbers("normal", normal, torch.float64), as_numbers("radius", radius, torch.float64)
     length = torch.linalg.vector_norm(n)
-    if not (radius > 0 and length > 0):
+    if n.shape != (3,) or size.ndim or not (size > 0 and length > 0):
         raise ValueError(f"expected a positive radius and a normal with a length, got {radius} and {normal}")
     n = n / length
     # Near the axis itself the projection of x is short and inaccurate.
@@ -87,13 +83,31 @@ def parabola(
     """The arc vertex + s u + s² v, s from start to stop: one polynomial quadratic.
 
     Raises:
-        ValueError: start equals stop, or vertex, u and v differ in length.
+        TypeError: what should be numbers is none.
+        ValueError: start equals stop, a value is not finite, or vertex, u and v differ in length.
     """
-    p, a, b = (torch.as_tensor(x, dtype=torch.float64) for x in (vertex, u, v))
-    if not (p.ndim == 1 and p.shape == a.shape == b.shape) or start == stop:
-        raise ValueError("vertex, u and v must be vectors of one length, and start must differ from stop")
+    p, a, b = _vectors(vertex=vertex, u=u, v=v)
+    _check_range(start, stop)
     on = [p + s * a + s * s * b for s in (start, stop)]
     # The blossom of s -> p + s u + s² v at (start, stop).
     corner = p + (start + stop) / 2 * a + start * stop * b
     points = torch.stack([on[0], corner, on[1]])[None]
     return points.to(dtype), torch.ones(1, 3, dtype=dtype)
+
+
+def _vectors(**values: Vector) -> list[Float[Tensor, " D"]]:
+    """The values as finite vectors of one length; errors call them by their names."""
+    vectors = {name: as_numbers(name, value, torch.float64) for name, value in values.items()}
+    check_finite(**vectors)
+    shapes = [tuple(x.shape) for x in vectors.values()]
+    if len(shapes[0]) != 1 or len(set(shapes)) > 1:
+        raise ValueError(f"{', '.join(values)} must be vectors of one length, got shapes {shapes}")
+    return list(vectors.values())
+
+
+def _check_range(start: float, stop: float) -> None:
+    for name, value in (("start", start), ("stop", stop)):
+        if as_numbers(name, value).ndim:
+            raise TypeError(f"{name} must be one number, got {value}")
+    if start == stop or not (math.isfinite(start) and math.isfinite(stop)):
+        raise ValueError(f"start and stop must be finite and differ, got start {start}, stop {stop}")

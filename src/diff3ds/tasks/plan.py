@@ -57,6 +57,13 @@ class ViewsOptions:
         if self.background is not None:
             color_or_path(self.background)
 
+    def idle(self, target: Target) -> list[str]:
+        """What was given, but changes nothing for pictures of this target: `--steps 500`."""
+        if target == "color":
+            return ["--init random"] if self.init == "random" else []
+        without = ["background", *(["strokes", "steps", "batch"] if self.init == "carve" else [])]
+        return [f"--{name} {getattr(self, name)}" for name in without if getattr(self, name) is not None]
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -35,6 +36,7 @@ def fit_views(
     out: Path,
     options: ViewsOptions | None = None,
     report: Report = lambda progress: None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Sketch:
     """Fits a sketch to posed pictures and writes sketch.json, .svg, .step, preview.png and run.json.
 
@@ -45,6 +47,7 @@ def fit_views(
         out: folder of the results and of the checkpoint.
         options: default `ViewsOptions()`.
         report: called after every step and stage.
+        say: called with what a user should know before the fit: options that change nothing.
 
     Returns:
         The sketch in the world of the cameras.
@@ -64,6 +67,9 @@ def fit_views(
     path = find_transforms(source, options.target) if source is not None else None
     pictures = demo_pictures(options.size) if path is None else load_posed(path, options.target, options.size, out)
     plates = _plates(pictures, path, options, out)
+    if idle := options.idle(pictures.target):
+        how = pictures.target if pictures.target == "color" else f"{pictures.target} --init {options.init}"
+        say(f"{', '.join(idle)}: no effect with --target {how}")
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
