@@ -142,7 +142,7 @@ def _guessed(points: Float[Array, "N 4 3"], fillet: _Fillet, old: Float[Array, "
     """
     far = fillet.away(points)
     near = [points[fillet.arc][0], points[fillet.arc][3]]
-    corner = _meeting(far, near)
+    corner = meeting(far, near)
     if corner is None:
         return None
     ways = [_unit(f - corner) for f in far]
@@ -167,24 +167,22 @@ def _make_tangent(points: Float[Array, "N 4 3"], fillet: _Fillet, length: float 
     """Moves the ends of the arc along its lines, and bends it, in place; by default to their mean from the corner."""
     far = fillet.away(points)
     near = [points[fillet.arc][0], points[fillet.arc][3]]
-    corner = _meeting(far, near)
+    corner = meeting(far, near)
     if corner is None:
         return
     length = length or float(np.mean([np.linalg.norm(corner - p) for p in near]))
-    ends = [corner - length * _unit(corner - f) for f in far]
+    ends = [corner + length * _unit(f - corner) for f in far]
     for (line, end), place, away in zip(zip(fillet.lines, fillet.ends, strict=True), ends, far, strict=True):
         stops = (place, away) if end == 0 else (away, place)
         points[line] = stops[0] + np.linspace(0, 1, 4)[:, None] * (stops[1] - stops[0])
-    weight = np.linalg.norm(ends[1] - ends[0]) / (2 * length)
-    inner = [(end + 2 * weight * corner) / (1 + 2 * weight) for end in ends]
-    points[fillet.arc] = np.stack([ends[0], inner[0], inner[1], ends[1]])
+    points[fillet.arc] = tangent_arc(corner, [_unit(f - corner) for f in far], length)
 
 
 def _measured(points: Float[Array, "N 4 3"], fillet: _Fillet, views: EdgeViews, outward: float) -> float | None:
     """The tangents' length that agrees best with the ridges along the arc and the lines beside it, if they say any."""
     far = fillet.away(points)
     near = [points[fillet.arc][0], points[fillet.arc][3]]
-    corner = _meeting(far, near)
+    corner = meeting(far, near)
     if corner is None:
         return None
     length = float(np.linalg.norm(near[0] - corner))
@@ -223,8 +221,24 @@ def _rounded_corner(corner: Array, ways: list[Array], length: float, beside: lis
     return places
 
 
-def _meeting(far: list[Array], near: list[Array]) -> Float[Array, " 3"] | None:
-    """The middle between the nearest points of two lines; None if they are parallel."""
+def tangent_arc(corner: Float[Array, " 3"], ways: list[Array], length: float) -> Float[Array, "4 3"]:
+    """Control points of the arc that touches two lines so far from where they meet.
+
+    Args:
+        ways: unit vectors along the lines, away from the corner.
+    """
+    ends = [corner + length * way for way in ways]
+    weight = np.linalg.norm(ends[1] - ends[0]) / (2 * length)
+    inner = [(end + 2 * weight * corner) / (1 + 2 * weight) for end in ends]
+    return np.stack([ends[0], inner[0], inner[1], ends[1]])
+
+
+def meeting(far: list[Array], near: list[Array], apart: float = np.inf) -> Float[Array, " 3"] | None:
+    """The middle between the nearest points of two lines; None if they are parallel, or pass each other farther apart.
+
+    Args:
+        far, near: two points of each line.
+    """
     a, b = (_unit(n - f) for n, f in zip(near, far, strict=True))
     across = 1 - (a @ b) ** 2
     if across < 1e-3:
@@ -232,7 +246,8 @@ def _meeting(far: list[Array], near: list[Array]) -> Float[Array, " 3"] | None:
     gap = near[1] - near[0]
     s = (gap @ a - (gap @ b) * (a @ b)) / across
     t = ((gap @ a) * (a @ b) - gap @ b) / across
-    return (near[0] + s * a + near[1] + t * b) / 2
+    one, other = near[0] + s * a, near[1] + t * b
+    return (one + other) / 2 if np.linalg.norm(one - other) <= apart else None
 
 
 def _unit(vector: Float[Array, " 3"]) -> Float[Array, " 3"]:

@@ -12,12 +12,14 @@ from diff3ds.edges.carve import carve
 from diff3ds.edges.chains import follow_chains
 from diff3ds.edges.circles import find_circles
 from diff3ds.edges.closing import closed
+from diff3ds.edges.corners import with_corners
 from diff3ds.edges.curves import Curves, curves_of
 from diff3ds.edges.equal import with_equal_circles
 from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.phantoms import without_phantoms
 from diff3ds.edges.placing import placed
+from diff3ds.edges.pockets import with_pockets
 from diff3ds.edges.refine import refined
 from diff3ds.edges.ridges import Array, Ridges
 from diff3ds.edges.segment import segmented
@@ -167,8 +169,8 @@ def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.enough)
     curves = without_phantoms(curves[~smooth_outlines(scene.views, curves)], scene.views)
     curves = placed(curves, scene.views, scene.outward)
-    curves = with_equal_circles(curves, pixel)
-    return with_fillets(curves, scene.views, scene.outward)
+    curves = with_corners(with_equal_circles(curves, pixel), scene.views, scene.enough)
+    return with_pockets(with_fillets(curves, scene.views, scene.outward), scene.views, scene.outward)
 
 
 def first_curves(views: EdgeViews, enough: float) -> Curves:

@@ -1,0 +1,220 @@
+"""Rounded corners between two lines where no arc was found, or pieces that are none: tried, and kept if views show it.
+
+A small arc breaks up into pieces, or is lost where another edge runs beside it. But the lines that it joins say nearly
+everything about it: it touches both, so that only its size is open.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float
+from diff3ds.edges.chains import resampled
+from diff3ds.edges.curves import Curves, curves_of
+from diff3ds.edges.fillets import meeting, tangent_arc
+from diff3ds.edges.lookup import EdgeViews
+from diff3ds.edges.primitives import Kind, Primitive
+from diff3ds.edges.ridges import Array
+from diff3ds.edges.simplify import concatenated, sampled
+from diff3ds.edges.support import NEAR, agreement
+
+# Lengths in pixels, all empirical: lines that meet pass each other within this, and one of them ends so far from there
+# at least; they may go so far into the arc; the longest tangents; a line is no longer one if a corner leaves less of
+# it; an arc nearer to where the lines meet is not told from a sharp corner.
+PASS, OPEN, BEYOND, LONGEST, REST, RISE = 1.5, 2.5, 8.0, 45.0, 4.0, 2.5
+# Cosine between lines that run on as one, or turn back.
+TURN = np.cos(np.deg2rad(20.0))
+# Steps of the tangents' length, and the distance of a ridge that shows a place, pixels.
+STEP, SEEN = 0.5, 0.8
+# Places of an arc, the share of them that enough views have to show, and how many those are, relative to the views that
+# confirm an edge: the lines are known.
+PLACES, COVERED, SHOWN = 16, 0.85, 0.7
+# Curves that lie so near to the corner, pixels, in this share, are pieces of it.
+ALONG, SHARE = 1.5, 0.8
+# Ridges lie nearer to the arc than to what was there by so much, pixels: else it may be a chamfer or sharp. Of corners
+# of 60 reconstructions of generated parts true ones gained .24 to .7, false ones .05 at most.
+NEARER = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """Two lines about to meet: numbers and ends (0 or 1), where they meet, unit vectors away, how far the ends are."""
+
+    lines: tuple[int, int]
+    ends: tuple[int, int]
+    place: Float[Array, " 3"]
+    ways: list[Array]
+    near: list[float]
+    far: list[float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Corner:
+    """An arc between two lines, the curves that it replaces, and how many views show it, mean over its places."""
+
+    sides: _Sides
+    arc: Float[Array, "4 3"]
+    pieces: tuple[int, ...]
+    views: float
+
+
+def with_corners(curves: Curves, views: EdgeViews, enough: float) -> Curves:
+    """The curves with an arc between two lines wherever enough views show one; its pieces go.
+
+    Args:
+        enough: so many views confirm an edge.
+    """
+    while (corner := _best(curves, views, SHOWN * enough)) is not None:
+        curves = _with(curves, corner)
+    return curves
+
+
+def _best(curves: Curves, views: EdgeViews, enough: float) -> _Corner | None:
+    """The corner that replaces most pieces, of these the one that most views show."""
+    points = curves.constrained(curves.points)[0].double().numpy()
+    samples = sampled(curves)
+    # What is round already stays: each corner makes one more of them, so that this ends.
+    round_ = _rounded(curves)
+    alone = (curves.other < 0).numpy() & ~np.array([round_.issuperset(ends) for ends in curves.vertex.tolist()], bool)
+    lines = np.nonzero((curves.kind == Kind.LINE).numpy())[0].tolist()
+    free = [(line, end) for line in lines for end in (0, 1) if int(curves.vertex[line, end]) not in round_]
+    found = []
+    for one, other in combinations(free, 2):
+        sides = _sides(points, one, other, views.pixel) if one[0] != other[0] else None
+        corner = None if sides is None else _corner(samples, alone, sides, views, enough)
+        found += [] if corner is None else [corner]
+    return max(found, key=lambda corner: (len(corner.pieces), corner.views), default=None)
+
+
+def _rounded(curves: Curves) -> set[int]:
+    """The vertices at the ends of arcs that lie between two lines."""
+    straight = set(curves.vertex[curves.kind == Kind.LINE].flatten().tolist())
+    arcs = curves.vertex[(curves.kind == Kind.ARC) & (curves.other < 0)].tolist()
+    return {name for ends in arcs if straight.issuperset(ends) for name in ends}
+
+
+def _sides(points: Float[Array, "N 4 3"], one: tuple[int, int], other: tuple[int, int], pixel: float) -> _Sides | None:
+    """Two ends of lines as the sides of a corner; None if the lines do not meet at an angle beyond both."""
+    near = [points[line][3 * end] for line, end in (one, other)]
+    far = [points[line][3 - 3 * end] for line, end in (one, other)]
+    if np.linalg.norm(near[0] - near[1]) > 2 * LONGEST * pixel:
+        return None
+    place = meeting(far, near, PASS * pixel)
+    if place is None:
+        return None
+    ways = [(f - place) / (np.linalg.norm(f - place) + 1e-12) for f in far]
+    reach, room = ([float((p - place) @ way) for p, way in zip(ps, ways, strict=True)] for ps in (near, far))
+    if abs(ways[0] @ ways[1]) > TURN or min(reach) < -PASS * pixel or max(reach) < OPEN * pixel:
+        return None
+    return _Sides((one[0], other[0]), (one[1], other[1]), place, ways, reach, room)
+
+
+def _corner(
+    samples: Float[Array, "N S 3"], alone: Bool[NDArray[np.bool_], " N"], sides: _Sides, views: EdgeViews, enough: float
+) -> _Corner | None:
+    """The arc between two lines that most of its places show; None if these are too few, or say no more than before.
+
+    Args:
+        samples: of all curves.
+        alone: curves that may be pieces of a corner.
+    """
+    pixel = views.pixel
+    half = np.arccos(np.clip(sides.ways[0] @ sides.ways[1], -1, 1)) / 2
+    shortest = RISE * pixel * np.cos(half) / (1 - np.sin(half))
+    longest = min(min(sides.far) - REST * pixel, max(sides.near) + BEYOND * pixel, LONGEST * pixel)
+    if longest <= shortest:
+        return None
+    lengths = np.arange(shortest, longest, STEP * pixel)
+    arcs = np.stack([tangent_arc(sides.place, sides.ways, length) for length in lengths])
+    x, counts = _shown(arcs, views)
+    good = (counts >= enough).mean(1)
+    best = int(np.lexsort((counts.mean(1), good))[-1])
+    if good[best] < COVERED:
+        return None
+    # To where the lines end now: a line may go on too far, or too little.
+    stems = [
+        sides.place + np.array([[lengths[best]], [near]]) * way
+        for near, way in zip(sides.near, sides.ways, strict=True)
+    ]
+    path = np.concatenate([resampled(p, pixel / 2) for p in (stems[0][::-1], x[best], stems[1])])
+    along = _near(samples, path, pixel) & alone
+    along[list(sides.lines)] = False
+    pieces = tuple(np.nonzero(along)[0].tolist())
+    if _doubled(samples, {*pieces, *sides.lines}, x[best], pixel):
+        return None
+    before = [samples[i] for i in (*pieces, *sides.lines)] if pieces else [_sharp(sides, lengths[best])]
+    rest = [part for line in before for part in _within(resampled(line, pixel), sides.place, lengths[best])]
+    if _off([x[best]], views, enough) > _off(rest, views, enough) - NEARER:
+        return None
+    return _Corner(sides, arcs[best], pieces, float(counts[best].mean()))
+
+
+def _sharp(sides: _Sides, length: float) -> Float[Array, "3 3"]:
+    """The corner if it is not round."""
+    first, second = (sides.place + length * way for way in sides.ways)
+    return np.stack([first, sides.place, second])
+
+
+def _within(line: Float[Array, "M 3"], place: Float[Array, " 3"], radius: float) -> list[Array]:
+    """The part of a line that is near a place, if there is any."""
+    near = line[np.linalg.norm(line - place, axis=1) < radius]
+    return [near] if len(near) > 1 else []
+
+
+def _shown(arcs: Float[Array, "L 4 3"], views: EdgeViews) -> tuple[Float[Array, "L P 3"], Float[Array, "L P"]]:
+    """Places along arcs, and how many views have a ridge there that runs along."""
+    candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
+    x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
+    flat, tangents = x.reshape(-1, 3), _tangents(x).reshape(-1, 3)
+    seen = agreement(views, flat, tangents) & (views.match(flat).distance < SEEN)
+    return x, seen.sum(0).reshape(x.shape[:2]).astype(np.float64)
+
+
+def _off(lines: list[Array], views: EdgeViews, enough: float) -> float:
+    """How near enough views have a ridge that runs along, pixels, mean over the places."""
+    x, tangents = np.concatenate(lines), np.concatenate([_tangents(line) for line in lines])
+    match = views.match(x)
+    across = np.abs(((views.points[match.ridge] - match.pixel) * views.normals[match.ridge]).sum(-1))
+    off = np.sort(np.where(agreement(views, x, tangents), np.minimum(across, NEAR), NEAR), axis=0)
+    return float(off[min(int(np.ceil(enough)), len(off)) - 1].mean())
+
+
+def _tangents(x: Float[Array, "... M 3"]) -> Float[Array, "... M 3"]:
+    step = np.gradient(x, axis=-2)
+    return np.asarray(step / (np.linalg.norm(step, axis=-1, keepdims=True) + 1e-12))
+
+
+def _near(samples: Float[Array, "N S 3"], path: Float[Array, "M 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
+    """Which curves lie along a path."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray((cKDTree(path).query(samples)[0] < ALONG * pixel).mean(1) >= SHARE)
+
+
+def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 3"], pixel: float) -> bool:
+    """Whether a curve that stays runs along part of the arc."""
+    from scipy.spatial import cKDTree
+
+    rest = [resampled(line, pixel / 2) for i, line in enumerate(samples) if i not in gone]
+    return bool(rest) and bool((cKDTree(np.concatenate(rest)).query(x)[0] < ALONG * pixel).mean() > 1 - SHARE)
+
+
+def _with(curves: Curves, corner: _Corner) -> Curves:
+    """The curves with the corner instead of its pieces, and its lines up to it."""
+    points, vertex = curves.points.clone(), curves.vertex.clone()
+    free = int(vertex.max()) + 1
+    arc = torch.from_numpy(corner.arc).to(points.dtype)
+    for k, (line, end) in enumerate(zip(corner.sides.lines, corner.sides.ends, strict=True)):
+        start, stop = (arc[3 * k], points[line, 3]) if end == 0 else (points[line, 0], arc[3 * k])
+        points[line] = start + torch.linspace(0, 1, 4)[:, None] * (stop - start)
+        vertex[line, end] = free + k
+    keep = torch.ones(len(curves), dtype=torch.bool)
+    keep[list(corner.pieces)] = False
+    rest = replace(curves, points=points, vertex=vertex)[keep]
+    joined = concatenated(rest, curves_of([Primitive(Kind.ARC, corner.arc, np.zeros(0))]))
+    vertex = joined.vertex.clone()
+    vertex[-1] = torch.tensor([free, free + 1])
+    return replace(joined, vertex=vertex)

@@ -1,0 +1,101 @@
+"""Rounded corners that were found as something else, or not at all."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from edge_scenes import arc, around, lines_between, segment, turned, views_of
+
+from diff3ds.edges.corners import with_corners
+from diff3ds.edges.fillets import with_fillets
+from diff3ds.edges.primitives import Kind
+from diff3ds.edges.reconstruct import confirming
+from diff3ds.edges.simplify import sampled
+
+CAMERAS = around(24, 160)
+ENOUGH = confirming(len(CAMERAS))
+TILT = turned(4)
+RADIUS = 0.2
+# Two sides of a square that meet at the origin.
+FIRST, SECOND = np.array([-0.8, 0, 0]), np.array([0, -0.8, 0])
+CENTER = np.array([-RADIUS, -RADIUS, 0])
+X, Y, Z = np.eye(3)
+ROUND = [segment(FIRST, -RADIUS * X), arc(CENTER, RADIUS * Y, RADIUS * X, 0, np.pi / 2), segment(-RADIUS * Y, SECOND)]
+SHARP = [segment(FIRST, 0 * X), segment(0 * X, SECOND)]
+CHAMFER = [segment(FIRST, -RADIUS * X), segment(-RADIUS * X, -RADIUS * Y), segment(-RADIUS * Y, SECOND)]
+
+
+def seen(lines, views=len(CAMERAS)):
+    """The views of these lines, which only so many show."""
+    shown = np.zeros((len(CAMERAS), len(lines)), bool)
+    shown[:views] = True
+    return views_of(CAMERAS, [line @ TILT.T for line in lines], shown)
+
+
+def tilted(*segments):
+    return lines_between(*((np.asarray(a) @ TILT.T, np.asarray(b) @ TILT.T) for a, b in segments))
+
+
+def off_the_arc(curves):
+    """How far the curves' arcs lie from the true one, in radii."""
+    x = sampled(curves)[(curves.kind == Kind.ARC).numpy()].reshape(-1, 3) @ TILT - CENTER
+    return np.abs(np.hypot(np.hypot(x[:, 0], x[:, 1]) - RADIUS, x[:, 2])).max() / RADIUS
+
+
+@pytest.mark.parametrize("gap", [-0.03, 0.0, 0.05])
+def test_an_arc_that_is_missing_is_found(gap):
+    curves = tilted((FIRST, -(RADIUS + gap) * X), (SECOND, -(RADIUS + gap) * Y))
+    views = seen(ROUND)
+    found = with_corners(curves, views, ENOUGH)
+    assert found.kind.tolist() == [Kind.LINE, Kind.LINE, Kind.ARC]
+    assert found.vertex[2].tolist() == [found.vertex[0, 1], found.vertex[1, 1]]
+    assert off_the_arc(found) < 0.1
+    assert off_the_arc(with_fillets(found, views, 0.0)) < 0.005
+
+
+def test_pieces_of_an_arc_go():
+    """Two short lines for the arc, as chains that break up give them; one of them runs on into a side."""
+    on = arc(CENTER, RADIUS * Y, RADIUS * X, 0, np.pi / 2, 5)
+    curves = tilted((FIRST, on[0]), (on[0] - 0.03 * X, on[2]), (on[2], on[4]), (on[4], SECOND))
+    found = with_corners(curves, seen(ROUND), ENOUGH)
+    assert found.kind.tolist() == [Kind.LINE, Kind.LINE, Kind.ARC]
+    assert off_the_arc(found) < 0.1
+
+
+@pytest.mark.parametrize("lines", [SHARP, CHAMFER])
+def test_sharp_corners_and_chamfers_stay(lines):
+    """A side ends too early, or the chamfer is there."""
+    pieces = [(FIRST, -0.1 * X), (-0.02 * Y, SECOND)] if lines is SHARP else [(line[0], line[-1]) for line in lines]
+    curves = tilted(*pieces)
+    assert with_corners(curves, seen(lines), ENOUGH) is curves
+
+
+def test_what_too_few_views_show_is_no_corner():
+    curves = tilted((FIRST, -RADIUS * X), (SECOND, -RADIUS * Y))
+    assert len(with_corners(curves, seen(ROUND), ENOUGH)) == 3
+    assert with_corners(curves, seen(ROUND, views=3), ENOUGH) is curves
+
+
+def test_lines_that_pass_each_other_have_no_corner():
+    """Even if the views show an arc halfway between them."""
+    above = 0.1 * Z
+    sides = (FIRST, -RADIUS * X), (SECOND + above, -RADIUS * Y + above)
+    views = seen([segment(*sides[0]), ROUND[1] + above / 2, segment(*sides[1])])
+    curves = tilted(*sides)
+    assert with_corners(curves, views, ENOUGH) is curves
+
+
+def test_round_corners_stay():
+    found = with_corners(tilted((FIRST, -RADIUS * X), (SECOND, -RADIUS * Y)), seen(ROUND), ENOUGH)
+    assert with_corners(found, seen(ROUND), ENOUGH) is found
+    assert len(with_corners(lines_between(), seen(ROUND), ENOUGH)) == 0
+
+
+def test_another_curve_at_the_end_of_a_line_keeps_its_end():
+    curves = tilted((FIRST, -RADIUS * X), (SECOND, -RADIUS * Y), (-RADIUS * X, -RADIUS * X + 0.5 * Z))
+    curves = replace(curves, vertex=torch.tensor([[0, 1], [2, 3], [1, 4]]))
+    upright = segment(-RADIUS * X, -RADIUS * X + 0.5 * Z)
+    found = with_corners(curves, seen([*ROUND, upright]), ENOUGH)
+    assert int((found.kind == Kind.ARC).sum()) == 1
+    assert torch.allclose(found.points[2], curves.points[2])

@@ -1,0 +1,122 @@
+"""Bottoms of pockets that only views from above show, each a part of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from edge_scenes import around, circular_arc, lines_between, ridges_along, turned
+
+from diff3ds.edges.curves import curves_of
+from diff3ds.edges.lookup import edge_views
+from diff3ds.edges.pockets import with_pockets
+from diff3ds.edges.simplify import concatenated, sampled
+
+CAMERAS = around(40, 160)
+TILT = turned(6)
+HALF, DEPTH = 0.4, 0.25
+CORNERS = HALF * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+DOWN = np.array([0, 0, -DEPTH])
+EYES = CAMERAS.centers.double().numpy() @ TILT
+
+
+def square(height=0.0):
+    """Four lines around the pocket."""
+    corners = CORNERS + np.array([0, 0, height])
+    lines = lines_between(*((corners[k] @ TILT.T, corners[(k + 1) % 4] @ TILT.T) for k in range(4)))
+    return replace(lines, vertex=torch.tensor([[k, (k + 1) % 4] for k in range(4)]))
+
+
+def rim_of(height, corners=200):
+    """A polyline around the square, one for each side."""
+    share = np.linspace(0, 1, corners)[:, None]
+    return [a + share * (b - a) + [0, 0, height] for a, b in zip(CORNERS, np.roll(CORNERS, -1, 0), strict=True)]
+
+
+def circle(height, radius=HALF):
+    angle = np.linspace(0, 2 * np.pi, 400)
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(400, height)])
+
+
+def looked_into(rims, bottoms, inside):
+    """Ridges of rims, which all views show, and of those parts of bottoms that are seen through them.
+
+    Args:
+        inside: whether points of the plane of the rims lie within them.
+    """
+    lines = []
+    for eye in EYES:
+        own = [rim @ TILT.T for rim in rims]
+        for bottom in bottoms:
+            # From below nothing is seen; from above, what lies beside the bottom's edge by a hundredth.
+            beside = bottom * [0.99, 0.99, 1]
+            share = eye[2] / (eye[2] - beside[:, 2:])
+            seen = (eye[2] > 0) & inside(eye + share * (beside - eye))
+            runs = np.split(np.arange(len(bottom)), np.nonzero(np.diff(seen.astype(int)))[0] + 1)
+            own += [bottom[run] @ TILT.T for run in runs if seen[run[0]] and len(run) > 3]
+        lines.append(own)
+    return edge_views(CAMERAS, ridges_along(CAMERAS, lines))
+
+
+def in_square(x):
+    return (np.abs(x[:, :2]) < HALF).all(1)
+
+
+def in_circle(x):
+    return np.hypot(x[:, 0], x[:, 1]) < HALF
+
+
+def test_the_bottom_of_a_square_pocket_is_found():
+    views = looked_into(rim_of(0), rim_of(-DEPTH), in_square)
+    found = with_pockets(square(), views, 0.0)
+    assert len(found) == 8
+    assert torch.equal(found.points[:4], square().points)
+    assert np.abs(sampled(found)[4:] @ TILT - sampled(square()) @ TILT - DOWN).max() < 0.003
+
+
+def test_the_bottom_of_a_round_pocket_is_found():
+    halves = [circular_arc(np.zeros(3), HALF * TILT[:, 0], HALF * TILT[:, 1], a, a + np.pi) for a in (0, np.pi)]
+    views = looked_into([circle(0)], [circle(-DEPTH)], in_circle)
+    found = with_pockets(curves_of([], [halves]), views, 0.0)
+    assert found.other.tolist() == [1, 0, 3, 2]
+    x = sampled(found)[2:].reshape(-1, 3) @ TILT
+    assert np.abs(np.hypot(x[:, 0], x[:, 1]) - HALF).max() < 1e-4
+    assert np.abs(x[:, 2] + DEPTH).max() < 0.003
+
+
+def test_a_hole_without_an_end_stays():
+    views = looked_into(rim_of(0), [], in_square)
+    curves = square()
+    assert with_pockets(curves, views, 0.0) is curves
+
+
+def test_a_smaller_square_below_is_no_bottom():
+    lower = [line * [0.7, 0.7, 1] for line in rim_of(-DEPTH)]
+    curves = square()
+    assert with_pockets(curves, looked_into(rim_of(0), lower, in_square), 0.0) is curves
+
+
+def test_a_bottom_that_is_there_stays():
+    views = looked_into(rim_of(0), rim_of(-DEPTH), in_square)
+    curves = concatenated(square(), square(-DEPTH))
+    assert with_pockets(curves, views, 0.0) is curves
+
+
+def test_pieces_of_a_bottom_go_and_upright_edges_end_there():
+    views = looked_into(rim_of(0), rim_of(-DEPTH), in_square)
+    uprights = lines_between(*((c @ TILT.T, (c + DOWN) @ TILT.T) for c in CORNERS))
+    uprights = replace(uprights, vertex=torch.tensor([[k, 4 + k] for k in range(4)]))
+    piece = lines_between(((CORNERS[0] + DOWN) @ TILT.T, (0.4 * CORNERS[0] + 0.6 * CORNERS[1] + DOWN) @ TILT.T))
+    vertex = torch.cat([square().vertex, uprights.vertex, torch.tensor([[4, 8]])])
+    curves = replace(concatenated(concatenated(square(), uprights), piece), vertex=vertex)
+    found = with_pockets(curves, views, 0.0)
+    assert len(found) == 12
+    names, members = torch.unique(found.vertex, return_counts=True)
+    assert len(names) == 8
+    assert (members == 3).all()
+
+
+@pytest.mark.parametrize("outward", [0.0, 0.5])
+def test_nothing_to_look_into(outward):
+    views = looked_into(rim_of(0), [], in_square)
+    assert len(with_pockets(lines_between(), views, outward)) == 0
