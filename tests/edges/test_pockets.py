@@ -7,10 +7,12 @@ import pytest
 import torch
 from edge_scenes import around, circular_arc, lines_between, ridges_along, turned
 
+import diff3ds as ds
 from diff3ds.edges.curves import curves_of
 from diff3ds.edges.lookup import edge_views
 from diff3ds.edges.pockets import with_pockets
-from diff3ds.edges.simplify import concatenated, sampled
+from diff3ds.edges.simplify import concatenated, joined, sampled, simplest
+from diff3ds.library import member
 
 CAMERAS = around(40, 160)
 TILT = turned(6)
@@ -120,3 +122,14 @@ def test_pieces_of_a_bottom_go_and_upright_edges_end_there():
 def test_nothing_to_look_into(outward):
     views = looked_into(rim_of(0), [], in_square)
     assert len(with_pockets(lines_between(), views, outward)) == 0
+
+
+def test_rings_that_views_in_a_ring_see_through_each_other_are_no_bottoms():
+    """A mug of wire, from a turntable: what lies between its rings falls on them, in the same way in all views."""
+    cameras = ds.orbit(torch.arange(24) * 30.0, [20.0] * 12 + [50.0] * 12, 3.0, size=160)
+    mug = member("mug", torch.Generator().manual_seed(0)).sketch
+    lines = list(ds.bezier.evaluate(mug.points, mug.weights, torch.linspace(0, 1, 200)).double().numpy())
+    views = edge_views(cameras, ridges_along(cameras, lines))
+    found = joined(curves_of([fitted for line in lines for fitted in simplest(line, views.pixel)]), views.pixel)
+    assert int((found.other >= 0).sum()) == 6
+    assert with_pockets(found, views, 0.0) is found

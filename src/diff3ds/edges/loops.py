@@ -10,6 +10,8 @@ from diff3ds.edges.curves import Curves
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import sampled
 
+# Samples of a curve: chords of a half circle are .2 % of its radius beside it.
+SAMPLES = 25
 # Curves lie in a plane if none of their points is farther from it, pixels; two curves whose points are all this near to
 # one line span no plane. Empirical.
 PLANAR, STRAIGHT = 1.0, 2.0
@@ -65,7 +67,7 @@ class Loop:
 
 def find_loops(curves: Curves, pixel: float) -> list[Loop]:
     """The loops in which no more than two of the curves of a plane meet; whole circles are loops of two."""
-    points = sampled(curves)
+    points = sampled(curves, SAMPLES)
     vertex = curves.vertex.numpy()
     found: dict[frozenset[int], Loop] = {}
     for name in np.unique(vertex):

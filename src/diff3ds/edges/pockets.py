@@ -19,7 +19,7 @@ from diff3ds.edges.loops import Loop, find_loops
 from diff3ds.edges.offsets import fitted
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import concatenated, sampled
-from diff3ds.edges.support import PARTS, SAMPLES, agreement
+from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
 from diff3ds.edges.weld import WITHIN
 
 # Places around a rim: a multiple of the samples of a part.
@@ -47,31 +47,58 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     """
     for loop in find_loops(curves, views.pixel):
         for side in (1.0, -1.0):
-            depth = _depth(loop, side, views)
+            depth = _depth(loop, side, curves, views)
             if depth is not None:
                 curves = _with_bottom(curves, loop, _placed(loop, depth, views, outward), views.pixel)
     return curves
 
 
-def _depth(loop: Loop, side: float, views: EdgeViews) -> float | None:
+def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float | None:
     """How far along its normal the rim appears again, world units; None if it does not."""
+    found = []
+    for depth in side * views.pixel * np.arange(SHALLOWEST, 2 / views.pixel, STEP):
+        seen, looked = _seen(loop, depth, views)
+        if np.linalg.norm(loop.places(PLACES)[0] + depth * loop.normal, axis=1).min() > 1 or not _many(looked):
+            break
+        if _confirmed(seen, looked):
+            found.append((float(seen.sum() / looked.sum()), float(depth)))
+    # Where another curve appears in the same place, it explains the ridge.
+    for _, depth in sorted(found, reverse=True):
+        clear = ~_beside_others(loop, depth, curves, views)
+        seen, looked = (flags & clear for flags in _seen(loop, depth, views))
+        if _many(looked) and _confirmed(seen, looked):
+            return depth
+    return None
+
+
+def _many(looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
+    """Whether enough views look at most places."""
+    return bool((looked.sum(0) >= FEWEST).mean() >= LOOKED_AT)
+
+
+def _confirmed(seen: Bool[NDArray[np.bool_], "V S"], looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
+    """Whether the views that look at a bottom show it."""
+    each = seen.sum(0) >= np.maximum(looked.sum(0) / 2, FEWEST)
+    return bool(seen.sum() >= SHOWN * looked.sum() and each.mean() >= COVERED)
+
+
+def _seen(
+    loop: Loop, depth: float, views: EdgeViews
+) -> tuple[Bool[NDArray[np.bool_], "V S"], Bool[NDArray[np.bool_], "V S"]]:
+    """Which views show which places of a bottom, and which of them look there through the rim."""
     x, tangents, inwards = loop.places(PLACES)
-    depths = side * views.pixel * np.arange(SHALLOWEST, 2 / views.pixel, STEP)
-    best: tuple[float, float] = (0.0, 0.0)
-    for depth in depths:
-        below = x + depth * loop.normal
-        if np.linalg.norm(below, axis=1).min() > 1:
-            break
-        looked = _looked_at(loop, depth, below + INSIDE * views.pixel * inwards, views)
-        count = looked.sum(0)
-        if (count >= FEWEST).mean() < LOOKED_AT:
-            break
-        seen = agreement(views, below, tangents) & (views.match(below).distance < SEEN) & looked
-        share = seen.sum() / looked.sum()
-        covered = (seen.sum(0) >= np.maximum(count / 2, FEWEST)).mean()
-        if share > max(best[0], SHOWN) and covered >= COVERED:
-            best = (float(share), float(depth))
-    return best[1] if best[0] else None
+    below = x + depth * loop.normal
+    looked = _looked_at(loop, depth, below + INSIDE * views.pixel * inwards, views)
+    return agreement(views, below, tangents) & (views.match(below).distance < SEEN) & looked, looked
+
+
+def _beside_others(loop: Loop, depth: float, curves: Curves, views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
+    """Where another curve appears beside a place of a bottom, running the same way."""
+    places, along, _ = loop.places(PLACES)
+    x, tangents = samples(curves)
+    both = np.concatenate([places + depth * loop.normal, x]), np.concatenate([along, tangents])
+    others = np.arange(len(both[0])) >= PLACES
+    return crowded(views, *both, by=others)[:, :PLACES]
 
 
 def _looked_at(loop: Loop, depth: float, x: Float[Array, "S 3"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
@@ -88,10 +115,9 @@ def _looked_at(loop: Loop, depth: float, x: Float[Array, "S 3"], views: EdgeView
 
 def _placed(loop: Loop, depth: float, views: EdgeViews, outward: float) -> Float[Array, " 3"]:
     """The way from the rim to the bottom that agrees best with the ridges."""
-    x, tangents, inwards = loop.places(PLACES)
+    x, tangents, _ = loop.places(PLACES)
     below = x + depth * loop.normal
-    looked = _looked_at(loop, depth, below + INSIDE * views.pixel * inwards, views)
-    seen = agreement(views, below, tangents) & (views.match(below).distance < SEEN) & looked
+    seen = _seen(loop, depth, views)[0]
     steps = 0.5 * views.pixel * np.array([-1.0, 0.0, 1.0])[:, None, None] * tangents
 
     def places(value: Float[Array, " 1"]) -> Float[Array, "3 S 3"]:
@@ -109,12 +135,12 @@ def _with_bottom(curves: Curves, loop: Loop, way: Float[Array, " 3"], pixel: flo
     rim = curves[members]
     bottom = replace(rim, points=rim.points + torch.from_numpy(way).to(rim.points.dtype))
     dense = np.concatenate([resampled(line, pixel / 2) for line in sampled(bottom)])
-    samples = sampled(curves)
-    old = np.concatenate([resampled(line, pixel / 2) for line in samples])
+    lines = sampled(curves)
+    old = np.concatenate([resampled(line, pixel / 2) for line in lines])
     there = (cKDTree(old).query(dense)[0] < BESIDE * pixel).mean()
     if there >= THERE:
         return curves
-    gone = (cKDTree(dense).query(samples)[0] < NEAR * pixel).mean(1) >= SHARE
+    gone = (cKDTree(dense).query(lines)[0] < NEAR * pixel).mean(1) >= SHARE
     gone[members] = False
     return _welded(curves[torch.from_numpy(~gone)], bottom, pixel)
 
