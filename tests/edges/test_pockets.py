@@ -40,18 +40,20 @@ def circle(height, radius=HALF):
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(400, height)])
 
 
-def looked_into(rims, bottoms, inside):
+def looked_into(rims, bottoms, inside, middles=None):
     """Ridges of rims, which all views show, and of those parts of bottoms that are seen through them.
 
     Args:
         inside: whether points of the plane of the rims lie within them.
+        middles: a point within each bottom, by default the origin.
     """
+    middles = np.zeros((len(bottoms), 3)) if middles is None else middles
     lines = []
     for eye in EYES:
         own = [rim @ TILT.T for rim in rims]
-        for bottom in bottoms:
+        for k, bottom in enumerate(bottoms):
             # From below nothing is seen; from above, what lies beside the bottom's edge by a hundredth.
-            beside = bottom * [0.99, 0.99, 1]
+            beside = bottom + 0.01 * (middles[k] - bottom) * [1, 1, 0]
             share = eye[2] / (eye[2] - beside[:, 2:])
             seen = (eye[2] > 0) & inside(eye + share * (beside - eye))
             runs = np.split(np.arange(len(bottom)), np.nonzero(np.diff(seen.astype(int)))[0] + 1)
@@ -116,6 +118,29 @@ def test_pieces_of_a_bottom_go_and_upright_edges_end_there():
     names, members = torch.unique(found.vertex, return_counts=True)
     assert len(names) == 8
     assert (members == 3).all()
+
+
+def test_two_pockets_side_by_side():
+    """What goes of one of them stands before the curves of the other."""
+    sides = [np.array([x, 0, 0]) for x in (-0.45, 0.45)]
+    rims = [[line * [0.8, 1, 1] + side for line in rim_of(0)] for side in sides]
+    bottoms = [line + DOWN for rim in rims for line in rim]
+    views = looked_into(
+        [line for rim in rims for line in rim],
+        bottoms,
+        lambda x: (np.abs(np.abs(x[:, 0]) - 0.45) < 0.8 * HALF) & (np.abs(x[:, 1]) < HALF),
+        np.repeat(sides, 4, axis=0),
+    )
+    piece = lines_between((bottoms[0][0] @ TILT.T, bottoms[0][120] @ TILT.T))
+    curves = piece
+    for rim in rims:
+        lines = lines_between(*((line[0] @ TILT.T, line[-1] @ TILT.T) for line in rim))
+        curves = concatenated(curves, replace(lines, vertex=torch.tensor([[k, (k + 1) % 4] for k in range(4)])))
+    found = with_pockets(curves, views, 0.0)
+    assert len(found) == 16
+    x = sampled(found) @ TILT
+    assert np.abs(x[:8] - sampled(curves)[1:] @ TILT).max() < 1e-6
+    assert np.abs(x[8:] - x[:8] - DOWN).max() < 0.004
 
 
 @pytest.mark.parametrize("outward", [0.0, 0.5])

@@ -27,8 +27,8 @@ PLACES = 2 * PARTS * SAMPLES
 # Depths that are tried, pixels: the shallowest, and steps. Ridges this near show a bottom.
 SHALLOWEST, STEP, SEEN = 5.0, 1.0, 1.2
 # Of the views that should see the places of a bottom this share has to show them, all in all, and of the places this
-# share in half of their views or more, and in two at least. Of 25 bottoms of generated parts the first was .6 or more,
-# of the best depth of 60 rims without one .48 or less.
+# share in half of their views or more, and in two at least. In 60 reconstructions of generated parts 48 bottoms have
+# both; of 934 sides of rims without one, each at its best depth, three, two of them a pixel or two beside a true one.
 SHOWN, COVERED = 0.55, 0.4
 # So many views have to look at a place, for this share of the places.
 FEWEST, LOOKED_AT = 2, 0.6
@@ -40,17 +40,32 @@ BESIDE, THERE = 3.0, 0.95
 
 
 def with_pockets(curves: Curves, views: EdgeViews, outward: float) -> Curves:
-    """The curves with the bottoms of pockets that the views show.
+    """The curves with the bottoms of pockets that the views show, instead of pieces along them.
 
     Args:
         outward: offset of outlines that the detector has, pixels.
     """
+    bottoms: list[Curves] = []
+    rims: list[int] = []
     for loop in find_loops(curves, views.pixel):
         for side in (1.0, -1.0):
             depth = _depth(loop, side, curves, views)
-            if depth is not None:
-                curves = _with_bottom(curves, loop, _placed(loop, depth, views, outward), views.pixel)
-    return curves
+            if depth is None:
+                continue
+            way = _placed(loop, depth, views, outward)
+            rim = curves[torch.tensor(sorted(loop.members))]
+            bottom = replace(rim, points=rim.points + torch.from_numpy(way).to(rim.points.dtype))
+            if _off(bottom, [curves, *bottoms], BESIDE * views.pixel) > 1 - THERE:
+                bottoms.append(bottom)
+                rims += loop.members
+    gone = np.zeros(len(curves), bool)
+    for bottom in bottoms:
+        gone |= _along(curves, bottom, views.pixel)
+    gone[rims] = False
+    found = curves[torch.from_numpy(~gone)] if gone.any() else curves
+    for bottom in bottoms:
+        found = _welded(found, bottom, views.pixel)
+    return found
 
 
 def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float | None:
@@ -127,22 +142,25 @@ def _placed(loop: Loop, depth: float, views: EdgeViews, outward: float) -> Float
     return (depth + found) * loop.normal
 
 
-def _with_bottom(curves: Curves, loop: Loop, way: Float[Array, " 3"], pixel: float) -> Curves:
-    """The curves with those of the rim again, and without what lies along them; unless they are there."""
+def _off(bottom: Curves, others: list[Curves], distance: float) -> float:
+    """The share of a bottom that is farther than this from the other curves."""
     from scipy.spatial import cKDTree
 
-    members = torch.tensor(sorted(loop.members))
-    rim = curves[members]
-    bottom = replace(rim, points=rim.points + torch.from_numpy(way).to(rim.points.dtype))
-    dense = np.concatenate([resampled(line, pixel / 2) for line in sampled(bottom)])
-    lines = sampled(curves)
-    old = np.concatenate([resampled(line, pixel / 2) for line in lines])
-    there = (cKDTree(old).query(dense)[0] < BESIDE * pixel).mean()
-    if there >= THERE:
-        return curves
-    gone = (cKDTree(dense).query(lines)[0] < NEAR * pixel).mean(1) >= SHARE
-    gone[members] = False
-    return _welded(curves[torch.from_numpy(~gone)], bottom, pixel)
+    there = np.concatenate([line for curves in others for line in _dense(curves, distance / 4)])
+    return float((cKDTree(there).query(np.concatenate(_dense(bottom, distance / 4)))[0] > distance).mean())
+
+
+def _along(curves: Curves, bottom: Curves, pixel: float) -> Bool[NDArray[np.bool_], " N"]:
+    """Which curves lie along a bottom."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(np.concatenate(_dense(bottom, pixel / 2)))
+    return np.asarray((tree.query(sampled(curves))[0] < NEAR * pixel).mean(1) >= SHARE)
+
+
+def _dense(curves: Curves, step: float) -> list[Array]:
+    """Points along each curve, so far apart."""
+    return [resampled(line, step) for line in sampled(curves)]
 
 
 def _welded(curves: Curves, bottom: Curves, pixel: float) -> Curves:
