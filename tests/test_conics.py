@@ -124,6 +124,7 @@ def test_dtype_is_the_one_asked_for(dtype):
         ),
         (lambda: bezier.parabola((0.0, math.nan), (1.0, 0.0), (0.0, 1.0), 0.0, 1.0), "vertex must be finite"),
         (lambda: bezier.circle((0.0, 0.0, 0.0), 1.0, (0.0, 1.0)), "a normal with a length"),
+        (lambda: bezier.circle((0.0, 0.0, 0.0), math.inf), "radius must be finite"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")

@@ -43,13 +43,15 @@ def off_the_arc(curves):
     return np.abs(np.hypot(np.hypot(x[:, 0], x[:, 1]) - RADIUS, x[:, 2])).max() / RADIUS
 
 
-@pytest.mark.parametrize("gap", [-0.03, 0.0, 0.05])
+@pytest.mark.parametrize("gap", [-0.03, 0.0, 0.05, 0.1, 0.15])
 def test_an_arc_that_is_missing_is_found(gap):
     curves = tilted((FIRST, -(RADIUS + gap) * X), (SECOND, -(RADIUS + gap) * Y))
+    ends = curves.points[:, 0].clone()
     views = seen(ROUND)
     found = with_corners(curves, views, ENOUGH)
     assert found.kind.tolist() == [Kind.LINE, Kind.LINE, Kind.ARC]
     assert found.vertex[2].tolist() == [found.vertex[0, 1], found.vertex[1, 1]]
+    assert torch.allclose(found.points[:2, 0], ends, atol=1e-6)
     assert off_the_arc(found) < 0.1
     assert off_the_arc(with_fillets(found, views, 0.0)) < 0.005
 
@@ -61,6 +63,20 @@ def test_pieces_of_an_arc_go():
     found = with_corners(curves, seen(ROUND), ENOUGH)
     assert found.kind.tolist() == [Kind.LINE, Kind.LINE, Kind.ARC]
     assert off_the_arc(found) < 0.1
+
+
+@pytest.mark.parametrize("length", [0.22, 0.0])
+def test_a_side_in_two_pieces_becomes_one(length):
+    """Or one of no length at all, before the arc that is missing."""
+    break_ = RADIUS + 0.03 + length
+    pieces = (FIRST, -(break_ + 0.01 * (length > 0)) * X), (-break_ * X, -(RADIUS + 0.03) * X)
+    found = with_corners(tilted(*pieces, (-(RADIUS + 0.03) * Y, SECOND)), seen(ROUND), ENOUGH)
+    arcs = found.kind == Kind.ARC
+    assert int(arcs.sum()) == 1
+    assert off_the_arc(found) < 0.1
+    x = sampled(found).reshape(-1, 3) @ TILT
+    assert np.abs(x - FIRST).sum(1).min() < 1e-4
+    assert np.abs(x - SECOND).sum(1).min() < 1e-4
 
 
 @pytest.mark.parametrize("lines", [SHARP, CHAMFER])

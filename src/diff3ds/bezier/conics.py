@@ -66,6 +66,7 @@ def circle(
             `ellipse`.
     """
     n, size = as_numbers("normal", normal, torch.float64), as_numbers("radius", radius, torch.float64)
+    check_finite(radius=size, normal=n)
     length = torch.linalg.vector_norm(n)
     if n.shape != (3,) or size.ndim or not (size > 0 and length > 0):
         raise ValueError(f"expected a positive radius and a normal with a length, got {radius} and {normal}")

@@ -109,6 +109,9 @@ def _sides(points: Float[Array, "N 4 3"], one: tuple[int, int], other: tuple[int
     reach, room = ([float((p - place) @ way) for p, way in zip(ps, ways, strict=True)] for ps in (near, far))
     if abs(ways[0] @ ways[1]) > TURN or min(reach) < -PASS * pixel or max(reach) < OPEN * pixel:
         return None
+    # The other ends are no sides of a corner here.
+    if any(n >= f for n, f in zip(reach, room, strict=True)):
+        return None
     return _Sides((one[0], other[0]), (one[1], other[1]), place, ways, reach, room)
 
 
@@ -129,24 +132,28 @@ def _corner(
         return None
     lengths = np.arange(shortest, longest, STEP * pixel)
     arcs = np.stack([tangent_arc(sides.place, sides.ways, length) for length in lengths])
-    x, counts = _shown(arcs, views)
+    candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
+    x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
+    counts = _counts(x, views)
     good = (counts >= enough).mean(1)
     best = int(np.lexsort((counts.mean(1), good))[-1])
-    if good[best] < COVERED:
-        return None
     # To where the lines end now: a line may go on too far, or too little.
     stems = [
-        sides.place + np.array([[lengths[best]], [near]]) * way
+        resampled(sides.place + np.array([[lengths[best]], [near]]) * way, pixel / 2)
         for near, way in zip(sides.near, sides.ways, strict=True)
     ]
-    path = np.concatenate([resampled(p, pixel / 2) for p in (stems[0][::-1], x[best], stems[1])])
+    longer = [stem for stem, near in zip(stems, sides.near, strict=True) if near > lengths[best] + pixel]
+    if good[best] < COVERED or not all(_is_shown(stem, views, enough) for stem in longer):
+        return None
+    path = np.concatenate([stems[0][::-1], resampled(x[best], pixel / 2), stems[1]])
     along = _near(samples, path, pixel) & alone
     along[list(sides.lines)] = False
     pieces = tuple(np.nonzero(along)[0].tolist())
     if _doubled(samples, {*pieces, *sides.lines}, x[best], pixel):
         return None
-    before = [samples[i] for i in (*pieces, *sides.lines)] if pieces else [_sharp(sides, lengths[best])]
-    rest = [part for line in before for part in _within(resampled(line, pixel), sides.place, lengths[best])]
+    before = [resampled(samples[i], pixel) for i in (*pieces, *sides.lines)] if pieces else []
+    rest = [part for line in before for part in _within(line, sides.place, lengths[best])]
+    rest = rest or [resampled(_sharp(sides, lengths[best]), pixel)]
     if _off([x[best]], views, enough) > _off(rest, views, enough) - NEARER:
         return None
     return _Corner(sides, arcs[best], pieces, float(counts[best].mean()))
@@ -164,13 +171,16 @@ def _within(line: Float[Array, "M 3"], place: Float[Array, " 3"], radius: float)
     return [near] if len(near) > 1 else []
 
 
-def _shown(arcs: Float[Array, "L 4 3"], views: EdgeViews) -> tuple[Float[Array, "L P 3"], Float[Array, "L P"]]:
-    """Places along arcs, and how many views have a ridge there that runs along."""
-    candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
-    x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
+def _counts(x: Float[Array, "L P 3"], views: EdgeViews) -> Float[Array, "L P"]:
+    """How many views have a ridge at places along lines that runs along."""
     flat, tangents = x.reshape(-1, 3), _tangents(x).reshape(-1, 3)
     seen = agreement(views, flat, tangents) & (views.match(flat).distance < SEEN)
-    return x, seen.sum(0).reshape(x.shape[:2]).astype(np.float64)
+    return seen.sum(0).reshape(x.shape[:2]).astype(np.float64)
+
+
+def _is_shown(line: Float[Array, "P 3"], views: EdgeViews, enough: float) -> bool:
+    """Whether enough views show most of a line."""
+    return bool((_counts(line[None], views) >= enough).mean() >= COVERED)
 
 
 def _off(lines: list[Array], views: EdgeViews, enough: float) -> float:
@@ -204,7 +214,8 @@ def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 
 
 def _with(curves: Curves, corner: _Corner) -> Curves:
     """The curves with the corner instead of its pieces, and its lines up to it."""
-    points, vertex = curves.points.clone(), curves.vertex.clone()
+    # As they are drawn: an end that leaves a vertex must not move the others.
+    points, vertex = curves.constrained(curves.points)[0].clone(), curves.vertex.clone()
     free = int(vertex.max()) + 1
     arc = torch.from_numpy(corner.arc).to(points.dtype)
     for k, (line, end) in enumerate(zip(corner.sides.lines, corner.sides.ends, strict=True)):

@@ -12,8 +12,8 @@ from diff3ds.edges.simplify import sampled
 
 # Samples of a curve: chords of a half circle are .2 % of its radius beside it.
 SAMPLES = 25
-# Curves lie in a plane if none of their points is farther from it, pixels; two curves whose points are all this near to
-# one line span no plane. Empirical.
+# Curves lie in a plane if none of their points is farther from it, pixels; two curves whose points are this near to one
+# line, twice the root of the mean square, span no plane. Empirical.
 PLANAR, STRAIGHT = 1.0, 2.0
 
 

@@ -5,6 +5,7 @@ which place of a bottom at a given depth, for the line of sight has to pass the 
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import torch
@@ -47,22 +48,26 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     """
     bottoms: list[Curves] = []
     rims: list[int] = []
+    # As they are drawn: an end that leaves a vertex must not move the others.
+    drawn = curves.moved(curves.points)
     for loop in find_loops(curves, views.pixel):
         for side in (1.0, -1.0):
             depth = _depth(loop, side, curves, views)
             if depth is None:
                 continue
             way = _placed(loop, depth, views, outward)
-            rim = curves[torch.tensor(sorted(loop.members))]
+            rim = drawn[torch.tensor(sorted(loop.members))]
             bottom = replace(rim, points=rim.points + torch.from_numpy(way).to(rim.points.dtype))
             if _off(bottom, [curves, *bottoms], BESIDE * views.pixel) > 1 - THERE:
                 bottoms.append(bottom)
                 rims += loop.members
+    if not bottoms:
+        return curves
     gone = np.zeros(len(curves), bool)
     for bottom in bottoms:
         gone |= _along(curves, bottom, views.pixel)
     gone[rims] = False
-    found = curves[torch.from_numpy(~gone)] if gone.any() else curves
+    found = drawn[torch.from_numpy(~gone)]
     for bottom in bottoms:
         found = _welded(found, bottom, views.pixel)
     return found
@@ -72,13 +77,15 @@ def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float |
     """How far along its normal the rim appears again, world units; None if it does not."""
     found = []
     for depth in side * views.pixel * np.arange(SHALLOWEST, 2 / views.pixel, STEP):
+        if np.linalg.norm(loop.places(PLACES)[0] + depth * loop.normal, axis=1).min() > 1:
+            break
         seen, looked = _seen(loop, depth, views)
-        if np.linalg.norm(loop.places(PLACES)[0] + depth * loop.normal, axis=1).min() > 1 or not _many(looked):
+        if not _many(looked):
             break
         if _confirmed(seen, looked):
             found.append((float(seen.sum() / looked.sum()), float(depth)))
     # Where another curve appears in the same place, it explains the ridge.
-    for _, depth in sorted(found, reverse=True):
+    for _, depth in sorted(found, key=lambda one: (-one[0], abs(one[1]))):
         clear = ~_beside_others(loop, depth, curves, views)
         seen, looked = (flags & clear for flags in _seen(loop, depth, views))
         if _many(looked) and _confirmed(seen, looked):
@@ -169,13 +176,14 @@ def _welded(curves: Curves, bottom: Curves, pixel: float) -> Curves:
     vertex, other = joined.vertex.clone(), joined.other
     ends = joined.constrained(joined.points)[0][:, [0, 3]].double()
     first = len(curves)
-    for i in range(first, len(joined)):
-        for end in (0, 1):
-            if other[i] >= 0:
-                continue
-            off = (ends[:first] - ends[i, end]).norm(dim=2)
-            off[other[:first] >= 0] = torch.inf
-            row, k = divmod(int(off.argmin()), 2)
-            if float(off[row, k]) < WITHIN * pixel:
-                vertex[vertex == vertex[row, k]] = vertex[i, end]
+    # Each end of before goes to one vertex of the bottom: two of them in one would leave a curve without length.
+    taken: set[int] = set()
+    for i, end in product(range(first, len(joined)), (0, 1)):
+        off = (ends[:first] - ends[i, end]).norm(dim=2)
+        off[other[:first] >= 0] = torch.inf
+        row, k = divmod(int(off.argmin()), 2)
+        name, old = int(vertex[i, end]), int(vertex[row, k])
+        if other[i] < 0 and float(off[row, k]) < WITHIN * pixel and old not in taken:
+            vertex[vertex == old] = name
+            taken.add(name)
     return replace(joined, vertex=vertex)
