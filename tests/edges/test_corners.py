@@ -110,8 +110,10 @@ def test_round_corners_stay():
 
 def test_another_curve_at_the_end_of_a_line_keeps_its_end():
     curves = tilted((FIRST, -RADIUS * X), (SECOND, -RADIUS * Y), (-RADIUS * X, -RADIUS * X + 0.5 * Z))
-    curves = replace(curves, vertex=torch.tensor([[0, 1], [2, 3], [1, 4]]))
+    # Where they share a vertex, their own ends lie a little apart.
+    points = curves.points + 0.02 * torch.tensor([[[0.0]], [[0.0]], [[1.0]]]) * torch.from_numpy(TILT[:, 1]).float()
+    curves = replace(curves, points=points, vertex=torch.tensor([[0, 1], [2, 3], [1, 4]]))
     upright = segment(-RADIUS * X, -RADIUS * X + 0.5 * Z)
     found = with_corners(curves, seen([*ROUND, upright]), ENOUGH)
     assert int((found.kind == Kind.ARC).sum()) == 1
-    assert torch.allclose(found.points[2], curves.points[2])
+    assert np.allclose(sampled(found)[2], sampled(curves)[2], atol=1e-6)

@@ -120,6 +120,21 @@ def test_pieces_of_a_bottom_go_and_upright_edges_end_there():
     assert (members == 3).all()
 
 
+def test_no_short_curve_gets_both_its_ends_into_one():
+    """An edge ends between the two ends of the shortest side, nearest to both."""
+    views = looked_into(rim_of(0), rim_of(-DEPTH), in_square)
+    cut = 2 * views.pixel
+    corners = np.concatenate([CORNERS[:2], CORNERS[2] - [[0, cut, 0], [cut, 0, 0]], CORNERS[3:]])
+    rim = lines_between(*((corners[k] @ TILT.T, corners[(k + 1) % 5] @ TILT.T) for k in range(5)))
+    middle = (CORNERS[2] - [cut / 2, cut / 2, 0]) @ TILT.T
+    upright = lines_between((middle + 0.4 * TILT[:, 0], middle + DOWN @ TILT.T))
+    curves = concatenated(replace(rim, vertex=torch.tensor([[k, (k + 1) % 5] for k in range(5)])), upright)
+    found = with_pockets(curves, views, 0.0)
+    assert len(found) == 11
+    assert (found.vertex[:, 0] != found.vertex[:, 1]).all()
+    assert np.linalg.norm(sampled(found)[:, -1] - sampled(found)[:, 0], axis=1).min() > cut / 2
+
+
 def test_two_pockets_side_by_side():
     """What goes of one of them stands before the curves of the other."""
     sides = [np.array([x, 0, 0]) for x in (-0.45, 0.45)]
