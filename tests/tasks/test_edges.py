@@ -59,3 +59,12 @@ def test_fewer_views_are_kept_of_large_pictures():
     assert most_views((512, 512)) == 200
     assert most_views((2160, 3840)) == 48
     assert most_views((65536, 65536)) == 3
+
+
+@pytest.mark.parametrize("target", ["color", "color-edges"])
+def test_the_demo_has_no_colours(target, tmp_path, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["views", "--demo", "--target", target, "-o", str(tmp_path / "out")])
+    assert stopped.value.code == FAULT
+    assert f"line drawings (--target edges), not {target}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -390,12 +390,3 @@ def _sampled(polyline):
     points = torch.tensor(polyline)
     t = torch.linspace(0, 1, 60)[:, None, None]
     return ((1 - t) * points[:-1] + t * points[1:]).reshape(-1, 3)
-
-
-@pytest.mark.parametrize("target", ["color", "color-edges"])
-def test_the_demo_has_no_colours(target, tmp_path, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(["views", "--demo", "--target", target, "-o", str(tmp_path / "out")])
-    assert stopped.value.code == FAULT
-    assert f"line drawings (--target edges), not {target}" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -125,12 +125,9 @@ def _corner(
         alone: curves that may be pieces of a corner.
     """
     pixel = views.pixel
-    half = np.arccos(np.clip(sides.ways[0] @ sides.ways[1], -1, 1)) / 2
-    shortest = RISE * pixel * np.cos(half) / (1 - np.sin(half))
-    longest = min(min(sides.far) - REST * pixel, max(sides.near) + BEYOND * pixel, LONGEST * pixel)
-    if longest <= shortest:
+    lengths = _lengths(sides, pixel)
+    if not len(lengths):
         return None
-    lengths = np.arange(shortest, longest, STEP * pixel)
     arcs = np.stack([tangent_arc(sides.place, sides.ways, length) for length in lengths])
     candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
     x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
@@ -157,6 +154,14 @@ def _corner(
     if _off([x[best]], views, enough) > _off(rest, views, enough) - NEARER:
         return None
     return _Corner(sides, arcs[best], pieces, float(counts[best].mean()))
+
+
+def _lengths(sides: _Sides, pixel: float) -> Float[Array, " L"]:
+    """The lengths of tangents to try."""
+    half = np.arccos(np.clip(sides.ways[0] @ sides.ways[1], -1, 1)) / 2
+    shortest = RISE * pixel * np.cos(half) / (1 - np.sin(half))
+    longest = min(min(sides.far) - REST * pixel, max(sides.near) + BEYOND * pixel, LONGEST * pixel)
+    return np.arange(shortest, longest, STEP * pixel)
 
 
 def _sharp(sides: _Sides, length: float) -> Float[Array, "3 3"]:

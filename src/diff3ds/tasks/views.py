@@ -20,7 +20,7 @@ from diff3ds.tasks.color import color_scores, held_out_views, plan_color
 from diff3ds.tasks.edges import fit_edges
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
-from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
+from diff3ds.tasks.posed import PosedPictures, Target, find_transforms, load_posed
 from diff3ds.tasks.progress import Fitted, Progress, Report, Stopped
 from diff3ds.tasks.random_edges import plan_random_edges
 from diff3ds.tasks.results import RunInfo, claim, spread, write_results
@@ -67,20 +67,13 @@ def fit_views(
     path = find_transforms(source, options.target) if source is not None else None
     pictures = demo_pictures(options.size) if path is None else load_posed(path, options.target, options.size, out)
     plates = _plates(pictures, path, options, out)
-    if idle := options.idle(pictures.target):
-        how = pictures.target if pictures.target == "color" else f"{pictures.target} --init {options.init}"
-        say(f"{', '.join(idle)}: no effect with --target {how}")
+    _say_idle(options, pictures.target, say)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
-    if pictures.target == "color":
-        fitted = _fit_color(pictures, plates, path, options, out, report)
-    elif options.init == "random":
-        fitted = _fit_random_edges(pictures, options, out, report)
-    else:
-        fitted = fit_edges(pictures, options, out / EDGES_CHECKPOINT, report)
+    fitted = _fitted(pictures, plates, path, options, out, report)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
         {"target": pictures.target, **fitted.chosen},
@@ -93,6 +86,24 @@ def fit_views(
     if fitted.stopped:
         raise Stopped
     return fitted.sketch
+
+
+def _say_idle(options: ViewsOptions, target: Target, say: Callable[[str], None]) -> None:
+    """Says which options change nothing."""
+    if idle := options.idle(target):
+        how = target if target == "color" else f"{target} --init {options.init}"
+        say(f"{', '.join(idle)}: no effect with --target {how}")
+
+
+def _fitted(
+    pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
+) -> Fitted:
+    """What is reached, in the way that suits the pictures."""
+    if pictures.target == "color":
+        return _fit_color(pictures, plates, path, options, out, report)
+    if options.init == "random":
+        return _fit_random_edges(pictures, options, out, report)
+    return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report)
 
 
 def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
