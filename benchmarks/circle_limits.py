@@ -3,14 +3,15 @@
     python benchmarks/circle_limits.py OUT [--seeds 0-29]
 
 OUT is a folder of `views.py cad`: its objects, and its runs, which know the detector's bias. A circle that comes out
-wrong even so is one that its ridges alone do not fix; curves that are found together (equal radii, rounded corners
-between lines) may still be better. Prints how many circles of each kind are within the bounds of curve_scores.py.
+wrong even so is one that its ridges alone do not fix. Curves that are found together may be better: the second table
+is of circles that stay in their true planes, and whose radii are the mean of those that are equal in truth. Prints how
+many circles of each kind are within the bounds of curve_scores.py.
 """
 
 import argparse
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,35 +22,46 @@ from curve_scores import CENTRE_ERROR, LEAST_ANGLE, LEAST_RADIUS, RADIUS_ERROR
 from diff3ds.edges.bias import Bias, corrected, outline_sides
 from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.offsets import near_joints
-from diff3ds.edges.placing import LOOKS, circle_at, shown_of
+from diff3ds.edges.placing import LOOKS, circle_at, shown_of, undisturbed
 from diff3ds.edges.primitives import Circle, angles_of
-from diff3ds.edges.support import crowded
+from diff3ds.edges.support import agreement, crowded
 from diff3ds.tasks.edges import ridges_of
 from diff3ds.tasks.frame import Frame, frame_of
 from diff3ds.tasks.posed import find_transforms, load_posed
 
 # Places along every curve.
 PLACES = 60
+# Arcs of more than this are whole circles, radians.
+WHOLE = 6.0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One circle: its angle, and the relative errors of radius and centre."""
+    """One circle: its angle, what circles of its object that are equal to it share, and the relative errors."""
 
     angle: float
+    series: tuple[str, float, bool]
     radius: float
     center: float
 
 
 def main() -> None:
-    """Prints a line for whole circles, longer arcs and quarter circles."""
+    """Prints a line for whole circles, longer arcs and quarter circles, placed alone and with what else is known."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", default="0-29")
     options = parser.parse_args()
     first, last = map(int, options.seeds.split("-"))
-    found = [outcome for seed in range(first, last + 1) for outcome in outcomes(options.out, f"{seed:02}")]
-    kinds = {"whole": (6.0, 7.0), "longer arcs": (1.6, 6.0), "quarters": (0.0, 1.6), "all": (0.0, 7.0)}
+    names = [f"{seed:02}" for seed in range(first, last + 1)]
+    print("each alone")
+    report([outcome for name in names for outcome in outcomes(options.out, name, flat=False)])
+    print("in its true plane, the radius the mean of those that are equal in truth")
+    report(agreed([outcome for name in names for outcome in outcomes(options.out, name, flat=True)]))
+
+
+def report(found: list[Outcome]) -> None:
+    """Prints how many of each kind are right."""
+    kinds = {"whole": (WHOLE, 7.0), "longer arcs": (1.6, WHOLE), "quarters": (0.0, 1.6), "all": (0.0, 7.0)}
     for kind, (least, most) in kinds.items():
         own = [o for o in found if least <= o.angle < most]
         radius = [o for o in own if abs(o.radius) <= RADIUS_ERROR]
@@ -60,22 +72,34 @@ def main() -> None:
         )
 
 
-def outcomes(out: Path, name: str) -> list[Outcome]:
+def agreed(found: list[Outcome]) -> list[Outcome]:
+    """The circles with the mean radius of their series."""
+    errors: dict[tuple[str, float, bool], list[float]] = {}
+    for one in found:
+        errors.setdefault(one.series, []).append(one.radius)
+    return [replace(one, radius=float(np.mean(errors[one.series]))) for one in found]
+
+
+def outcomes(out: Path, name: str, flat: bool) -> list[Outcome]:
     """Of all circles of one object that curve_scores.py asks for."""
     views, frame, outward = prepared(out, name)
     truth = json.loads((out / "objects" / name / "ground_truth.json").read_text())["curves"]
     drawn = [along(curve, frame) for curve in truth]
     tangents = [np.gradient(x, axis=0) for x in drawn]
     units = np.concatenate([t / (np.linalg.norm(t, axis=1, keepdims=True) + 1e-12) for t in tangents])
-    clear = ~crowded(views, np.concatenate(drawn), units)
+    x = np.concatenate(drawn)
+    clear = ~crowded(views, x, units)
+    free = undisturbed(views, x, units, agreement(views, x, units), clear)
     found = []
     for k, curve in enumerate(truth):
         if curve["type"] != "circle" or curve["angle"] < LEAST_ANGLE - 1e-3 or curve["radius"] <= LEAST_RADIUS:
             continue
         start = true_circle(curve, drawn[k], frame)
-        circle = settled(start, drawn[k], clear[:, PLACES * k : PLACES * (k + 1)], views, outward, curve["angle"])
+        sight = (free if curve["angle"] > WHOLE else clear)[:, PLACES * k : PLACES * (k + 1)]
+        circle = settled(start, drawn[k], sight, views, outward, curve["angle"], flat)
         off = float(np.linalg.norm(circle.center - start.center)) / start.radius
-        found.append(Outcome(curve["angle"], circle.radius / start.radius - 1, off))
+        series = (name, round(curve["radius"], 5), curve["angle"] > WHOLE)
+        found.append(Outcome(curve["angle"], series, circle.radius / start.radius - 1, off))
     return found
 
 
@@ -109,12 +133,15 @@ def true_circle(curve: dict[str, Any], x: np.ndarray, frame: Frame) -> Circle:
     return Circle(center, u, np.cross(normal, u), curve["radius"] / frame.radius, np.zeros(1))
 
 
-def settled(start: Circle, x: np.ndarray, clear: np.ndarray, views: EdgeViews, outward: float, angle: float) -> Circle:
+def settled(
+    start: Circle, x: np.ndarray, clear: np.ndarray, views: EdgeViews, outward: float, angle: float, flat: bool
+) -> Circle:
     """The circle after as many looks as `placed` takes; the last one that did not shrink to nothing."""
     angles, circle = angles_of(start, x), start
-    joints = near_joints(x, x[[0, -1]], views.pixel) if angle < 6.0 else None
+    joints = near_joints(x, x[[0, -1]], views.pixel) if angle < WHOLE else None
     for _ in range(LOOKS):
-        moved = circle_at(circle, angles, clear & shown_of(circle, angles, views), views, outward, None, joints)
+        shown = clear & shown_of(circle, angles, views)
+        moved = circle_at(circle, angles, shown, views, outward, None, joints, flat=flat)
         if moved is None:
             break
         circle = moved

@@ -7,12 +7,15 @@ import pytest
 import torch
 from edge_scenes import arc, around, circular_arc, lines_between, project, ridges_along, segment, turned
 
+from diff3ds import render
+from diff3ds.edges import placing
 from diff3ds.edges.curves import curves_of
 from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.placing import placed
-from diff3ds.edges.primitives import fit_circle
-from diff3ds.edges.ridges import Ridges
-from diff3ds.edges.simplify import sampled
+from diff3ds.edges.placing import circle_at, placed, shown_of
+from diff3ds.edges.primitives import Circle, fit_circle
+from diff3ds.edges.ridges import Ridges, map_ridges
+from diff3ds.edges.simplify import concatenated, sampled
+from diff3ds.edges.support import CROWDED
 
 CAMERAS = around(30, 160)
 U, V, _ = turned(3)
@@ -106,6 +109,46 @@ def test_a_large_arc_far_from_its_place_is_placed():
     curves = curves_of([near(radius, 0.3, 3.0, pixel_off=0.8)])
     found = fitted(placed(curves, ridges(radius, start=0.3, stop=3.0), 0.0))
     assert abs(found.radius / radius - 1) < 1e-3
+
+
+@pytest.mark.parametrize("width", [3, 4])
+def test_the_other_side_of_a_small_circle_hardly_pulls_its_ridges(monkeypatch, width):
+    """Drawn: from aslant its two sides are near, and pull each other's ridges inwards."""
+    radius = 5 * PIXEL
+    true = curves_of([], [[circular_arc(CENTER, radius * U, radius * V, a, a + np.pi) for a in (0, np.pi)]])
+    drawn = render(true.sketch(width / 160), CAMERAS, blur=0.7)
+    views = edge_views(CAMERAS, [map_ridges(view.numpy()) for view in drawn.alpha])
+    assert abs(fitted(placed(true, views, 0.0)).radius / radius - 1) < 3.5e-3
+    monkeypatch.setattr(placing, "PULLED", CROWDED)
+    assert fitted(placed(true, views, 0.0)).radius / radius - 1 < -2.5e-3
+
+
+def test_two_circles_side_by_side_in_all_views_are_placed_nevertheless():
+    """Six pixels apart in space along their axis, 3.6 to 4.6 in every picture."""
+    axis, radius = np.cross(U, V), 40 * PIXEL
+    cameras = around(200, 160)
+    eyes = cameras.centers.double().numpy()
+    apart = 6 * np.linalg.norm(np.cross(eyes, axis), axis=1) / np.linalg.norm(eyes, axis=1)
+    cameras = cameras[torch.from_numpy(np.nonzero((apart > 3.6) & (apart < 4.6))[0])]
+    rings = [arc(CENTER + gap * PIXEL * axis, radius * U, radius * V) for gap in (0, 6)]
+    views = edge_views(cameras, ridges_along(cameras, rings))
+    one, other = circle(radius), circle(radius)
+    both = concatenated(one, replace(other, points=other.points + torch.from_numpy(6 * PIXEL * axis).float()))
+    found = fitted(placed(both, views, 0.0)[torch.tensor([0, 1])])
+    assert abs(found.radius / radius - 1) < 2e-4
+    assert np.linalg.norm(found.center - CENTER) < 2e-4 * radius
+
+
+def test_a_circle_that_stays_in_its_plane_finds_its_centre_and_radius():
+    radius = 12 * PIXEL
+    start = Circle(CENTER + PIXEL * (0.4 * U - 0.5 * V), U, V, radius + 0.6 * PIXEL, np.zeros(1))
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    views = ridges(radius)
+    found = circle_at(start, angle, shown_of(start, angle, views), views, 0.0, flat=True)
+    assert abs(found.radius / radius - 1) < 2e-3
+    assert np.linalg.norm(found.center - CENTER) < 2e-3 * radius
+    assert abs((found.center - CENTER) @ np.cross(U, V)) < 1e-12
+    assert np.cross(found.u, found.v) @ np.cross(U, V) == pytest.approx(1, abs=1e-12)
 
 
 def test_no_curves():

@@ -75,11 +75,14 @@ def crowded(
     x: Float[Array, "M 3"],
     tangents: Float[Array, "M 3"],
     by: Bool[NDArray[np.bool_], " M"] | None = None,
+    *,
+    within: float = CROWDED,
 ) -> Flags:
     """Where another of the points, on another line of space, appears beside a point, running the same way.
 
     Args:
         by: which points count as the other; default all.
+        within: how far beside it, pixels.
     """
     from scipy.spatial import cKDTree
 
@@ -89,7 +92,7 @@ def crowded(
     found = np.zeros(pixel.shape[:2], bool)
     for view in range(len(views)):
         seen = np.nonzero(np.abs(pixel[view]).max(1) < 1e6)[0]
-        pairs = seen[cKDTree(pixel[view][seen]).query_pairs(CROWDED, output_type="ndarray")].T
+        pairs = seen[cKDTree(pixel[view][seen]).query_pairs(within, output_type="ndarray")].T
         first, second = pairs[0], pairs[1]
         turned = heading[view, first, 0] * heading[view, second, 1] - heading[view, first, 1] * heading[view, second, 0]
         # Across the line: a line seen from its end is no other line.
