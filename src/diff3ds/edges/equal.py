@@ -12,7 +12,7 @@ from diff3ds.edges.simplify import sampled
 
 # Scatter of the radii of small holes, pixels. Empirical.
 SCATTER = 0.06
-# Series whose means differ by more than so many times what their scatter makes likely are two.
+# Series whose medians differ by more than so many times what their scatter makes likely are two.
 DIFFERENT = 2.5
 
 
@@ -33,13 +33,16 @@ def with_equal_circles(curves: Curves, pixel: float) -> Curves:
 
 
 def agreed(radii: Sequence[float], scatter: float) -> list[float]:
-    """Each radius, or the mean of the series that it belongs to: neighbours join, the likeliest to be equal first."""
+    """Each radius, or the median of the series that it belongs to: neighbours join, the likeliest to be equal first.
+
+    The median, because where something disturbs one of them its radius is far off.
+    """
     order = np.argsort(radii, kind="stable")
     series = [[int(i)] for i in order]
 
     def apart(k: int) -> float:
         one, other = series[k], series[k + 1]
-        gap = np.mean([radii[i] for i in other]) - np.mean([radii[i] for i in one])
+        gap = np.median([radii[i] for i in other]) - np.median([radii[i] for i in one])
         return float(gap / (scatter * np.sqrt(1 / len(one) + 1 / len(other))))
 
     while len(series) > 1:
@@ -50,5 +53,5 @@ def agreed(radii: Sequence[float], scatter: float) -> list[float]:
     found = list(radii)
     for members in series:
         for i in members:
-            found[i] = float(np.mean([radii[k] for k in members]))
+            found[i] = float(np.median([radii[k] for k in members]))
     return found
