@@ -4,7 +4,7 @@
 
 OUT is a folder of `views.py cad`: its objects, and its runs, which know the detector's bias. A circle that comes out
 wrong even so is one that its ridges alone do not fix. Curves that are found together may be better: the second table
-is of circles that stay in their true planes, and whose radii are the mean of those that are equal in truth. Prints how
+is of circles that stay in their true planes, and whose radii are the median of those that are equal in truth. Prints how
 many circles of each kind are within the bounds of curve_scores.py.
 """
 
@@ -55,7 +55,7 @@ def main() -> None:
     names = [f"{seed:02}" for seed in range(first, last + 1)]
     print("each alone")
     report([outcome for name in names for outcome in outcomes(options.out, name, flat=False)])
-    print("in its true plane, the radius the mean of those that are equal in truth")
+    print("in its true plane, the radius the median of those that are equal in truth")
     report(agreed([outcome for name in names for outcome in outcomes(options.out, name, flat=True)]))
 
 
@@ -73,11 +73,11 @@ def report(found: list[Outcome]) -> None:
 
 
 def agreed(found: list[Outcome]) -> list[Outcome]:
-    """The circles with the mean radius of their series."""
+    """The circles with the median radius of their series."""
     errors: dict[tuple[str, float, bool], list[float]] = {}
     for one in found:
         errors.setdefault(one.series, []).append(one.radius)
-    return [replace(one, radius=float(np.mean(errors[one.series]))) for one in found]
+    return [replace(one, radius=float(np.median(errors[one.series]))) for one in found]
 
 
 def outcomes(out: Path, name: str, flat: bool) -> list[Outcome]:

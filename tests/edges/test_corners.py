@@ -1,17 +1,19 @@
 """Rounded corners that were found as something else, or not at all."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from edge_scenes import arc, around, lines_between, segment, turned, views_of
+from edge_scenes import arc, around, circular_arc, lines_between, segment, turned, views_of
 
 from diff3ds.edges.corners import with_corners
+from diff3ds.edges.curves import curves_of
 from diff3ds.edges.fillets import with_fillets
 from diff3ds.edges.primitives import Kind
 from diff3ds.edges.reconstruct import confirming
-from diff3ds.edges.simplify import sampled
+from diff3ds.edges.simplify import concatenated, sampled
 
 CAMERAS = around(24, 160)
 ENOUGH = confirming(len(CAMERAS))
@@ -23,6 +25,8 @@ CENTER = np.array([-RADIUS, -RADIUS, 0])
 X, Y, Z = np.eye(3)
 ROUND = [segment(FIRST, -RADIUS * X), arc(CENTER, RADIUS * Y, RADIUS * X, 0, np.pi / 2), segment(-RADIUS * Y, SECOND)]
 SHARP = [segment(FIRST, 0 * X), segment(0 * X, SECOND)]
+BENT = arc(CENTER, RADIUS * Y, RADIUS * X, 0, np.pi / 2, 4)
+FACETS = [segment(a, b) for a, b in itertools.pairwise((FIRST, *BENT, SECOND))]
 CHAMFER = [segment(FIRST, -RADIUS * X), segment(-RADIUS * X, -RADIUS * Y), segment(-RADIUS * Y, SECOND)]
 
 
@@ -65,6 +69,29 @@ def test_pieces_of_an_arc_go():
     assert off_the_arc(found) < 0.1
 
 
+def test_many_short_pieces_that_are_nearly_as_near_to_the_ridges_go():
+    """Three chords of 30 degrees: the arc is nearer to the ridges by .06 pixels only, but it is one."""
+    curves = tilted(*itertools.pairwise((FIRST, *BENT, SECOND)))
+    found = with_corners(curves, seen(ROUND), ENOUGH)
+    assert found.kind.tolist() == [Kind.LINE, Kind.LINE, Kind.ARC]
+    assert off_the_arc(found) < 0.1
+
+
+def test_an_arc_that_meets_its_lines_at_an_angle_becomes_one_that_touches_them():
+    """Half as large again, through the middle of the true one, and at 25 degrees to both lines."""
+    near, half = 0.711 * RADIUS, np.deg2rad(20)
+    out, across = (X + Y) / np.sqrt(2), (X - Y) / np.sqrt(2)
+    radius = near / np.sqrt(2) / np.sin(half)
+    center = -near / np.sqrt(2) * out - radius * np.cos(half) * out
+    bent = circular_arc(TILT @ center, radius * TILT @ out, radius * TILT @ across, -half, half)
+    curves = concatenated(tilted((FIRST, -near * X), (-near * Y, SECOND)), curves_of([bent]))
+    curves = replace(curves, vertex=torch.tensor([[0, 1], [2, 3], [1, 2]]))
+    assert torch.allclose(*(curves.constrained(curves.points)[0], curves.points), atol=1e-6)
+    views = seen(ROUND)
+    assert off_the_arc(with_fillets(curves, views, 0.0)) > 0.04
+    assert off_the_arc(with_fillets(with_corners(curves, views, ENOUGH), views, 0.0)) < 0.005
+
+
 @pytest.mark.parametrize("length", [0.22, 0.0])
 def test_a_side_in_two_pieces_becomes_one(length):
     """Or one of no length at all, before the arc that is missing."""
@@ -79,9 +106,9 @@ def test_a_side_in_two_pieces_becomes_one(length):
     assert np.abs(x - SECOND).sum(1).min() < 1e-4
 
 
-@pytest.mark.parametrize("lines", [SHARP, CHAMFER])
-def test_sharp_corners_and_chamfers_stay(lines):
-    """A side ends too early, or the chamfer is there."""
+@pytest.mark.parametrize("lines", [SHARP, CHAMFER, FACETS])
+def test_sharp_corners_chamfers_and_facets_stay(lines):
+    """A side ends too early, or the chamfer or three facets are there."""
     pieces = [(FIRST, -0.1 * X), (-0.02 * Y, SECOND)] if lines is SHARP else [(line[0], line[-1]) for line in lines]
     curves = tilted(*pieces)
     assert with_corners(curves, seen(lines), ENOUGH) is curves
