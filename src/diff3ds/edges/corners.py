@@ -154,14 +154,20 @@ def _corner(
     pieces = tuple(np.nonzero(along)[0].tolist())
     if _doubled(samples, {*pieces, *sides.lines}, x[best], pixel):
         return None
-    before = [resampled(samples[i], pixel) for i in (*pieces, *sides.lines)] if pieces else []
-    rest = [part for line in before for part in _within(line, sides.place, lengths[best])]
-    rest = rest or [resampled(_sharp(sides, lengths[best]), pixel)]
-    simpler = len(pieces) > 1 or not straight[list(pieces)].all()
-    nearer = 0.0 if simpler else NEARER
-    if _off([x[best]], views, enough) > _off(rest, views, enough) - nearer:
+    nearer = 0.0 if len(pieces) > 1 or not straight[list(pieces)].all() else NEARER
+    before = _before(samples, sides, pieces, lengths[best], pixel)
+    if _off([x[best]], views, enough) > _off(before, views, enough) - nearer:
         return None
     return _Corner(sides, arcs[best], pieces, float(counts[best].mean()))
+
+
+def _before(
+    samples: Float[Array, "N S 3"], sides: _Sides, pieces: tuple[int, ...], length: float, pixel: float
+) -> list[Array]:
+    """What the arc stands for: the pieces and lines as far as its ends, or the sharp corner."""
+    lines = [resampled(samples[i], pixel) for i in (*pieces, *sides.lines)] if pieces else []
+    near = [part for line in lines for part in _within(line, sides.place, length)]
+    return near or [resampled(_sharp(sides, length), pixel)]
 
 
 def _lengths(sides: _Sides, pixel: float) -> Float[Array, " L"]:
