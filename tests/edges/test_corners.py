@@ -92,6 +92,20 @@ def test_an_arc_that_meets_its_lines_at_an_angle_becomes_one_that_touches_them()
     assert off_the_arc(with_fillets(with_corners(curves, views, ENOUGH), views, 0.0)) < 0.005
 
 
+def test_where_another_arc_joins_the_lines_is_no_corner():
+    """One that leaves the plane of the lines, so that it is no piece of an arc between them."""
+    start, stop = -RADIUS * X, -RADIUS * Y
+    center, aside = (start + stop) / 2, (X - Y) / np.sqrt(2)
+    half = RADIUS / np.sqrt(2)
+    bent = circular_arc(TILT @ center, half * TILT @ Z, half * TILT @ aside, -np.pi / 2, np.pi / 2)
+    lines = tilted((FIRST, start), (stop, SECOND))
+    curves = concatenated(lines, curves_of([bent]))
+    curves = replace(curves, vertex=torch.tensor([[0, 1], [2, 3], [1, 2]]))
+    views = seen([*ROUND, arc(center, half * Z, half * aside, -np.pi / 2, np.pi / 2)])
+    assert len(with_corners(lines, views, ENOUGH)) == 3
+    assert with_corners(curves, views, ENOUGH) is curves
+
+
 @pytest.mark.parametrize("length", [0.22, 0.0])
 def test_a_side_in_two_pieces_becomes_one(length):
     """Or one of no length at all, before the arc that is missing."""

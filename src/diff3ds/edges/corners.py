@@ -83,11 +83,14 @@ def _best(curves: Curves, views: EdgeViews, enough: float) -> _Corner | None:
     straight = (curves.kind == Kind.LINE).numpy()
     lines = np.nonzero(straight)[0].tolist()
     free = [(line, end) for line in lines for end in (0, 1) if int(curves.vertex[line, end]) not in round_]
+    bent = _bent_between_lines(curves)
     found = []
     for one, other in combinations(free, 2):
         sides = _sides(points, one, other, views.pixel) if one[0] != other[0] else None
         corner = None if sides is None else _corner(samples, alone, straight, sides, views, enough)
-        found += [] if corner is None else [corner]
+        # An arc that ends where the corner would begin is a piece of it, or there is no room for one.
+        here = {arc for line, end in (one, other) for arc in bent.get(int(curves.vertex[line, end]), [])}
+        found += [corner] if corner is not None and here.issubset(corner.pieces) else []
     return max(found, key=lambda corner: (len(corner.pieces), corner.views), default=None)
 
 
@@ -95,6 +98,17 @@ def _rounded(curves: Curves, points: Float[Array, "N 4 3"]) -> set[int]:
     """The vertices at the ends of arcs that meet a line smoothly at both ends."""
     arcs = [f.arc for f in fillets_of(curves, points) if int(curves.kind[f.arc]) == Kind.ARC]
     return set(curves.vertex[arcs].flatten().tolist())
+
+
+def _bent_between_lines(curves: Curves) -> dict[int, list[int]]:
+    """By vertex, the arcs there that have lines at both ends."""
+    straight = set(curves.vertex[curves.kind == Kind.LINE].flatten().tolist())
+    found: dict[int, list[int]] = {}
+    for arc in torch.nonzero((curves.kind == Kind.ARC) & (curves.other < 0))[:, 0].tolist():
+        ends = curves.vertex[arc].tolist()
+        for name in ends if straight.issuperset(ends) else []:
+            found.setdefault(name, []).append(arc)
+    return found
 
 
 def _sides(points: Float[Array, "N 4 3"], one: tuple[int, int], other: tuple[int, int], pixel: float) -> _Sides | None:
