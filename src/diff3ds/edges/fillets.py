@@ -26,7 +26,7 @@ ROUNDS = 12
 ARC_PARTS = 3
 # Spacing of samples for distances, pixels.
 DENSE = 0.2
-# Scatter of the radii of rounded corners, pixels: root mean square of 196 of 70 generated parts.
+# Scatter of the radii of rounded corners, pixels: root mean square of 196 of 70 generated parts, clipped at a pixel.
 SCATTER = 0.15
 # Lengths of a fillet's tangents to try, in parts of the longer way from the lines' common point to where they end.
 GUESSES = np.linspace(0.3, 1.3, 51)
