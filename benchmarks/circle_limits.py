@@ -4,8 +4,8 @@
 
 OUT is a folder of `views.py cad`: its objects, and its runs, which know the detector's bias. A circle that comes out
 wrong even so is one that its ridges alone do not fix. Curves that are found together may be better: the second table
-is of circles that stay in their true planes, and whose radii are the median of those that are equal in truth. Prints how
-many circles of each kind are within the bounds of curve_scores.py.
+is of circles that stay in their true planes, and whose radii are the median of those that are equal in truth. Prints
+how many circles of each kind are within the bounds of curve_scores.py.
 """
 
 import argparse

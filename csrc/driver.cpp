@@ -104,7 +104,7 @@ template <class S> void check(const Input<S> &in, size_t i, const double *cubic,
 template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_t i, Part<S> &part) {
   const Input<S> &in = st.input;
   const size_t n = i % in.strokes;
-  const S half_width = in.half_width[in.half_width_per_view ? i : n];
+  const S half_width = in.width_scale * in.half_width[in.half_width_per_view ? i : n];
   check(in, i, in.cubics + 16 * i, half_width, in.color + 3 * n, in.opacity[n]);
   double cubic[16], largest = 0;
   for (int k = 3; k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
@@ -346,10 +346,11 @@ template <class S> Images<S> forward(State<S> &st, bool save) {
 
 template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &up, const S *alpha, const S *depth, bool background) {
   std::lock_guard guard(threads().busy());
+  const Input<S> &in = st.input;
   Job<S> J = st.job;
   const size_t count = size_t(J.views) * J.strokes, tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
   const size_t pixels = size_t(J.views) * J.height * J.width, pieces = st.flat.pieces.size();
-  Gradients<S> out{Buffer<double>(16 * count), Buffer<S>(st.input.half_width_per_view ? count : J.strokes), Buffer<S>(3 * size_t(J.strokes)),
+  Gradients<S> out{Buffer<double>(16 * count), Buffer<S>(in.half_width_per_view ? count : J.strokes), Buffer<S>(3 * size_t(J.strokes)),
                    Buffer<S>(J.strokes), Buffer<S>(background ? 3 * pixels : 0)};
   Buffer<S> slots(size_t(st.entries[st.touches.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
   J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get();
@@ -372,10 +373,10 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
       const size_t i = size_t(v) * J.strokes + n;
       double look[5] = {};  // half width, opacity, colour
       finish_view(st, J, J.strata ? outline_sums.get() : nullptr, i, out.cubics.get() + 16 * i, look);
-      if (st.input.half_width_per_view) out.half_width[i] = S(look[0]);
+      if (in.half_width_per_view) out.half_width[i] = in.width_scale * S(look[0]);
       for (int k = 0; k < 5; k++) total[k] += look[k];
     }
-    if (!st.input.half_width_per_view) out.half_width[n] = S(total[0]);
+    if (!in.half_width_per_view) out.half_width[n] = in.width_scale * S(total[0]);
     out.opacity[n] = S(total[1]);
     for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total[2 + k]);
   });

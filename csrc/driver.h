@@ -17,8 +17,9 @@ struct InvalidStroke : std::invalid_argument { using std::invalid_argument::inva
 template <class S> struct Input {
   int views, strokes, height, width;
   const double *cubics;        // (views, strokes, 4, 4)
-  const S *half_width;         // (views or 1, strokes)
+  const S *half_width;         // (views or 1, strokes), in units of width_scale pixels
   bool half_width_per_view;
+  S width_scale;
   const S *color, *opacity;    // (strokes, 3), (strokes)
   const S *background;         // strides in elements, innermost 1
   ptrdiff_t background_view, background_row, background_pixel;

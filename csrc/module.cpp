@@ -37,20 +37,24 @@ template <class S> struct Owner {
 };
 
 template <class S>
-nb::tuple py_forward(In<double> cubics, In<S> half_width, In<S> color, In<S> opacity, Strided<S> background, bool world, double near,
-                     double blur, int strata, uint64_t seed, bool save) {
+nb::tuple py_forward(In<double> cubics, In<S> half_width, In<S> color, In<S> opacity, Strided<S> background, int height, int width, bool world,
+                     double near, double blur, int strata, uint64_t seed, double width_scale, bool save) {
   require(cubics.ndim() == 4 && cubics.shape(2) == 4 && cubics.shape(3) == 4, "cubics must have shape (V, N, 4, 4)");
-  const size_t V = cubics.shape(0), N = cubics.shape(1), H = background.shape(1), W = background.shape(2);
-  require(has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}), "half_width must have shape (1 or V, N)");
+  const size_t V = cubics.shape(0), N = cubics.shape(1), H = height, W = width;
+  require(has_shape(half_width, {N}) || has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}), "half_width must have shape (N,) or (1 or V, N)");
   require(has_shape(color, {N, 3}) && has_shape(opacity, {N}), "color and opacity must have shapes (N, 3) and (N,)");
-  require(background.shape(0) == V && background.shape(3) == 3 && background.stride(3) == 1, "background must have shape (V, H, W, 3)");
+  // A background that is the same all along an axis may have one entry there.
+  auto fits = [&](int axis, size_t n) { return background.shape(axis) == n || background.shape(axis) == 1; };
+  auto stride = [&](int axis) { return background.shape(axis) == 1 ? 0 : background.stride(axis); };
+  require(height > 0 && width > 0 && fits(0, V) && fits(1, H) && fits(2, W) && background.shape(3) == 3 && background.stride(3) == 1,
+          "background must have shape (1 or V, 1 or H, 1 or W, 3)");
   require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31), "too many views, strokes or pixels");
   require(blur >= 0 && near > 0 && strata >= 0 && strata <= 64, "blur, near or strata out of range");
   auto owner = std::make_unique<Owner<S>>();
   owner->cubics = cubics, owner->half_width = half_width, owner->color = color, owner->opacity = opacity, owner->background = background;
   Input<S> &in = owner->state.input;
-  in = {int(V), int(N), int(H), int(W), cubics.data(), half_width.data(), half_width.shape(0) == V && V > 1, color.data(), opacity.data(),
-        background.data(), background.stride(0), background.stride(1), background.stride(2), world, near, blur, strata, seed};
+  in = {int(V), int(N), int(H), int(W), cubics.data(), half_width.data(), half_width.ndim() == 2 && half_width.shape(0) == V && V > 1, S(width_scale), color.data(),
+        opacity.data(), background.data(), stride(0), stride(1), stride(2), world, near, blur, strata, seed};
   Images<S> images;
   {
     nb::gil_scoped_release nogil;
@@ -75,10 +79,11 @@ nb::tuple py_backward(const Owner<S> &owner, std::optional<In<S>> g_color, std::
     nb::gil_scoped_release nogil;
     g = backward<S>(owner.state, {data(g_color), data(g_alpha), data(g_depth)}, data(alpha), data(depth), background);
   }
-  const size_t rows = in.half_width_per_view ? V : 1;
+  const In<S> &width = owner.half_width;
+  auto g_half_width = width.ndim() == 1 ? array(std::move(g.half_width), {N}) : array(std::move(g.half_width), {width.shape(0), N});
   nb::object g_background = background ? nb::cast(array(std::move(g.background), {V, H, W, 3})) : nb::none();
-  return nb::make_tuple(array(std::move(g.cubics), {V, N, 4, 4}), array(std::move(g.half_width), {rows, N}),
-                        array(std::move(g.color), {N, 3}), array(std::move(g.opacity), {N}), g_background);
+  return nb::make_tuple(array(std::move(g.cubics), {V, N, 4, 4}), g_half_width, array(std::move(g.color), {N, 3}),
+                        array(std::move(g.opacity), {N}), g_background);
 }
 
 template <class S> Scene<S> scene(const In<S> &points, const In<S> &weights, const In<double> &matrices) {
@@ -117,8 +122,8 @@ template <class S> void bind(nb::module_ &m, const char *state) {
   nb::class_<Owner<S>>(m, state).def_prop_ro("fragments", [](const Owner<S> &o) { return o.state.fragments(); });
   // Arrays of another precision are for the other overload, not to be converted.
   auto exact = [](const char *name) { return nb::arg(name).noconvert(); };
-  m.def("forward", &py_forward<S>, exact("cubics"), exact("half_width"), exact("color"), exact("opacity"), exact("background"), "world"_a,
-        "near"_a, "blur"_a, "strata"_a, "seed"_a, "save"_a);
+  m.def("forward", &py_forward<S>, exact("cubics"), exact("half_width"), exact("color"), exact("opacity"), exact("background"), "height"_a, "width"_a,
+        "world"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a, "save"_a);
   m.def("project", &py_project<S>, exact("points"), exact("weights"), exact("matrices"));
   m.def("project_backward", &py_project_backward<S>, exact("points"), exact("weights"), exact("matrices"), exact("g_cubics"),
         "want_matrices"_a);

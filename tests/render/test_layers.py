@@ -110,7 +110,8 @@ def test_backgrounds(backend, antialiasing):
     generator = torch.Generator().manual_seed(0)
     black = draw(strokes, size, backend, antialiasing, background=0.0, **options)
     upstream = torch.rand(2, *size, 3, generator=generator, dtype=torch.float64)
-    for shape in [(), (3,), (1, 1, 3), (*size, 3), (*size, 1), (2, 1, 1, 3), (2, *size, 3)]:
+    shared = [(), (3,), (1, 1, 3), (20, 1, 3), (1, 24, 3), (*size, 3), (*size, 1)]
+    for shape in [*shared, (2, 1, 1, 3), (2, 20, 1, 3), (2, 1, 24, 3), (2, *size, 3)]:
         background = torch.rand(shape, generator=generator, dtype=torch.float64).requires_grad_()
         image = draw(strokes, size, backend, antialiasing, background=background, **options)
         clear = (1 - black.alpha)[..., None]
@@ -120,6 +121,18 @@ def test_backgrounds(backend, antialiasing):
         torch.testing.assert_close(background.grad, expected, rtol=1e-10, atol=1e-12)
     white, gray = (draw(strokes, size, backend, antialiasing, background=b, **options) for b in ([1, 1, 1], 0.5))
     torch.testing.assert_close(white.color - black.color, 2 * (gray.color - black.color), rtol=0, atol=1e-12)
+
+
+def test_gray_background_first_used_in_inference_mode(backend):
+    """What is kept of it still serves drawings with gradients."""
+    strokes = strokes_at([[[4.0, 20.0], [10.0, 2.0], [20.0, 8.0]]], half_width=2.0)
+    with torch.inference_mode():
+        seen = draw(strokes, 24, backend, background=0.8125)
+    opacity = tracked(strokes, "opacity")[0]
+    image = draw(strokes, 24, backend, background=0.8125)
+    assert torch.equal(image.color.detach(), seen.color)
+    image.color.sum().backward()
+    assert opacity.grad.abs().sum() > 0
 
 
 @pytest.mark.parametrize("numbers", [[0.2, 1, 0.9], (0.1,), [0.3, 0.3, 1e30]])

@@ -1,5 +1,6 @@
 """Checks and conversions of what the renderer is given."""
 
+import functools
 import math
 from collections.abc import Sequence
 from numbers import Real
@@ -87,9 +88,8 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
     else:
         _check_numbers(background)
         try:
-            # Numbers are written by the device itself: a copy to it would wait, and be no part of a captured graph.
             if isinstance(background, int | float):
-                return like.new_full((1, 1, 1, 3), background)
+                return _gray(float(background), like)
             canvas = _from_sequence(background, like)
         except (TypeError, ValueError, RuntimeError) as error:
             got = type(background).__name__
@@ -114,6 +114,21 @@ def _check_numbers(background: float | Sequence[float]) -> None:
     numbers = background if isinstance(background, Sequence) else [background]
     if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
         raise ValueError(f"background must be finite, got {background}")
+
+
+def _gray(value: float, like: Tensor) -> Tensor:
+    if like.device.type == "cpu":
+        return _gray_on_cpu(value, like.dtype)
+    # Written by the device itself: a copy to it would wait, and be no part of a captured graph.
+    return like.new_full((1, 1, 1, 3), value)
+
+
+@functools.lru_cache(maxsize=16)
+def _gray_on_cpu(value: float, dtype: torch.dtype) -> Tensor:
+    """Kept, since the kernels draw a few strokes in less time than torch takes to make it."""
+    # One from inference mode could not be saved for a backward later.
+    with torch.inference_mode(False):
+        return torch.full((1, 1, 1, 3), value, dtype=dtype, device="cpu")
 
 
 def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:

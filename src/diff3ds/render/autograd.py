@@ -24,15 +24,10 @@ def draw(drawing: Drawing) -> Images:
 
 def _forward(drawing: Drawing, save: bool) -> tuple[Images, Any]:
     module = _ready_kernels()
-    *looks, background = drawing.looks
     first, *others = (_array(t) for t in drawing.curves)
-    half_width, color, opacity = (_array(t) for t in looks)
-    *options, width_scale = drawing.options
-    if half_width.ndim == 1:
-        half_width = (width_scale * half_width)[None]
+    arrays = (_array(t) for t in drawing.looks)
     cubics = module.project(first, *others) if others else first
-    canvas = background.detach().contiguous().expand(len(cubics), *drawing.size, 3).numpy()
-    *images, state = module.forward(cubics, half_width, color, opacity, canvas, *options, save)
+    *images, state = module.forward(cubics, *arrays, *drawing.size, *drawing.options, save)
     planes = (torch.from_numpy(a) for a in images)
     return cast(Images, tuple(planes)), state
 
@@ -54,7 +49,6 @@ class _Draw(torch.autograd.Function):
         ctx.set_materialize_grads(False)
         looks, curves = cast(Looks, tensors[:4]), cast(Curves, tensors[4:])
         images, ctx.state = _forward(Drawing(curves, looks, size, options), save=True)
-        ctx.width_scale = options.width_scale if looks[0].ndim == 1 else None
         # The kernels' state points to the background: saved, a change of it before the backward is an error.
         ctx.save_for_backward(images[1], images[2], looks[3], *curves)
         return images
@@ -68,15 +62,13 @@ class _Draw(torch.autograd.Function):
         # Only the gradient of depth needs them.
         planes = [None, None] if upstream[2] is None else [alpha.numpy(), depth.numpy()]
         arrays = [None if g is None else _array(g) for g in upstream]
-        g_cubics, g_width, *g_strokes, g_canvas = module.backward(ctx.state, *arrays, *planes, needs_canvas)
+        g_cubics, *g_strokes, g_canvas = module.backward(ctx.state, *arrays, *planes, needs_canvas)
         g_curves = [g_cubics]
         if len(curves) > 1:
             g_curves = module.project_backward(*(_array(t) for t in curves), g_cubics, needs_matrices)
-        if ctx.width_scale is not None:
-            g_width = ctx.width_scale * g_width[0]
         if needs_canvas:
             g_canvas = _summed(g_canvas, canvas.shape)
-        gradients = (g_width, *g_strokes, g_canvas, *g_curves)
+        gradients = (*g_strokes, g_canvas, *g_curves)
         return None, None, *(None if g is None else torch.from_numpy(g) for g in gradients)
 
 
