@@ -330,7 +330,6 @@ template <class S> size_t State<S>::fragments() const {
 }
 
 template <class S> Images<S> forward(State<S> &st, bool save) {
-  std::lock_guard guard(threads().busy());
   prepare(st);
   Job<S> &J = st.job;
   const size_t pixels = size_t(J.views) * J.height * J.width, tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
@@ -345,7 +344,6 @@ template <class S> Images<S> forward(State<S> &st, bool save) {
 }
 
 template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &up, const S *alpha, const S *depth, bool background) {
-  std::lock_guard guard(threads().busy());
   const Input<S> &in = st.input;
   Job<S> J = st.job;
   const size_t count = size_t(J.views) * J.strokes, tiles = size_t(J.views) * J.tiles_x * J.tiles_y;

@@ -58,6 +58,7 @@ std::vector<std::string> instruction_sets();           // that this machine runs
 void set_instruction_set(const std::string &name);     // float32; double precision is compiled for the baseline only
 std::string instruction_set();
 
+// Both for callers that hold threads().busy().
 template <class S> Images<S> forward(State<S> &state, bool save);
 template <class S> Gradients<S> backward(const State<S> &state, const Upstream<S> &up, const S *alpha, const S *depth, bool background);
 }  // namespace stroke

@@ -153,18 +153,21 @@ template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, cons
   }
 }
 
-// Decides between k.tau, from the nearest chord, and other starts, the candidates [n0, n), no point twice: the one that leads nearer goes to k.tau.
+// Decides between k.tau, from the nearest chord, and other starts, the candidates [n0, n) of one piece: the one that leads nearer goes to k.tau.
+// Half of a vector's lanes begin at the one, half at the others: contested points are few.
 template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+  constexpr int HALF = VL / 2;
   const Piece<real> c = J.pieces[piece];
-  for (uint32_t i = n0; i < n; i += VL) {
-    const vi px = load(k.px + i) & (PIX - 1), in = lanes_before(i, n);
-    vf qx, qy, nearest;
+  for (uint32_t i = n0; i < n; i += HALF) {
+    const int lanes = int(n - i) < HALF ? int(n - i) : HALF;
+    vi px = load(k.px + i) & (PIX - 1);
+    vf start = load(k.t + i), qx, qy;
+    for (int j = 0; j < HALF; j++) px[HALF + j] = px[j], start[HALF + j] = k.tau[px[j]];
     points_of<POINTS>(k, p, c, px, qx, qy);
-    for (int j = 0; j < VL; j++) nearest[j] = k.tau[px[j]];
-    const Settled a = settle(c, nearest, qx, qy, in), b = settle(c, load(k.t + i), qx, qy, in);
-    const vf tau = select(b.d2 < a.d2, b.tau, a.tau);
-    const int lanes = int(n - i) < VL ? int(n - i) : VL;
-    for (int j = 0; j < lanes; j++) k.tau[px[j]] = tau[j];
+    const Settled s = settle(c, start, qx, qy, (iota() & (HALF - 1)) < splat_int(lanes));
+    for (int j = HALF; j < HALF + lanes; j++) k.tau[px[j]] = s.tau[j], k.best[px[j]] = s.d2[j];
+    for (int j = 0; j < lanes; j++)  // a point may be here twice
+      if (s.d2[j] < k.best[px[j]]) k.tau[px[j]] = s.tau[j], k.best[px[j]] = s.d2[j];
   }
 }
 
@@ -209,18 +212,18 @@ template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord,
   return n;
 }
 
-// Candidates from n on besides the nearest of the chords first .. last of a piece, in lists without a point twice: use(where the list ends).
-template <int POINTS, class Use>
-SIMD void other_candidates(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, Rows rows, uint32_t n, real R, Use use) {
-  use(pack_second(J, k, rows, n, R));
-  if (J.chords[first].tau0 == real(-.5)) use(pack_end<POINTS>(J, first, false, p, k, n, R));
-  if (J.chords[last].tau0 + J.chords[last].dtau == real(.5)) use(pack_end<POINTS>(J, last, true, p, k, n, R));
+// Candidates behind n besides the nearest of the chords first .. last of a piece. Returns the new n.
+template <int POINTS> SIMD uint32_t other_candidates(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, Rows rows, uint32_t n, real R) {
+  n = pack_second(J, k, rows, n, R);
+  if (J.chords[first].tau0 == real(-.5)) n = pack_end<POINTS>(J, first, false, p, k, n, R);
+  if (J.chords[last].tau0 + J.chords[last].dtau == real(.5)) n = pack_end<POINTS>(J, last, true, p, k, n, R);
+  return n;
 }
 
 // Candidates of a stroke with bends or cusps over the tile, but a single piece.
 template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
   const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
-  other_candidates<POINTS>(J, e.first, e.last, p, k, rows, n0, R, [&](uint32_t n) SIMD_LAMBDA { decide<POINTS>(J, e.piece, p, k, n0, n); });
+  decide<POINTS>(J, e.piece, p, k, n0, other_candidates<POINTS>(J, e.first, e.last, p, k, rows, n0, R));
   return add_layer(k, e.piece, e.slot, n0, pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
 }
 
@@ -232,9 +235,8 @@ template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, co
     const uint32_t piece = J.chord_info[first].piece;
     for (last = first; last < e.last && J.chord_info[last + 1].piece == piece;) last++;
     const Rows rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
-    const auto use = [&](uint32_t n) SIMD_LAMBDA { improve<POINTS>(J, piece, p, k, n0, n); };
-    use(pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
-    other_candidates<POINTS>(J, first, last, p, k, rows, n0, R, use);
+    const uint32_t n = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+    improve<POINTS>(J, piece, p, k, n0, other_candidates<POINTS>(J, first, last, p, k, rows, n, R));
     all = join(all, rows);
   }
   for (uint32_t piece = e.piece; piece < e.piece + e.pieces; piece++) {
@@ -307,7 +309,7 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
     const Entry &entry = J.entries[e], &next = J.entries[e + 1];
     __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
     const real R = J.reach[entry.stroke];
-    reserve(k, n, n + PIX);
+    reserve(k, n, n + (entry.smooth ? 1 : 4) * PIX);  // a point may have four starts
     if (!entry.smooth) {
       n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
       continue;

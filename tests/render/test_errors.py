@@ -178,3 +178,12 @@ def test_background_changed_before_the_backward(strokes):
     background.zero_()
     with pytest.raises(RuntimeError, match="modified by an inplace operation"):
         image.color.sum().backward()
+
+
+def test_sketch_changed_before_the_backward():
+    sketch = Sketch(torch.rand(3, 4, 3).requires_grad_())
+    image = render(sketch, orbit(0.0, size=16), backend="cpu")
+    with torch.no_grad():
+        sketch.points.mul_(2)
+    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
+        image.color.sum().backward()

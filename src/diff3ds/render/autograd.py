@@ -23,13 +23,9 @@ def draw(drawing: Drawing) -> Images:
 
 
 def _forward(drawing: Drawing, save: bool) -> tuple[Images, Any]:
-    module = _ready_kernels()
-    first, *others = (_array(t) for t in drawing.curves)
-    arrays = (_array(t) for t in drawing.looks)
-    cubics = module.project(first, *others) if others else first
-    *images, state = module.forward(cubics, *arrays, *drawing.size, *drawing.options, save)
-    planes = (torch.from_numpy(a) for a in images)
-    return cast(Images, tuple(planes)), state
+    curves, looks = (tuple(map(_array, tensors)) for tensors in (drawing.curves, drawing.looks))
+    color, alpha, depth, state = _ready_kernels().forward(curves, looks, drawing.size, drawing.options, save)
+    return (torch.from_numpy(color), torch.from_numpy(alpha), torch.from_numpy(depth)), state
 
 
 def _array(tensor: Tensor) -> Any:
@@ -49,26 +45,22 @@ class _Draw(torch.autograd.Function):
         ctx.set_materialize_grads(False)
         looks, curves = cast(Looks, tensors[:4]), cast(Curves, tensors[4:])
         images, ctx.state = _forward(Drawing(curves, looks, size, options), save=True)
-        # The kernels' state points to the background: saved, a change of it before the backward is an error.
+        # The kernels' state points to the background and the curves: saved, a change of them before the backward is an
+        # error.
         ctx.save_for_backward(images[1], images[2], looks[3], *curves)
         return images
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
-        alpha, depth, canvas, *curves = ctx.saved_tensors
-        needs_canvas, needs_matrices = ctx.needs_input_grad[5], ctx.needs_input_grad[-1]
-        module = _ready_kernels()
+        alpha, depth, canvas, *_ = ctx.saved_tensors
+        needs = ctx.needs_input_grad
         # Only the gradient of depth needs them.
-        planes = [None, None] if upstream[2] is None else [alpha.numpy(), depth.numpy()]
-        arrays = [None if g is None else _array(g) for g in upstream]
-        g_cubics, *g_strokes, g_canvas = module.backward(ctx.state, *arrays, *planes, needs_canvas)
-        g_curves = [g_cubics]
-        if len(curves) > 1:
-            g_curves = module.project_backward(*(_array(t) for t in curves), g_cubics, needs_matrices)
-        if needs_canvas:
-            g_canvas = _summed(g_canvas, canvas.shape)
-        gradients = (*g_strokes, g_canvas, *g_curves)
+        planes = (None, None) if upstream[2] is None else (alpha.numpy(), depth.numpy())
+        arrays = (None if g is None else _array(g) for g in upstream)
+        gradients = _ready_kernels().backward(ctx.state, *arrays, *planes, needs[5], needs[-1])
+        if needs[5]:
+            gradients = (*gradients[:3], _summed(gradients[3], canvas.shape), *gradients[4:])
         return None, None, *(None if g is None else torch.from_numpy(g) for g in gradients)
 
 
