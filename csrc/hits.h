@@ -129,10 +129,10 @@ template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const P
   }
 }
 
-// From a start on a chord to the nearest point, and its squared distance.
+// From a start on a chord to the nearest point, roughly, and its squared distance.
 struct Settled { vf tau, d2; };
 SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy, vi in) {
-  const Point<vf> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, in);
+  const Point<vf> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, in, real(ROUGH_STEP));
   return {point.tau, (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy)};
 }
 SIMD vi lanes_before(uint32_t i, uint32_t n) { return iota() < splat_int(integer(n - i)); }
@@ -213,7 +213,8 @@ template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord,
 }
 
 // Candidates behind n besides the nearest of the chords first .. last of a piece. Returns the new n.
-template <int POINTS> SIMD uint32_t other_candidates(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, Rows rows, uint32_t n, real R) {
+template <int POINTS>
+SIMD uint32_t other_candidates(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, Rows rows, uint32_t n, real R) {
   n = pack_second(J, k, rows, n, R);
   if (J.chords[first].tau0 == real(-.5)) n = pack_end<POINTS>(J, first, false, p, k, n, R);
   if (J.chords[last].tau0 + J.chords[last].dtau == real(.5)) n = pack_end<POINTS>(J, last, true, p, k, n, R);

@@ -84,11 +84,17 @@ PHASE uint32_t *sort_points(Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
     for (int i = 0; i < VL; i++) heights[i] = integer(height[v + i]), n = height[v + i] > n ? height[v + i] : n;
     real *z = k.pile_z + v;
     integer *f = k.pile + v;
+    vf above = splat(real(-1));
+    vi number = {}, wrong = {};
     for (size_t j = 0; j < n; j++) {  // empty places come last
       const vi in = splat_int(integer(j)) < heights;
-      store(z + j * PIX, select(in, load(z + j * PIX), splat(real(__builtin_inf())))), store(f + j * PIX, in ? load(f + j * PIX) : splat_int(NONE));
+      const vf depth = select(in, load(z + j * PIX), splat(real(__builtin_inf())));
+      const vi fragment = in ? load(f + j * PIX) : splat_int(NONE);
+      store(z + j * PIX, depth), store(f + j * PIX, fragment);
+      wrong |= (depth < above) | ((depth == above) & (fragment < number));
+      above = depth, number = fragment;
     }
-    sort_piles(z, f, n);
+    if (any(wrong)) sort_piles(z, f, n);  // in most rows layers lie in their order
     for (size_t j = 0; j < n; j++) {
       const vi pile = load(f + j * PIX);
       const Mask m = bits(pile != splat_int(NONE));

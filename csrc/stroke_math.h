@@ -168,12 +168,13 @@ template <class F, class S> HD F step_between(const Piece<S> &c, Bracket<F> &b, 
   return next;
 }
 
+constexpr double ROUGH_STEP = .02;       // px: enough to tell which of two places is nearer; their distances are off by less than 1e-4 px then
 constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
 template <class F, class M> HD Point<F> choose(const M &m, const Point<F> &a, const Point<F> &b) {
   return {select(m, a.tau, b.tau), select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
 }
-// The nearest point, behind the first step. in: of interest; in other lanes whatever comes.
-template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &in) {
+// The nearest point, behind the first step. in: of interest; in other lanes whatever comes. enough: px; no step is made behind a shorter one.
+template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &in, S enough = S(TANGENT_STEP)) {
   M bent, far;
   Point<F> point = second_step(c, a, qx, qy, bent, far);
   if (any(bent & in)) {
@@ -183,7 +184,7 @@ template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const
     for (int tries = 0; tries < MORE_STEPS && any(far); tries++) {
       F moved2;
       tau = select(far, step_between(c, bracket, tau, qx, qy, moved2), tau);
-      far = far & (moved2 > S(TANGENT_STEP * TANGENT_STEP));
+      far = far & (moved2 > enough * enough);
     }
     point = choose(bent, point_at(c, tau), point);
   }
