@@ -61,22 +61,22 @@ template <int POINTS> PHASE Rows nearest_chord(const Job<real> &J, uint32_t firs
 
 // The same, and the nearest chord that is no neighbour of it: k.second, k.second_tau. The curve may come near a point twice.
 template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
-  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R)), store(k.second + i, splat(R * R)), store(k.index + i, splat(-2));
+  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R)), store(k.second + i, splat(R * R));
   Rows rows = {TILE, -1};
   for (uint32_t s = first; s <= last; s++) {
     const Chord<real> c = J.chords[s];
-    const vf index = splat(real(s - first));
+    // Of what is in front of the chord's neighbour. Nothing is in front of the first: parameters begin at -1/2.
+    const vf neighbour = splat(s > first ? J.chords[s - 1].tau0 : real(-1));
     rows = join(rows, visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
       vf tau;
-      const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i);
-      const vi nearer = d < best, apart = index - load(k.index + i) > real(1.5);
+      const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i), best_tau = load(k.tau + i);
+      const vi nearer = d < best, apart = best_tau < neighbour;
       // What comes second: this chord, or the one that it beats.
-      const vf rest = select(nearer, best, d), rest_tau = select(nearer, load(k.tau + i), tau);
+      const vf rest = greater(d, best), rest_tau = select(nearer, best_tau, tau);
       const vi replaces = apart & (rest < second);
       store(k.second + i, select(replaces, rest, second));
       store(k.second_tau + i, select(replaces, rest_tau, load(k.second_tau + i)));
-      store(k.tau + i, select(nearer, tau, load(k.tau + i)));
-      store(k.index + i, select(nearer, index, load(k.index + i)));
+      store(k.tau + i, select(nearer, tau, best_tau));
       store(k.d2 + i, lesser(d, best));
     }));
   }
@@ -184,10 +184,16 @@ SIMD uint32_t add_layer(Work &k, uint32_t piece, uint32_t slot, uint32_t n0, uin
 
 // Candidates behind n of the rows' points where the second chord of nearest_two_chords may lead to the nearest point too.
 SIMD uint32_t pack_second(const Job<real> &J, Work &k, Rows rows, uint32_t n, real R) {
-  return pack(k, rows, k.second_tau, n, [&](int i) SIMD_LAMBDA {
+  for (int i = rows.lo * TILE; i < (rows.hi + 1) * TILE; i += VL) {
+    const vf second = load(k.second + i);
+    const vi within = second < R * R;
+    if (!any(within)) continue;  // nearly always
     const vf limit = root(load(k.d2 + i)) + J.chord_slack;
-    return (load(k.second + i) < limit * limit) & (load(k.second + i) < R * R);
-  });
+    const Mask m = bits(within & (second < limit * limit));
+    compress_store(k.t + n, load(k.second_tau + i), m), compress_store(k.px + n, iota() + integer(i), m);
+    n += count(m);
+  }
+  return n;
 }
 
 // The same where an end of the piece, at this chord, may be the nearest point of a bend; where it is what nearest_two_chords found, from the

@@ -35,7 +35,7 @@ struct Work {
   Scratch *scratch;
   // per point
   alignas(64) v4 pix[PIX];                         // sums of (r, g, b, depth), or dL/d(those)
-  alignas(64) real d2[PIX], second[PIX], second_tau[PIX], index[PIX], tau[PIX], run[PIX], ink[PIX], x[PIX], y[PIX], best[PIX], best_tau[PIX];
+  alignas(64) real d2[PIX], second[PIX], second_tau[PIX], tau[PIX], run[PIX], ink[PIX], x[PIX], y[PIX], best[PIX], best_tau[PIX];
   alignas(64) integer best_piece[PIX];
   // per candidate or fragment
   uint32_t capacity = 0;

@@ -102,14 +102,15 @@ class Cameras:
 
         The pixel is (X / Z, Y / Z), the depth Z / W.
         """
-        given = (self.world_to_camera, self.intrinsics)
+        pose, lens = self.world_to_camera, self.intrinsics
         # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
         # is computed. Kept from inference mode it could never be part of what has gradients.
-        passing = torch.is_inference_mode_enabled() or any(t.requires_grad or t.is_inference() for t in given)
-        if passing or self.world_to_camera.device.type != "cpu":
+        learned = pose.requires_grad or lens.requires_grad
+        passing = learned or torch.is_inference_mode_enabled() or pose.is_inference() or lens.is_inference()
+        if passing or pose.device.type != "cpu":
             return self._projection()
         # Frozen is the reference to a tensor, not what it holds.
-        state = tuple((t.data_ptr(), t._version) for t in given)
+        state = (pose.data_ptr(), pose._version, lens.data_ptr(), lens._version)
         kept = self.__dict__.get("_kept_projection")
         if kept is None or kept[0] != state:
             kept = self.__dict__["_kept_projection"] = (state, self._projection())
