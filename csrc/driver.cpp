@@ -109,7 +109,7 @@ template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_
   double cubic[16], largest = 0;
   for (int k = 3; k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
   st.scale[i] = 1 / largest;
-  for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] / largest;
+  for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] * st.scale[i];
   const double reach = reach_of(cubic, half_width, in.world, in.near, st.job.filter.reach, in.width, in.height);
   st.reach[i] = S(reach);
   Piece<S> look{};

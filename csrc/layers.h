@@ -67,9 +67,39 @@ SIMD void sort_piles(real *z, integer *f, uint32_t n) {
     }
 }
 
+// Writes the fragments of VL piles from point v on near to far, of so many each. Returns where the next ones go.
+SIMD uint32_t *order_piles(Work &k, uint32_t v, const uint32_t *height, uint32_t *out) {
+  constexpr integer NONE = 0x7fffffff;     // above all numbers of fragments
+  vi heights;
+  uint32_t n = 0;
+  for (int i = 0; i < VL; i++) heights[i] = integer(height[v + i]), n = height[v + i] > n ? height[v + i] : n;
+  real *z = k.pile_z + v;
+  integer *f = k.pile + v;
+  vf above = splat(real(-1));
+  vi number = {}, wrong = {};
+  for (size_t j = 0; j < n; j++) {
+    const vf depth = load(z + j * PIX);
+    const vi fragment = load(f + j * PIX);
+    wrong |= (splat_int(integer(j)) < heights) & ((depth < above) | ((depth == above) & (fragment < number)));
+    above = depth, number = fragment;
+  }
+  if (any(wrong)) {  // in most rows layers lie in their order
+    for (size_t j = 0; j < n; j++) {  // empty places come last
+      const vi in = splat_int(integer(j)) < heights;
+      store(z + j * PIX, select(in, load(z + j * PIX), splat(real(__builtin_inf())))), store(f + j * PIX, in ? load(f + j * PIX) : splat_int(NONE));
+    }
+    sort_piles(z, f, n);
+  }
+  for (size_t j = 0; j < n; j++) {
+    const Mask m = bits(splat_int(integer(j)) < heights);
+    compress_store(out, load(f + j * PIX), m);
+    out += count(m);
+  }
+  return out;
+}
+
 // Writes the fragments of the layers g0 .. g1 (in k.perm) near to far per point. Returns where the next ones go.
 PHASE uint32_t *sort_points(Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
-  constexpr integer NONE = 0x7fffffff;     // above all numbers of fragments
   uint32_t height[PIX] = {};
   reserve_piles(k, g1 - g0);
   for (uint32_t g = g0; g < g1; g++)
@@ -78,30 +108,7 @@ PHASE uint32_t *sort_points(Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
       const size_t at = size_t(height[px]++) * PIX + px;
       k.pile_z[at] = k.z[f], k.pile[at] = integer(f);
     }
-  for (uint32_t v = 0; v < PIX; v += VL) {
-    vi heights;
-    uint32_t n = 0;
-    for (int i = 0; i < VL; i++) heights[i] = integer(height[v + i]), n = height[v + i] > n ? height[v + i] : n;
-    real *z = k.pile_z + v;
-    integer *f = k.pile + v;
-    vf above = splat(real(-1));
-    vi number = {}, wrong = {};
-    for (size_t j = 0; j < n; j++) {  // empty places come last
-      const vi in = splat_int(integer(j)) < heights;
-      const vf depth = select(in, load(z + j * PIX), splat(real(__builtin_inf())));
-      const vi fragment = in ? load(f + j * PIX) : splat_int(NONE);
-      store(z + j * PIX, depth), store(f + j * PIX, fragment);
-      wrong |= (depth < above) | ((depth == above) & (fragment < number));
-      above = depth, number = fragment;
-    }
-    if (any(wrong)) sort_piles(z, f, n);  // in most rows layers lie in their order
-    for (size_t j = 0; j < n; j++) {
-      const vi pile = load(f + j * PIX);
-      const Mask m = bits(pile != splat_int(NONE));
-      compress_store(out, pile, m);
-      out += count(m);
-    }
-  }
+  for (uint32_t v = 0; v < PIX; v += VL) out = order_piles(k, v, height, out);
   return out;
 }
 

@@ -321,13 +321,12 @@ HD float unit(unsigned h) { return float(h >> 8) * 5.9604644775390625e-8f; }
 
 // From the sums of one piece to the gradient of its homogeneous control points, 4 x (X, Y, Z, W). in: NGRAD numbers in struct order.
 template <class S> HD void control_gradient(const S *in, S ox, S oy, S *out) {
-  for (int i = 0; i < 4; i++) {
-    S g[4] = {0, 0, 0, 0};
-    for (int k = 0; k < 4; k++)
-      for (int j = 0; j < 4; j++) g[j] += S(bern(i, k)) * in[4 * j + k];
-    g[2] -= ox * g[0] + oy * g[1];
-    for (int j = 0; j < 4; j++) out[4 * i + j] = g[j];
+  for (int j = 0; j < 4; j++) {
+    const S *m = in + 4 * j;
+    // Each coefficient by its own name: from a loop over them GCC 12 looks them up in a table that it builds first.
+    for (int i = 0; i < 4; i++) out[4 * i + j] = S(bern(i, 0)) * m[0] + S(bern(i, 1)) * m[1] + S(bern(i, 2)) * m[2] + S(bern(i, 3)) * m[3];
   }
+  for (int i = 0; i < 4; i++) out[4 * i + 2] -= ox * out[4 * i] + oy * out[4 * i + 1];
 }
 
 }  // namespace stroke
