@@ -136,12 +136,33 @@ nb::tuple py_backward(const Owner<S> &owner, std::optional<In<S>> g_color, std::
                         of_matrices);
 }
 
+// Projection alone and back, for tests: the drawing does both within its own calls.
+template <class S> Out<double> py_project(Unprojected<S> curves) {
+  const Scene<S> s = scene<S>(curves);
+  Buffer<double> cubics(size_t(s.views) * s.strokes * 16);
+  std::lock_guard guard(threads().busy());
+  project(s, cubics.get());
+  return array(std::move(cubics), {size_t(s.views), size_t(s.strokes), 4, 4});
+}
+template <class S> nb::tuple py_project_backward(Unprojected<S> curves, In<double> g_cubics) {
+  const Scene<S> s = scene<S>(curves);
+  const size_t N = s.strokes, K = s.controls, V = s.views;
+  require(has_shape(g_cubics, {V, N, 4, 4}), "the gradient of cubics must have shape (V, N, 4, 4)");
+  Buffer<S> g_points(N * K * 3), g_weights(N * K);
+  Buffer<double> g_matrices(V * 16);
+  std::lock_guard guard(threads().busy());
+  project_backward(s, g_cubics.data(), g_points.get(), g_weights.get(), g_matrices.get());
+  return nb::make_tuple(array(std::move(g_points), {N, K, 3}), array(std::move(g_weights), {N, K}), array(std::move(g_matrices), {V, 4, 4}));
+}
+
 template <class S> void bind(nb::module_ &m, const char *state) {
   nb::class_<Owner<S>>(m, state).def_prop_ro("fragments", [](const Owner<S> &o) { return o.state.fragments(); });
   // Arrays of another precision are for the other overload, not to be converted.
   auto exact = [](const char *name) { return nb::arg(name).noconvert(); };
   m.def("forward", &forward_unprojected<S>, exact("curves"), exact("looks"), "size"_a, "options"_a, "save"_a);
   m.def("forward", &forward_projected<S>, exact("curves"), exact("looks"), "size"_a, "options"_a, "save"_a);
+  m.def("project", &py_project<S>, exact("curves"));
+  m.def("project_backward", &py_project_backward<S>, exact("curves"), exact("g_cubics"));
   m.def("backward", &py_backward<S>, "state"_a, exact("g_color").none(), exact("g_alpha").none(), exact("g_depth").none(),
         exact("alpha").none(), exact("depth").none(), "want_background"_a, "want_matrices"_a);
 }
