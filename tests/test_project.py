@@ -142,10 +142,10 @@ def test_the_kernels_project_alike(seed, controls, views, dtype):
 
 
 @kernels
-@given(seeds, st.sampled_from([3, 4]), st.sampled_from(["image", "world"]))
-def test_drawing_in_one_operation_is_projecting_and_drawing(seed, controls, width_space):
+@given(seeds, st.sampled_from(["image", "world"]))
+def test_drawing_in_one_operation_is_projecting_and_drawing(seed, width_space):
     """The same picture and the same gradients, to the rounding of two ways to project."""
-    shape, camera = _sketch(seed, controls), _cameras(seed, 2).resize(24)
+    shape, camera = _sketch(seed, 4), _cameras(seed, 2).resize(24)
     results = []
     for in_one in (True, False):
         names = ("points", "weights", "width")
