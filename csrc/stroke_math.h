@@ -168,7 +168,7 @@ template <class F, class S> HD F step_between(const Piece<S> &c, Bracket<F> &b, 
   return next;
 }
 
-constexpr double ROUGH_STEP = .02;       // px: enough to tell which of two places is nearer; their distances are off by less than 1e-4 px then
+constexpr double ROUGH_STEP = .02;       // px: a last step of s px changes a distance d by s^2 / 2d at most, too little to tell two places apart (empirical)
 constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
 template <class F, class M> HD Point<F> choose(const M &m, const Point<F> &a, const Point<F> &b) {
   return {select(m, a.tau, b.tau), select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
