@@ -88,8 +88,8 @@ template <class F, class S> HD F cubic(const S *a, F t, F &slope) {
   return c * t + a[0];
 }
 template <class F, class S> HD F cubic(const S *a, F t, F &slope, F &half_bend) {
-  const F p = a[3] * t, b = p + a[2], c = b * t + a[1], d = p + b;
-  slope = d * t + c, half_bend = p + d;
+  const F b = a[3] * t + a[2], c = b * t + a[1], d = a[3] * t + b;
+  slope = d * t + c, half_bend = a[3] * t + d;
   return c * t + a[0];
 }
 
@@ -134,22 +134,33 @@ template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from
   return {from, rx * rx + ry * ry, clamp(from - (rx * j.vx + ry * j.vy) * rate, S(-.5), S(.5)), rate};
 }
 
-// A second step with the slope of the first, along the tangent. bent: it is too long for the tangent to stand for the curve. far: it does not
-// lead to the nearest point, since it is long, hardly shorter than the first, or the first led uphill and is taken back.
+// A second step with the slope of the first, along the tangent. bent: it is too long for the tangent to stand for the curve, or the first led
+// uphill.
 constexpr double TANGENT_STEP = .001;    // px: 1e-5 px off a bend with a radius of .05 px
-constexpr double LONG_STEP = .003;       // px: behind a longer one a third step would still be felt (empirical)
-constexpr double SLOW = .1;              // the second step over the first, squared: Newton's steps shrink faster (empirical)
-template <class F, class S, class M> HD Point<F> second_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &bent, M &far) {
+template <class F, class S, class M> HD Point<F> tangent_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &bent) {
   F x1, y1, z1;
   const F z = cubic(c.z, a.tau, z1), iz = S(1) / z, px = cubic(c.x, a.tau, x1) * iz, py = cubic(c.y, a.tau, y1) * iz;
   const F vx = (x1 - px * z1) * iz, vy = (y1 - py * z1) * iz, rx = px - qx, ry = py - qy;
-  const F next = clamp(a.tau - (rx * vx + ry * vy) * a.rate, S(-.5), S(.5)), step = next - a.tau, first = a.tau - a.from;
-  const F moved2 = step * step * (vx * vx + vy * vy);
-  const M uphill = rx * rx + ry * ry > a.d2 * S(1.0001);
-  bent = (moved2 > S(TANGENT_STEP * TANGENT_STEP)) | uphill;
-  far = (bent & ((moved2 > S(LONG_STEP * LONG_STEP)) | (step * step > S(SLOW) * first * first))) | uphill;
+  const F next = clamp(a.tau - (rx * vx + ry * vy) * a.rate, S(-.5), S(.5)), step = next - a.tau;
+  bent = (step * step * (vx * vx + vy * vy) > S(TANGENT_STEP * TANGENT_STEP)) | (rx * rx + ry * ry > a.d2 * S(1.0001));
   // Depth is no matter of pixels: near a vanishing point it may double within such a step.
-  return {select(uphill, a.from, next), px + step * vx, py + step * vy, cubic(c.z, next)};
+  return {next, px + step * vx, py + step * vy, cubic(c.z, next)};
+}
+
+// A second step with a slope of its own, along the parabola that touches the curve. far: it is too long for that, or does not lead to the nearest
+// point, since a third would be felt, or the first led uphill and is taken back.
+constexpr double PARABOLA_STEP = .01;    // px (empirical)
+constexpr double THIRD_STEP = 1e-4;      // px (empirical: depth's gradient near centres of curvature feels more)
+template <class F, class S, class M> HD Point<F> parabola_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &far) {
+  const Jet<F> j = jet(c, a.tau);
+  const F rx = j.px - qx, ry = j.py - qy, vv = j.vx * j.vx + j.vy * j.vy, f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
+  // The slope's inverse, from that of the first by a step of Newton's: a share of off^2 of the step is missing then.
+  const F off = clamp(S(1) - f2 * a.rate, S(-1), S(1)), old = (rx * j.vx + ry * j.vy) * a.rate;
+  const F next = clamp(a.tau - (old + old * off), S(-.5), S(.5)), step = next - a.tau, old_step = clamp(a.tau - old, S(-.5), S(.5)) - a.tau;
+  const F missing = old_step * off * off;
+  const M uphill = rx * rx + ry * ry > a.d2 * S(1.0001);
+  far = (step * step * vv > S(PARABOLA_STEP * PARABOLA_STEP)) | (missing * missing * vv > S(THIRD_STEP * THIRD_STEP)) | uphill;
+  return {select(uphill, a.from, next), j.px + step * (j.vx + step * j.ax), j.py + step * (j.vy + step * j.ay), cubic(c.z, next)};
 }
 
 // A step of Newton's, downhill, if it stays between the parameters last left in either direction, else to the middle of these. moved2: its
@@ -168,25 +179,29 @@ template <class F, class S> HD F step_between(const Piece<S> &c, Bracket<F> &b, 
   return next;
 }
 
-constexpr double ROUGH_STEP = .02;       // px: a last step of s px changes a distance d by s^2 / 2d at most, too little to tell two places apart (empirical)
-constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
 template <class F, class M> HD Point<F> choose(const M &m, const Point<F> &a, const Point<F> &b) {
   return {select(m, a.tau, b.tau), select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
 }
-// The nearest point, behind the first step. in: of interest; in other lanes whatever comes. enough: px; no step is made behind a shorter one.
+// The nearest point, behind the first step. in: of interest; in other lanes whatever comes. enough: px; no fourth step is made behind a shorter
+// one, nor any more.
+constexpr double ROUGH_STEP = .02;       // px: a last step of s px changes a distance d by s^2 / 2d at most, too little to tell two places apart (empirical)
+constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
 template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &in, S enough = S(TANGENT_STEP)) {
   M bent, far;
-  Point<F> point = second_step(c, a, qx, qy, bent, far);
+  Point<F> point = tangent_step(c, a, qx, qy, bent);
   if (any(bent & in)) {
-    F tau = point.tau;
-    Bracket<F> bracket = {tau * S(0) - S(1), tau * S(0) + S(1)};  // wider than the piece: its ends have not been left yet
-    far = far & in;
-    for (int tries = 0; tries < MORE_STEPS && any(far); tries++) {
-      F moved2;
-      tau = select(far, step_between(c, bracket, tau, qx, qy, moved2), tau);
-      far = far & (moved2 > enough * enough);
+    point = choose(bent, parabola_step(c, a, qx, qy, far), point);
+    M going = far = far & bent & in;
+    if (any(far)) {
+      F tau = point.tau;
+      Bracket<F> bracket = {tau * S(0) - S(1), tau * S(0) + S(1)};  // wider than the piece: its ends have not been left yet
+      for (int tries = 0; tries < MORE_STEPS && any(going); tries++) {
+        F moved2;
+        tau = select(going, step_between(c, bracket, tau, qx, qy, moved2), tau);
+        going = going & (moved2 > enough * enough);
+      }
+      point = choose(far, point_at(c, tau), point);
     }
-    point = choose(bent, point_at(c, tau), point);
   }
   // In a bend tighter than the distance all may have led astray: then the start is better.
   const M astray = in & ((point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > a.d2 * S(1.0001));
