@@ -203,7 +203,7 @@ SIMD void clear_slots(const Job<real> &J, int tile) {
 // Adds the sums of one layer to its slot, in the order of Moments.
 SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v4 color) {
   real *g = J.g_slot + size_t(slot) * NGRAD;
-  for (int i = 0; i < 4; i++) g[i] += sum(m.x[i]), g[4 + i] += sum(m.y[i]), g[8 + i] += sum(m.z[i]), g[12 + i] += sum(m.w[i]);
+  for (int i = 0; i < 16; i += VL) store(g + i, load(g + i) + sums((const vf *)&m + i));
   g[16] += sum(m.half_width), g[17] += sum(m.opacity);
   for (int i = 0; i < 3; i++) g[18 + i] += color[i];
 }

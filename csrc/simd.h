@@ -183,6 +183,17 @@ SIMD vf fourths(const vf *v) {
 }
 // The vector of four numbers, repeated.
 template <class V4> SIMD vf tile4(V4 q) { vf v; for (int i = 0; i < VL; i++) v[i] = q[i % 4]; return v; }
+// The sums of VL vectors, one a lane: halves of two vectors are added into one, then quarters of two such, down to single lanes.
+template <int N = VL> SIMD vf sums(const vf *v) {
+  if constexpr (N == 1) return v[0];
+  else {
+    // Lanes come in groups of N, each with what is left of one vector; every group keeps its first half's sum in the first of two vectors' places.
+    const vi group = iota() / N * N, place = iota() & (N / 2 - 1), from = group + place + (iota() & (N / 2) ? splat_int(VL) : vi{});
+    vf half[N / 2];
+    for (int i = 0; i < N / 2; i++) half[i] = lanes_of(v[i], v[i + N / 2], from) + lanes_of(v[i], v[i + N / 2], from + integer(N / 2));
+    return sums<N / 2>(half);
+  }
+}
 // Of four vectors of (r, g, b, -), the three vectors of what is left without the fourth numbers: PART comes from the vectors PART and PART + 1.
 // In registers: loads across two earlier stores would wait for both.
 template <int PART> SIMD vf triples(vf a, vf b) {
