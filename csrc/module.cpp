@@ -3,7 +3,6 @@
 #include "project.h"
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -14,8 +13,53 @@ using namespace nb::literals;
 
 namespace stroke {
 namespace {
-template <class S> using In = nb::ndarray<const S, nb::c_contig, nb::device::cpu>;
-template <class S> using Strided = nb::ndarray<const S, nb::ndim<4>, nb::device::cpu>;
+// Names of torch's, made once: asking for them is most of what it takes to read a tensor.
+struct Torch {
+  nb::object dtype = name("dtype"), shape = name("shape"), data_ptr = name("data_ptr"), is_contiguous = name("is_contiguous"), is_neg = name("is_neg");
+  nb::object is_cpu = name("is_cpu"), float32, float64;
+  static nb::object name(const char *text) { return nb::steal(PyUnicode_InternFromString(text)); }
+  Torch() {
+    const nb::module_ torch = nb::module_::import_("torch");
+    float32 = torch.attr("float32"), float64 = torch.attr("float64");
+  }
+  template <class S> const nb::object &real() const { return sizeof(S) == 4 ? float32 : float64; }
+};
+const Torch &torch() { static const Torch *t = new Torch; return *t; }
+
+void require(bool good, const char *what) { if (!good) throw std::invalid_argument(what); }
+
+// A tensor on the CPU, held, with its numbers in one run of memory; or None. Read by itself: the way through a numpy array takes four times as
+// long, which tiny images feel.
+template <class S> class In {
+  nb::object held_;
+  const S *data_ = nullptr;
+  size_t ndim_ = 0, shape_[4] = {};
+
+public:
+  In() = default;
+  explicit In(nb::handle tensor) : held_(nb::borrow(tensor)) {
+    if (held_.is_none()) return;
+    require(held_.attr(torch().dtype).is(torch().real<S>()), "a tensor of another dtype");
+    require(nb::cast<bool>(held_.attr(torch().is_cpu)), "a tensor on another device");
+    if (nb::cast<bool>(held_.attr(torch().is_neg)())) held_ = held_.attr("resolve_neg")();
+    if (!nb::cast<bool>(held_.attr(torch().is_contiguous)())) held_ = held_.attr("contiguous")();
+    const nb::object shape = held_.attr(torch().shape);
+    ndim_ = nb::len(shape);
+    require(ndim_ <= 4, "a tensor with more than four axes");
+    for (size_t k = 0; k < ndim_; k++) shape_[k] = nb::cast<size_t>(shape[k]);
+    data_ = reinterpret_cast<const S *>(nb::cast<uintptr_t>(held_.attr(torch().data_ptr)()));
+    require(data_ || size() == 0, "a tensor without memory");
+  }
+  bool given() const { return held_.is_valid() && !held_.is_none(); }
+  const S *data() const { return data_; }
+  size_t ndim() const { return ndim_; }
+  size_t shape(size_t k) const { return shape_[k]; }
+  size_t size() const {
+    size_t n = 1;
+    for (size_t k = 0; k < ndim_; k++) n *= shape_[k];
+    return n;
+  }
+};
 template <class S> using Out = nb::ndarray<nb::numpy, S>;
 
 template <class S> Out<S> array(Buffer<S> &&b, std::initializer_list<size_t> shape) {
@@ -28,17 +72,24 @@ template <class T> bool has_shape(const T &a, std::initializer_list<size_t> shap
   for (size_t n : shape) if (a.shape(k++) != n) return false;
   return true;
 }
-void require(bool good, const char *what) { if (!good) throw std::invalid_argument(what); }
 
 // Homogeneous cubics in pixels, or what gives them: control points, weights and the projections of the views.
-using Projected = std::tuple<In<double>>;
-template <class S> using Unprojected = std::tuple<In<S>, In<S>, In<double>>;
-// Half widths, colours, opacities, background; and as render/drawing.py says: height and width, Options.
-template <class S> using Looks = std::tuple<In<S>, In<S>, In<S>, Strided<S>>;
+using Projected = In<double>;
+template <class S> struct Unprojected { In<S> points, weights; In<double> matrices; };
+template <class S> Unprojected<S> unprojected(const nb::tuple &curves) {
+  require(curves.size() == 3, "curves must be cubics, or points, weights and matrices");
+  return {In<S>(curves[0]), In<S>(curves[1]), In<double>(curves[2])};
+}
+// As render/drawing.py says: looks, height and width, Options.
+template <class S> struct Looks { In<S> half_width, color, opacity, background; };
+template <class S> Looks<S> looks_of(const nb::tuple &looks) {
+  require(looks.size() == 4, "looks must be half widths, colours, opacities and the background");
+  return {In<S>(looks[0]), In<S>(looks[1]), In<S>(looks[2]), In<S>(looks[3])};
+}
 using Size = std::tuple<int, int>;
 using Options = std::tuple<bool, double, double, int, uint64_t, double>;
 
-// A state with the arrays that it points into.
+// A state with the tensors that it points into.
 template <class S> struct Owner {
   State<S> state;
   std::variant<Projected, Unprojected<S>> curves;
@@ -64,8 +115,12 @@ template <class S> Input<S> input(const double *cubics, size_t V, size_t N, cons
   require(has_shape(color, {N, 3}) && has_shape(opacity, {N}), "color and opacity must have shapes (N, 3) and (N,)");
   // A background that is the same all along an axis may have one entry there.
   auto fits = [&b = background](int axis, size_t n) { return b.shape(axis) == n || b.shape(axis) == 1; };
-  auto stride = [&b = background](int axis) { return b.shape(axis) == 1 ? 0 : b.stride(axis); };
-  require(height > 0 && width > 0 && fits(0, V) && fits(1, H) && fits(2, W) && background.shape(3) == 3 && background.stride(3) == 1,
+  auto stride = [&b = background](int axis) -> ptrdiff_t {
+    size_t n = 1;
+    for (int k = axis + 1; k < 4; k++) n *= b.shape(k);
+    return b.shape(axis) == 1 ? 0 : n;
+  };
+  require(height > 0 && width > 0 && background.ndim() == 4 && fits(0, V) && fits(1, H) && fits(2, W) && background.shape(3) == 3,
           "background must have shape (1 or V, 1 or H, 1 or W, 3)");
   require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31), "too many views, strokes or pixels");
   require(blur >= 0 && near > 0 && strata >= 0 && strata <= 64, "blur, near or strata out of range");
@@ -87,35 +142,40 @@ template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S
   return nb::make_tuple(array(std::move(images.color), {V, H, W, 3}), array(std::move(images.alpha), {V, H, W}),
                         array(std::move(images.depth), {V, H, W}), kept);
 }
-template <class S> nb::tuple forward_projected(Projected curves, Looks<S> looks, Size size, Options options, bool save) {
-  const In<double> &cubics = std::get<0>(curves);
-  require(cubics.ndim() == 4 && cubics.shape(2) == 4 && cubics.shape(3) == 4, "cubics must have shape (V, N, 4, 4)");
+template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple &looks, Size size, Options options, bool save) {
   auto owner = std::make_unique<Owner<S>>();
-  owner->curves = curves, owner->looks = looks;
-  owner->state.input = input(cubics.data(), cubics.shape(0), cubics.shape(1), looks, size, options);
-  return draw<S>(std::move(owner), nullptr, save);
-}
-template <class S> nb::tuple forward_unprojected(Unprojected<S> curves, Looks<S> looks, Size size, Options options, bool save) {
-  const Scene<S> s = scene<S>(curves);
-  auto owner = std::make_unique<Owner<S>>();
+  owner->looks = looks_of<S>(looks);
+  if (curves.size() == 1) {
+    const Projected cubics(curves[0]);
+    require(cubics.ndim() == 4 && cubics.shape(2) == 4 && cubics.shape(3) == 4, "cubics must have shape (V, N, 4, 4)");
+    owner->curves = cubics;
+    owner->state.input = input(cubics.data(), cubics.shape(0), cubics.shape(1), owner->looks, size, options);
+    return draw<S>(std::move(owner), nullptr, save);
+  }
+  owner->curves = unprojected<S>(curves);
+  const Scene<S> s = scene(std::get<Unprojected<S>>(owner->curves));
   owner->projections = Buffer<double>(size_t(s.views) * s.strokes * 16);
-  owner->curves = curves, owner->looks = looks;
-  owner->state.input = input(owner->projections.get(), s.views, s.strokes, looks, size, options);
+  owner->state.input = input(owner->projections.get(), s.views, s.strokes, owner->looks, size, options);
   return draw<S>(std::move(owner), &s, save);
+}
+bool is_float32(nb::handle tensor) { return tensor.attr(torch().dtype).is(torch().float32); }
+nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &looks, Size size, Options options, bool save) {
+  require(looks.size() == 4, "looks must be half widths, colours, opacities and the background");
+  return is_float32(looks[1]) ? forward_of<float>(curves, looks, size, options, save) : forward_of<double>(curves, looks, size, options, save);
 }
 
 // Gradients of the looks, and then of the curves as they were given.
 template <class S>
-nb::tuple py_backward(const Owner<S> &owner, std::optional<In<S>> g_color, std::optional<In<S>> g_alpha, std::optional<In<S>> g_depth,
-                      std::optional<In<S>> alpha, std::optional<In<S>> depth, bool want_background, bool want_matrices) {
+nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb::tuple &planes, bool want_background, bool want_matrices) {
+  require(upstream.size() == 3 && planes.size() == 2, "upstream must be three tensors or None, planes two");
+  const In<S> g_color(upstream[0]), g_alpha(upstream[1]), g_depth(upstream[2]), alpha(planes[0]), depth(planes[1]);
   const Input<S> &in = owner.state.input;
   const size_t V = in.views, N = in.strokes, H = in.height, W = in.width;
-  require(!g_color || has_shape(*g_color, {V, H, W, 3}), "the gradient of color must have shape (V, H, W, 3)");
-  for (auto *a : {&g_alpha, &g_depth, &alpha, &depth}) require(!*a || has_shape(**a, {V, H, W}), "planes must have shape (V, H, W)");
-  require(!g_depth || (alpha && depth), "the gradient of depth needs alpha and depth");
-  auto data = [](const std::optional<In<S>> &a) { return a ? a->data() : nullptr; };
+  require(!g_color.given() || has_shape(g_color, {V, H, W, 3}), "the gradient of color must have shape (V, H, W, 3)");
+  for (auto *a : {&g_alpha, &g_depth, &alpha, &depth}) require(!a->given() || has_shape(*a, {V, H, W}), "planes must have shape (V, H, W)");
+  require(!g_depth.given() || (alpha.given() && depth.given()), "the gradient of depth needs alpha and depth");
   const auto *curves = std::get_if<Unprojected<S>>(&owner.curves);
-  const Scene<S> s = curves ? scene<S>(*curves) : Scene<S>{};
+  const Scene<S> s = curves ? scene(*curves) : Scene<S>{};
   const size_t K = s.controls;
   Gradients<S> g;
   Buffer<S> g_points(N * K * 3), g_weights(N * K);
@@ -123,10 +183,10 @@ nb::tuple py_backward(const Owner<S> &owner, std::optional<In<S>> g_color, std::
   {
     nb::gil_scoped_release nogil;
     std::lock_guard guard(threads().busy());
-    g = backward<S>(owner.state, {data(g_color), data(g_alpha), data(g_depth)}, data(alpha), data(depth), want_background);
+    g = backward<S>(owner.state, {g_color.data(), g_alpha.data(), g_depth.data()}, alpha.data(), depth.data(), want_background);
     if (curves) project_backward(s, g.cubics.get(), g_points.get(), g_weights.get(), want_matrices ? g_matrices.get() : nullptr);
   }
-  const In<S> &width = std::get<0>(owner.looks);
+  const In<S> &width = owner.looks.half_width;
   auto g_half_width = width.ndim() == 1 ? array(std::move(g.half_width), {N}) : array(std::move(g.half_width), {width.shape(0), N});
   auto g_colors = array(std::move(g.color), {N, 3}), g_opacity = array(std::move(g.opacity), {N});
   nb::object g_background = want_background ? nb::cast(array(std::move(g.background), {V, H, W, 3})) : nb::none();
@@ -137,15 +197,15 @@ nb::tuple py_backward(const Owner<S> &owner, std::optional<In<S>> g_color, std::
 }
 
 // Projection alone and back, for tests: the drawing does both within its own calls.
-template <class S> Out<double> py_project(Unprojected<S> curves) {
-  const Scene<S> s = scene<S>(curves);
+template <class S> Out<double> project_of(const Unprojected<S> &curves) {
+  const Scene<S> s = scene(curves);
   Buffer<double> cubics(size_t(s.views) * s.strokes * 16);
   std::lock_guard guard(threads().busy());
   project(s, cubics.get());
   return array(std::move(cubics), {size_t(s.views), size_t(s.strokes), 4, 4});
 }
-template <class S> nb::tuple py_project_backward(Unprojected<S> curves, In<double> g_cubics) {
-  const Scene<S> s = scene<S>(curves);
+template <class S> nb::tuple project_backward_of(const Unprojected<S> &curves, const In<double> &g_cubics) {
+  const Scene<S> s = scene(curves);
   const size_t N = s.strokes, K = s.controls, V = s.views;
   require(has_shape(g_cubics, {V, N, 4, 4}), "the gradient of cubics must have shape (V, N, 4, 4)");
   Buffer<S> g_points(N * K * 3), g_weights(N * K);
@@ -155,16 +215,17 @@ template <class S> nb::tuple py_project_backward(Unprojected<S> curves, In<doubl
   return nb::make_tuple(array(std::move(g_points), {N, K, 3}), array(std::move(g_weights), {N, K}), array(std::move(g_matrices), {V, 4, 4}));
 }
 
+Out<double> py_project(const nb::tuple &curves) {
+  return is_float32(curves[0]) ? project_of(unprojected<float>(curves)) : project_of(unprojected<double>(curves));
+}
+nb::tuple py_project_backward(const nb::tuple &curves, nb::object g_cubics) {
+  const In<double> g(g_cubics);
+  return is_float32(curves[0]) ? project_backward_of(unprojected<float>(curves), g) : project_backward_of(unprojected<double>(curves), g);
+}
+
 template <class S> void bind(nb::module_ &m, const char *state) {
   nb::class_<Owner<S>>(m, state).def_prop_ro("fragments", [](const Owner<S> &o) { return o.state.fragments(); });
-  // Arrays of another precision are for the other overload, not to be converted.
-  auto exact = [](const char *name) { return nb::arg(name).noconvert(); };
-  m.def("forward", &forward_unprojected<S>, exact("curves"), exact("looks"), "size"_a, "options"_a, "save"_a);
-  m.def("forward", &forward_projected<S>, exact("curves"), exact("looks"), "size"_a, "options"_a, "save"_a);
-  m.def("project", &py_project<S>, exact("curves"));
-  m.def("project_backward", &py_project_backward<S>, exact("curves"), exact("g_cubics"));
-  m.def("backward", &py_backward<S>, "state"_a, exact("g_color").none(), exact("g_alpha").none(), exact("g_depth").none(),
-        exact("alpha").none(), exact("depth").none(), "want_background"_a, "want_matrices"_a);
+  m.def("backward", &py_backward<S>, "state"_a, "upstream"_a, "planes"_a, "want_background"_a, "want_matrices"_a);
 }
 }  // namespace
 }  // namespace stroke
@@ -175,6 +236,9 @@ NB_MODULE(_kernels, m) {
   nb::exception<InvalidStroke>(m, "InvalidStroke", PyExc_ValueError);
   bind<float>(m, "State32");
   bind<double>(m, "State64");
+  m.def("forward", &py_forward, "curves"_a, "looks"_a, "size"_a, "options"_a, "save"_a);
+  m.def("project", &py_project, "curves"_a);
+  m.def("project_backward", &py_project_backward, "curves"_a, "g_cubics"_a);
   m.def("set_threads", &set_threads, nb::call_guard<nb::gil_scoped_release>());
   m.def("trim", [] { pool().trim(); });
   m.def("instruction_sets", &instruction_sets);

@@ -117,8 +117,7 @@ def test_devices_must_agree():
 
 def _by_kernels(sketch: ds.Sketch, cameras: ds.Cameras) -> torch.Tensor:
     """The cubics that the compiled kernels draw."""
-    arrays = tuple(t.contiguous().numpy() for t in (sketch.points, sketch.weights, cameras.projection))
-    return torch.from_numpy(load_kernels().project(arrays))
+    return torch.from_numpy(load_kernels().project((sketch.points, sketch.weights, cameras.projection)))
 
 
 @kernels
@@ -133,8 +132,7 @@ def test_the_kernels_project_alike(seed, controls, views, dtype):
     control = elevate_homogeneous(homogeneous(*(v.double() for v in inputs[:2])))
     g_cubics = torch.randn(expected.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     wanted = torch.autograd.grad(control @ inputs[2][:, None].mT, inputs, g_cubics)
-    curves = tuple(v.detach().numpy() for v in inputs)
-    for got, want in zip(load_kernels().project_backward(curves, g_cubics.numpy()), wanted, strict=True):
+    for got, want in zip(load_kernels().project_backward(tuple(inputs), g_cubics), wanted, strict=True):
         assert torch.from_numpy(got).dtype == want.dtype
         # A few roundings of sums over strokes and views that cancel.
         tolerance = 16 * torch.finfo(want.dtype).eps

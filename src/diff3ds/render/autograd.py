@@ -23,13 +23,8 @@ def draw(drawing: Drawing) -> Images:
 
 
 def _forward(drawing: Drawing, save: bool) -> tuple[Images, Any]:
-    curves, looks = (tuple(map(_array, tensors)) for tensors in (drawing.curves, drawing.looks))
-    color, alpha, depth, state = _ready_kernels().forward(curves, looks, drawing.size, drawing.options, save)
+    color, alpha, depth, state = _ready_kernels().forward(*drawing, save)
     return (torch.from_numpy(color), torch.from_numpy(alpha), torch.from_numpy(depth)), state
-
-
-def _array(tensor: Tensor) -> Any:
-    return tensor.detach().contiguous().numpy()
 
 
 def _ready_kernels() -> Any:
@@ -51,17 +46,23 @@ class _Draw(torch.autograd.Function):
         return images
 
     @staticmethod
-    @once_differentiable
     def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
-        alpha, depth, canvas, *_ = ctx.saved_tensors
-        needs = ctx.needs_input_grad
-        # Only the gradient of depth needs them.
-        planes = (None, None) if upstream[2] is None else (alpha.numpy(), depth.numpy())
-        arrays = (None if g is None else _array(g) for g in upstream)
-        gradients = _ready_kernels().backward(ctx.state, *arrays, *planes, needs[5], needs[-1])
-        if needs[5]:
-            gradients = (*gradients[:3], _summed(gradients[3], canvas.shape), *gradients[4:])
-        return None, None, *(None if g is None else torch.from_numpy(g) for g in gradients)
+        # Only a graph of the gradients must refuse to be differentiated; the refusal costs what tiny images feel.
+        return (_once if torch.is_grad_enabled() else _gradients)(ctx, *upstream)
+
+
+def _gradients(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
+    alpha, depth, canvas, *_ = ctx.saved_tensors
+    needs = ctx.needs_input_grad
+    # Only the gradient of depth needs them.
+    planes = (None, None) if upstream[2] is None else (alpha, depth)
+    gradients = _ready_kernels().backward(ctx.state, upstream, planes, needs[5], needs[-1])
+    if needs[5]:
+        gradients = (*gradients[:3], _summed(gradients[3], canvas.shape), *gradients[4:])
+    return None, None, *(None if g is None else torch.from_numpy(g) for g in gradients)
+
+
+_once = once_differentiable(_gradients)
 
 
 def _summed(gradient: Any, shape: tuple[int, ...]) -> Any:
