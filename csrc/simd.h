@@ -187,7 +187,7 @@ template <class V4> SIMD vf tile4(V4 q) { vf v; for (int i = 0; i < VL; i++) v[i
 template <int N = VL> SIMD vf sums(const vf *v) {
   if constexpr (N == 1) return v[0];
   else {
-    // Lanes come in groups of N, each with what is left of one vector; every group keeps its first half's sum in the first of two vectors' places.
+    // Lanes come in groups of N, what is left of one sum each. Halves of a group are added: N / 2 lanes of v[i], then as many of v[i + N / 2].
     const vi group = iota() / N * N, place = iota() & (N / 2 - 1), from = group + place + (iota() & (N / 2) ? splat_int(VL) : vi{});
     vf half[N / 2];
     for (int i = 0; i < N / 2; i++) half[i] = lanes_of(v[i], v[i + N / 2], from) + lanes_of(v[i], v[i + N / 2], from + integer(N / 2));
