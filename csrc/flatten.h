@@ -2,6 +2,7 @@
 #pragma once
 #include "flatten_math.h"
 #include "memory.h"
+#include <cstring>
 
 namespace stroke {
 typedef float v4f __attribute__((vector_size(16)));
@@ -14,6 +15,33 @@ template <class S> struct Flat {
   List<ChordInfo> chord_info;
   List<Tangents> tangents;             // of every chord; Monte Carlo only
 };
+
+// The power -2/3 of x, from 1e-30 to 1e30, within 6 %: the bits of a float are about the logarithm of its value.
+inline float about_power(float x) {
+  constexpr int ONE = 0x3f800000;
+  int bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  bits = ONE - (bits - ONE) / 3 * 2;
+  std::memcpy(&x, &bits, sizeof x);
+  return x;
+}
+// Square of the parameter step within which the parabola that touches a piece stands for it. low: the least z.
+constexpr float PARABOLA_ERROR = 1e-5f;  // px
+template <class S> float parabola_step2(const Piece<S> &c, float low) {
+  const float scale = 1 / low;
+  float x[4], y[4], z[4];
+  // Bounds over the piece of a polynomial over `low`, and of its k-th derivatives over k!.
+  auto bound = [scale](const S *a, float *out) {
+    float b[4];
+    for (int k = 0; k < 4; k++) b[k] = magnitude(float(a[k])) * scale;
+    out[0] = (b[0] + .5f * b[1]) + (.25f * b[2] + .125f * b[3]), out[1] = b[1] + (b[2] + .75f * b[3]), out[2] = b[2] + 1.5f * b[3], out[3] = b[3];
+  };
+  bound(c.x, x), bound(c.y, y), bound(c.z, z);
+  // Those of v = (x + y) / z follow in turn, from v z = x + y. The third derivative is what the parabola lacks.
+  const float v0 = x[0] + y[0], v1 = (x[1] + y[1]) + v0 * z[1], v2 = (x[2] + y[2] + v0 * z[2]) + v1 * z[1];
+  const float v3 = (x[3] + y[3] + v0 * z[3]) + v1 * z[2] + v2 * z[1];
+  return about_power(least(v3 / PARABOLA_ERROR + 1e-30f, 1e30f));
+}
 
 class Flattener {
   Control whole_;
@@ -99,6 +127,7 @@ class Flattener {
   template <class S> void add_piece(Flat<S> &out, const Control &k, const v4d *p, double start, double stop, const Piece<S> &look) {
     Piece<S> c = look;
     const Arc<float> arc = make_piece(k, p, c);
+    c.parabola2 = S(parabola_step2(c, float(low(k.c, 2))));
     PieceInfo info{};
     info.stroke = stroke_, info.start = start, info.stop = stop;
     info.first_chord = uint32_t(out.chords.size());

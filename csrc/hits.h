@@ -133,7 +133,7 @@ template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const P
 struct Settled { vf tau, d2; };
 SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy, vi in) {
   const Point<vf> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, in, real(ROUGH_STEP));
-  return {point.tau, (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy)};
+  return {point.tau, distance2(point, qx, qy)};
 }
 SIMD vi lanes_before(uint32_t i, uint32_t n) { return iota() < splat_int(integer(n - i)); }
 
@@ -256,33 +256,70 @@ template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, co
   return n0;
 }
 
-// Coverage and depth at the nearest point of all candidates up to `end`; the covered ones stay as fragments. Loops over the vectors of all
-// layers, and two short ones instead of a long one: the processor then works on several vectors at a time. Returns the number of fragments.
-template <int POINTS, bool WORLD> PHASE uint32_t resolve(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
-  const Filter<real> filter = J.filter;
+SIMD const Piece<real> &piece_of(const Job<real> &J, const Work &k, uint32_t i) { return J.pieces[k.layer[k.owner[i / VL]].piece]; }
+SIMD void store_point(Work &k, uint32_t i, const Point<vf> &point, vf qx, vf qy) {
+  store(k.start + i, point.tau), store(k.z + i, point.z), store(k.a + i, distance2(point, qx, qy));
+}
+
+// The nearest points of all candidates up to `end`: k.start the parameter, k.z, and k.a the squared distance. Loops over the vectors of all
+// layers, and short ones instead of a long one: the processor then works on several vectors at a time.
+template <int POINTS> PHASE void nearest_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
   for (uint32_t i = 0; i < end; i += VL) {
-    const Piece<real> &c = J.pieces[k.layer[k.owner[i / VL]].piece];
+    const Piece<real> &c = piece_of(J, k, i);
     const vf start = load(k.t + i);
     vf qx, qy;
     points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
     const Approach<vf> step = newton_step(c, start, qx, qy);
-    store(k.start + i, start), store(k.z + i, step.d2), store(k.t + i, step.tau), store(k.a + i, step.rate);
+    store(k.start + i, step.tau), store(k.z + i, step.d2), store(k.a + i, step.rate);
     store(k.T + i, qx), store(k.g + i, qy);
   }
+  for (uint32_t i = 0; i < end; i += VL) {
+    const vf qx = load(k.T + i), qy = load(k.g + i);
+    const Approach<vf> step = {load(k.t + i), load(k.z + i), load(k.start + i), load(k.a + i)};
+    store_point(k, i, arrive(piece_of(J, k, i), step, qx, qy, load(k.px + i) >= 0), qx, qy);
+  }
+}
+
+// The same where most strokes are smooth: all steps on parabolas first, then those of the few vectors where more is needed, listed in k.order.
+template <int POINTS> PHASE void nearest_smooth_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
+  uint32_t bends = 0;
+  for (uint32_t i = 0; i < end; i += VL) {
+    const Piece<real> &c = piece_of(J, k, i);
+    const vi px = load(k.px + i);
+    vf qx, qy;
+    points_of<POINTS>(k, p, c, px & (PIX - 1), qx, qy);
+    Approach<vf> a;
+    vi bent;
+    store_point(k, i, two_steps(c, load(k.t + i), qx, qy, a, bent), qx, qy);
+    store(k.T + bends * VL, a.d2), store(k.g + bends * VL, a.rate);
+    k.order[bends] = i, bends += any(bent & (px >= 0));
+  }
+  for (uint32_t b = 0; b < bends; b++) {
+    const uint32_t i = k.order[b];
+    const Piece<real> &c = piece_of(J, k, i);
+    const vi px = load(k.px + i);
+    vf qx, qy;
+    points_of<POINTS>(k, p, c, px & (PIX - 1), qx, qy);
+    const Approach<vf> a = {load(k.t + i), load(k.T + b * VL), load(k.start + i), load(k.g + b * VL)};
+    store_point(k, i, more_steps(c, a, qx, qy, px >= 0), qx, qy);
+  }
+}
+
+// Coverage and depth at the nearest points of all candidates up to `end`; the covered ones stay as fragments. Returns their number.
+template <bool WORLD> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t end) {
+  const Filter<real> filter = J.filter;
   uint32_t n = 0;
   for (uint32_t i = 0; i < end; i += VL) {
     const uint32_t l = k.owner[i / VL];
     const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
-    const vf qx = load(k.T + i), qy = load(k.g + i);
-    const Approach<vf> step = {load(k.start + i), load(k.z + i), load(k.t + i), load(k.a + i)};
-    const Point<vf> point = arrive(c, step, qx, qy, px >= 0);
-    const Fragment<vf> g = fragment<WORLD>(c, filter, point, qx, qy);
+    const vf tau = load(k.start + i);
+    const Fragment<vf> g = fragment<WORLD>(c, filter, tau, load(k.z + i), root(load(k.a + i)));
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
     const vi in = (a > real(0)) & (g.depth > J.nearest) & (px >= 0);
     const Mask m = bits(in);
-    compress_store(k.t + n, point.tau, m), compress_store(k.a + n, a * c.opacity, m);
+    compress_store(k.t + n, tau, m), compress_store(k.a + n, a * c.opacity, m);
     compress_store(k.z + n, g.depth, m), compress_store(k.px + n, px, m);
     k.first[l + 1] = n += count(m);
   }
@@ -311,7 +348,7 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
   k.layers = 0;
   reserve_layers(k, 1);
   k.first[0] = 0;
-  uint32_t n = 0;
+  uint32_t n = 0, smooth = 0;
   for (uint32_t e = J.tile_first[tile]; e < J.tile_first[tile + 1]; e++) {
     const Entry &entry = J.entries[e], &next = J.entries[e + 1];
     __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
@@ -328,9 +365,12 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
       const Rows rows = nearest_chord<POINTS>(J, entry.first, entry.last, p, k, R);
       packed = pack(k, rows, k.tau, n, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
     }
+    smooth += packed - n;
     n = add_layer(k, entry.piece, entry.slot, n, packed);
   }
-  n = resolve<POINTS, WORLD>(J, p, k, n);
+  if (2 * smooth > n) nearest_smooth_points<POINTS>(J, p, k, n);
+  else nearest_points<POINTS>(J, p, k, n);
+  n = cover<WORLD>(J, k, n);
   close_layers(k);
   return n;
 }

@@ -118,7 +118,9 @@ template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch 
       for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
         const integer i = k.px[f];
         if (own[i] != stroke) continue;
-        const Fragment<real> g = fragment<WORLD>(c, J.filter, point_at(c, k.t[f]), k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
+        const Point<real> point = point_at(c, k.t[f]);
+        const real d2 = distance2(point, k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
+        const Fragment<real> g = fragment<WORLD>(c, J.filter, point.tau, point.z, root(d2));
         if (g.r - g.d > OUTLINE_SLACK) hidden[i] = true;
         k.a[f] = 0;
       }

@@ -66,6 +66,7 @@ template <class S> struct Piece {
   S half_width;                       // px, or px times depth where widths are in world units
   S color[3], opacity;
   S flat_w;                           // 1 / w where w is constant, else 0
+  S parabola2;                        // CPU: square of the parameter step within which the parabola that touches the curve stands for it
 };
 
 // A chord of a piece: from a along e; (ix, iy) = e / |e|^2. At its share s the curve's parameter is about tau0 + s (dtau + (1 - s) bow): exact
@@ -121,17 +122,22 @@ template <class F, class S> HD Point<F> point_at(const Piece<S> &c, F tau) {
   const F z = cubic(c.z, tau), iz = S(1) / z;
   return {tau, cubic(c.x, tau) * iz, cubic(c.y, tau) * iz, z};
 }
+template <class F> HD F distance2(const Point<F> &p, F qx, F qy) { return (p.x - qx) * (p.x - qx) + (p.y - qy) * (p.y - qy); }
 
 // Towards the point of the piece nearest to (qx, qy), from a parameter on a chord within CHORD_TOL (eq. 4): a Newton step on half the squared
 // distance. d2: the squared distance before; rate: the inverse of the slope there.
 template <class F> struct Approach { F from, d2, tau, rate; };
-template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from, F qx, F qy) {
-  const Jet<F> j = jet(c, from);
+template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from, F qx, F qy, Jet<F> &j) {
+  j = jet(c, from);
   const F rx = j.px - qx, ry = j.py - qy;
   const F vv = j.vx * j.vx + j.vy * j.vy + S(1e-30), f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
   // Gauss-Newton where the curvature term would turn the step uphill.
   const F rate = S(1) / select(f2 > S(.1) * vv, f2, vv);
   return {from, rx * rx + ry * ry, clamp(from - (rx * j.vx + ry * j.vy) * rate, S(-.5), S(.5)), rate};
+}
+template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from, F qx, F qy) {
+  Jet<F> j;
+  return newton_step(c, from, qx, qy, j);
 }
 
 // A second step with the slope of the first, along the tangent. bent: it is too long for the tangent to stand for the curve, or the first led
@@ -145,6 +151,17 @@ template <class F, class S, class M> HD Point<F> tangent_step(const Piece<S> &c,
   bent = (step * step * (vx * vx + vy * vy) > S(TANGENT_STEP * TANGENT_STEP)) | (rx * rx + ry * ry > a.d2 * S(1.0001));
   // Depth is no matter of pixels: near a vanishing point it may double within such a step.
   return {next, px + step * vx, py + step * vy, cubic(c.z, next)};
+}
+
+// Both steps at once, along the parabola that touches the curve at the start. bent: as above, or the first is too long for the parabola.
+template <class F, class S, class M> HD Point<F> two_steps(const Piece<S> &c, F from, F qx, F qy, Approach<F> &a, M &bent) {
+  Jet<F> j;
+  a = newton_step(c, from, qx, qy, j);
+  const F first = a.tau - from, bx = first * j.ax, by = first * j.ay, vv = j.vx * j.vx + j.vy * j.vy;
+  const F vx = j.vx + S(2) * bx, vy = j.vy + S(2) * by, rx = j.px - qx + first * (j.vx + bx), ry = j.py - qy + first * (j.vy + by);
+  const F next = clamp(a.tau - (rx * vx + ry * vy) * a.rate, S(-.5), S(.5)), step = next - a.tau;
+  bent = (step * step * vv > S(TANGENT_STEP * TANGENT_STEP)) | (rx * rx + ry * ry > a.d2 * S(1.0001)) | (first * first > c.parabola2);
+  return {next, qx + rx + step * vx, qy + ry + step * vy, cubic(c.z, next)};
 }
 
 // A second step with a slope of its own, along the parabola that touches the curve. far: it is too long for that, or does not lead to the nearest
@@ -182,30 +199,36 @@ template <class F, class S> HD F step_between(const Piece<S> &c, Bracket<F> &b, 
 template <class F, class M> HD Point<F> choose(const M &m, const Point<F> &a, const Point<F> &b) {
   return {select(m, a.tau, b.tau), select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
 }
-// The nearest point, behind the first step. in: of interest; in other lanes whatever comes. enough: px; no fourth step is made behind a shorter
-// one, nor any more.
+// The second and further steps in lanes that are bent; in others whatever comes. enough: px; no fourth step is made behind a shorter one, nor
+// any more.
 constexpr double ROUGH_STEP = .02;       // px: a last step of s px changes a distance d by s^2 / 2d at most, too little to tell two places apart (empirical)
 constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
-template <class F, class S, class M> HD Point<F> arrive(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &in, S enough = S(TANGENT_STEP)) {
-  M bent, far;
-  Point<F> point = tangent_step(c, a, qx, qy, bent);
-  if (any(bent & in)) {
-    point = choose(bent, parabola_step(c, a, qx, qy, far), point);
-    M going = far = far & bent & in;
-    if (any(far)) {
-      F tau = point.tau;
-      Bracket<F> bracket = {tau * S(0) - S(1), tau * S(0) + S(1)};  // wider than the piece: its ends have not been left yet
-      for (int tries = 0; tries < MORE_STEPS && any(going); tries++) {
-        F moved2;
-        tau = select(going, step_between(c, bracket, tau, qx, qy, moved2), tau);
-        going = going & (moved2 > enough * enough);
-      }
-      point = choose(far, point_at(c, tau), point);
+template <class F, class S, class M>
+HD Point<F> more_steps(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &bent, S enough = S(TANGENT_STEP)) {
+  M far;
+  Point<F> point = parabola_step(c, a, qx, qy, far);
+  M going = far = far & bent;
+  if (any(far)) {
+    F tau = point.tau;
+    Bracket<F> bracket = {tau * S(0) - S(1), tau * S(0) + S(1)};  // wider than the piece: its ends have not been left yet
+    for (int tries = 0; tries < MORE_STEPS && any(going); tries++) {
+      F moved2;
+      tau = select(going, step_between(c, bracket, tau, qx, qy, moved2), tau);
+      going = going & (moved2 > enough * enough);
     }
+    point = choose(far, point_at(c, tau), point);
   }
   // In a bend tighter than the distance all may have led astray: then the start is better.
-  const M astray = in & ((point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy) > a.d2 * S(1.0001));
+  const M astray = bent & (distance2(point, qx, qy) > a.d2 * S(1.0001));
   return any(astray) ? choose(astray, point_at(c, a.from), point) : point;
+}
+// The nearest point, behind the first step. in: of interest.
+template <class F, class S, class M>
+HD Point<F> arrive(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &in, S enough = S(TANGENT_STEP)) {
+  M bent;
+  const Point<F> point = tangent_step(c, a, qx, qy, bent);
+  bent = bent & in;
+  return any(bent) ? choose(bent, more_steps(c, a, qx, qy, bent, enough), point) : point;
 }
 
 template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) {
@@ -229,13 +252,13 @@ template <class F, class S> HD F density(const Filter<S> &f, F x) {
   return select((y > S(-BLUR_REACH)) & (y < S(BLUR_REACH)), d, x * S(0));
 }
 
-// One fragment: a pixel at (qx, qy) relative to o, its closest point p. r = half width in px there.
+// One fragment: a pixel d px from its closest point, which is at tau, z. r = half width in px there.
 template <class F> struct Fragment { F depth, r, d, coverage; };
-template <bool WORLD, class F, class S> HD Fragment<F> fragment(const Piece<S> &c, const Filter<S> &f, const Point<F> &p, F qx, F qy) {
+template <bool WORLD, class F, class S> HD Fragment<F> fragment(const Piece<S> &c, const Filter<S> &f, F tau, F z, F d) {
   Fragment<F> g;
-  g.depth = depth_at(c, p.tau, p.z);
-  g.r = WORLD ? c.half_width / g.depth : c.half_width + p.tau * S(0);
-  g.d = root((qx - p.x) * (qx - p.x) + (qy - p.y) * (qy - p.y));
+  g.depth = depth_at(c, tau, z);
+  g.r = WORLD ? c.half_width / g.depth : c.half_width + tau * S(0);
+  g.d = d;
   g.coverage = cumulative(f, g.r - g.d);
   // Only a stroke thinner than the filter reaches leaves a pixel uncovered on its far side.
   if (WORLD || c.half_width < f.reach) g.coverage = g.coverage - cumulative(f, -g.r - g.d);
@@ -288,7 +311,7 @@ template <class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx
 template <bool WORLD, bool DEPTH, class F, class S>
 HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F qy, F ga, F gz, Moments<F> &m) {
   const Point<F> p = point_at(c, tau);
-  const Fragment<F> g = fragment<WORLD>(c, f, p, qx, qy);
+  const Fragment<F> g = fragment<WORLD>(c, f, tau, p.z, root(distance2(p, qx, qy)));
   m.opacity += g.coverage * ga;
   const F inner = density(f, g.r - g.d), gc = ga * c.opacity;
   F gr = gc * inner, gd = gr;

@@ -88,7 +88,7 @@ struct Job {
 
 // What job.py repeats to know how much memory the arrays take.
 static_assert(TILE == 16 && WARPS == 8 && NGRAD == 21 && COUNTERS == 10);
-static_assert(sizeof(Piece<real>) == 24 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc<float>) == 80);
+static_assert(sizeof(Piece<real>) == 25 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc<float>) == 80);
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
 static_assert(sizeof(Run) == 16 && sizeof(Segment) == 8 && sizeof(Cover) == 4 * sizeof(real));
 

@@ -32,7 +32,7 @@ template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u
 struct Candidate { real d2, tau; u32 run; };
 __device__ inline void improve(const Piece<real> &c, u32 run, real start, real qx, real qy, Candidate &best) {
   const Point<real> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, true, real(ROUGH_STEP));
-  const real d2 = (point.x - qx) * (point.x - qx) + (point.y - qy) * (point.y - qy);
+  const real d2 = distance2(point, qx, qy);
   if (d2 < best.d2) best = {d2, point.tau, run};
 }
 
@@ -85,7 +85,7 @@ template <bool WORLD> __device__ Hit nearest_hit(const Job &J, const Tile &p, u3
   const Piece<real> &c = J.pieces[J.runs[start.run].piece];
   const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
   const Point<real> point = arrive(c, newton_step(c, start.tau, qx, qy), qx, qy, true);
-  const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point, qx, qy);
+  const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point.tau, point.z, root(distance2(point, qx, qy)));
   // Monte Carlo: a point is inside or not.
   const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
   // Less depth is rounding: strokes are clipped at twice as much.

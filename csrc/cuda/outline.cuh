@@ -54,7 +54,8 @@ template <bool WORLD> __device__ void value_outline(const Job &J) {
       if (J.runs[hit.run].stroke != own) return true;
       const Piece<real> &part = J.pieces[J.runs[hit.run].piece];
       const real qx = real(p.x) - part.ox + x, qy = real(p.y) - part.oy + y;
-      const Fragment<real> g = fragment<WORLD>(part, filter_of(J), point_at(part, hit.tau), qx, qy);
+      const Point<real> point = point_at(part, hit.tau);
+      const Fragment<real> g = fragment<WORLD>(part, filter_of(J), point.tau, point.z, root(distance2(point, qx, qy)));
       hidden = hidden || g.r - g.d > real(OUTLINE_SLACK);
       return false;
     });
