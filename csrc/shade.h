@@ -14,10 +14,15 @@ template <int N> SIMD void stream_row(real *out, const real *row, bool aligned) 
 // Calls fill(y, color, alpha, depth, aligned) for the rows of a tile. It writes TILE pixels, past the caches where lines are whole: the next to
 // read them is another program part, if any. Where the image ends within them, the rows lie elsewhere, and what is needed is copied.
 template <class Fill> SIMD void write_rows(const Job<real> &J, const Place &p, Fill fill) {
-  alignas(64) real spare[5 * TILE];
   size_t at = pixel_index(J, p, 0);
-  for (int y = 0; y < p.h; y++, at += J.width) {
-    real *color = J.color + 3 * at, *alpha = J.alpha + at, *depth = J.depth + at;
+  real *color = J.color + 3 * at, *alpha = J.alpha + at, *depth = J.depth + at;
+  const int width = J.width;  // here and below in variables of their own: what is streamed might change J for all the compiler knows
+  if (p.w == TILE && width % VL == 0) {
+    for (int y = 0; y < p.h; y++, color += 3 * width, alpha += width, depth += width) fill(y, color, alpha, depth, true);
+    return;
+  }
+  alignas(64) real spare[5 * TILE];
+  for (int y = 0; y < p.h; y++, at += width, color += 3 * width, alpha += width, depth += width) {
     if (p.w == TILE) {
       fill(y, color, alpha, depth, at % VL == 0);  // the images themselves are aligned
       continue;
@@ -47,11 +52,12 @@ SIMD void stream_color(real *out, const vf *v, bool aligned) {
 }
 
 PHASE void write_empty(const Job<real> &J, const Place &p) {
-  const vf plain = plain_color(J, p), colors[4] = {plain, plain, plain, plain};
+  const bool plain = in_registers(J);
+  const vf one = plain_color(J, p), colors[3] = {triples<0>(one, one), triples<1>(one, one), triples<2>(one, one)};
   write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
-    if (!in_registers(J)) row_over_picture(J, p, y, color, aligned, [](int, int, real background) { return background; });
+    if (!plain) row_over_picture(J, p, y, color, aligned, [](int, int, real background) { return background; });
     for (int x = 0; x < TILE; x += VL) {
-      if (in_registers(J)) stream_color(color + 3 * x, colors, aligned);
+      for (int i = 0; plain && i < 3; i++) stream(color + 3 * x + i * VL, colors[i], aligned);
       stream(alpha + x, vf{}, aligned), stream(depth + x, vf{}, aligned);
     }
   });
@@ -59,16 +65,17 @@ PHASE void write_empty(const Job<real> &J, const Place &p) {
 
 // Colour over the background, alpha and mean depth from k.pix = sum T a (r, g, b, depth), k.ink = sum T a and k.run = what shows of the background.
 PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
-  if (!in_registers(J)) for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
+  const bool registers = in_registers(J);
+  if (!registers) for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
   const vf plain = plain_color(J, p);
   write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
     const int row = y * TILE;
-    if (!in_registers(J))
+    if (!registers)
       row_over_picture(J, p, y, color, aligned, [&](int x, int c, real background) { return k.pix[row + x][c] + k.run[row + x] * background; });
     for (int x = 0; x < TILE; x += VL) {
       const vf run = load(k.run + row + x), ink = load(k.ink + row + x);
       vf sum = load(k.best + row + x);
-      if (in_registers(J)) {
+      if (registers) {
         const real *pix = (const real *)(k.pix + row + x);
         vf v[4] = {load(pix), load(pix + VL), load(pix + 2 * VL), load(pix + 3 * VL)};
         sum = fourths(v);

@@ -12,7 +12,7 @@
 namespace stroke {
 
 constexpr int TILE = 16;              // tiles are TILE x TILE pixels
-constexpr double CHORD_TOL = .15;     // px between chord and curve; Newton makes up for it (empirical: faster than .05 and .5)
+constexpr double CHORD_TOL = .12;     // px between chord and curve; Newton makes up for it (empirical: faster than .05, .15 and .5)
 constexpr double TIGHT_CHORD_TOL = .05;  // the same in bends as tight as the stroke is wide
 constexpr double BLUR_REACH = 3.5;    // the normal distribution is cut here ...
 constexpr double BLUR_TAIL = 2.3262907903552504e-4;  // ... where it still has this much, given back by scaling
