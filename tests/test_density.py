@@ -107,6 +107,19 @@ def test_the_worst_are_halved_up_to_the_limit(front, generator):
     assert density(sketch, front)(DUE, STEPS, sketch, generator) is None
 
 
+def test_after_the_last_step_strokes_go_and_none_is_halved(front, generator):
+    """Nothing mends a new half after it; what came to show nothing since the last change would stay for good."""
+    wrong, nothing = bar(0.0, color=(0.0, 1.0, 0.0)), bar(0.0, 1.0, opacity=0.0)
+    sketch = ds.Sketch.concatenate([wrong, nothing])
+    refine = density(bar(0.0), front, end=0.75)
+    assert len(refine(DUE, STEPS, sketch, generator).added) == 2
+    edit = refine(STEPS - 1, STEPS, sketch, generator)
+    assert edit.kept.tolist() == [0]
+    assert edit.added is None
+    assert refine(STEPS - 1, STEPS, wrong, generator) is None
+    assert refine(STEPS - 2, STEPS, sketch, generator) is None
+
+
 def test_halves_draw_the_same(front):
     sketch = ds.Sketch(
         torch.tensor([[[0.0, -1.0, -0.5], [0.5, 0.0, 1.5], [0.0, 1.0, -0.5]], [[0, -1.0, 0], [0, 0, 0], [0, 1, 0.2]]]),

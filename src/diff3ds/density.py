@@ -47,7 +47,7 @@ class Density:
         most: strokes never get more than this.
         project: what is drawn; see `FitConfig.project`.
         tolerance: root mean square error in what a step observes of a stroke, from which on it may be halved.
-        unseen: a stroke goes that shows less than this share of what the mean stroke shows.
+        unseen: a stroke goes that shows less than this share of what the mean one shows; after the last step as well.
         start, end: shares of the steps before the first change and up to the last one.
         every: share of the steps between changes.
         growth: the number of strokes grows at most by this factor in a change.
@@ -66,8 +66,9 @@ class Density:
     growth: float = 1.5
 
     def __call__(self, step: int, steps: int, sketch: Sketch, generator: torch.Generator) -> Edit | None:
-        """The strokes to keep and the halves to add after this step, or None."""
-        if not self.due(step, steps):
+        """The strokes to keep and the halves to add after this step, or None. After the last one none is halved."""
+        last = step + 1 == steps
+        if not (last or self.due(step, steps)):
             return None
         shown, detail = footprints(sketch, self.details, self.project)
         # The one that shows most stays in any case: a sketch never becomes empty.
@@ -75,7 +76,7 @@ class Density:
         count = int(alive.sum())
         seen, error = footprints(sketch, self.observed(step), self.project)
         wrong = alive & (error > self.tolerance**2 * seen)
-        room = min(self.most, int(self.growth * len(sketch)) + 1) - count
+        room = 0 if last else min(self.most, int(self.growth * len(sketch)) + 1) - count
         # Those that are wrong come first, and then, if there must be more strokes, the others.
         worst = (detail + wrong * detail.sum()).masked_fill(~alive, -1).argsort(descending=True, stable=True)
         halved = worst[: max(0, min(room, max(int(wrong.sum()), self.least - count), count))]
