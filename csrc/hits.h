@@ -4,6 +4,7 @@
 
 namespace stroke {
 namespace {
+constexpr real LEVEL = 1e-6;                       // slope of what is level: 1e-3 px over the length of a piece
 struct Rows { int lo, hi; };                       // rows of points that may be reached
 SIMD Rows join(Rows a, Rows b) { return {a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi}; }
 
@@ -43,23 +44,8 @@ template <int POINTS, class Visit> SIMD Rows visit_chord(const Place &p, const C
   return rows;
 }
 
-// Nearest of the chords first .. last per point: k.d2 (R2 where out of reach), k.tau. Returns the rows reached.
-template <int POINTS> PHASE Rows nearest_chord(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
-  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R));
-  Rows rows = {TILE, -1};
-  for (uint32_t s = first; s <= last; s++) {
-    const Chord<real> c = J.chords[s];
-    rows = join(rows, visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
-      vf tau;
-      const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i);
-      store(k.tau + i, select(d < best, tau, load(k.tau + i)));
-      store(k.d2 + i, lesser(d, best));
-    }));
-  }
-  return rows;
-}
-
-// The same, and the nearest chord that is no neighbour of it: k.second, k.second_tau. The curve may come near a point twice.
+// Nearest of the chords first .. last per point: k.d2 (R2 where out of reach), k.tau; and the nearest that is no neighbour of it, since the curve
+// may come near a point twice: k.second, k.second_tau. Returns the rows reached.
 template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
   for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R)), store(k.second + i, splat(R * R));
   Rows rows = {TILE, -1};
@@ -94,38 +80,72 @@ template <class In> SIMD uint32_t pack(Work &k, Rows rows, const real *tau, uint
   return n;
 }
 
-// The points within reach of so many chords from `first` on, packed behind fragment n: nearest_chord and pack without the way through memory.
-template <int CHORDS, int POINTS> PHASE uint32_t pack_nearest(const Job<real> &J, uint32_t first, const Place &p, Work &k, uint32_t n, real R) {
-  Chord<real> c[CHORDS];
-  Rows rows = {TILE, -1};
-  for (int s = 0; s < CHORDS; s++) c[s] = J.chords[first + s], rows = join(rows, rows_of<POINTS>(p, c[s], R));
-  for (int x = 0; x < TILE; x += VL) {
-    bool reached = false;
-    for (int s = 0; s < CHORDS; s++) reached |= in_columns<POINTS>(p, c[s], x, R);
-    if (!reached) continue;
-    for (int y = rows.lo; y <= rows.hi; y++) {
-      const int i = y * TILE + x;
-      vf tau, best = chord_distance<POINTS>(p, k, c[0], i, tau);
-      for (int s = 1; s < CHORDS; s++) {
-        vf other;
-        const vf d = chord_distance<POINTS>(p, k, c[s], i, other);
-        tau = select(d < best, other, tau), best = lesser(d, best);
-      }
-      const Mask m = bits(best < R * R);
-      compress_store(k.t + n, tau, m), compress_store(k.px + n, iota() + integer(i), m);
-      n += count(m);
-    }
-  }
-  return n;
-}
-
-// Points of candidates, relative to the piece's origin.
-template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const Piece<real> &c, vi px, vf &qx, vf &qy) {
+// Points of candidates, relative to (x, y).
+template <int POINTS> SIMD void points_from(const Work &k, const Place &p, real x, real y, vi px, vf &qx, vf &qy) {
   if constexpr (POINTS == GRID) {
-    qx = to_real(px & (TILE - 1)) + (p.x + real(.5) - c.ox), qy = to_real(px / TILE) + (p.y + real(.5) - c.oy);
+    qx = to_real(px & (TILE - 1)) + (p.x + real(.5) - x), qy = to_real(px / TILE) + (p.y + real(.5) - y);
   } else {
     for (int i = 0; i < VL; i++) qx[i] = k.x[px[i]], qy[i] = k.y[px[i]];
-    qx += p.x - c.ox, qy += p.y - c.oy;
+    qx += p.x - x, qy += p.y - y;
+  }
+}
+template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const Piece<real> &c, vi px, vf &qx, vf &qy) {
+  points_from<POINTS>(k, p, c.ox, c.oy, px, qx, qy);
+}
+
+// Packs pixels behind fragment n: k.px, in every row from the first to the last with a point within reach of the chords first .. last, and some just
+// beyond. Looks at all rows at once, a lane each. Returns the new n.
+template <int POINTS> PHASE uint32_t pack_rows(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, uint32_t n, real R) {
+  static_assert(POINTS != ANYWHERE);
+  // What is within reach of a chord lies in the box around both ends and in the band on both sides. A point lies up to half a pixel from the
+  // middle of its pixel in either direction, up to half a diagonal across the band.
+  const real box = POINTS == GRID ? R : R + real(.5), band = POINTS == GRID ? R : R + real(.7072);
+  vf low[VPR], high[VPR];
+  for (int v = 0; v < VPR; v++) low[v] = splat(TILE), high[v] = splat(-1);
+  for (uint32_t s = first; s <= last; s++) {
+    const Chord<real> &c = J.chords[s];
+    const real x = c.ax - p.x - real(.5), y = c.ay - p.y - real(.5);
+    // Level chords pass for nearly level ones, and points for upright ones.
+    const real rise = greater(greater(c.ey, -c.ey), LEVEL * greater(c.ex, -c.ex) + real(1e-15)), inverse = 1 / rise;
+    const real slope = (c.ey < 0 ? -c.ex : c.ex) * inverse, across = band * root(c.ex * c.ex + rise * rise) * inverse;
+    const real left = lesser(real(0), c.ex) + x - box, right = greater(real(0), c.ex) + x + box;
+    const real top = lesser(real(0), c.ey) + y - box, bottom = greater(real(0), c.ey) + y + box;
+    for (int v = 0; v < VPR; v++) {
+      const vf row = to_real(iota() + integer(v * VL)), middle = (row - y) * slope + x;
+      const vi in = (row >= top) & (row <= bottom);
+      low[v] = select(in, lesser(low[v], greater(middle - across, splat(left))), low[v]);
+      high[v] = select(in, greater(high[v], lesser(middle + across, splat(right))), high[v]);
+    }
+  }
+  alignas(64) integer begin[TILE], pixels[TILE];
+  for (int v = 0; v < VPR; v++) {
+    const vf l = greater(low[v], vf{}), h = lesser(high[v], splat(TILE - 1));
+    const vi whole = __builtin_convertvector(l, vi), start = whole - (to_real(whole) < l);  // rounded up
+    const vi number = __builtin_convertvector(greater(h + real(1), vf{}), vi) - start;
+    store(begin + v * VL, start + (iota() + integer(v * VL)) * TILE), store(pixels + v * VL, number > 0 ? number : vi{});
+  }
+  integer *px = k.px + n;
+  for (int y = 0; y < TILE; y++) {
+    for (int x = 0; x < TILE; x += VL)
+      if (x == 0 || x < pixels[y]) store(px + x, iota() + integer(begin[y] + x));
+    px += pixels[y];
+  }
+  return uint32_t(px - k.px);
+}
+
+// The starts of candidates [n0, n) of a smooth run: k.t, the parameter behind the shares of all its chords that the points have passed. Near a joint
+// the shares of both chords change it, where the nearest chord's would jump (eq. 14).
+template <int POINTS> PHASE void start_along(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+  const Chord<real> *begin = J.chords + first, *end = J.chords + last + 1;
+  const real x = begin->ax, y = begin->ay;
+  for (uint32_t i = n0; i < n; i += VL) {
+    vf dx, dy, tau = splat(begin->tau0);
+    points_from<POINTS>(k, p, x, y, load(k.px + i) & (PIX - 1), dx, dy);
+    for (const Chord<real> *c = begin; c != end; c++) {
+      const vf u = clamp((dx - (c->ax - x)) * c->ix + (dy - (c->ay - y)) * c->iy, real(0), real(1));
+      tau += u * ((c->dtau + c->bow) - u * c->bow);
+    }
+    store(k.t + i, tau);
   }
 }
 
@@ -353,20 +373,16 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
     const Entry &entry = J.entries[e], &next = J.entries[e + 1];
     __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
     const real R = J.reach[entry.stroke];
-    reserve(k, n, n + (entry.smooth ? 1 : 4) * PIX);  // a point may have four starts
-    if (!entry.smooth) {
-      n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
-      continue;
-    }
-    uint32_t packed;  // two chords at once only where a vector is a row: else each is looked for in its own columns
-    if (entry.first == entry.last) packed = pack_nearest<1, POINTS>(J, entry.first, p, k, n, R);
-    else if (VPR == 1 && entry.first + 1 == entry.last) packed = pack_nearest<2, POINTS>(J, entry.first, p, k, n, R);
-    else {
-      const Rows rows = nearest_chord<POINTS>(J, entry.first, entry.last, p, k, R);
-      packed = pack(k, rows, k.tau, n, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
-    }
-    smooth += packed - n;
-    n = add_layer(k, entry.piece, entry.slot, n, packed);
+    if constexpr (POINTS != ANYWHERE)
+      if (entry.smooth) {
+        reserve(k, n, n + PIX);
+        const uint32_t packed = pack_rows<POINTS>(J, entry.first, entry.last, p, k, n, R);
+        start_along<POINTS>(J, entry.first, entry.last, p, k, n, packed);
+        smooth += packed - n, n = add_layer(k, entry.piece, entry.slot, n, packed);
+        continue;
+      }
+    reserve(k, n, n + 4 * PIX);  // a point may have four starts
+    n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
   }
   if (2 * smooth > n) nearest_smooth_points<POINTS>(J, p, k, n);
   else nearest_points<POINTS>(J, p, k, n);

@@ -17,9 +17,9 @@ constexpr double TIGHT_CHORD_TOL = .05;  // the same in bends as tight as the st
 constexpr double BLUR_REACH = 3.5;    // the normal distribution is cut here ...
 constexpr double BLUR_TAIL = 2.3262907903552504e-4;  // ... where it still has this much, given back by scaling
 constexpr double MIN_ALPHA = 1e-6;    // pixels with less ink than this have no depth
-// A run of chords that turns less than this, nowhere tighter than TIGHT times the stroke's reach, has one nearest point within its reach:
-// for a second the curve would have to turn round.
-constexpr float SMOOTH_TURN = 2.5f;
+// A run of chords that turns less than this, nowhere tighter than TIGHT times the stroke's reach, has one nearest point within its reach: for a
+// second the curve would have to turn round. And what lies within reach of a chord has passed those before it, and none behind the next one.
+constexpr float SMOOTH_TURN = 1.5f;
 constexpr double TIGHT = .75;
 // At an end of a piece a curve whose chord turns by more than this times its length over the reach may come near twice within the chord.
 constexpr float BENT_END = .3f;       // (empirical)

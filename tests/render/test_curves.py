@@ -38,6 +38,34 @@ def test_loops_within_a_tile(backend):
     assert (got - expected).abs().max() < 1e-4
 
 
+# Slopes of what is nearly level or upright, up to the last digits, and what has no direction at all.
+STEEP = [0.0, 1e-12, -1e-7, 1e-5, -1e-3]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("half_width", [0.4, 2.6])
+def test_arcs_in_every_direction(backend, dtype, half_width):
+    """Lines and arcs of up to 1.6, alone and across the borders of tiles: no pixel is passed over."""
+    if backend == "reference":
+        pytest.skip("it is what the others are compared with")
+    g = torch.Generator().manual_seed(0)
+    start = torch.pi * (2 * torch.rand(256, generator=g, dtype=torch.float64) - 1)
+    turn = 3.2 * torch.rand(256, generator=g, dtype=torch.float64) - 1.6
+    start[: 4 * len(STEEP)] = torch.cat([torch.tensor(STEEP).double() + i * torch.pi / 2 for i in range(4)])
+    turn[: 8 * len(STEEP)] = 0
+    length = 22 * torch.rand(256, generator=g, dtype=torch.float64) ** 2
+    length[-4:] = torch.tensor([0.0, 1e-9, 1e-4, 0.01])
+    # Legs of equal length that turn evenly: nearly arcs of circles.
+    angles = torch.stack([start - turn / 3, start, start + turn / 3], -1)
+    legs = (length / 3)[:, None, None] * torch.stack([angles.cos(), angles.sin()], -1)
+    arcs = torch.cat([torch.zeros(256, 1, 2).double(), legs.cumsum(1)], 1)
+    centers = 32 * torch.cartesian_prod(torch.arange(16), torch.arange(16)) + 12
+    places = centers + 8 * torch.rand(256, 2, generator=g, dtype=torch.float64)
+    strokes = strokes_at(arcs - arcs.mean(1, keepdim=True) + places[:, None], half_width=half_width, dtype=dtype)
+    expected, got = (draw(strokes, 512, which).alpha for which in ("reference", backend))
+    assert (got - expected).abs().max() < 1e-4
+
+
 # Each of these has a pixel that goes wrong where ends are looked at in other places than the right ones.
 @pytest.mark.parametrize(("seed", "half_width"), [(0, 1.5), (24, 1.5), (9, 2.5), (7, 4.0)])
 def test_bends_that_come_near_twice_at_an_end(backend, seed, half_width):
