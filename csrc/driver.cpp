@@ -316,7 +316,8 @@ std::vector<std::string> instruction_sets() {
 void set_instruction_set(const std::string &name) {
   for (auto *k : usable_kernels())
     if (name == k->isa) {
-      float_kernels() = k;
+      std::lock_guard guard(threads().busy());
+      float_kernels() = k, scratch<float>().clear();  // its arrays are counted in vectors
       return;
     }
   throw std::invalid_argument("this machine does not run the instruction set " + name);
