@@ -1,4 +1,4 @@
-"""Writes docs/vocabulary.md, all words that phrases of the library can have, or the file that is named.
+"""Writes docs/reference/vocabulary.md, all words that phrases of the library can have, or the file that is named.
 
 python benchmarks/vocabulary.py [FILE]
 """
@@ -11,11 +11,11 @@ from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Attribute, Category
 from diff3ds.library.vocabulary import COLORS, COUNTS, IDLE, PAIR, SIZES, STRETCHES
 
-DOCUMENT = Path(__file__).parents[1] / "docs/vocabulary.md"
+DOCUMENT = Path(__file__).parents[1] / "docs/reference/vocabulary.md"
 AXES = ("front to back", "left to right", "up")
 HEAD = """# What phrases can say
 
-All words of phrases for the built-in priors, by [their grammar](text.md#the-built-in-prior); \
+All words of phrases for the built-in priors, by [their grammar](../howto/phrase.md#the-built-in-prior); \
 `python benchmarks/vocabulary.py` writes this page.
 
 ## Of every kind

@@ -1,4 +1,4 @@
-// Analytic antialiasing: coverage by distance at the pixel centre (docs/mathematics.md, eq. 7). Included by kernel.cpp only.
+// Analytic antialiasing: coverage by distance at the pixel centre (docs/explanation/mathematics.md, eq. 7). Included by kernel.cpp only.
 #pragma once
 #include "shade.h"
 

@@ -1,5 +1,5 @@
 // What flattening is, for every driver: when a part of a stroke is tame, when a curve may pass for its chord, and the pieces and chords that
-// come of it (docs/mathematics.md, section "Flattening"). The drivers differ in how they walk through the parts.
+// come of it (docs/explanation/mathematics.md, section "Flattening"). The drivers differ in how they walk through the parts.
 #pragma once
 #include "stroke_math.h"
 #ifndef __CUDACC_RTC__

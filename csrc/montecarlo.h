@@ -1,4 +1,4 @@
-// Monte Carlo antialiasing, the paper's estimator: stratified samples, and the Reynolds term on outlines (docs/mathematics.md, eq. 10-12).
+// Monte Carlo antialiasing, the paper's estimator: stratified samples, and the Reynolds term on outlines (docs/explanation/mathematics.md, eq. 10-12).
 // Included by kernel.cpp only.
 #pragma once
 #include "outline.h"

@@ -1,4 +1,4 @@
-// Points on the outlines of strokes, spent in proportion to their length (Monte Carlo; docs/mathematics.md, eq. 11), for every driver.
+// Points on the outlines of strokes, spent in proportion to their length (Monte Carlo; docs/explanation/mathematics.md, eq. 11), for every driver.
 #pragma once
 #include "flatten_math.h"
 

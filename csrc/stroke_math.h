@@ -1,4 +1,4 @@
-// Maths of the stroke renderer, shared by every driver (CPU SIMD, CUDA). Equation numbers: docs/mathematics.md.
+// Maths of the stroke renderer, shared by every driver (CPU SIMD, CUDA). Equation numbers: docs/explanation/mathematics.md.
 //
 // Functions are templated on two types: S, the scalar in which strokes are stored, and F, the type in which pixels are processed. The
 // CPU driver passes a SIMD vector for F, CUDA a scalar. Branches are written select(mask, a, b), overloaded for both.

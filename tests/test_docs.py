@@ -19,7 +19,7 @@ SOURCES = sorted([*(ROOT / "src").glob("**/*.py"), *(ROOT / "csrc").glob("*.h"),
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 # What the documents show is what the examples draw.
 PICTURES = {"first_render.py": "first_render.png", "crossing_figure.py": "crossing.png"}
-MATHEMATICS = (ROOT / "docs/mathematics.md").read_text(encoding="utf-8")
+MATHEMATICS = (ROOT / "docs/explanation/mathematics.md").read_text(encoding="utf-8")
 
 CITATION = re.compile(r"\beqs?\. *((?:\d+[a-z]?(?: *(?:,|-|–|to|and) *(?=\d))?)+)")
 LINK = re.compile(r"\]\(([^()\s]+)\)")
@@ -120,7 +120,7 @@ def test_python_blocks_run(path, tmp_path, monkeypatch):
 
 
 def test_sketch_json_of_the_conventions_is_a_quarter_of_a_circle(tmp_path):
-    (text,) = [code for language, code in blocks(ROOT / "docs/conventions.md") if language == "json"]
+    (text,) = [code for language, code in blocks(ROOT / "docs/reference/conventions.md") if language == "json"]
     (tmp_path / "quarter.json").write_text(text, encoding="utf-8")
     sketch = ds.load(tmp_path / "quarter.json")
     on_curve = ds.bezier.evaluate(sketch.points[0], sketch.weights[0], torch.linspace(0, 1, 9))

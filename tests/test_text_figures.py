@@ -1,10 +1,10 @@
-"""Figures in docs/text.md are those of the benchmarks' files."""
+"""Figures in docs/howto/phrase.md are those of the benchmarks' files."""
 
 import json
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs/text.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/howto/phrase.md").read_text(encoding="utf-8")
 DISTILL = json.loads((ROOT / "benchmarks/results/distill.json").read_text())
 
 

@@ -1,4 +1,4 @@
-// Strokes to pieces, one thread each, and pieces to chords, one warp each (docs/mathematics.md, section "Flattening"). Both walk twice: to
+// Strokes to pieces, one thread each, and pieces to chords, one warp each (docs/explanation/mathematics.md, section "Flattening"). Both walk twice: to
 // count, and, when all know where to write, to write. What was not counted is never written: it would lie in another's place.
 #pragma once
 #include "device.cuh"

@@ -1,4 +1,4 @@
-// The boundary term of Monte Carlo gradients: points along outlines, and what the picture gains where each moves outwards (docs/mathematics.md,
+// The boundary term of Monte Carlo gradients: points along outlines, and what the picture gains where each moves outwards (docs/explanation/mathematics.md,
 // eq. 11, 12).
 #pragma once
 #include "../outline.h"

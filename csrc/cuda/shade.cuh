@@ -1,5 +1,5 @@
 // Pixels of a tile from its fragments and back: one block a tile, one thread a pixel; analytic coverage, or strata of samples one after the other
-// (docs/mathematics.md, eq. 7, 9, 10).
+// (docs/explanation/mathematics.md, eq. 7, 9, 10).
 #pragma once
 #include "hits.cuh"
 

@@ -162,7 +162,7 @@ class Eval:
     """Score a folder of runs of "diff3ds text" and "diff3ds image": one table as CSV, Markdown and JSON.
 
     Runs lie in FOLDER/METHOD/NAME or FOLDER/NAME. Scores: CLIP, BLIP (phrases), LPIPS (pictures), each by networks that
-    you name; docs/evaluation.md says which.
+    you name; docs/howto/evaluate.md says which.
     """
 
     networks: OmitArgPrefixes[JudgeOptions]

@@ -1,4 +1,4 @@
-"""Projection of sketches through cameras: exact, linear in homogeneous control points (docs/mathematics.md, eq. 1)."""
+"""Exact projection of sketches: linear in homogeneous control points (docs/explanation/mathematics.md, eq. 1)."""
 
 from dataclasses import dataclass
 

@@ -7,13 +7,13 @@ import torch
 
 from diff3ds.library import CATEGORIES, member
 
-TEXT = (Path(__file__).parents[2] / "docs/library.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs/reference/library.md").read_text(encoding="utf-8")
 CODE = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
 
 def run(code):
     names = {"__name__": "document"}
-    exec(compile(code, "docs/library.md", "exec"), names)
+    exec(compile(code, "docs/reference/library.md", "exec"), names)
     return names
 
 

@@ -10,7 +10,7 @@ from diff3ds.library import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs/vocabulary.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs/reference/vocabulary.md").read_text(encoding="utf-8")
 ROWS = [[cell.strip() for cell in row.strip("|").split("|")] for row in re.findall(r"^\|.*\|$", TEXT, re.MULTILINE)]
 KINDS = [row for row in ROWS if len(row) == 4][2:]
 

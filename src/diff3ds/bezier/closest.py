@@ -1,8 +1,8 @@
 """The closest point of rational Bézier curves, by isolator polynomials (the exact method of the paper).
 
 For a query q, half the derivative of |p(t) - q|² times W(t)³ is the stationary polynomial of degree 3n - 2:
-(X - q W) · (X' W - X W'), with p = X / W (docs/mathematics.md, eq. 3). All its real roots in the interval and both
-ends are compared; nothing is sampled and nothing is iterated from a guess.
+(X - q W) · (X' W - X W'), with p = X / W (docs/explanation/mathematics.md, eq. 3). All its real roots in the
+interval and both ends are compared; nothing is sampled and nothing is iterated from a guess.
 """
 
 from typing import NamedTuple

@@ -2,7 +2,7 @@
 
 Samples are stratified and inside a stroke or not; they are composited in their own order of depth. Their gradient is
 the interior term (autograd, for colour, opacity and depth) and the Reynolds boundary term on outlines, added to the
-images as zeros with the right derivative (docs/mathematics.md, eq. 10 to 12).
+images as zeros with the right derivative (docs/explanation/mathematics.md, eq. 10 to 12).
 """
 
 import torch

@@ -1,4 +1,4 @@
-"""Points on the outlines of strokes: the boundary term of Monte Carlo gradients (docs/mathematics.md, eq. 11, 12)."""
+"""Points on outlines: the boundary term of Monte Carlo gradients (docs/explanation/mathematics.md, eq. 11, 12)."""
 
 import math
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """The specification: strokes to pixels in plain torch, differentiated by autograd alone.
 
 Any dtype and device. Geometry is computed in float64. Memory is bounded: candidates are searched and pixels are shaded
-in blocks, and the shading is computed again in the backward pass. Equations: docs/mathematics.md.
+in blocks, and the shading is computed again in the backward pass. Equations: docs/explanation/mathematics.md.
 """
 
 import math

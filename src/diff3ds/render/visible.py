@@ -1,4 +1,4 @@
-"""The parts of projected strokes that lie in front of the near plane (docs/mathematics.md, eq. 2)."""
+"""The parts of projected strokes that lie in front of the near plane (docs/explanation/mathematics.md, eq. 2)."""
 
 from typing import NamedTuple
 

@@ -294,7 +294,7 @@ def _judges() -> tuple[JudgeFinding, ...]:
         found.append(JudgeFinding(name, judge.option, place, judge.licence, advice))
     for name, other in ELSEWHERE.items():
         path = other.found()
-        advice = f"--allow-pickle {path}" if path else f"{other.url}, a pickle: docs/evaluation.md"
+        advice = f"--allow-pickle {path}" if path else f"{other.url}, a pickle: docs/howto/evaluate.md"
         found.append(JudgeFinding(name, other.option, path, other.licence, advice))
     return tuple(found)
 

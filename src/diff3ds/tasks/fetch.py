@@ -104,7 +104,7 @@ def _known(name: str) -> Known | Judge:
     if name in ELSEWHERE:
         url = ELSEWHERE[name].url
         raise ValueError(
-            f"{name} is not on the hub. Get {url} and convert it, or allow it as it is (docs/evaluation.md)"
+            f"{name} is not on the hub. Get {url} and convert it, or allow it as it is (docs/howto/evaluate.md)"
         )
     if name not in KNOWN and name not in JUDGES:
         raise ValueError(f"prior must be one of {', '.join(KNOWN)}, or judge of {', '.join(JUDGES)}, got {name!r}")
