@@ -1,4 +1,4 @@
-"""One forward and one backward pass for a profiler with hardware counters; docs/explanation/gpu.md says what to read from them.
+"""One forward and one backward pass for a profiler with hardware counters (docs/explanation/gpu.md).
 
     ncu --profile-from-start off --set full -o A python benchmarks/profile_cuda.py A
     ncu --import A.ncu-rep

@@ -1,7 +1,7 @@
 """Pinhole cameras, batched: orbits and look-at.
 
-Conventions (docs/reference/conventions.md): world z up, OpenCV camera axes (x right, y down, z forward), pixels from the
-top-left corner with centres at half integers, degrees at the surface.
+Conventions (docs/reference/conventions.md): world z up, OpenCV camera axes (x right, y down, z forward), pixels from
+the top-left corner with centres at half integers, degrees at the surface.
 """
 
 import math
