@@ -12,10 +12,11 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.library import member
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("**/*.md")])
-SOURCES = sorted([*(ROOT / "src").glob("**/*.py"), *(ROOT / "csrc").glob("*.h"), *(ROOT / "csrc").glob("*.cpp")])
+SOURCES = sorted([*(ROOT / "src").glob("**/*.py"), *(p for p in (ROOT / "csrc").glob("**/*") if p.is_file())])
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 # What the documents show is what the examples draw.
 PICTURES = {"first_render.py": "first_render.png", "crossing_figure.py": "crossing.png"}
@@ -112,15 +113,25 @@ def test_links_lead_somewhere(path):
     assert broken == []
 
 
+def test_documents_that_files_name_exist():
+    files = [*SOURCES, *EXAMPLES, *(ROOT / "benchmarks").glob("*.py"), ROOT / "pyproject.toml", *DOCUMENTS]
+    named = {name for file in files for name in re.findall(r"\bdocs/[\w/-]+\.md\b", file.read_text(encoding="utf-8"))}
+    assert {"docs/explanation/mathematics.md", "docs/howto/evaluate.md"} <= named
+    assert {name for name in named if not (ROOT / name).exists()} == set()
+
+
 @pytest.mark.parametrize("path", [p for p in DOCUMENTS if python_blocks(p)], ids=relative)
 def test_python_blocks_run(path, tmp_path, monkeypatch):
-    """All blocks of a document, one after the other, in an empty folder."""
+    """All blocks of a document, one after the other, in a folder with what its commands would have written."""
     monkeypatch.chdir(tmp_path)
+    for file in re.findall(r'ds\.load\("(.*?/sketch.json)"\)', python_blocks(path)):
+        (tmp_path / file).parent.mkdir()
+        ds.save(tmp_path / file, member("chair", torch.Generator().manual_seed(0)).sketch)
     exec(compile(python_blocks(path), relative(path), "exec"), {"__name__": "__main__"})
 
 
-def test_sketch_json_of_the_conventions_is_a_quarter_of_a_circle(tmp_path):
-    (text,) = [code for language, code in blocks(ROOT / "docs/reference/conventions.md") if language == "json"]
+def test_sketch_json_of_the_files_page_is_a_quarter_of_a_circle(tmp_path):
+    (text,) = [code for language, code in blocks(ROOT / "docs/reference/files.md") if language == "json"]
     (tmp_path / "quarter.json").write_text(text, encoding="utf-8")
     sketch = ds.load(tmp_path / "quarter.json")
     on_curve = ds.bezier.evaluate(sketch.points[0], sketch.weights[0], torch.linspace(0, 1, 9))

@@ -50,7 +50,7 @@ class View:
 
 
 def read_views(path: str | Path) -> list[View]:
-    """The frames of a transforms.json (docs/reference/conventions.md lists the keys), in the order of the file.
+    """The frames of a transforms.json (docs/reference/files.md lists the keys), in the order of the file.
 
     Pictures are opened only where the file does not say their size.
 

@@ -237,7 +237,8 @@ def meeting(far: list[Array], near: list[Array], apart: float = np.inf) -> Float
     """The middle between the nearest points of two lines; None if they are parallel, or pass each other farther apart.
 
     Args:
-        far, near: two points of each line.
+        far: a point of each line.
+        near: another point of each line.
     """
     a, b = (_unit(n - f) for n, f in zip(near, far, strict=True))
     across = 1 - (a @ b) ** 2

@@ -192,7 +192,8 @@ def circle_at(
     Args:
         shown: which views show which of the places.
         outward: offset of outlines, pixels.
-        rim, joints: see `fitted`.
+        rim: see `fitted`.
+        joints: see `fitted`.
         flat: the circle stays in its plane.
     """
     free = _in_plane(start) if flat else np.eye(6)

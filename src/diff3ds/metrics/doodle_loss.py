@@ -17,7 +17,8 @@ class DoodleLoss:
 
     Args:
         tower: CLIP's, RN101 in 3Doodle.
-        clip_weight, vgg_weight: 75 and 1 in 3Doodle.
+        clip_weight: 75 in 3Doodle.
+        vgg_weight: 1 in 3Doodle.
         warps: of each image, the same for both of a pair; 4 in 3Doodle.
     """
 

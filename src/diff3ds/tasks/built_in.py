@@ -74,7 +74,8 @@ def run(
     Args:
         about: the subject, for run.json.
         guidance: as `Commission.guidance`.
-        reference, fine_reference: the picture of `diff3ds image`, with strokes as the prior's, and as `sharpen`'s.
+        reference: the picture of `diff3ds image`, with strokes as wide as the prior's.
+        fine_reference: the same picture, with strokes as wide as `sharpen`'s.
     """
     wanted = Commission(
         {**about, **chosen.identity},

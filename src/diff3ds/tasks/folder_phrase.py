@@ -1,7 +1,8 @@
 """Names of the sketches in a user's folder, and phrases of them: the noun comes last, or before "with".
 
-A phrase: [a sketch of] [a | two | ... six] [tall | wide | ...] [colour] [word ...] NOUN [with word ...]
-[without word ...], whose words are those of names.
+A phrase, whose words are those of names:
+
+    [a sketch of] [a | two | ... six] [tall | wide | ...] [colour] [word ...] NOUN [with word ...] [without word ...]
 """
 
 import difflib

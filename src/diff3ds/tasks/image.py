@@ -87,7 +87,10 @@ def image_to_sketch(
     Args:
         picture: file: RGBA, or with a mask, or with a plain background.
         out: folder of the results and of the checkpoint.
-        options, cut, prior, settings: defaults as in their classes.
+        options: of this command; by default those of its class, as the next three.
+        cut: where the object is, and how it is framed.
+        prior: which prior, and its weights.
+        settings: of the distillation.
         report: called after every step.
         say: told which prior is taken and why, what a user should know of it, and what is recognised.
 

@@ -83,7 +83,8 @@ def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int 
 
     Args:
         checkpoint: of the run.
-        resume, overwrite: what may happen to a run that is there.
+        resume: whether a run that is there goes on.
+        overwrite: whether a run that is there may be lost.
         room: bytes that it may need.
 
     Raises:

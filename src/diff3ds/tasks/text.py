@@ -56,7 +56,9 @@ def text_to_sketch(
     Args:
         phrase: such as "a chair".
         out: folder of the results and of the checkpoint.
-        options, prior, settings: defaults as in their classes.
+        options: of this command; by default those of its class, as the next two.
+        prior: which prior, and its weights.
+        settings: of the distillation.
         report: called after every step.
         say: told which prior is taken and why, and its licence.
 

@@ -1,0 +1,58 @@
+"""Figures on the pages and in the README are those of the benchmarks' files."""
+
+import json
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs/results").glob("*.md"))
+TABLES = runpy.run_path(str(ROOT / "benchmarks/tables.py"))
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_tables_are_up_to_date(path):
+    assert TABLES["page"](path) == path.read_text(encoding="utf-8"), "run python benchmarks/tables.py"
+
+
+def test_every_table_is_on_one_page():
+    placed = [name for path in PAGES for name in re.findall(r"<!-- table (\w+) -->", path.read_text(encoding="utf-8"))]
+    assert sorted(placed) == sorted(table.__name__ for table in TABLES["TABLES"])
+
+
+def test_every_file_of_results_is_shown():
+    shown = "".join(path.read_text(encoding="utf-8") for path in PAGES)
+    assert [file.name for file in (ROOT / "benchmarks/results").glob("*.json") if f"/{file.name})" not in shown] == []
+
+
+def test_the_speed_in_the_readme_is_that_of_the_benchmark():
+    figures = json.loads((ROOT / "benchmarks/results/render.json").read_text(encoding="utf-8"))["figures"]
+    digits, both = TABLES["_digits"], "forward + backward"
+    for key, name in TABLES["WORKLOADS"].items():
+        times = [figures["ms"][key][threads][both][0] for threads in "12"] + [figures["reference_ms"][key][both]]
+        assert f"| {name} | {' | '.join(map(digits, times))} |" in README
+
+
+def test_the_accuracy_in_the_readme_is_that_of_the_benchmark():
+    kernels = json.loads((ROOT / "benchmarks/results/accuracy.json").read_text(encoding="utf-8"))["figures"]["kernels"]
+    assert f"{100 * kernels['within']:.3f} % of {kernels['ink']:,} pixels" in README
+    errors = [row["error"] for row in kernels["gradients"]["colour and alpha, all pixels"].values()]
+    assert f"gradients of colour and alpha | within {max(errors):.1e}".replace("e-0", "e-") in README
+
+
+def test_the_scores_in_the_readme_are_those_of_the_benchmark():
+    runs = json.loads((ROOT / "benchmarks/results/views.json").read_text(encoding="utf-8"))["runs"]
+    for run in runs:
+        scores = [row["F5"] for row in run["rows"]]
+        if "--seeds 30-59" in run["command"]:
+            mean, worst = (f"{score:.3f}".removeprefix("0") for score in (sum(scores) / len(scores), min(scores)))
+            assert f"{mean}, worst {worst}" in README
+        elif run["command"].endswith("00004926"):
+            for row in run["rows"]:
+                score = f"{row['F5']:.3f}".removeprefix("0")
+                assert re.search(
+                    rf"{row['object']}.*\| {score}, {row['curves']} curves of {row['curves_truth']}", README
+                )
