@@ -1,11 +1,14 @@
 """The reference of the Python interface: one page a package, made from the docstrings of its modules."""
 
+import inspect
 from pathlib import Path
+from types import ModuleType
 
-import griffe
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+
+import diff3ds
 
 _SOURCES = Path(__file__).parents[2] / "src"
 _PACKAGE = "diff3ds"
@@ -59,11 +62,12 @@ def _packages() -> dict[str, list[str]]:
 
 def _public_names() -> str:
     """A table of what `import diff3ds` gives."""
-    package = griffe.load(_PACKAGE, search_paths=[_SOURCES])
     rows = ["| name | what it is |", "|---|---|"]
-    for name in package.exports or ():
-        member = package[str(name)]
-        member = member.final_target if member.is_alias else member
-        if member.docstring:
-            rows.append(f"| [`{name}`][{member.path}] | {member.docstring.value.splitlines()[0]} |")
+    for name in diff3ds.__all__:
+        if name.startswith("_"):
+            continue
+        thing = getattr(diff3ds, name)
+        path = thing.__name__ if isinstance(thing, ModuleType) else f"{thing.__module__}.{name}"
+        about = inspect.getdoc(thing) or ""
+        rows.append(f"| [`{name}`][{path}] | {about.splitlines()[0]} |")
     return "\n".join(rows) + "\n"
