@@ -2,6 +2,7 @@
 
 import functools
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,8 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds import cli
+from diff3ds._options import read_options
 from diff3ds.library import member
 
 ROOT = Path(__file__).parent.parent
@@ -128,6 +131,30 @@ def test_python_blocks_run(path, tmp_path, monkeypatch):
         (tmp_path / file).parent.mkdir()
         ds.save(tmp_path / file, member("chair", torch.Generator().manual_seed(0)).sketch)
     exec(compile(python_blocks(path), relative(path), "exec"), {"__name__": "__main__"})
+
+
+class UnderstoodError(Exception):
+    """The options of a command were read."""
+
+
+def test_commands_have_the_options_that_documents_give(monkeypatch):
+    def read(*arguments):
+        read_options(*arguments)
+        raise UnderstoodError
+
+    monkeypatch.setattr(cli, "read_options", read)
+    shown = [
+        line
+        for path in DOCUMENTS
+        for language, code in blocks(path)
+        if language == "bash"
+        for line in code.splitlines()
+    ]
+    commands = {found[1] for line in shown if (found := re.search(r"(?:^|&& )(?:\.venv/bin/)?diff3ds (.*)", line))}
+    assert len(commands) > 20
+    for command in sorted(commands):
+        with pytest.raises(UnderstoodError):
+            cli.main(shlex.split(command, comments=True))
 
 
 def test_sketch_json_of_the_files_page_is_a_quarter_of_a_circle(tmp_path):
