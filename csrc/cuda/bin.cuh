@@ -1,7 +1,8 @@
 // Chords to tiles: pairs of both are counted and scattered, and each tile's are put in order and grouped by piece. Order is that of strokes,
 // pieces and chords, so sums and ties do not hang on which thread came first.
 #pragma once
-#include "device.cuh"
+#include "common/bin.h"
+#include "cuda/warp.cuh"
 
 namespace stroke {
 // The pairs of one chord.

@@ -1,7 +1,7 @@
 // The next kernels of the forward pass, in the order of their launch: pieces to chords, and chords to tiles.
-#include "bin.cuh"
-#include "cut.cuh"
-#include "entry.cuh"
+#include "cuda/bin.cuh"
+#include "cuda/flatten.cuh"
+#include "cuda/launch.cuh"
 
 namespace stroke {
 KERNEL(count_chords, 128) { each_warp(length_of(J, PIECES), [&](u32 i) { cut_piece<false>(J, i); }); }

@@ -1,8 +1,8 @@
 // The kernels of the backward pass of analytic antialiasing; the last four end every backward pass.
-#include "entry.cuh"
-#include "finish.cuh"
-#include "project.cuh"
-#include "shade.cuh"
+#include "cuda/backward.cuh"
+#include "cuda/finish.cuh"
+#include "cuda/launch.cuh"
+#include "cuda/project.cuh"
 
 namespace stroke {
 KERNEL(differentiate_image, 256) { differentiate_tile<false, false, false>(J); }

@@ -1,6 +1,6 @@
 // The last kernels of the forward pass: tiles to images.
-#include "entry.cuh"
-#include "shade.cuh"
+#include "cuda/launch.cuh"
+#include "cuda/composite.cuh"
 
 namespace stroke {
 KERNEL(draw_image, 256) { draw_tile<false>(J); }

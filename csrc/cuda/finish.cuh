@@ -1,6 +1,6 @@
 // Gradients of strokes from the sums of their runs and outlines, in double precision and a fixed order: one warp for each stroke and view.
 #pragma once
-#include "device.cuh"
+#include "cuda/warp.cuh"
 
 namespace stroke {
 // This lane's number among the sums of a piece: over its pairs, that is chords and then tiles.

@@ -1,7 +1,8 @@
 // From the strokes of a tile to its fragments, one thread for every point: the nearest point of each stroke within reach, kept per warp, and
 // each point's fragments sorted by depth.
 #pragma once
-#include "device.cuh"
+#include "cuda/tile.cuh"
+#include "cuda/warp.cuh"
 
 namespace stroke {
 // A stroke over a point; run: NONE if it does not reach it.

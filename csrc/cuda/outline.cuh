@@ -1,12 +1,10 @@
 // The boundary term of Monte Carlo gradients: points along outlines, and what the picture gains where each moves outwards (docs/explanation/mathematics.md,
 // eq. 11, 12).
 #pragma once
-#include "../outline.h"
-#include "shade.cuh"
+#include "common/outline.h"
+#include "cuda/backward.cuh"
 
 namespace stroke {
-// Two strokes whose outlines touch within this many px count as overlapping there.
-constexpr double OUTLINE_SLACK = 1e-3;
 // As job.py has it.
 static_assert(sizeof(OutlinePoint<real>) == 9 * sizeof(real));
 

@@ -1,7 +1,7 @@
 // The kernels of the backward pass of Monte Carlo antialiasing that place the points on outlines, and sum what samples.cu finds there; in the
 // order of their launch.
-#include "entry.cuh"
-#include "outline.cuh"
+#include "cuda/launch.cuh"
+#include "cuda/outline.cuh"
 
 namespace stroke {
 // Where the drawing found no room its pieces know no chords.

@@ -1,7 +1,7 @@
 // The first kernels of the forward pass, in the order of their launch: strokes to pieces.
-#include "cut.cuh"
-#include "entry.cuh"
-#include "project.cuh"
+#include "cuda/flatten.cuh"
+#include "cuda/launch.cuh"
+#include "cuda/project.cuh"
 
 namespace stroke {
 KERNEL(project_strokes, 128) { each_thread(stroke_count(J), [&](u32 i) { project_stroke(J, i); }); }

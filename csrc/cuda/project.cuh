@@ -1,8 +1,8 @@
 // Strokes in space to cubics of each view, and the gradients of strokes and cameras from those of each view, in double precision and a fixed
 // order.
 #pragma once
-#include "../project_math.h"
-#include "device.cuh"
+#include "common/project.h"
+#include "cuda/job.cuh"
 
 namespace stroke {
 __device__ inline const real *points_of(const Job &J, u32 n) { return J.points + u64(n) * J.controls * 3; }

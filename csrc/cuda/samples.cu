@@ -1,7 +1,7 @@
 // The kernels of the backward pass of Monte Carlo antialiasing that go through fragments: at the samples, and at the points on outlines.
-#include "entry.cuh"
-#include "outline.cuh"
-#include "shade.cuh"
+#include "cuda/backward.cuh"
+#include "cuda/launch.cuh"
+#include "cuda/outline.cuh"
 
 namespace stroke {
 KERNEL(differentiate_samples, 256) { differentiate_tile<false, false, true>(J); }

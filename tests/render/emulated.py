@@ -39,7 +39,7 @@ def library(real: str) -> ctypes.CDLL:
         "-fPIC",
         f"-DREAL={real}",
         "-DSTROKE_EMULATE",
-        f"-I{source_folder() / 'cuda'}",
+        f"-I{source_folder()}",
     ]
     subprocess.run([*command, str(source), "-o", str(target)], check=True)
     loaded = ctypes.CDLL(str(target))

@@ -1,11 +1,11 @@
-// The CUDA kernels as a library for the CPU: -DREAL=float or double, -DSTROKE_EMULATE, include path csrc/cuda.
+// The CUDA kernels as a library for the CPU: -DREAL=float or double, -DSTROKE_EMULATE, include path csrc.
 #include "emulate.h"
-#include "pieces.cu"
-#include "chords.cu"
-#include "draw.cu"
-#include "differentiate.cu"
-#include "samples.cu"
-#include "outlines.cu"
+#include "cuda/pieces.cu"
+#include "cuda/chords.cu"
+#include "cuda/draw.cu"
+#include "cuda/differentiate.cu"
+#include "cuda/samples.cu"
+#include "cuda/outlines.cu"
 
 using stroke::Job;
 using Kernel = void (*)(Job);

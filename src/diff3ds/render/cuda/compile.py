@@ -74,9 +74,8 @@ def compile_part(part: str, real: str, arch: str) -> bytes:
     """The cubin of a part, compiled now."""
     from cuda.core import Program, ProgramOptions
 
-    folder = source_folder() / "cuda"
     options = ProgramOptions(
-        name=f"{part}.cu", arch=arch, define_macro=[("REAL", real)], include_path=str(folder), **OPTIONS[part]
+        name=f"{part}.cu", arch=arch, define_macro=[("REAL", real)], include_path=str(source_folder()), **OPTIONS[part]
     )
-    source = (folder / f"{part}.cu").read_text(encoding="utf-8")
+    source = (source_folder() / "cuda" / f"{part}.cu").read_text(encoding="utf-8")
     return bytes(Program(source, "c++", options).compile("cubin").code)

@@ -1,7 +1,7 @@
 // Projection of strokes through cameras and back on the CPU: the loops; the mathematics are in project_math.h.
 #pragma once
-#include "project_math.h"
-#include "threads.h"
+#include "common/project.h"
+#include "cpu/threads.h"
 #include <cstddef>
 
 namespace stroke {

@@ -1,9 +1,9 @@
 // A tile of one view and the working memory of the thread that draws it. Included by kernel.cpp only. No std:: templates here: the linker
 // would merge their instantiations across instruction sets.
 #pragma once
-#include "simd.h"
-#include "stroke_math.h"
-#include "kernel.h"
+#include "common/closest.h"
+#include "common/coverage.h"
+#include "cpu/kernel.h"
 
 namespace stroke {
 namespace {

@@ -1,7 +1,7 @@
 // Projection of one stroke through one camera and back, shared by every driver: the same as diff3ds/project.py, without the cost of ten tensor
 // operations. Homogeneous control points are 4 x (x, y, z, w), in space or in a view.
 #pragma once
-#include "stroke_math.h"
+#include "common/scalar.h"
 
 namespace stroke {
 

@@ -1,6 +1,6 @@
 // Recycled memory, so that warm calls take no page faults: blocks, growing arrays of a thread, and arenas that live as long as a state.
 #pragma once
-#include "kernel.h"
+#include "cpu/kernel.h"
 #include <cstdlib>
 #include <cstring>
 #include <mutex>

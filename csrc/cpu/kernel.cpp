@@ -1,6 +1,7 @@
 // The tile kernels: compiled several times, with -DISA=... -DREAL=... and matching -m flags.
-#include "analytic.h"
-#include "montecarlo.h"
+#include "cpu/simd.h"  // first: the templates of common/ find its operations on vectors
+#include "cpu/analytic.h"
+#include "cpu/montecarlo.h"
 
 namespace stroke {
 namespace {

@@ -1,6 +1,6 @@
-// Fragments of a tile sorted by depth and composited, and kept for the backward. Included by kernel.cpp only.
+// Fragments of a tile sorted by depth: layers as a whole where they do not overlap, else per point. Included by kernel.cpp only.
 #pragma once
-#include "hits.h"
+#include "cpu/hits.h"
 
 namespace stroke {
 namespace {
@@ -146,82 +146,6 @@ PHASE void sort_fragments(Work &k, uint32_t sorted) {
     const bool good = g1 == g0 + 1 || (g0 > sorted && in_order(k, g0, g1));
     out = good ? append_layers(k, g0, g1, out) : sort_points(k, g0, g1, out);
   }
-}
-
-// k.T: the transmittance in front of each fragment; k.run: behind everything.
-PHASE void transmit(Work &k, uint32_t n) {
-  for (int i = 0; i < PIX; i += VL) store(k.run + i, splat(1));
-  for (uint32_t i = 0; i < n; i++) {
-    const uint32_t f = k.order[i];
-    real &T = k.run[k.px[f]];
-    k.T[f] = T;
-    T -= T * k.a[f];
-  }
-}
-
-// As vectors: GCC 12 makes "rep stos" of a loop over k.pix, which takes longer.
-SIMD void clear_pixels(Work &k) {
-  for (int i = 0; i < 4 * PIX; i += VL) store((real *)k.pix + i, vf{});
-  for (int i = 0; i < PIX; i += VL) store(k.ink + i, vf{});
-}
-
-// k.pix = sum T a (r, g, b, depth) and k.ink = sum T a. (1 - k.run would be k.ink too, but for faint ink with few digits.)
-PHASE void composite(const Job<real> &J, Work &k) {
-  clear_pixels(k);
-  for (uint32_t l = 0; l < k.layers; l++) {
-    const Piece<real> &c = J.pieces[k.layer[l].piece];
-    v4 color = {c.color[0], c.color[1], c.color[2], 0};
-    for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
-      color[3] = k.z[f];
-      const real share = k.T[f] * k.a[f];
-      k.pix[k.px[f]] += share * color, k.ink[k.px[f]] += share;
-    }
-  }
-}
-
-// transmit and composite in one pass, for layers that are near to far at every point in the order of k.perm.
-PHASE void blend_layers(const Job<real> &J, Work &k) {
-  clear_pixels(k);
-  for (int i = 0; i < PIX; i += VL) store(k.run + i, splat(1));
-  for (uint32_t i = 0; i < k.layers; i++) {
-    const uint32_t l = k.perm[i];
-    const Piece<real> &c = J.pieces[k.layer[l].piece];
-    v4 color = {c.color[0], c.color[1], c.color[2], 0};
-    for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
-      const integer px = k.px[f];
-      const real T = k.run[px], share = T * k.a[f];
-      color[3] = k.z[f];
-      if (J.save) k.T[f] = T;
-      k.run[px] = T - share;
-      k.pix[px] += share * color, k.ink[px] += share;
-    }
-  }
-}
-
-// Leaves the tile's fragments for the backward, in one run of memory. sorted: the layers are near to far at every point in the order of k.perm;
-// then they lie in that order.
-SIMD void save_tile(Tile &t, const Work &k, uint32_t n, bool sorted, Arena &A) {
-  const uint32_t L = k.layers;
-  auto bytes = [](size_t count, size_t size) { return (count * size + 127) / 64 * 64; };  // and room for a vector behind the end
-  char *p = (char *)arena_take(A, 3 * bytes(L + 1, 4) + bytes(sorted ? 0 : n, 4) + 3 * bytes(n, sizeof(real)) + bytes(n, 1));
-  auto take = [&](auto *&array, size_t count) { array = (std::remove_reference_t<decltype(array)>)p, p += bytes(count, sizeof(*array)); };
-  real *tau, *a, *T;
-  t.layers = L, t.fragments = n, t.order = nullptr;
-  take(t.piece, L + 1), take(t.slot, L + 1), take(t.first, L + 1);
-  if (!sorted) take(t.order, n), std::memcpy(t.order, k.order, n * sizeof(uint32_t));
-  take(t.pixel, n), take(a, n), take(T, n), take(tau, n);
-  uint32_t at = 0;
-  for (uint32_t i = 0; i < L; i++) {
-    const uint32_t l = sorted ? k.perm[i] : i, from = k.first[l], count = k.first[l + 1] - from;
-    t.piece[i] = k.layer[l].piece, t.slot[i] = k.layer[l].slot, t.first[i] = at;
-    for (uint32_t f = 0; f < count; f += VL) {  // what goes beyond the layer's end is written again by the next
-      store(a + at + f, load(k.a + from + f)), store(T + at + f, load(k.T + from + f)), store(tau + at + f, load(k.t + from + f));
-      narrow(t.pixel + at + f, load(k.px + from + f));
-    }
-    at += count;
-  }
-  t.first[L] = at;
-  t.tau = tau, t.a = a, t.T = T, t.end = p;
 }
 }  // namespace
 }  // namespace stroke

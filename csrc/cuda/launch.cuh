@@ -1,6 +1,6 @@
 // How the kernels that Python launches are written: each takes the job, and lists whose length only the device knows in strides.
 #pragma once
-#include "device.cuh"
+#include "cuda/warp.cuh"
 
 #define KERNEL(name, threads) extern "C" __global__ void __launch_bounds__(threads) name(const __grid_constant__ Job J)
 

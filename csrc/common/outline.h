@@ -1,8 +1,11 @@
 // Points on the outlines of strokes, spent in proportion to their length (Monte Carlo; docs/explanation/mathematics.md, eq. 11), for every driver.
 #pragma once
-#include "flatten_math.h"
+#include "common/flatten.h"
+#include "common/hash.h"
 
 namespace stroke {
+// px: two strokes whose outlines touch within this count as overlapping there.
+constexpr double OUTLINE_SLACK = 1e-3;
 // One point on the outline of a piece, at o + p(tau) + r u; along, slope: see outline_adjoint. It stands for along * dtau px.
 template <class S> struct OutlinePoint { S x, y, ux, uy, tau, along, slope, dtau; uint32_t piece; };
 

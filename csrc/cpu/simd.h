@@ -1,5 +1,5 @@
 // SIMD vectors of the widest size this translation unit is compiled for (GCC and Clang vector extensions; plain loops where no
-// instruction set is known), and the operations that stroke_math.h needs on them. Include before stroke_math.h.
+// instruction set is known), and the operations that common/ needs on them. Include before all of common/.
 #pragma once
 #include <cmath>
 #include <cstdint>

@@ -1,6 +1,6 @@
 // The Python module diff3ds._kernels.
-#include "driver.h"
-#include "project.h"
+#include "cpu/driver.h"
+#include "cpu/project.h"
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>

@@ -1,7 +1,7 @@
 // Strokes to pieces (in double precision) and chords (four at a time) on the CPU: the walk; the rules are in flatten_math.h.
 #pragma once
-#include "flatten_math.h"
-#include "memory.h"
+#include "common/flatten.h"
+#include "cpu/memory.h"
 #include <cstring>
 
 namespace stroke {

@@ -1,91 +1,12 @@
-// Pixels of a tile from its fragments and back: what the analytic and the Monte Carlo kernels share. Included by kernel.cpp only.
+// From the gradient of a tile's pixels to that of its fragments, and their sums: what the analytic and the Monte Carlo kernels share. Included by
+// kernel.cpp only.
 #pragma once
-#include "layers.h"
+#include "common/adjoint.h"
+#include "cpu/composite.h"
 
 namespace stroke {
 namespace {
 constexpr int LOOK_AHEAD = 16;                     // tiles, for one with fragments (empirical)
-
-SIMD bool plain_background(const Job<real> &J) { return J.background_row == 0 && J.background_pixel == 0; }
-
-template <int N> SIMD void stream_row(real *out, const real *row, bool aligned) {
-  for (int x = 0; x < N; x += VL) stream(out + x, load(row + x), aligned);
-}
-// Calls fill(y, color, alpha, depth, aligned) for the rows of a tile. It writes TILE pixels, past the caches where lines are whole: the next to
-// read them is another program part, if any. Where the image ends within them, the rows lie elsewhere, and what is needed is copied.
-template <class Fill> SIMD void write_rows(const Job<real> &J, const Place &p, Fill fill) {
-  size_t at = pixel_index(J, p, 0);
-  real *color = J.color + 3 * at, *alpha = J.alpha + at, *depth = J.depth + at;
-  const int width = J.width;  // here and below in variables of their own: what is streamed might change J for all the compiler knows
-  if (p.w == TILE && width % VL == 0) {
-    for (int y = 0; y < p.h; y++, color += 3 * width, alpha += width, depth += width) fill(y, color, alpha, depth, true);
-    return;
-  }
-  alignas(64) real spare[5 * TILE];
-  for (int y = 0; y < p.h; y++, at += width, color += 3 * width, alpha += width, depth += width) {
-    if (p.w == TILE) {
-      fill(y, color, alpha, depth, at % VL == 0);  // the images themselves are aligned
-      continue;
-    }
-    fill(y, spare, spare + 3 * TILE, spare + 4 * TILE, false);
-    std::memcpy(color, spare, 3 * p.w * sizeof(real));
-    std::memcpy(alpha, spare + 3 * TILE, p.w * sizeof(real)), std::memcpy(depth, spare + 4 * TILE, p.w * sizeof(real));
-  }
-}
-
-// Colours of a row over a picture: of each pixel color(x, c, background).
-template <class Color> SIMD void row_over_picture(const Job<real> &J, const Place &p, int y, real *out, bool aligned, Color color) {
-  alignas(64) real row[3 * TILE];
-  const real *bg = background_at(J, p, y);
-  for (int x = 0; x < p.w; x++, bg += J.background_pixel)
-    for (int c = 0; c < 3; c++) row[3 * x + c] = color(x, c, bg[c]);
-  stream_row<3 * TILE>(out, row, aligned);
-}
-SIMD vf plain_color(const Job<real> &J, const Place &p) {
-  const real *bg = background_at(J, p, 0);
-  return tile4(v4{bg[0], bg[1], bg[2], 0});
-}
-SIMD bool in_registers(const Job<real> &J) { return VL >= 4 && plain_background(J); }
-// VL colours, from four vectors of (r, g, b, -).
-SIMD void stream_color(real *out, const vf *v, bool aligned) {
-  stream(out, triples<0>(v[0], v[1]), aligned), stream(out + VL, triples<1>(v[1], v[2]), aligned), stream(out + 2 * VL, triples<2>(v[2], v[3]), aligned);
-}
-
-PHASE void write_empty(const Job<real> &J, const Place &p) {
-  const bool plain = in_registers(J);
-  const vf one = plain_color(J, p), colors[3] = {triples<0>(one, one), triples<1>(one, one), triples<2>(one, one)};
-  write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
-    if (!plain) row_over_picture(J, p, y, color, aligned, [](int, int, real background) { return background; });
-    for (int x = 0; x < TILE; x += VL) {
-      for (int i = 0; plain && i < 3; i++) stream(color + 3 * x + i * VL, colors[i], aligned);
-      stream(alpha + x, vf{}, aligned), stream(depth + x, vf{}, aligned);
-    }
-  });
-}
-
-// Colour over the background, alpha and mean depth from k.pix = sum T a (r, g, b, depth), k.ink = sum T a and k.run = what shows of the background.
-PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
-  const bool registers = in_registers(J);
-  if (!registers) for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
-  const vf plain = plain_color(J, p);
-  write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
-    const int row = y * TILE;
-    if (!registers)
-      row_over_picture(J, p, y, color, aligned, [&](int x, int c, real background) { return k.pix[row + x][c] + k.run[row + x] * background; });
-    for (int x = 0; x < TILE; x += VL) {
-      const vf run = load(k.run + row + x), ink = load(k.ink + row + x);
-      vf sum = load(k.best + row + x);
-      if (registers) {
-        const real *pix = (const real *)(k.pix + row + x);
-        vf v[4] = {load(pix), load(pix + VL), load(pix + 2 * VL), load(pix + 3 * VL)};
-        sum = fourths(v);
-        v[0] += repeat4<0>(run) * plain, v[1] += repeat4<1>(run) * plain, v[2] += repeat4<2>(run) * plain, v[3] += repeat4<3>(run) * plain;
-        stream_color(color + 3 * x, v, aligned);
-      }
-      stream(alpha + x, ink, aligned), stream(depth + x, select(ink > real(MIN_ALPHA), sum / ink, vf{}), aligned);
-    }
-  });
-}
 
 // Asks, a little at a time, for what the backward reads of the next tile that has fragments while this one is worked on: more than some twenty
 // lines at once would have to wait for each other.
@@ -216,3 +137,4 @@ SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v
 }
 }  // namespace
 }  // namespace stroke
+

@@ -1,7 +1,7 @@
 // Strokes to pieces, one thread each, and pieces to chords, one warp each (docs/explanation/mathematics.md, section "Flattening"). Both walk twice: to
 // count, and, when all know where to write, to write. What was not counted is never written: it would lie in another's place.
 #pragma once
-#include "device.cuh"
+#include "cuda/warp.cuh"
 
 namespace stroke {
 // A stroke as the flattening wants it: normalised so that the largest W is 1.

@@ -1,7 +1,8 @@
 // What the CUDA kernels share: the job that all of them are given, and sums and places within warps and blocks. No host headers, so that NVRTC
 // compiles this as it is. REAL: the precision of pixels.
 #pragma once
-#include "../touch.h"
+#include "common/adjoint.h"
+#include "common/flatten.h"
 #ifndef REAL
 #define REAL float
 #endif
@@ -105,88 +106,4 @@ __device__ inline bool fits(const Job &J, int last) {
 }
 // Length of a list, 0 where it, or one before it, did not fit.
 __device__ inline u32 length_of(const Job &J, int list) { return fits(J, list) ? u32(J.counters[list]) : 0; }
-
-__device__ inline u32 lane() { return threadIdx.x % WARP; }
-__device__ inline u32 thread_index() { return blockIdx.x * blockDim.x + threadIdx.x; }
-__device__ inline u32 thread_total() { return gridDim.x * blockDim.x; }
-__device__ inline u32 below(u32 mask) { return mask & ((1u << lane()) - 1); }
-
-// The same sum in all lanes, in a fixed order.
-template <class T> __device__ T warp_sum(T x) {
-  for (int k = WARP / 2; k; k /= 2) x += __shfl_xor_sync(ALL, x, k);
-  return x;
-}
-// Sum over the lanes before this one, and over all; of the type of the total.
-template <class T> struct Same { using type = T; };
-template <class T> __device__ T warp_prefix(typename Same<T>::type x, T &total) {
-  T sum = x;
-  for (u32 k = 1; k < WARP; k *= 2) {
-    const T other = __shfl_up_sync(ALL, sum, k);
-    if (lane() >= k) sum += other;
-  }
-  total = __shfl_sync(ALL, sum, WARP - 1);
-  return sum - x;
-}
-// The same over the threads of a block.
-template <class T> __device__ T block_prefix(typename Same<T>::type x, T &total) {
-  __shared__ T sums[WARP];
-  T of_warp;
-  const T before = warp_prefix(x, of_warp);
-  const u32 warp = threadIdx.x / WARP;
-  __syncthreads();
-  if (lane() == 0) sums[warp] = of_warp;
-  __syncthreads();
-  T at = 0;
-  total = 0;
-  for (u32 w = 0; w < blockDim.x / WARP; w++) at += w < warp ? sums[w] : 0, total += sums[w];
-  return at + before;
-}
-
-// From n counts to the first of each, and behind them their sum; one block. Each thread takes several numbers in a row, for which it waits once.
-constexpr u32 IN_A_ROW = 8;
-__device__ inline u64 add_up(u32 *a, u32 n) {
-  u64 sum = 0;
-  for (u32 start = 0; start < n; start += IN_A_ROW * blockDim.x) {
-    const u32 first = start + IN_A_ROW * threadIdx.x;
-    u32 counts[IN_A_ROW];
-    u64 own = 0, total;
-#pragma unroll
-    for (u32 k = 0; k < IN_A_ROW; k++) counts[k] = first + k < n ? a[first + k] : 0, own += counts[k];
-    u64 at = sum + block_prefix(own, total);
-#pragma unroll
-    for (u32 k = 0; k < IN_A_ROW; k++) {
-      if (first + k < n) a[first + k] = u32(at);
-      at += counts[k];
-    }
-    sum += total;
-  }
-  if (threadIdx.x == 0) a[n] = u32(sum);
-  return sum;
-}
-
-// Position of the n-th bit that is set, counted from 0.
-__device__ inline u32 nth_bit(u32 mask, u32 n) {
-  u32 at = 0;
-  for (u32 w = WARP / 2; w; w /= 2) {
-    const u32 c = __popc(mask >> at & ((1u << w) - 1));
-    if (n >= c) n -= c, at += w;
-  }
-  return at;
-}
-
-// A tile of one view: corner and size inside the image, runs.
-struct Tile { u32 index; int view, x, y, w, h; u32 run_first, run_last; };
-__device__ inline Tile tile_at(const Job &J, u32 t) {
-  const int x = int(t % J.tiles_x) * TILE, y = int(t / J.tiles_x % J.tiles_y) * TILE;
-  const u32 first = fits(J, RUNS) ? J.tile_run_first[t] : 0, runs = fits(J, RUNS) ? J.tile_runs[t] : 0;
-  return {t, int(t / (J.tiles_x * J.tiles_y)), x, y, J.width - x < TILE ? J.width - x : TILE, J.height - y < TILE ? J.height - y : TILE,
-          first, first + runs};
-}
-// The pixel of a thread in its tile: a warp has 8 x 4 of them, which fewer strokes touch than two rows.
-__device__ inline int pixel_x(u32 thread) { return int(thread / WARP % 2 * 8 + thread % 8); }
-__device__ inline int pixel_y(u32 thread) { return int(thread / WARP / 2 * 4 + thread % WARP / 8); }
-__device__ inline u64 pixel_index(const Job &J, const Tile &p, int x, int y) { return (u64(p.view) * J.height + p.y + y) * J.width + p.x + x; }
-__device__ inline const real *background_at(const Job &J, const Tile &p, int x, int y) {
-  return J.background + p.view * J.background_view + (p.y + y) * J.background_row + (p.x + x) * J.background_pixel;
-}
 }  // namespace stroke

@@ -1,7 +1,7 @@
 // What flattening is, for every driver: when a part of a stroke is tame, when a curve may pass for its chord, and the pieces and chords that
 // come of it (docs/explanation/mathematics.md, section "Flattening"). The drivers differ in how they walk through the parts.
 #pragma once
-#include "stroke_math.h"
+#include "common/closest.h"
 #ifndef __CUDACC_RTC__
 #include <cstdint>
 #else
@@ -51,13 +51,6 @@ constexpr float MAX_SKEW = .25;       // of a chord's length: how unevenly the p
 constexpr float FOLD_TOL = .01;       // px along the chord; a curve that folds back within less does no harm
 constexpr double MAX_COORDINATE = 1e100;
 
-// As std::min and std::max, which device code has not.
-template <class T> HD T least(T a, T b) { return b < a ? b : a; }
-template <class T> HD T most(T a, T b) { return a < b ? b : a; }
-template <class T> HD T least(T a, T b, T c, T d) { return least(least(a, b), least(c, d)); }
-template <class T> HD T most(T a, T b, T c, T d) { return most(most(a, b), most(c, d)); }
-template <class T> HD T magnitude(T x) { return x < 0 ? -x : x; }
-template <class T> HD T length(T x, T y) { return root(x * x + y * y); }
 HD double low(const v4d *p, int k) { return least(p[0][k], p[1][k], p[2][k], p[3][k]); }
 HD double high(const v4d *p, int k) { return most(p[0][k], p[1][k], p[2][k], p[3][k]); }
 

@@ -1,8 +1,8 @@
 // One call of the renderer on the CPU: strokes to images, and gradients back.
 #pragma once
-#include "flatten.h"
-#include "outline.h"
-#include "threads.h"
+#include "common/coverage.h"
+#include "cpu/flatten.h"
+#include "cpu/threads.h"
 #include <cstdint>
 #include <memory>
 #include <stdexcept>

@@ -1,6 +1,6 @@
 // Which tiles a chord may touch, for every driver.
 #pragma once
-#include "flatten_math.h"
+#include "common/flatten.h"
 
 namespace stroke {
 // Calls f(tx, ty) for the tiles with points within R of the chord, `length` px long, or just beyond; row by row. anywhere: points may lie

@@ -1,6 +1,6 @@
 // From the strokes of a tile to its fragments: for every point the nearest point of each stroke within reach. Included by kernel.cpp only.
 #pragma once
-#include "tile.h"
+#include "cpu/tile.h"
 
 namespace stroke {
 namespace {

@@ -1,14 +1,11 @@
 // Monte Carlo antialiasing, the paper's estimator: stratified samples, and the Reynolds term on outlines (docs/explanation/mathematics.md, eq. 10-12).
 // Included by kernel.cpp only.
 #pragma once
-#include "outline.h"
-#include "shade.h"
+#include "common/outline.h"
+#include "cpu/backward.h"
 
 namespace stroke {
 namespace {
-// Two strokes whose outlines touch within this many px count as overlapping there.
-constexpr real OUTLINE_SLACK = real(1e-3);
-
 // The sample of stratum s in every pixel of the tile: k.x, k.y, relative to the tile.
 PHASE void place_samples(const Job<real> &J, const Place &p, int s, Work &k) {
   const int n = J.strata;
@@ -121,7 +118,7 @@ template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch 
         const Point<real> point = point_at(c, k.t[f]);
         const real d2 = distance2(point, k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
         const Fragment<real> g = fragment<WORLD>(c, J.filter, point.tau, point.z, root(d2));
-        if (g.r - g.d > OUTLINE_SLACK) hidden[i] = true;
+        if (g.r - g.d > real(OUTLINE_SLACK)) hidden[i] = true;
         k.a[f] = 0;
       }
     }

@@ -1,6 +1,6 @@
 // Analytic antialiasing: coverage by distance at the pixel centre (docs/explanation/mathematics.md, eq. 7). Included by kernel.cpp only.
 #pragma once
-#include "shade.h"
+#include "cpu/backward.h"
 
 namespace stroke {
 namespace {

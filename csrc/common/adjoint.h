@@ -1,0 +1,100 @@
+// Derivatives of one fragment or outline point with respect to its piece, and from a piece to its stroke's control points (eq. 5, 6, 12).
+#pragma once
+#include "common/coverage.h"
+
+namespace stroke {
+
+// Sums over the fragments of one piece: the gradient with respect to the coefficients x, y, z, w, then to the half width, the opacity
+// and the colour.
+constexpr int NGRAD = 21;
+template <class F> struct Moments { F x[4], y[4], z[4], w[4], half_width, opacity, rgb[3]; };
+
+// Adds (hx, hy, hz, hw) tau^k to the coefficients.
+template <bool W, class F> HD void add_value(Moments<F> &m, F tau, F hx, F hy, F hz, F hw) {
+  for (int k = 0; k < 4; k++) {
+    m.x[k] += hx, m.y[k] += hy, m.z[k] += hz;
+    hx *= tau, hy *= tau, hz *= tau;
+    if (W) m.w[k] += hw, hw *= tau;
+  }
+}
+// Adds (hx, hy, hz) k tau^(k-1): the share of a derivative along the curve.
+template <class F, class S> HD void add_slope(Moments<F> &m, F tau, F hx, F hy, F hz, S) {
+  F power = tau * S(0) + S(1);
+  for (int k = 1; k < 4; k++) {
+    m.x[k] += S(k) * power * hx, m.y[k] += S(k) * power * hy, m.z[k] += S(k) * power * hz;
+    power *= tau;
+  }
+}
+
+// Gradient of the parameter of a closest point (eq. 6): g = dL/dtau; qx, qy relative to o. Free parameters only.
+template <class F, class S> HD void parameter_adjoint(const Jet<F> &j, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
+  const F sx = j.px - qx, sy = j.py - qy, iz = S(1) / j.z;
+  const F vv = j.vx * j.vx + j.vy * j.vy, f2 = vv + S(2) * (sx * j.ax + sy * j.ay);
+  const auto free = (f2 > S(1e-6) * vv) & (tau > S(-.5)) & (tau < S(.5));
+  const F e = select(free, -g * iz / (select(free, f2, f2 * S(0) + one)), g * S(0));
+  const F mx = j.vx - sx * j.z1 * iz, my = j.vy - sy * j.z1 * iz;
+  add_value<false>(m, tau, e * mx, e * my, -e * (mx * j.px + my * j.py), e);
+  add_slope(m, tau, e * sx, e * sy, -e * (sx * j.px + sy * j.py), one);
+}
+
+// Adds g = dL/d(depth) of a hit: depth = z / w at tau, and tau moves.
+template <class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
+  const Jet<F> j = jet(c, tau);
+  F w1;
+  const F iw = S(1) / cubic(c.w, tau, w1), depth = j.z * iw, zero = g * S(0);
+  add_value<true>(m, tau, zero, zero, g * iw, -g * depth * iw);
+  parameter_adjoint(j, tau, qx, qy, g * (j.z1 - depth * w1) * iw, m, one);
+}
+
+// Adds one fragment: ga = dL/d(alpha), gz = dL/d(depth of the hit) (DEPTH only). The distance needs no derivative of tau (eq. 5).
+template <bool WORLD, bool DEPTH, class F, class S>
+HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F qy, F ga, F gz, Moments<F> &m) {
+  const Point<F> p = point_at(c, tau);
+  const Fragment<F> g = fragment<WORLD>(c, f, tau, p.z, root(distance2(p, qx, qy)));
+  m.opacity += g.coverage * ga;
+  const F inner = density(f, g.r - g.d), gc = ga * c.opacity;
+  F gr = gc * inner, gd = gr;
+  if (WORLD || c.half_width < f.reach) {
+    const F outer = gc * density(f, -g.r - g.d);
+    gr += outer, gd = gd - outer;
+  }
+  const F k = gd / (greater(g.d, g.d * S(0) + S(1e-6)) * p.z);
+  const F hx = k * (qx - p.x), hy = k * (qy - p.y), hz = -(hx * p.x + hy * p.y);
+  add_value<false>(m, tau, hx, hy, hz, hz);
+  m.half_width += WORLD ? gr / g.depth : gr;
+  if (WORLD || DEPTH) depth_adjoint(c, tau, qx, qy, WORLD ? gz - gr * g.r / g.depth : gz, m, S(1));
+}
+
+// Adds g times the normal displacement of an outline point p + r u (eq. 12). along: length of outline per unit of tau (1 at caps), slope:
+// dr/dtau (0 at caps and for constant width), both at the point.
+template <bool WORLD, class S> HD void outline_adjoint(const Piece<S> &c, S tau, S ux, S uy, S along, S slope, S g, Moments<S> &m) {
+  const Jet<S> j = jet(c, tau);
+  const S iz = S(1) / j.z, speed = root(j.vx * j.vx + j.vy * j.vy);
+  const S tilt = speed > S(0) ? slope / speed : S(0);
+  S nx = along * ux - tilt * j.vx, ny = along * uy - tilt * j.vy;   // normal times length
+  if (WORLD) {
+    const S w = cubic(c.w, tau), depth = j.z / w, r = c.half_width / depth;
+    // The unit normal u turns with the tangent.
+    const S turn = r * tilt * iz * g;
+    add_slope(m, tau, turn * ux, turn * uy, -turn * (ux * j.px + uy * j.py), S(1));
+    nx -= r * tilt * j.z1 * iz * ux, ny -= r * tilt * j.z1 * iz * uy;
+    const S gd = -g * along * r / depth;
+    add_value<true>(m, tau, S(0), S(0), gd / w, -gd * depth / w);
+    m.half_width += g * along / depth;
+  } else {
+    m.half_width += g * along;
+  }
+  const S hx = g * nx * iz, hy = g * ny * iz;
+  add_value<false>(m, tau, hx, hy, -(hx * j.px + hy * j.py), S(0));
+}
+
+// From the sums of one piece to the gradient of its homogeneous control points, 4 x (X, Y, Z, W). in: NGRAD numbers in struct order.
+template <class S> HD void control_gradient(const S *in, S ox, S oy, S *out) {
+  for (int j = 0; j < 4; j++) {
+    const S *m = in + 4 * j;
+    // Each coefficient by its own name: from a loop over them GCC 12 looks them up in a table that it builds first.
+    for (int i = 0; i < 4; i++) out[4 * i + j] = S(bern(i, 0)) * m[0] + S(bern(i, 1)) * m[1] + S(bern(i, 2)) * m[2] + S(bern(i, 3)) * m[3];
+  }
+  for (int i = 0; i < 4; i++) out[4 * i + 2] -= ox * out[4 * i] + oy * out[4 * i + 1];
+}
+}  // namespace stroke

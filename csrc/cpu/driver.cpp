@@ -1,0 +1,197 @@
+// The driver: one call after the other of what makes images and gradients, threads over tiles, choice of instruction set.
+#include "cpu/driver.h"
+#include "cpu/bin.h"
+#include "cpu/finish.h"
+#include "cpu/outline.h"
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace stroke {
+#if defined(__x86_64__)
+extern const Kernels<float> kernels_sse42, kernels_avx2, kernels_avx512;
+#else
+extern const Kernels<float> kernels_plain;
+#endif
+extern const Kernels<double> kernels_float64;
+
+// Called by the kernels of every instruction set.
+void *arena_take(Arena &a, size_t bytes) {
+  bytes = (bytes + 127) / 64 * 64;
+  if (a.chunks.empty() || a.used + bytes > a.chunks.back().size()) {
+    a.chunks.emplace_back(bytes > Arena::CHUNK - 64 ? bytes : Arena::CHUNK - 64), a.used = 0;
+  }
+  a.used += bytes;
+  return a.chunks.back().get() + a.used - bytes;
+}
+
+char *grow(Scratch &s, int index, size_t keep, size_t bytes) {
+  Buffer<char> &block = s.blocks[index];
+  if (bytes > block.size()) {
+    Buffer<char> more(bytes);
+    if (block.size()) std::memcpy(more.get(), block.get(), std::min(keep, block.size()));
+    block = std::move(more);
+  }
+  return block.get();
+}
+void *work_memory(Scratch &s, size_t bytes) {
+  if (s.work.size() < bytes) {
+    s.work = Buffer<char>(bytes);
+    std::memset(s.work.get(), 0, bytes);
+  }
+  return s.work.get();
+}
+
+namespace {
+std::vector<const Kernels<float> *> usable_kernels() {
+#if defined(__x86_64__)
+  std::vector<const Kernels<float> *> found = {&kernels_sse42};
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) {
+    found.push_back(&kernels_avx2);
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512bw"))
+      found.push_back(&kernels_avx512);
+  }
+  return found;
+#else
+  return {&kernels_plain};
+#endif
+}
+const Kernels<float> *&float_kernels() {
+  static const Kernels<float> *k = usable_kernels().back();
+  return k;
+}
+template <class S> const Kernels<S> &kernels() {
+  if constexpr (sizeof(S) == 4) return *float_kernels();
+  else return kernels_float64;
+}
+// Scratch memory of each thread, by precision: kept between calls.
+template <class S> std::vector<Scratch> &scratch() {
+  static auto *s = new std::vector<Scratch>;
+  if (int(s->size()) < threads().size()) s->resize(threads().size());
+  return *s;
+}
+int grain(size_t n) { return std::clamp(int(n / (16 * threads().size())), 1, 8); }
+
+template <class S> void prepare(State<S> &st) {
+  const Input<S> &in = st.input;
+  Job<S> &J = st.job;
+  J.views = in.views, J.strokes = in.strokes, J.height = in.height, J.width = in.width, J.world = in.world;
+  J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
+  const double sigma = std::sqrt(in.blur * in.blur + 1. / 12);
+  J.filter = in.strata ? Filter<S>{S(0), S(0)} : in.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
+  J.nearest = S(in.near / 2), J.chord_slack = S(2 * CHORD_TOL);
+  J.strata = in.strata, J.seed = in.seed;
+  J.background = in.background, J.background_view = in.background_view, J.background_row = in.background_row;
+  J.background_pixel = in.background_pixel;
+  const size_t count = size_t(in.views) * in.strokes, chunks = (count + CHUNK - 1) / CHUNK;
+  st.reach = Buffer<S>(count + 1), st.scale = Buffer<double>(count + 1);
+  st.piece_first = Buffer<uint32_t>(count + 1), st.touch_first = Buffer<uint32_t>(count + 1);
+  std::vector<Part<S>> &parts = parts_of<S>(chunks);
+  std::vector<std::unique_ptr<Binner>> binners(threads().size());
+  threads().run(int(chunks), 1, [&](int k, int id) {
+    if (!binners[id]) binners[id] = std::make_unique<Binner>(size_t(J.tiles_x) * J.tiles_y);
+    Flattener flattener(in.height, in.width, in.strata > 0);
+    for (size_t i = size_t(k) * CHUNK; i < std::min(count, size_t(k + 1) * CHUNK); i++) {
+      Part<S> &part = parts[k];
+      const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), touches = part.touches.size();
+      flatten_stroke(st, flattener, i, part);
+      bin_stroke(st, i, uint32_t(chords), *binners[id], part);
+      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces), st.touch_first[i + 1] = uint32_t(part.touches.size() - touches);
+    }
+  });
+  join_parts(st, parts);
+  add_up(st.piece_first, count), add_up(st.touch_first, count);
+  sort_touches(st);
+  J.pieces = st.flat.pieces.begin(), J.piece_stroke = st.piece_stroke.get();
+  J.chords = st.flat.chords.begin(), J.chord_info = st.flat.chord_info.begin();
+  J.entries = st.entries.get(), J.tile_first = st.tile_first.get(), J.reach = st.reach.get();
+}
+
+}  // namespace
+
+void set_threads(int n) {
+  std::lock_guard guard(threads().busy());
+  threads().resize(std::clamp(n, 1, 256));
+}
+std::vector<std::string> instruction_sets() {
+  std::vector<std::string> names;
+  for (auto *k : usable_kernels()) names.push_back(k->isa);
+  return names;
+}
+void set_instruction_set(const std::string &name) {
+  for (auto *k : usable_kernels())
+    if (name == k->isa) {
+      std::lock_guard guard(threads().busy());
+      float_kernels() = k, scratch<float>().clear();  // its arrays are counted in vectors
+      return;
+    }
+  throw std::invalid_argument("this machine does not run the instruction set " + name);
+}
+std::string instruction_set() { return float_kernels()->isa; }
+
+template <class S> size_t State<S>::fragments() const {
+  size_t n = 0;
+  for (size_t t = 0; t < tiles.size(); t++) n += tiles[t].fragments;
+  return n;
+}
+
+template <class S> Images<S> forward(State<S> &st, bool save) {
+  prepare(st);
+  Job<S> &J = st.job;
+  const size_t pixels = size_t(J.views) * J.height * J.width, tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
+  Images<S> images{Buffer<S>(3 * pixels), Buffer<S>(pixels), Buffer<S>(pixels)};
+  J.color = images.color.get(), J.alpha = images.alpha.get(), J.depth = images.depth.get(), J.save = save;
+  if (save) st.tiles = Buffer<Tile>(tiles * (J.strata ? J.strata * J.strata : 1));
+  J.tiles = st.tiles.get();
+  st.arenas.resize(threads().size());
+  auto &memory = scratch<S>();
+  threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().forward(J, t, memory[id], st.arenas[id]); }, J.tile_first);
+  return images;
+}
+
+template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &up, const S *alpha, const S *depth, bool background) {
+  const Input<S> &in = st.input;
+  Job<S> J = st.job;
+  const size_t count = size_t(J.views) * J.strokes, tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
+  const size_t pixels = size_t(J.views) * J.height * J.width, pieces = st.flat.pieces.size();
+  Gradients<S> out{Buffer<double>(16 * count), Buffer<S>(in.half_width_per_view ? count : J.strokes), Buffer<S>(3 * size_t(J.strokes)),
+                   Buffer<S>(J.strokes), Buffer<S>(background ? 3 * pixels : 0)};
+  Buffer<S> slots(size_t(st.entries[st.touches.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
+  J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get();
+  J.g_background = background ? out.background.get() : nullptr;
+  J.alpha = const_cast<S *>(alpha), J.depth = const_cast<S *>(depth);
+  auto &memory = scratch<S>();
+  threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().backward(J, t, memory[id]); }, J.tile_first);
+  if (J.strata) {
+    Outlines<S> outlines = sample_outlines(st);
+    J.outline = outlines.points.get(), J.outline_order = outlines.order.get(), J.outline_first = outlines.tile_first.get();
+    J.g_outline = outlines.gradient.get();
+    threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().outline_tile(J, t, memory[id]); });
+    threads().run(int(pieces), 8, [&](int p, int) {
+      kernels<S>().outline_piece(J, p, outlines.piece_first[p], outlines.piece_first[p + 1], outline_sums.get() + size_t(p) * NGRAD);
+    });
+  }
+  threads().run(J.strokes, 16, [&](int n, int) {
+    double total[5] = {};
+    for (int v = 0; v < J.views; v++) {
+      const size_t i = size_t(v) * J.strokes + n;
+      double look[5] = {};  // half width, opacity, colour
+      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, i, out.cubics.get() + 16 * i, look);
+      if (in.half_width_per_view) out.half_width[i] = in.width_scale * S(look[0]);
+      for (int k = 0; k < 5; k++) total[k] += look[k];
+    }
+    if (!in.half_width_per_view) out.half_width[n] = in.width_scale * S(total[0]);
+    out.opacity[n] = S(total[1]);
+    for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total[2 + k]);
+  });
+  return out;
+}
+
+template struct State<float>;
+template struct State<double>;
+template Images<float> forward(State<float> &, bool);
+template Images<double> forward(State<double> &, bool);
+template Gradients<float> backward(const State<float> &, const Upstream<float> &, const float *, const float *, bool);
+template Gradients<double> backward(const State<double> &, const Upstream<double> &, const double *, const double *, bool);
+}  // namespace stroke
