@@ -50,7 +50,7 @@ template <class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx
 template <bool WORLD, bool DEPTH, class F, class S>
 HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F qy, F ga, F gz, Moments<F> &m) {
   const Point<F> p = point_at(c, tau);
-  const Fragment<F> g = fragment<WORLD>(c, f, tau, p.z, root(distance2(p, qx, qy)));
+  const Fragment<F> g = fragment<WORLD>(c, f, tau, p.z, sqrt(distance2(p, qx, qy)));
   m.opacity += g.coverage * ga;
   const F inner = density(f, g.r - g.d), gc = ga * c.opacity;
   F gr = gc * inner, gd = gr;
@@ -58,7 +58,7 @@ HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F q
     const F outer = gc * density(f, -g.r - g.d);
     gr += outer, gd = gd - outer;
   }
-  const F k = gd / (greater(g.d, g.d * S(0) + S(1e-6)) * p.z);
+  const F k = gd / (max(g.d, g.d * S(0) + S(1e-6)) * p.z);
   const F hx = k * (qx - p.x), hy = k * (qy - p.y), hz = -(hx * p.x + hy * p.y);
   add_value<false>(m, tau, hx, hy, hz, hz);
   m.half_width += WORLD ? gr / g.depth : gr;
@@ -69,7 +69,7 @@ HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F q
 // dr/dtau (0 at caps and for constant width), both at the point.
 template <bool WORLD, class S> HD void outline_adjoint(const Piece<S> &c, S tau, S ux, S uy, S along, S slope, S g, Moments<S> &m) {
   const Jet<S> j = jet(c, tau);
-  const S iz = S(1) / j.z, speed = root(j.vx * j.vx + j.vy * j.vy);
+  const S iz = S(1) / j.z, speed = sqrt(j.vx * j.vx + j.vy * j.vy);
   const S tilt = speed > S(0) ? slope / speed : S(0);
   S nx = along * ux - tilt * j.vx, ny = along * uy - tilt * j.vy;   // normal times length
   if (WORLD) {

@@ -1,4 +1,4 @@
-// Which tiles a chord may touch, for every driver.
+// Binning: which tiles a chord may reach, for every driver.
 #pragma once
 #include "common/flatten.h"
 
@@ -20,11 +20,11 @@ HD void visit_tiles(const Chord<S> &c, float length, float R, bool anywhere, int
     return;
   }
   // Of several rows and columns, tiles are skipped if none of their points lies in the band around the chord. The slack is for rounding.
-  const float across = R * length + half * (magnitude(ex) + magnitude(ey)) + .01f;
+  const float across = R * length + half * (abs(ex) + abs(ey)) + .01f;
   for (int ty = ty0; ty <= ty1; ty++)
     for (int tx = tx0; tx <= tx1; tx++) {
       const float cx = float(tx * TILE + TILE / 2), cy = float(ty * TILE + TILE / 2);
-      if (magnitude(ex * (cy - ay) - ey * (cx - ax)) <= across) f(tx, ty);
+      if (abs(ex * (cy - ay) - ey * (cx - ax)) <= across) f(tx, ty);
     }
 }
 }  // namespace stroke

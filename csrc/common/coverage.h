@@ -14,8 +14,8 @@ template <class S> struct Filter { S inv_sigma, reach; };
 template <class F, class S> HD F cumulative(const Filter<S> &f, F x) {
   if (f.inv_sigma == S(0)) return clamp(x + S(.5), S(0), S(1));
   // Abramowitz and Stegun 26.2.17, absolute error 7.5e-8.
-  const F y = x * f.inv_sigma, m = greater(y, -y), k = S(1) / (S(1) + S(.2316419) * m);
-  const F density = exponential(clamp(S(-.5) * m * m, S(-70), S(0))) * S(.3989422804014327);
+  const F y = x * f.inv_sigma, m = max(y, -y), k = S(1) / (S(1) + S(.2316419) * m);
+  const F density = exp(clamp(S(-.5) * m * m, S(-70), S(0))) * S(.3989422804014327);
   const F upper = density * k * (S(.319381530) + k * (S(-.356563782) + k * (S(1.781477937) + k * (S(-1.821255978) + k * S(1.330274429)))));
   const F phi = select(y > S(0), S(1) - upper, upper);
   return clamp((phi - S(BLUR_TAIL)) * S(1 / (1 - 2 * BLUR_TAIL)), S(0), S(1));
@@ -23,7 +23,7 @@ template <class F, class S> HD F cumulative(const Filter<S> &f, F x) {
 template <class F, class S> HD F density(const Filter<S> &f, F x) {
   if (f.inv_sigma == S(0)) return select((x > S(-.5)) & (x < S(.5)), x * S(0) + S(1), x * S(0));
   const F y = x * f.inv_sigma;
-  const F d = exponential(clamp(S(-.5) * y * y, S(-70), S(0))) * (S(.3989422804014327 / (1 - 2 * BLUR_TAIL)) * f.inv_sigma);
+  const F d = exp(clamp(S(-.5) * y * y, S(-70), S(0))) * (S(.3989422804014327 / (1 - 2 * BLUR_TAIL)) * f.inv_sigma);
   return select((y > S(-BLUR_REACH)) & (y < S(BLUR_REACH)), d, x * S(0));
 }
 

@@ -58,7 +58,7 @@ HD double high(const v4d *p, int k) { return most(p[0][k], p[1][k], p[2][k], p[3
 template <class S> HD bool drawable(const double *cubic, double half_width, const S *color, double opacity) {
   bool good = half_width >= 0 && half_width < MAX_COORDINATE && opacity >= 0 && opacity <= 1;
   for (int k = 0; k < 3; k++) good = good && color[k] - color[k] == 0;  // finite
-  for (int k = 0; k < 16; k++) good = good && magnitude(cubic[k]) < MAX_COORDINATE;
+  for (int k = 0; k < 16; k++) good = good && abs(cubic[k]) < MAX_COORDINATE;
   for (int k = 3; k < 16; k += 4) good = good && cubic[k] > 0;
   return good;
 }
@@ -105,13 +105,13 @@ template <class F> struct Arc { F x[4], y[4], z[4], u[4], v[4]; };
 template <class F> HD void project(Arc<F> &k) {
   for (int i = 0; i < 4; i++) k.u[i] = k.x[i] / k.z[i], k.v[i] = k.y[i] / k.z[i];
 }
-// Roots of a number or of lanes, and whether something holds for any. Names of their own: the kernels' root and any are for their vectors.
-template <class F> HD F roots(F x) {
-  if constexpr (sizeof(F) == sizeof(float)) return root(x);
-  else for (unsigned i = 0; i < sizeof(F) / sizeof(float); i++) x[i] = root(x[i]);
+// Square roots of a number or of lanes, and whether something holds for any lane. Names of their own: the kernels' sqrt and any are for their vectors.
+template <class F> HD F sqrt_each(F x) {
+  if constexpr (sizeof(F) == sizeof(float)) return sqrt(x);
+  else for (unsigned i = 0; i < sizeof(F) / sizeof(float); i++) x[i] = sqrt(x[i]);
   return x;
 }
-template <class Mask> HD bool somewhere(const Mask &m) {
+template <class Mask> HD bool any_lane(const Mask &m) {
   if constexpr (sizeof(Mask) <= sizeof(int)) return m;
   else {
     int found = 0;
@@ -122,7 +122,7 @@ template <class Mask> HD bool somewhere(const Mask &m) {
 
 // A piece without its looks, and its arc, from control points k with the points p on screen.
 template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piece<S> &c) {
-  const double ox = nearest((p[0][0] + p[3][0]) / 2), oy = nearest((p[0][1] + p[3][1]) / 2);
+  const double ox = round((p[0][0] + p[3][0]) / 2), oy = round((p[0][1] + p[3][1]) / 2);
   for (int i = 0; i < 4; i++) {
     v4d s = {};
     for (int j = 0; j < 4; j++) s += (k.c[j] - v4d{ox, oy, 0, 0} * k.c[j][2]) * bern(j, i);
@@ -142,10 +142,10 @@ template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piec
 
 // Directions of the curve at both ends of an arc, the angle between them (about), and the length of the chord.
 template <class F> struct Direction { F x, y; };
-template <class F> HD F turning(Direction<F> a, Direction<F> b) { return roots((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y)); }
+template <class F> HD F turning(Direction<F> a, Direction<F> b) { return sqrt_each((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y)); }
 // The direction to the first of two points that is not here, else none.
 template <class F> HD Direction<F> leaving(F x1, F y1, F x2, F y2, F small) {
-  const F l1 = roots(x1 * x1 + y1 * y1), l2 = roots(x2 * x2 + y2 * y2);
+  const F l1 = sqrt_each(x1 * x1 + y1 * y1), l2 = sqrt_each(x2 * x2 + y2 * y2);
   const auto first = l1 > small, second = l2 > small;
   const F none = small * 0.f, x = second ? x2 / l2 : none, y = second ? y2 / l2 : none;
   return {first ? x1 / l1 : x, first ? y1 / l1 : y};
@@ -153,15 +153,15 @@ template <class F> HD Direction<F> leaving(F x1, F y1, F x2, F y2, F small) {
 template <class F> struct Ends { Direction<F> a, b; F turn, length; };
 template <class F> HD Ends<F> ends_of(const Arc<F> &k) {
   const F ax = k.u[1] - k.u[0], ay = k.v[1] - k.v[0], bx = k.u[3] - k.u[2], by = k.v[3] - k.v[2], ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0];
-  const F la = roots(ax * ax + ay * ay), lb = roots(bx * bx + by * by), l = roots(ex * ex + ey * ey), small = 1e-6f * (1.f + l);
+  const F la = sqrt_each(ax * ax + ay * ay), lb = sqrt_each(bx * bx + by * by), l = sqrt_each(ex * ex + ey * ey), small = 1e-6f * (1.f + l);
   Ends<F> out = {{ax / la, ay / la}, {bx / lb, by / lb}, l, l};
   // Where a neighbour coincides with an end, the next point says where the curve goes.
   const auto at_a = la <= small, at_b = lb <= small;
-  if (somewhere(at_a)) {
+  if (any_lane(at_a)) {
     const Direction<F> d = leaving(k.u[2] - k.u[0], k.v[2] - k.v[0], ex, ey, small);
     out.a = {at_a ? d.x : out.a.x, at_a ? d.y : out.a.y};
   }
-  if (somewhere(at_b)) {
+  if (any_lane(at_b)) {
     const Direction<F> d = leaving(k.u[3] - k.u[1], k.v[3] - k.v[1], ex, ey, small);
     out.b = {at_b ? d.x : out.b.x, at_b ? d.y : out.b.y};
   }
@@ -211,7 +211,7 @@ template <class F> HD auto sharp(const Ends<F> &e, F most_across, double reach, 
 HD int sure_depth(const Arc<float> &k) {
   const float ax = k.u[0] - 2 * k.u[1] + k.u[2], ay = k.v[0] - 2 * k.v[1] + k.v[2], bx = k.u[1] - 2 * k.u[2] + k.u[3], by = k.v[1] - 2 * k.v[2] + k.v[3];
   // n^2 for chords of even length in the parameter: |p''| / (8 tol), |p''| <= 6 times the second difference.
-  const float n2 = .75f / float(CHORD_TOL) * root(most(ax * ax + ay * ay, bx * bx + by * by));
+  const float n2 = .75f / float(CHORD_TOL) * sqrt(most(ax * ax + ay * ay, bx * bx + by * by));
   int depth = 0;
   while (depth < MAX_CHORD_DEPTH && n2 > 16.f * float(1 << (2 * depth))) depth++;
   return depth;
@@ -234,7 +234,7 @@ struct Frame {
 
 // The parameter at which a part is cut: the middle of the parameter that makes both end weights equal.
 HD double cut_at(const Control &k) {
-  const double c = cube_root(k.c[0][2] / k.c[3][2]);
+  const double c = cbrt(k.c[0][2] / k.c[3][2]);
   return clamp(c / (1 + c), 1e-6, 1 - 1e-6);
 }
 }  // namespace stroke

@@ -27,7 +27,7 @@ template <class S, class Flat> class OutlineSampler {
     const uint32_t place = mix(info.stroke ^ mix(uint32_t(info.start * 4294967295.0) ^ mix(arc)));
     return unit(mix(uint32_t(seed_) ^ mix(uint32_t(seed_ >> 32) ^ mix(place ^ mix(i)))));
   }
-  HD static uint32_t count(double length, int density) { return length > 0 ? uint32_t(upwards(least(length, 1e7) * density)) : 0; }
+  HD static uint32_t count(double length, int density) { return length > 0 ? uint32_t(ceil(least(length, 1e7) * density)) : 0; }
   // A chord that is but a jump of the tangent has no sides.
   HD bool jump(uint32_t chord) const { return flat_.chord_info[chord].turn > OUTLINE_TURN; }
   HD double measure(const Piece<S> &c, uint32_t chord) const {
@@ -43,7 +43,7 @@ template <class S, class Flat> class OutlineSampler {
     const uint32_t n = most(4u, count(r * extent, density_));
     const Jet<S> j = jet(c, S(tau));
     for (uint32_t i = first_; i < n && r > 0; i += step_) {
-      const double a = angle + extent * (i + double(random(piece, arc, i))) / n, ux = cosine(a), uy = sine(a);
+      const double a = angle + extent * (i + double(random(piece, arc, i))) / n, ux = cos(a), uy = sin(a);
       put(slot + i, OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(1), S(0), S(r * extent / n), piece});
     }
     return n;
@@ -51,9 +51,9 @@ template <class S, class Flat> class OutlineSampler {
   // Where the tangent jumps from (ax, ay) to (bx, by): the arc on the outside of the turn.
   template <class Put>
   HD uint32_t turn_arc(uint32_t piece, double tau, float ax, float ay, float bx, float by, uint32_t arc, uint32_t slot, Put put) const {
-    const double turn = angle_of(ax * by - ay * bx, ax * bx + ay * by), from = angle_of(ay, ax);
-    if (!(magnitude(turn) > OUTLINE_TURN)) return 0;
-    return circle(piece, tau, turn > 0 ? from - PI / 2 : from + PI / 2 + turn, magnitude(turn), arc, slot, put);
+    const double turn = atan2(ax * by - ay * bx, ax * bx + ay * by), from = atan2(ay, ax);
+    if (!(abs(turn) > OUTLINE_TURN)) return 0;
+    return circle(piece, tau, turn > 0 ? from - PI / 2 : from + PI / 2 + turn, abs(turn), arc, slot, put);
   }
 
   template <class Put> HD uint32_t side(uint32_t piece, double sign, uint32_t arc, double total, uint32_t slot, Put put) const {
@@ -69,7 +69,7 @@ template <class S, class Flat> class OutlineSampler {
       const Chord<S> &k = flat_.chords[chord];
       const double tau = k.tau0 + clamp((at - before) / here, 0., 1.) * k.dtau;
       const Jet<S> j = jet(c, S(tau));
-      const double speed = root(double(j.vx) * j.vx + double(j.vy) * j.vy);
+      const double speed = sqrt(double(j.vx) * j.vx + double(j.vy) * j.vy);
       if (!(speed > 0)) continue;
       const double ux = -sign * j.vy / speed, uy = sign * j.vx / speed, r = half_width(c, tau);
       // |q'| = |v| (1 - r (u . a) / |v|^2), negative on the inside of bends tighter than r, which is no outline.
@@ -104,8 +104,8 @@ public:
     if (total > 0) n += side(piece, 1, 0, total, n, put), n += side(piece, -1, 1, total, n, put);
     const auto *tangents = &flat_.tangents[0];
     const Tangents &start = tangents[info.first_chord], &stop = tangents[info.end_chord - 1];
-    if (info.cap_start) n += circle(piece, -.5, angle_of(start.ay, start.ax) + PI / 2, PI, 2, n, put);
-    if (info.cap_stop) n += circle(piece, .5, angle_of(stop.by, stop.bx) - PI / 2, PI, 3, n, put);
+    if (info.cap_start) n += circle(piece, -.5, atan2(start.ay, start.ax) + PI / 2, PI, 2, n, put);
+    if (info.cap_stop) n += circle(piece, .5, atan2(stop.by, stop.bx) - PI / 2, PI, 3, n, put);
     const bool follows = info.first_chord > 0 && piece > 0 && flat_.piece_info[piece - 1].stroke == info.stroke && !info.cap_start;
     for (uint32_t s = info.first_chord; s < info.end_chord; s++) {
       const Chord<S> &k = flat_.chords[s];

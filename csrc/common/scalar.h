@@ -18,38 +18,38 @@ HD double select(bool m, double a, double b) { return m ? a : b; }
 HD float clamp(float x, float lo, float hi) { return x > lo ? x < hi ? x : hi : lo; }
 HD double clamp(double x, double lo, double hi) { return x > lo ? x < hi ? x : hi : lo; }
 #ifdef __CUDACC__
-HD float root(float x) { return ::sqrtf(x); }
-HD double root(double x) { return ::sqrt(x); }
-HD float exponential(float x) { return ::expf(x); }
-HD double exponential(double x) { return ::exp(x); }
-HD double cube_root(double x) { return ::cbrt(x); }
-HD double nearest(double x) { return ::round(x); }
-HD double upwards(double x) { return ::ceil(x); }
-HD double cosine(double x) { return ::cos(x); }
-HD double sine(double x) { return ::sin(x); }
-HD float angle_of(float y, float x) { return ::atan2f(y, x); }
+HD float sqrt(float x) { return ::sqrtf(x); }
+HD double sqrt(double x) { return ::sqrt(x); }
+HD float exp(float x) { return ::expf(x); }
+HD double exp(double x) { return ::exp(x); }
+HD double cbrt(double x) { return ::cbrt(x); }
+HD double round(double x) { return ::round(x); }
+HD double ceil(double x) { return ::ceil(x); }
+HD double cos(double x) { return ::cos(x); }
+HD double sin(double x) { return ::sin(x); }
+HD float atan2(float y, float x) { return ::atan2f(y, x); }
 #else
-HD float root(float x) { return __builtin_sqrtf(x); }
-HD double root(double x) { return __builtin_sqrt(x); }
-HD float exponential(float x) { return __builtin_expf(x); }
-HD double exponential(double x) { return __builtin_exp(x); }
-HD double cube_root(double x) { return __builtin_cbrt(x); }
-HD double nearest(double x) { return __builtin_round(x); }
-HD double upwards(double x) { return __builtin_ceil(x); }
-HD double cosine(double x) { return __builtin_cos(x); }
-HD double sine(double x) { return __builtin_sin(x); }
-HD float angle_of(float y, float x) { return __builtin_atan2f(y, x); }
+HD float sqrt(float x) { return __builtin_sqrtf(x); }
+HD double sqrt(double x) { return __builtin_sqrt(x); }
+HD float exp(float x) { return __builtin_expf(x); }
+HD double exp(double x) { return __builtin_exp(x); }
+HD double cbrt(double x) { return __builtin_cbrt(x); }
+HD double round(double x) { return __builtin_round(x); }
+HD double ceil(double x) { return __builtin_ceil(x); }
+HD double cos(double x) { return __builtin_cos(x); }
+HD double sin(double x) { return __builtin_sin(x); }
+HD float atan2(float y, float x) { return __builtin_atan2f(y, x); }
 #endif
-HD float lesser(float a, float b) { return a < b ? a : b; }
-HD double lesser(double a, double b) { return a < b ? a : b; }
-HD float greater(float a, float b) { return a > b ? a : b; }
-HD double greater(double a, double b) { return a > b ? a : b; }
+HD float min(float a, float b) { return a < b ? a : b; }
+HD double min(double a, double b) { return a < b ? a : b; }
+HD float max(float a, float b) { return a > b ? a : b; }
+HD double max(double a, double b) { return a > b ? a : b; }
 
 // As std::min and std::max, which device code has not.
 template <class T> HD T least(T a, T b) { return b < a ? b : a; }
 template <class T> HD T most(T a, T b) { return a < b ? b : a; }
 template <class T> HD T least(T a, T b, T c, T d) { return least(least(a, b), least(c, d)); }
 template <class T> HD T most(T a, T b, T c, T d) { return most(most(a, b), most(c, d)); }
-template <class T> HD T magnitude(T x) { return x < 0 ? -x : x; }
-template <class T> HD T length(T x, T y) { return root(x * x + y * y); }
+template <class T> HD T abs(T x) { return x < 0 ? -x : x; }
+template <class T> HD T length(T x, T y) { return sqrt(x * x + y * y); }
 }  // namespace stroke

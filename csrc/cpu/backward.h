@@ -125,7 +125,7 @@ PHASE v4 color_gradient(const Tile &t, const Work &k, uint32_t l) {
 }
 
 SIMD void clear_slots(const Job<real> &J, int tile) {
-  const size_t first = J.entries[J.tile_first[tile]].slot, last = J.entries[J.tile_first[tile + 1]].slot;
+  const size_t first = J.intersections[J.tile_first[tile]].slot, last = J.intersections[J.tile_first[tile + 1]].slot;
   std::memset(J.g_slot + first * NGRAD, 0, (last - first) * NGRAD * sizeof(real));
 }
 // Adds the sums of one layer to its slot, in the order of Moments.

@@ -10,17 +10,17 @@ constexpr int CHUNK = 16;  // strokes flattened at a time
 
 // What one thread needs to flatten strokes.
 struct Binner {
-  Buffer<uint32_t> mark;       // per tile: 1 + its touch of the current stroke
+  Buffer<uint32_t> mark;       // per tile: 1 + its intersection with the current stroke
   explicit Binner(size_t tiles) : mark(tiles) { std::fill_n(mark.get(), tiles, 0); }
 };
 
 // What a chunk of strokes leaves, with indices of its own.
 template <class S> struct Part {
   Flat<S> flat;
-  List<typename State<S>::Touch> touches;
+  List<typename State<S>::StrokeIntersection> stroke_intersections;
   void clear() {
     flat.pieces.shorten(0), flat.piece_info.shorten(0), flat.chords.shorten(0), flat.chord_info.shorten(0), flat.tangents.shorten(0);
-    touches.shorten(0);
+    stroke_intersections.shorten(0);
   }
 };
 
@@ -47,28 +47,28 @@ template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_
   for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] * st.scale[i];
   const double reach = reach_of(cubic, half_width, in.world, in.near, st.job.filter.reach, in.width, in.height);
   st.reach[i] = S(reach);
-  Piece<S> look{};
-  look.half_width = half_width, look.opacity = in.opacity[n];
-  for (int k = 0; k < 3; k++) look.color[k] = in.color[3 * n + k];
-  flattener.add(part.flat, cubic, in.near, reach, uint32_t(i), look);
+  Piece<S> appearance{};
+  appearance.half_width = half_width, appearance.opacity = in.opacity[n];
+  for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
+  flattener.add(part.flat, cubic, in.near, reach, uint32_t(i), appearance);
 }
 
-// Touches of the stroke whose chords start at `first`: for every tile the range of chords that may reach it.
+// The tiles that the stroke whose chords start at `first_chord` meets, each with the range of chords that may reach it.
 template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_chord, Binner &binner, Part<S> &part) {
   const Job<S> &J = st.job;
   const float R = float(st.reach[i]);
-  const uint32_t first_tile = uint32_t(i / J.strokes) * J.tiles_x * J.tiles_y, first_touch = uint32_t(part.touches.size());
+  const uint32_t first_tile = uint32_t(i / J.strokes) * J.tiles_x * J.tiles_y, first_intersection = uint32_t(part.stroke_intersections.size());
   for (uint32_t s = first_chord; s < part.flat.chords.size(); s++)
     visit_tiles(part.flat.chords[s], part.flat.chord_info[s].length, R, J.strata > 0, J.tiles_x, J.tiles_y, [&](int tx, int ty) {
       uint32_t &mark = binner.mark[ty * J.tiles_x + tx];
       if (!mark) {
-        part.touches.add({first_tile + uint32_t(ty * J.tiles_x + tx), uint32_t(i), s, s, 0, 0, 0, false});
-        mark = uint32_t(part.touches.size());
+        part.stroke_intersections.add({first_tile + uint32_t(ty * J.tiles_x + tx), uint32_t(i), s, s, 0, 0, 0, false});
+        mark = uint32_t(part.stroke_intersections.size());
       }
-      part.touches[mark - 1].last = s;
+      part.stroke_intersections[mark - 1].last = s;
     });
-  for (uint32_t k = first_touch; k < part.touches.size(); k++) {
-    auto &t = part.touches[k];
+  for (uint32_t k = first_intersection; k < part.stroke_intersections.size(); k++) {
+    auto &t = part.stroke_intersections[k];
     const ChordInfo &a = part.flat.chord_info[t.first], &b = part.flat.chord_info[t.last];
     t.piece = a.piece, t.pieces = b.piece - a.piece + 1, t.smooth = smooth(a, b);
     binner.mark[t.tile - first_tile] = 0;
@@ -84,17 +84,17 @@ void add_up(Buffer<uint32_t> &first, size_t count) {
 // Joins the parts of all chunks in order: results do not depend on which thread did what.
 template <class S> void join_parts(State<S> &st, const std::vector<Part<S>> &parts) {
   Flat<S> &flat = st.flat;
-  struct Start { uint32_t chord, piece, touch; };
+  struct Start { uint32_t chord, piece, intersection; };
   std::vector<Start> starts;
-  size_t chords = 0, pieces = 0, touches = 0, tangents = 0;
+  size_t chords = 0, pieces = 0, stroke_intersections = 0, tangents = 0;
   for (auto &p : parts) {
-    starts.push_back({uint32_t(chords), uint32_t(pieces), uint32_t(touches)});
-    chords += p.flat.chords.size(), pieces += p.flat.pieces.size(), touches += p.touches.size(), tangents += p.flat.tangents.size();
+    starts.push_back({uint32_t(chords), uint32_t(pieces), uint32_t(stroke_intersections)});
+    chords += p.flat.chords.size(), pieces += p.flat.pieces.size(), stroke_intersections += p.stroke_intersections.size(), tangents += p.flat.tangents.size();
   }
-  if (chords > UINT32_MAX / 2 || touches > UINT32_MAX / 2) throw std::bad_alloc();
+  if (chords > UINT32_MAX / 2 || stroke_intersections > UINT32_MAX / 2) throw std::bad_alloc();
   st.piece_stroke = Buffer<uint32_t>(pieces + 1);
   flat.pieces.extend(pieces), flat.piece_info.extend(pieces), flat.chords.extend(chords), flat.chord_info.extend(chords);
-  flat.tangents.extend(tangents), st.touches.extend(touches);
+  flat.tangents.extend(tangents), st.stroke_intersections.extend(stroke_intersections);
   threads().run(int(parts.size()), 1, [&](int k, int) {
     const Part<S> &p = parts[k];
     const Start at = starts[k];
@@ -103,39 +103,39 @@ template <class S> void join_parts(State<S> &st, const std::vector<Part<S>> &par
     };
     put(flat.pieces, p.flat.pieces, at.piece), put(flat.piece_info, p.flat.piece_info, at.piece);
     put(flat.chords, p.flat.chords, at.chord), put(flat.chord_info, p.flat.chord_info, at.chord), put(flat.tangents, p.flat.tangents, at.chord);
-    put(st.touches, p.touches, at.touch);
+    put(st.stroke_intersections, p.stroke_intersections, at.intersection);
     for (size_t i = at.piece; i < at.piece + p.flat.pieces.size(); i++) {
       PieceInfo &info = flat.piece_info[i];
       info.first_chord += at.chord, info.end_chord += at.chord;
       st.piece_stroke[i] = info.stroke;
     }
     for (size_t i = at.chord; i < at.chord + p.flat.chords.size(); i++) flat.chord_info[i].piece += at.piece;
-    for (size_t i = at.touch; i < at.touch + p.touches.size(); i++)
-      st.touches[i].first += at.chord, st.touches[i].last += at.chord, st.touches[i].piece += at.piece;
+    for (size_t i = at.intersection; i < at.intersection + p.stroke_intersections.size(); i++)
+      st.stroke_intersections[i].first += at.chord, st.stroke_intersections[i].last += at.chord, st.stroke_intersections[i].piece += at.piece;
   });
 }
 
-// Entries by tile, there in the order of strokes (a counting sort), and in that order a slot for every piece that an entry may meet.
-template <class S> void sort_touches(State<S> &st) {
+// Intersections by tile, there in the order of strokes (a counting sort), and in that order a slot for every piece of each.
+template <class S> void sort_by_tile(State<S> &st) {
   const size_t tiles = size_t(st.job.views) * st.job.tiles_x * st.job.tiles_y;
-  st.tile_first = Buffer<uint32_t>(tiles + 1), st.entries = Buffer<Entry>(st.touches.size() + 1);
+  st.tile_first = Buffer<uint32_t>(tiles + 1), st.intersections = Buffer<Intersection>(st.stroke_intersections.size() + 1);
   uint32_t *first = st.tile_first.get();
   std::fill_n(first, tiles + 1, 0);
-  for (auto &t : st.touches) first[t.tile]++;
+  for (auto &t : st.stroke_intersections) first[t.tile]++;
   uint32_t total = 0;
   for (size_t i = 0; i <= tiles; i++) total += std::exchange(first[i], total);
-  for (auto &t : st.touches) {
-    t.entry = first[t.tile]++;
-    st.entries[t.entry] = {t.stroke, t.first, t.last, t.piece, t.pieces, 0, t.smooth};
+  for (auto &t : st.stroke_intersections) {
+    t.intersection = first[t.tile]++;
+    st.intersections[t.intersection] = {t.stroke, t.first, t.last, t.piece, t.pieces, 0, t.smooth};
   }
   for (size_t i = tiles; i > 0; i--) first[i] = first[i - 1];
   first[0] = 0;
   uint32_t slot = 0;
-  for (size_t i = 0; i < st.touches.size(); i++) {
-    Entry &e = st.entries[i];
+  for (size_t i = 0; i < st.stroke_intersections.size(); i++) {
+    Intersection &e = st.intersections[i];
     e.slot = slot, slot += e.pieces;
   }
-  st.entries[st.touches.size()] = {0, 0, 0, 0, 0, slot, false};
+  st.intersections[st.stroke_intersections.size()] = {0, 0, 0, 0, 0, slot, false};
 }
 }  // namespace
 }  // namespace stroke

@@ -80,13 +80,13 @@ template <class S> void prepare(State<S> &st) {
   J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
   const double sigma = std::sqrt(in.blur * in.blur + 1. / 12);
   J.filter = in.strata ? Filter<S>{S(0), S(0)} : in.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
-  J.nearest = S(in.near / 2), J.chord_slack = S(2 * CHORD_TOL);
+  J.min_depth = S(in.near / 2), J.chord_slack = S(2 * CHORD_TOL);
   J.strata = in.strata, J.seed = in.seed;
   J.background = in.background, J.background_view = in.background_view, J.background_row = in.background_row;
   J.background_pixel = in.background_pixel;
   const size_t count = size_t(in.views) * in.strokes, chunks = (count + CHUNK - 1) / CHUNK;
   st.reach = Buffer<S>(count + 1), st.scale = Buffer<double>(count + 1);
-  st.piece_first = Buffer<uint32_t>(count + 1), st.touch_first = Buffer<uint32_t>(count + 1);
+  st.piece_first = Buffer<uint32_t>(count + 1), st.stroke_intersection_first = Buffer<uint32_t>(count + 1);
   std::vector<Part<S>> &parts = parts_of<S>(chunks);
   std::vector<std::unique_ptr<Binner>> binners(threads().size());
   threads().run(int(chunks), 1, [&](int k, int id) {
@@ -94,18 +94,18 @@ template <class S> void prepare(State<S> &st) {
     Flattener flattener(in.height, in.width, in.strata > 0);
     for (size_t i = size_t(k) * CHUNK; i < std::min(count, size_t(k + 1) * CHUNK); i++) {
       Part<S> &part = parts[k];
-      const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), touches = part.touches.size();
+      const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), stroke_intersections = part.stroke_intersections.size();
       flatten_stroke(st, flattener, i, part);
       bin_stroke(st, i, uint32_t(chords), *binners[id], part);
-      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces), st.touch_first[i + 1] = uint32_t(part.touches.size() - touches);
+      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces), st.stroke_intersection_first[i + 1] = uint32_t(part.stroke_intersections.size() - stroke_intersections);
     }
   });
   join_parts(st, parts);
-  add_up(st.piece_first, count), add_up(st.touch_first, count);
-  sort_touches(st);
+  add_up(st.piece_first, count), add_up(st.stroke_intersection_first, count);
+  sort_by_tile(st);
   J.pieces = st.flat.pieces.begin(), J.piece_stroke = st.piece_stroke.get();
   J.chords = st.flat.chords.begin(), J.chord_info = st.flat.chord_info.begin();
-  J.entries = st.entries.get(), J.tile_first = st.tile_first.get(), J.reach = st.reach.get();
+  J.intersections = st.intersections.get(), J.tile_first = st.tile_first.get(), J.reach = st.reach.get();
 }
 
 }  // namespace
@@ -157,7 +157,7 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
   const size_t pixels = size_t(J.views) * J.height * J.width, pieces = st.flat.pieces.size();
   Gradients<S> out{Buffer<double>(16 * count), Buffer<S>(in.half_width_per_view ? count : J.strokes), Buffer<S>(3 * size_t(J.strokes)),
                    Buffer<S>(J.strokes), Buffer<S>(background ? 3 * pixels : 0)};
-  Buffer<S> slots(size_t(st.entries[st.touches.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
+  Buffer<S> slots(size_t(st.intersections[st.stroke_intersections.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
   J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get();
   J.g_background = background ? out.background.get() : nullptr;
   J.alpha = const_cast<S *>(alpha), J.depth = const_cast<S *>(depth);
@@ -176,10 +176,10 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
     double total[5] = {};
     for (int v = 0; v < J.views; v++) {
       const size_t i = size_t(v) * J.strokes + n;
-      double look[5] = {};  // half width, opacity, colour
-      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, i, out.cubics.get() + 16 * i, look);
-      if (in.half_width_per_view) out.half_width[i] = in.width_scale * S(look[0]);
-      for (int k = 0; k < 5; k++) total[k] += look[k];
+      double appearance[5] = {};  // half width, opacity, colour
+      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, i, out.cubics.get() + 16 * i, appearance);
+      if (in.half_width_per_view) out.half_width[i] = in.width_scale * S(appearance[0]);
+      for (int k = 0; k < 5; k++) total[k] += appearance[k];
     }
     if (!in.half_width_per_view) out.half_width[n] = in.width_scale * S(total[0]);
     out.opacity[n] = S(total[1]);

@@ -42,12 +42,12 @@ template <class S> struct State {
   Input<S> input;
   Job<S> job{};
   Flat<S> flat;
-  struct Touch { uint32_t tile, stroke, first, last, piece, pieces, entry; bool smooth; };
+  struct StrokeIntersection { uint32_t tile, stroke, first, last, piece, pieces, intersection; bool smooth; };
   Buffer<S> reach;
   Buffer<double> scale;        // of each stroke's cubic
-  List<Touch> touches;         // in the order of strokes
-  Buffer<uint32_t> touch_first, piece_first, piece_stroke, tile_first;
-  Buffer<Entry> entries;
+  List<StrokeIntersection> stroke_intersections;  // in the order of strokes; `intersection`: its place among those by tile
+  Buffer<uint32_t> stroke_intersection_first, piece_first, piece_stroke, tile_first;
+  Buffer<Intersection> intersections;
   Buffer<Tile> tiles;
   std::vector<Arena> arenas;
   size_t fragments() const;

@@ -1,4 +1,4 @@
-// Strokes to pieces (in double precision) and chords (four at a time) on the CPU: the walk; the rules are in flatten_math.h.
+// Strokes to pieces (in double precision) and chords (four at a time) on the CPU: the walk; the rules are in common/flatten.h.
 #pragma once
 #include "common/flatten.h"
 #include "cpu/memory.h"
@@ -33,7 +33,7 @@ template <class S> float parabola_step2(const Piece<S> &c, float low) {
   // Bounds over the piece of a polynomial over `low`, and of its k-th derivatives over k!.
   auto bound = [scale](const S *a, float *out) {
     float b[4];
-    for (int k = 0; k < 4; k++) b[k] = magnitude(float(a[k])) * scale;
+    for (int k = 0; k < 4; k++) b[k] = abs(float(a[k])) * scale;
     out[0] = (b[0] + .5f * b[1]) + (.25f * b[2] + .125f * b[3]), out[1] = b[1] + (b[2] + .75f * b[3]), out[2] = b[2] + 1.5f * b[3], out[3] = b[3];
   };
   bound(c.x, x), bound(c.y, y), bound(c.z, z);
@@ -105,12 +105,12 @@ class Flattener {
     if (depth >= sure_depth_) {
       v4f across;
       cut &= depth == MAX_CHORD_DEPTH ? v4i{} : crooked(k, across);
-      if (somewhere(in & ~cut)) {
+      if (any_lane(in & ~cut)) {
         ends = ends_of(k), chord = make_chord(k, t0, dt);
         if (depth < MAX_CHORD_DEPTH) cut |= in & sharp(ends, across, reach_, outline_);
       }
     }
-    if (somewhere(cut & ~gone)) halve(k.x, half[0].x, half[1].x), halve(k.y, half[0].y, half[1].y), halve(k.z, half[0].z, half[1].z);
+    if (any_lane(cut & ~gone)) halve(k.x, half[0].x, half[1].x), halve(k.y, half[0].y, half[1].y), halve(k.z, half[0].z, half[1].z);
     const v4f later = t0 + dt / 2;
     for (int i = begin; i < end; i++) {
       if (gone[i]) gap_ = true;
@@ -124,8 +124,8 @@ class Flattener {
     }
   }
 
-  template <class S> void add_piece(Flat<S> &out, const Control &k, const v4d *p, double start, double stop, const Piece<S> &look) {
-    Piece<S> c = look;
+  template <class S> void add_piece(Flat<S> &out, const Control &k, const v4d *p, double start, double stop, const Piece<S> &appearance) {
+    Piece<S> c = appearance;
     const Arc<float> arc = make_piece(k, p, c);
     c.parabola2 = S(parabola_step2(c, float(low(k.c, 2))));
     PieceInfo info{};
@@ -150,7 +150,7 @@ class Flattener {
   }
 
   // Cuts a visible span until its parts are tame, dropping those off the image.
-  template <class S> void pieces(Flat<S> &out, const Control &k, double start, double stop, int depth, const Piece<S> &look) {
+  template <class S> void pieces(Flat<S> &out, const Control &k, double start, double stop, int depth, const Piece<S> &appearance) {
     if (positive(k)) {
       v4d p[4];
       for (int i = 0; i < 4; i++) p[i] = on_screen(k.c[i]);
@@ -158,7 +158,7 @@ class Flattener {
         gap_ = true;
         return;
       }
-      if (depth == MAX_DEPTH || tame(k, p)) return add_piece(out, k, p, start, stop, look);
+      if (depth == MAX_DEPTH || tame(k, p)) return add_piece(out, k, p, start, stop, appearance);
     } else if (depth == MAX_DEPTH || high(k.c, 2) <= 0) {
       gap_ = true;  // behind the camera: only rounding can bring such a part of a visible span about
       return;
@@ -170,14 +170,14 @@ class Flattener {
     const double t = cut_at(k), middle = start + (stop - start) * t;
     Control a, b;
     split(k, t, a, b);
-    pieces(out, a, start, middle, depth + 1, look), pieces(out, b, middle, stop, depth + 1, look);
+    pieces(out, a, start, middle, depth + 1, appearance), pieces(out, b, middle, stop, depth + 1, appearance);
   }
 
-  template <class S> void span(Flat<S> &out, double a, double b, const Piece<S> &look) {
+  template <class S> void span(Flat<S> &out, double a, double b, const Piece<S> &appearance) {
     span_start_ = a, span_stop_ = b, gap_ = true;
     double map[16];
     blossom(a, b, map);
-    pieces(out, a == 0 && b == 1 ? whole_ : mapped(whole_, map), a, b, 0, look);
+    pieces(out, a == 0 && b == 1 ? whole_ : mapped(whole_, map), a, b, 0, appearance);
   }
 
 public:
@@ -208,7 +208,7 @@ public:
   Flattener(int height, int width, bool outline) : reach_(0), frame_{0, double(width), 0, double(height)}, outline_(outline) {}
 
   // Adds one stroke: cubic 4 x (X, Y, Z, W), normalised so that the largest W is 1. reach: px beyond which nothing is covered.
-  template <class S> void add(Flat<S> &out, const double *cubic, double near, double reach, uint32_t stroke, const Piece<S> &look) {
+  template <class S> void add(Flat<S> &out, const double *cubic, double near, double reach, uint32_t stroke, const Piece<S> &appearance) {
     double margin[4];
     for (int i = 0; i < 4; i++) {
       whole_.c[i] = v4d{cubic[4 * i], cubic[4 * i + 1], cubic[4 * i + 2], cubic[4 * i + 3]};
@@ -217,7 +217,7 @@ public:
     const double old = reach_;
     frame_.left -= reach - old, frame_.top -= reach - old, frame_.right += reach - old, frame_.bottom += reach - old;
     reach_ = reach, stroke_ = stroke, bend_ = 0, cuts_ = 0, gap_ = true;
-    visible_spans(margin, [&](double a, double b) { span(out, a, b, look); });
+    visible_spans(margin, [&](double a, double b) { span(out, a, b, appearance); });
   }
 };
 }  // namespace stroke

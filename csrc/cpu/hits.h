@@ -12,13 +12,13 @@ SIMD Rows join(Rows a, Rows b) { return {a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi 
 template <int POINTS> SIMD Rows rows_of(const Place &p, const Chord<real> &c, real R) {
   if constexpr (POINTS == ANYWHERE) return {0, TILE - 1};
   const real oy = p.y + real(.5) - c.ay, reach = POINTS == GRID ? R : R + real(.5);
-  return {int(clamp(lesser(real(0), c.ey) - reach - oy + 1, real(0), real(TILE))),
-          int(clamp(greater(real(0), c.ey) + reach - oy, real(-1), real(TILE - 1)))};
+  return {int(clamp(min(real(0), c.ey) - reach - oy + 1, real(0), real(TILE))),
+          int(clamp(max(real(0), c.ey) + reach - oy, real(-1), real(TILE - 1)))};
 }
 // Whether it may reach columns x .. x + VL - 1 of the tile.
 template <int POINTS> SIMD bool in_columns(const Place &p, const Chord<real> &c, int x, real R) {
   const real ox = p.x + real(.5) - c.ax + x, reach = POINTS == GRID ? R : R + real(.5);
-  return VPR == 1 || POINTS == ANYWHERE || !(ox > greater(real(0), c.ex) + reach || ox + (VL - 1) < lesser(real(0), c.ex) - reach);
+  return VPR == 1 || POINTS == ANYWHERE || !(ox > max(real(0), c.ex) + reach || ox + (VL - 1) < min(real(0), c.ex) - reach);
 }
 // The points from i on relative to a chord's start.
 template <int POINTS> SIMD void from_start(const Place &p, const Work &k, const Chord<real> &c, int i, vf &dx, vf &dy) {
@@ -58,12 +58,12 @@ template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t
       const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i), best_tau = load(k.tau + i);
       const vi nearer = d < best, apart = best_tau < neighbour;
       // What comes second: this chord, or the one that it beats.
-      const vf rest = greater(d, best), rest_tau = select(nearer, best_tau, tau);
+      const vf rest = max(d, best), rest_tau = select(nearer, best_tau, tau);
       const vi replaces = apart & (rest < second);
       store(k.second + i, select(replaces, rest, second));
       store(k.second_tau + i, select(replaces, rest_tau, load(k.second_tau + i)));
       store(k.tau + i, select(nearer, tau, best_tau));
-      store(k.d2 + i, lesser(d, best));
+      store(k.d2 + i, min(d, best));
     }));
   }
   return rows;
@@ -106,22 +106,22 @@ template <int POINTS> PHASE uint32_t pack_rows(const Job<real> &J, uint32_t firs
     const Chord<real> &c = J.chords[s];
     const real x = c.ax - p.x - real(.5), y = c.ay - p.y - real(.5);
     // Level chords pass for nearly level ones, and points for upright ones.
-    const real rise = greater(greater(c.ey, -c.ey), LEVEL * greater(c.ex, -c.ex) + real(1e-15)), inverse = 1 / rise;
-    const real slope = (c.ey < 0 ? -c.ex : c.ex) * inverse, across = band * root(c.ex * c.ex + rise * rise) * inverse;
-    const real left = lesser(real(0), c.ex) + x - box, right = greater(real(0), c.ex) + x + box;
-    const real top = lesser(real(0), c.ey) + y - box, bottom = greater(real(0), c.ey) + y + box;
+    const real rise = max(max(c.ey, -c.ey), LEVEL * max(c.ex, -c.ex) + real(1e-15)), inverse = 1 / rise;
+    const real slope = (c.ey < 0 ? -c.ex : c.ex) * inverse, across = band * sqrt(c.ex * c.ex + rise * rise) * inverse;
+    const real left = min(real(0), c.ex) + x - box, right = max(real(0), c.ex) + x + box;
+    const real top = min(real(0), c.ey) + y - box, bottom = max(real(0), c.ey) + y + box;
     for (int v = 0; v < VPR; v++) {
       const vf row = to_real(iota() + integer(v * VL)), middle = (row - y) * slope + x;
       const vi in = (row >= top) & (row <= bottom);
-      low[v] = select(in, lesser(low[v], greater(middle - across, splat(left))), low[v]);
-      high[v] = select(in, greater(high[v], lesser(middle + across, splat(right))), high[v]);
+      low[v] = select(in, min(low[v], max(middle - across, splat(left))), low[v]);
+      high[v] = select(in, max(high[v], min(middle + across, splat(right))), high[v]);
     }
   }
   alignas(64) integer begin[TILE], pixels[TILE];
   for (int v = 0; v < VPR; v++) {
-    const vf l = greater(low[v], vf{}), h = lesser(high[v], splat(TILE - 1));
+    const vf l = max(low[v], vf{}), h = min(high[v], splat(TILE - 1));
     const vi whole = __builtin_convertvector(l, vi), start = whole - (to_real(whole) < l);  // rounded up
-    const vi number = __builtin_convertvector(greater(h + real(1), vf{}), vi) - start;
+    const vi number = __builtin_convertvector(max(h + real(1), vf{}), vi) - start;
     store(begin + v * VL, start + (iota() + integer(v * VL)) * TILE), store(pixels + v * VL, number > 0 ? number : vi{});
   }
   integer *px = k.px + n;
@@ -208,7 +208,7 @@ SIMD uint32_t pack_second(const Job<real> &J, Work &k, Rows rows, uint32_t n, re
     const vf second = load(k.second + i);
     const vi within = second < R * R;
     if (!any(within)) continue;  // nearly always
-    const vf limit = root(load(k.d2 + i)) + J.chord_slack;
+    const vf limit = sqrt(load(k.d2 + i)) + J.chord_slack;
     const Mask m = bits(within & (second < limit * limit));
     compress_store(k.t + n, load(k.second_tau + i), m), compress_store(k.px + n, iota() + integer(i), m);
     n += count(m);
@@ -228,9 +228,9 @@ template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord,
     vf dx, dy;
     from_start<POINTS>(p, k, c, i, dx, dy);
     const vf ex = dx - x, ey = dy - y, d2 = ex * ex + ey * ey, along = (ex * c.ex + ey * c.ey) * inwards;
-    const vf limit = root(load(k.d2 + i)) + J.chord_slack;
+    const vf limit = sqrt(load(k.d2 + i)) + J.chord_slack;
     const vi found = load(k.tau + i) == splat(end);
-    const Mask m = bits((d2 < limit * limit) & (d2 < R * R) & (select(found, -along, along) < turn * root(d2)));
+    const Mask m = bits((d2 < limit * limit) & (d2 < R * R) & (select(found, -along, along) < turn * sqrt(d2)));
     compress_store(k.t + n, select(found, splat(middle), splat(end)), m);
     compress_store(k.px + n, iota() + integer(i), m);
     n += count(m);
@@ -248,14 +248,14 @@ SIMD uint32_t other_candidates(const Job<real> &J, uint32_t first, uint32_t last
 }
 
 // Candidates of a stroke with bends or cusps over the tile, but a single piece.
-template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
+template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Intersection &e, const Place &p, Work &k, uint32_t n0, real R) {
   const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
   decide<POINTS>(J, e.piece, p, k, n0, other_candidates<POINTS>(J, e.first, e.last, p, k, rows, n0, R));
   return add_layer(k, e.piece, e.slot, n0, pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
 }
 
 // Candidates of a stroke with several pieces over the tile: the best of all pieces.
-template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Entry &e, const Place &p, Work &k, uint32_t n0, real R) {
+template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection &e, const Place &p, Work &k, uint32_t n0, real R) {
   for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
   Rows all = {TILE, -1};
   for (uint32_t first = e.first, last; first <= e.last; first = last + 1) {
@@ -334,10 +334,10 @@ template <bool WORLD> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t
     const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
     const vf tau = load(k.start + i);
-    const Fragment<vf> g = fragment<WORLD>(c, filter, tau, load(k.z + i), root(load(k.a + i)));
+    const Fragment<vf> g = fragment<WORLD>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)));
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
-    const vi in = (a > real(0)) & (g.depth > J.nearest) & (px >= 0);
+    const vi in = (a > real(0)) & (g.depth > J.min_depth) & (px >= 0);
     const Mask m = bits(in);
     compress_store(k.t + n, tau, m), compress_store(k.a + n, a * c.opacity, m);
     compress_store(k.z + n, g.depth, m), compress_store(k.px + n, px, m);
@@ -356,7 +356,7 @@ PHASE void close_layers(Work &k) {
     for (uint32_t f = start; f < stop; f += VL) {
       const vf z = load(k.z + f);
       const vi in = iota() < splat_int(integer(stop - f));
-      near = lesser(near, select(in, z, near)), far = greater(far, select(in, z, far));
+      near = min(near, select(in, z, near)), far = max(far, select(in, z, far));
     }
     k.layer[kept] = {k.layer[l].piece, k.layer[l].slot, least(near), most(far)}, k.first[++kept] = stop;
   }
@@ -370,19 +370,19 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
   k.first[0] = 0;
   uint32_t n = 0, smooth = 0;
   for (uint32_t e = J.tile_first[tile]; e < J.tile_first[tile + 1]; e++) {
-    const Entry &entry = J.entries[e], &next = J.entries[e + 1];
+    const Intersection &intersection = J.intersections[e], &next = J.intersections[e + 1];
     __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
-    const real R = J.reach[entry.stroke];
+    const real R = J.reach[intersection.stroke];
     if constexpr (POINTS != ANYWHERE)
-      if (entry.smooth) {
+      if (intersection.smooth) {
         reserve(k, n, n + PIX);
-        const uint32_t packed = pack_rows<POINTS>(J, entry.first, entry.last, p, k, n, R);
-        start_along<POINTS>(J, entry.first, entry.last, p, k, n, packed);
-        smooth += packed - n, n = add_layer(k, entry.piece, entry.slot, n, packed);
+        const uint32_t packed = pack_rows<POINTS>(J, intersection.first, intersection.last, p, k, n, R);
+        start_along<POINTS>(J, intersection.first, intersection.last, p, k, n, packed);
+        smooth += packed - n, n = add_layer(k, intersection.piece, intersection.slot, n, packed);
         continue;
       }
     reserve(k, n, n + 4 * PIX);  // a point may have four starts
-    n = entry.pieces == 1 ? bent_candidates<POINTS>(J, entry, p, k, n, R) : candidates_of_pieces<POINTS>(J, entry, p, k, n, R);
+    n = intersection.pieces == 1 ? bent_candidates<POINTS>(J, intersection, p, k, n, R) : candidates_of_pieces<POINTS>(J, intersection, p, k, n, R);
   }
   if (2 * smooth > n) nearest_smooth_points<POINTS>(J, p, k, n);
   else nearest_points<POINTS>(J, p, k, n);

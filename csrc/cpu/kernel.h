@@ -24,12 +24,12 @@ void *arena_take(Arena &, size_t bytes);
 // the chord and behind it; gaps, ends of pieces and bends too tight count as SHARP.
 struct ChordInfo { uint32_t piece; float bend_before, bend_after, length, turn; };
 constexpr float SHARP = 100;
-// Whether a run of chords has one nearest point to anything within its reach (SMOOTH_TURN, stroke_math.h).
+// Whether a run of chords has one nearest point to anything within its reach (SMOOTH_TURN, common/closest.h).
 inline bool smooth(const ChordInfo &first, const ChordInfo &last) { return last.bend_after - first.bend_before < SMOOTH_TURN; }
 
-// Chords first .. last (inclusive) of one stroke may touch the tile; they belong to `pieces` pieces from `piece` on, whose sums go to the slots
+// Where one stroke meets one tile: its chords first .. last (inclusive) may reach it. They belong to `pieces` pieces from `piece` on, whose sums go to the slots
 // from `slot` on. `smooth`: see above.
-struct Entry { uint32_t stroke, first, last, piece, pieces, slot; bool smooth; };
+struct Intersection { uint32_t stroke, first, last, piece, pieces, slot; bool smooth; };
 
 // Fragments of one tile that the forward keeps for the backward. A layer is one piece over the tile: fragments first[l] .. first[l+1],
 // sums to slot[l]. order: fragments near to far per pixel; null where the layers lie in that order.
@@ -40,14 +40,14 @@ template <class S> struct Job {
   int views, strokes, height, width, tiles_x, tiles_y;
   bool world, save;
   Filter<S> filter;
-  S nearest;                          // less depth than this is rounding: strokes are clipped at twice as much
+  S min_depth;                        // less depth than this is rounding: strokes are clipped at twice as much
   S chord_slack;                      // px: chords this much farther than the nearest may still lead to the nearest point
   const Piece<S> *pieces;
   const uint32_t *piece_stroke;       // view * strokes + stroke
   const Chord<S> *chords;
   const ChordInfo *chord_info;
-  const Entry *entries;               // and one more, with the number of slots
-  const uint32_t *tile_first;         // offsets into entries, one a tile
+  const Intersection *intersections;               // and one more, with the number of slots
+  const uint32_t *tile_first;         // offsets into intersections, one a tile
   const S *reach;                     // per stroke: no pixel farther than this is covered
   const S *background;                // (views, height, width, 3) by strides, innermost 1
   ptrdiff_t background_view, background_row, background_pixel;

@@ -81,10 +81,10 @@ template <class S> Unprojected<S> unprojected(const nb::tuple &curves) {
   return {In<S>(curves[0]), In<S>(curves[1]), In<double>(curves[2])};
 }
 // As render/drawing.py says: looks, height and width, Options.
-template <class S> struct Looks { In<S> half_width, color, opacity, background; };
-template <class S> Looks<S> looks_of(const nb::tuple &looks) {
-  require(looks.size() == 4, "looks must be half widths, colours, opacities and the background");
-  return {In<S>(looks[0]), In<S>(looks[1]), In<S>(looks[2]), In<S>(looks[3])};
+template <class S> struct Appearance { In<S> half_width, color, opacity, background; };
+template <class S> Appearance<S> appearance_of(const nb::tuple &appearance) {
+  require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
+  return {In<S>(appearance[0]), In<S>(appearance[1]), In<S>(appearance[2]), In<S>(appearance[3])};
 }
 using Size = std::tuple<int, int>;
 using Options = std::tuple<bool, double, double, int, uint64_t, double>;
@@ -94,7 +94,7 @@ template <class S> struct Owner {
   State<S> state;
   std::variant<Projected, Unprojected<S>> curves;
   Buffer<double> projections;  // the cubics of curves that came unprojected
-  Looks<S> looks;
+  Appearance<S> appearance;
 };
 
 template <class S> Scene<S> scene(const Unprojected<S> &curves) {
@@ -106,8 +106,8 @@ template <class S> Scene<S> scene(const Unprojected<S> &curves) {
   return {int(matrices.shape(0)), int(points.shape(0)), int(points.shape(1)), points.data(), weights.data(), matrices.data()};
 }
 
-template <class S> Input<S> input(const double *cubics, size_t V, size_t N, const Looks<S> &looks, Size size, Options options) {
-  const auto &[half_width, color, opacity, background] = looks;
+template <class S> Input<S> input(const double *cubics, size_t V, size_t N, const Appearance<S> &appearance, Size size, Options options) {
+  const auto &[half_width, color, opacity, background] = appearance;
   const auto [height, width] = size;
   const auto [world, near, blur, strata, seed, width_scale] = options;
   const size_t H = height, W = width;
@@ -142,26 +142,26 @@ template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S
   return nb::make_tuple(array(std::move(images.color), {V, H, W, 3}), array(std::move(images.alpha), {V, H, W}),
                         array(std::move(images.depth), {V, H, W}), kept);
 }
-template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple &looks, Size size, Options options, bool save) {
+template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple &appearance, Size size, Options options, bool save) {
   auto owner = std::make_unique<Owner<S>>();
-  owner->looks = looks_of<S>(looks);
+  owner->appearance = appearance_of<S>(appearance);
   if (curves.size() == 1) {
     const Projected cubics(curves[0]);
     require(cubics.ndim() == 4 && cubics.shape(2) == 4 && cubics.shape(3) == 4, "cubics must have shape (V, N, 4, 4)");
     owner->curves = cubics;
-    owner->state.input = input(cubics.data(), cubics.shape(0), cubics.shape(1), owner->looks, size, options);
+    owner->state.input = input(cubics.data(), cubics.shape(0), cubics.shape(1), owner->appearance, size, options);
     return draw<S>(std::move(owner), nullptr, save);
   }
   owner->curves = unprojected<S>(curves);
   const Scene<S> s = scene(std::get<Unprojected<S>>(owner->curves));
   owner->projections = Buffer<double>(size_t(s.views) * s.strokes * 16);
-  owner->state.input = input(owner->projections.get(), s.views, s.strokes, owner->looks, size, options);
+  owner->state.input = input(owner->projections.get(), s.views, s.strokes, owner->appearance, size, options);
   return draw<S>(std::move(owner), &s, save);
 }
 bool is_float32(nb::handle tensor) { return tensor.attr(torch().dtype).is(torch().float32); }
-nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &looks, Size size, Options options, bool save) {
-  require(looks.size() == 4, "looks must be half widths, colours, opacities and the background");
-  return is_float32(looks[1]) ? forward_of<float>(curves, looks, size, options, save) : forward_of<double>(curves, looks, size, options, save);
+nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &appearance, Size size, Options options, bool save) {
+  require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
+  return is_float32(appearance[1]) ? forward_of<float>(curves, appearance, size, options, save) : forward_of<double>(curves, appearance, size, options, save);
 }
 
 // Gradients of the looks, and then of the curves as they were given.
@@ -186,7 +186,7 @@ nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb
     g = backward<S>(owner.state, {g_color.data(), g_alpha.data(), g_depth.data()}, alpha.data(), depth.data(), want_background);
     if (curves) project_backward(s, g.cubics.get(), g_points.get(), g_weights.get(), want_matrices ? g_matrices.get() : nullptr);
   }
-  const In<S> &width = owner.looks.half_width;
+  const In<S> &width = owner.appearance.half_width;
   auto g_half_width = width.ndim() == 1 ? array(std::move(g.half_width), {N}) : array(std::move(g.half_width), {width.shape(0), N});
   auto g_colors = array(std::move(g.color), {N, 3}), g_opacity = array(std::move(g.opacity), {N});
   nb::object g_background = want_background ? nb::cast(array(std::move(g.background), {V, H, W, 3})) : nb::none();
@@ -236,7 +236,7 @@ NB_MODULE(_kernels, m) {
   nb::exception<InvalidStroke>(m, "InvalidStroke", PyExc_ValueError);
   bind<float>(m, "State32");
   bind<double>(m, "State64");
-  m.def("forward", &py_forward, "curves"_a, "looks"_a, "size"_a, "options"_a, "save"_a);
+  m.def("forward", &py_forward, "curves"_a, "appearance"_a, "size"_a, "options"_a, "save"_a);
   m.def("project", &py_project, "curves"_a);
   m.def("project_backward", &py_project_backward, "curves"_a, "g_cubics"_a);
   m.def("set_threads", &set_threads, nb::call_guard<nb::gil_scoped_release>());

@@ -117,7 +117,7 @@ template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch 
         if (own[i] != stroke) continue;
         const Point<real> point = point_at(c, k.t[f]);
         const real d2 = distance2(point, k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
-        const Fragment<real> g = fragment<WORLD>(c, J.filter, point.tau, point.z, root(d2));
+        const Fragment<real> g = fragment<WORLD>(c, J.filter, point.tau, point.z, sqrt(d2));
         if (g.r - g.d > real(OUTLINE_SLACK)) hidden[i] = true;
         k.a[f] = 0;
       }

@@ -73,19 +73,19 @@ SIMD vf to_real(vi v) { return __builtin_convertvector(v, vf); }
 SIMD vf select(vi m, vf a, vf b) { return m ? a : b; }
 // As instructions: GCC 12 makes two of a < b ? a : b.
 #if defined(__AVX512F__)
-SIMD vf lesser(vf a, vf b) { if constexpr (F32) return (vf)_mm512_min_ps((__m512)a, (__m512)b); else return (vf)_mm512_min_pd((__m512d)a, (__m512d)b); }
-SIMD vf greater(vf a, vf b) { if constexpr (F32) return (vf)_mm512_max_ps((__m512)a, (__m512)b); else return (vf)_mm512_max_pd((__m512d)a, (__m512d)b); }
+SIMD vf min(vf a, vf b) { if constexpr (F32) return (vf)_mm512_min_ps((__m512)a, (__m512)b); else return (vf)_mm512_min_pd((__m512d)a, (__m512d)b); }
+SIMD vf max(vf a, vf b) { if constexpr (F32) return (vf)_mm512_max_ps((__m512)a, (__m512)b); else return (vf)_mm512_max_pd((__m512d)a, (__m512d)b); }
 #elif defined(__AVX2__)
-SIMD vf lesser(vf a, vf b) { if constexpr (F32) return (vf)_mm256_min_ps((__m256)a, (__m256)b); else return (vf)_mm256_min_pd((__m256d)a, (__m256d)b); }
-SIMD vf greater(vf a, vf b) { if constexpr (F32) return (vf)_mm256_max_ps((__m256)a, (__m256)b); else return (vf)_mm256_max_pd((__m256d)a, (__m256d)b); }
+SIMD vf min(vf a, vf b) { if constexpr (F32) return (vf)_mm256_min_ps((__m256)a, (__m256)b); else return (vf)_mm256_min_pd((__m256d)a, (__m256d)b); }
+SIMD vf max(vf a, vf b) { if constexpr (F32) return (vf)_mm256_max_ps((__m256)a, (__m256)b); else return (vf)_mm256_max_pd((__m256d)a, (__m256d)b); }
 #elif defined(__SSE4_2__)
-SIMD vf lesser(vf a, vf b) { if constexpr (F32) return (vf)_mm_min_ps((__m128)a, (__m128)b); else return (vf)_mm_min_pd((__m128d)a, (__m128d)b); }
-SIMD vf greater(vf a, vf b) { if constexpr (F32) return (vf)_mm_max_ps((__m128)a, (__m128)b); else return (vf)_mm_max_pd((__m128d)a, (__m128d)b); }
+SIMD vf min(vf a, vf b) { if constexpr (F32) return (vf)_mm_min_ps((__m128)a, (__m128)b); else return (vf)_mm_min_pd((__m128d)a, (__m128d)b); }
+SIMD vf max(vf a, vf b) { if constexpr (F32) return (vf)_mm_max_ps((__m128)a, (__m128)b); else return (vf)_mm_max_pd((__m128d)a, (__m128d)b); }
 #else
-SIMD vf lesser(vf a, vf b) { return a < b ? a : b; }
-SIMD vf greater(vf a, vf b) { return a > b ? a : b; }
+SIMD vf min(vf a, vf b) { return a < b ? a : b; }
+SIMD vf max(vf a, vf b) { return a > b ? a : b; }
 #endif
-SIMD vf clamp(vf x, vf lo, vf hi) { return lesser(greater(x, lo), hi); }
+SIMD vf clamp(vf x, vf lo, vf hi) { return min(max(x, lo), hi); }
 SIMD vf clamp(vf x, real lo, real hi) { return clamp(x, splat(lo), splat(hi)); }
 // Joins the lanes pairwise: fewer steps than one lane after the other, and less error.
 template <int N, class Join> SIMD real join_lanes(const real *p, Join join) {
@@ -104,7 +104,7 @@ SIMD real most(vf v) { return join_lanes<VL>((const real *)&v, [](auto a, auto b
 
 // compress_store(dst, v, m): the lanes of v where m is set, contiguously; up to VL elements of dst are overwritten.
 #if defined(__AVX512F__)
-SIMD vf root(vf x) {
+SIMD vf sqrt(vf x) {
   if constexpr (F32) return (vf)_mm512_maskz_sqrt_ps(0xffff, (__m512)x);
   else return (vf)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);
 }
@@ -119,7 +119,7 @@ template <class T> SIMD void compress_store(T *dst, vi v, Mask m) {  // the memo
 }
 #else
 #if defined(__AVX2__)
-SIMD vf root(vf x) { if constexpr (F32) return (vf)_mm256_sqrt_ps((__m256)x); else return (vf)_mm256_sqrt_pd((__m256d)x); }
+SIMD vf sqrt(vf x) { if constexpr (F32) return (vf)_mm256_sqrt_ps((__m256)x); else return (vf)_mm256_sqrt_pd((__m256d)x); }
 SIMD Mask bits(vi m) { if constexpr (F32) return _mm256_movemask_ps((__m256)m); else return _mm256_movemask_pd((__m256d)m); }
 struct CompressTable {
   alignas(32) int32_t index[256][8] = {};
@@ -130,10 +130,10 @@ struct CompressTable {
 };
 static constexpr CompressTable compress_table;  // constexpr: no AVX2 code may run at load time
 #elif defined(__SSE4_2__)
-SIMD vf root(vf x) { if constexpr (F32) return (vf)_mm_sqrt_ps((__m128)x); else return (vf)_mm_sqrt_pd((__m128d)x); }
+SIMD vf sqrt(vf x) { if constexpr (F32) return (vf)_mm_sqrt_ps((__m128)x); else return (vf)_mm_sqrt_pd((__m128d)x); }
 SIMD Mask bits(vi m) { if constexpr (F32) return _mm_movemask_ps((__m128)m); else return _mm_movemask_pd((__m128d)m); }
 #else
-SIMD vf root(vf x) { for (int i = 0; i < VL; i++) x[i] = std::sqrt(x[i]); return x; }
+SIMD vf sqrt(vf x) { for (int i = 0; i < VL; i++) x[i] = std::sqrt(x[i]); return x; }
 SIMD Mask bits(vi m) { Mask b = 0; for (int i = 0; i < VL; i++) b |= Mask(m[i] & 1) << i; return b; }
 #endif
 template <class T> SIMD void compress_store(T *dst, vi v, Mask m) {
@@ -214,7 +214,7 @@ SIMD int count(Mask m) { return __builtin_popcount(m); }
 SIMD Mask first_lanes(int n) { return n >= VL ? Mask((uint64_t(1) << VL) - 1) : Mask((uint64_t(1) << n) - 1); }
 
 // e^x for -80 < x <= 0: Cephes' expf, relative error 2e-7; in double precision the library's.
-SIMD vf exponential(vf x) {
+SIMD vf exp(vf x) {
   if constexpr (!F32) {
     for (int i = 0; i < VL; i++) x[i] = std::exp(x[i]);
     return x;

@@ -115,7 +115,7 @@ PHASE uint32_t *sort_points(Work &k, uint32_t g0, uint32_t g1, uint32_t *out) {
 // The last of the layers from g0 on (in k.perm, by their nearest depth) whose depths overlap, and one more.
 SIMD uint32_t overlap_end(const Work &k, uint32_t g0) {
   uint32_t g1 = g0 + 1;
-  for (real far = k.layer[k.perm[g0]].far; g1 < k.layers && k.layer[k.perm[g1]].near <= far; g1++) far = greater(far, k.layer[k.perm[g1]].far);
+  for (real far = k.layer[k.perm[g0]].far; g1 < k.layers && k.layer[k.perm[g1]].near <= far; g1++) far = max(far, k.layer[k.perm[g1]].far);
   return g1;
 }
 

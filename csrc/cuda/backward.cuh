@@ -40,13 +40,13 @@ __device__ inline void differentiate_alpha(const Job &J, const u32 *order, u32 n
   }
 }
 
-// Sums over the fragments of one run, by one warp, added to those of the run.
+// Sums over the fragments of one tile piece, by one warp, added to those of the tile piece.
 struct PixelGradient { real r, g, b, depth; };
 template <bool WORLD, bool DEPTH, bool SAMPLES>
-__device__ void differentiate_run(const Job &J, const Tile &p, u32 run, const Segment *segments, int s, const PixelGradient *upstream) {
-  const Piece<real> &c = J.pieces[J.runs[run].piece];
+__device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_piece, const WarpFragments *warp_fragments, int s, const PixelGradient *upstream) {
+  const Piece<real> &c = J.pieces[J.tile_pieces[tile_piece].piece];
   const Filter<real> filter = filter_of(J);
-  const Segment mine = lane() < WARPS ? segments[lane()] : Segment{0, 0};
+  const WarpFragments mine = lane() < WARPS ? warp_fragments[lane()] : WarpFragments{0, 0};
   u32 total;
   const u32 before = warp_prefix(__popc(mine.mask), total);
   if (!total) return;
@@ -77,26 +77,26 @@ __device__ void differentiate_run(const Job &J, const Tile &p, u32 run, const Se
     const real total_k = warp_sum(g.sums[k]);
     if (lane() == k) sum = total_k;
   }
-  if (lane() < NGRAD) J.g_run[u64(run) * NGRAD + lane()] += sum;
+  if (lane() < NGRAD) J.g_tile_piece[u64(tile_piece) * NGRAD + lane()] += sum;
 }
 
 template <bool WORLD, bool DEPTH, bool SAMPLES> __device__ void differentiate_tile(const Job &J) {
   __shared__ PixelGradient upstream[PIX];
   const Tile p = tile_at(J, blockIdx.x);
-  if (p.run_first == p.run_last && !J.g_background) return;
+  if (p.tile_piece_first == p.tile_piece_last && !J.g_background) return;
   const int x = pixel_x(threadIdx.x), y = pixel_y(threadIdx.x), strata = samples(J);
   const Upstream u = upstream_at(J, p, x, y, real(1) / strata);
   upstream[threadIdx.x] = {u.r, u.g, u.b, u.depth};
-  for (u32 k = threadIdx.x; k < (p.run_last - p.run_first) * NGRAD; k += PIX) J.g_run[u64(p.run_first) * NGRAD + k] = 0;
+  for (u32 k = threadIdx.x; k < (p.tile_piece_last - p.tile_piece_first) * NGRAD; k += PIX) J.g_tile_piece[u64(p.tile_piece_first) * NGRAD + k] = 0;
   real background = 0;
   for (int s = 0; s < strata; s++) {
     real clear = 1;
     const u64 at = point_index(J, p, s);
-    if (p.run_first < p.run_last) differentiate_alpha(J, J.order + J.point_first[at], J.point_count[at], u, clear);
+    if (p.tile_piece_first < p.tile_piece_last) differentiate_alpha(J, J.order + J.point_first[at], J.point_count[at], u, clear);
     background += clear;
     __syncthreads();
-    for (u32 r = p.run_first + threadIdx.x / WARP; r < p.run_last; r += WARPS)
-      differentiate_run<WORLD, DEPTH, SAMPLES>(J, p, r, segments_of(J, p, s) + u64(r - p.run_first) * WARPS, s, upstream);
+    for (u32 r = p.tile_piece_first + threadIdx.x / WARP; r < p.tile_piece_last; r += WARPS)
+      differentiate_tile_piece<WORLD, DEPTH, SAMPLES>(J, p, r, warp_fragments_of(J, p, s) + u64(r - p.tile_piece_first) * WARPS, s, upstream);
     __syncthreads();
   }
   if (!J.g_background || x >= p.w || y >= p.h) return;

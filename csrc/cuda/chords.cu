@@ -9,15 +9,15 @@ KERNEL(place_chords, 1024) { total(J, CHORDS, J.chord_first, length_of(J, PIECES
 KERNEL(write_chords, 128) {
   if (fits(J, CHORDS)) each_warp(length_of(J, PIECES), [&](u32 i) { cut_piece<true>(J, i); });
 }
-KERNEL(count_pairs, 128) { each_thread(length_of(J, CHORDS), [&](u32 i) { bin_chord<false>(J, i); }); }
-KERNEL(place_pairs, 1024) {  // two blocks
-  if (blockIdx.x == 0) total(J, PAIRS, J.pair_first, length_of(J, CHORDS));
+KERNEL(count_intersections, 128) { each_thread(length_of(J, CHORDS), [&](u32 i) { bin_chord<false>(J, i); }); }
+KERNEL(place_intersections, 1024) {  // two blocks
+  if (blockIdx.x == 0) total(J, INTERSECTIONS, J.intersection_first, length_of(J, CHORDS));
   else add_up(J.tile_first, tile_count(J));
 }
-KERNEL(write_pairs, 128) {
-  if (fits(J, PAIRS)) each_thread(length_of(J, CHORDS), [&](u32 i) { bin_chord<true>(J, i); });
+KERNEL(write_intersections, 128) {
+  if (fits(J, INTERSECTIONS)) each_thread(length_of(J, CHORDS), [&](u32 i) { bin_chord<true>(J, i); });
 }
 KERNEL(group_tiles, 128) {  // a block for every tile
-  if (fits(J, PAIRS)) group_tile(J, blockIdx.x);
+  if (fits(J, INTERSECTIONS)) group_tile(J, blockIdx.x);
 }
 }  // namespace stroke

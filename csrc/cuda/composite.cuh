@@ -18,8 +18,8 @@ __device__ inline Place place_of(const Job &J, const Tile &p, int s, int x, int 
 // Index of this thread's point among those of all strata and tiles.
 __device__ inline u64 point_index(const Job &J, const Tile &p, int s) { return (u64(s) * tile_count(J) + p.index) * PIX + threadIdx.x; }
 // Segments of a stratum that is kept for the backward, or of the only one.
-__device__ inline Segment *segments_of(const Job &J, const Tile &p, int s) {
-  return J.segments + ((J.save ? u64(s) * J.limit[RUNS] : 0) + p.run_first) * WARPS;
+__device__ inline WarpFragments *warp_fragments_of(const Job &J, const Tile &p, int s) {
+  return J.warp_fragments + ((J.save ? u64(s) * J.limit[TILE_PIECES] : 0) + p.tile_piece_first) * WARPS;
 }
 
 struct Sums { real r, g, b, depth, ink, clear; };
@@ -43,9 +43,9 @@ template <bool WORLD> __device__ void draw_tile(const Job &J) {
   Sums sums = {};
   for (int s = 0; s < strata; s++) {
     const Place q = place_of(J, p, s, x, y);
-    pool.segments = segments_of(J, p, s);
+    pool.warp_fragments = warp_fragments_of(J, p, s);
     u32 first = 0, n = 0;
-    if (p.run_first < p.run_last) n = collect<WORLD>(J, p, q.x, q.y, active, pool, first, [](const Hit &) { return true; });
+    if (p.tile_piece_first < p.tile_piece_last) n = collect<WORLD>(J, p, q.x, q.y, active, pool, first, [](const Hit &) { return true; });
     if (J.save) J.point_first[point_index(J, p, s)] = first, J.point_count[point_index(J, p, s)] = n;
     composite(J, J.order + first, n, sums);
   }

@@ -1,16 +1,16 @@
-// Gradients of strokes from the sums of their runs and outlines, in double precision and a fixed order: one warp for each stroke and view.
+// Gradients of strokes from the sums of their pieces over tiles and of their outlines, in double precision and a fixed order: one warp for each stroke and view.
 #pragma once
 #include "cuda/warp.cuh"
 
 namespace stroke {
-// This lane's number among the sums of a piece: over its pairs, that is chords and then tiles.
-__device__ inline double piece_sum(const Job &J, u32 piece, u32 first_pair, u32 last_pair) {
+// This lane's number among the sums of a piece: over its intersections, that is chords and then tiles.
+__device__ inline double piece_sum(const Job &J, u32 piece, u32 first_intersection, u32 last_intersection) {
   double sum = 0;
-  for (u32 base = first_pair; base < last_pair; base += WARP) {
-    const u32 pair = base + lane(), run = pair < last_pair ? J.pair_run[pair] : NONE;
-    for (u32 mask = __ballot_sync(ALL, run != NONE); mask; mask &= mask - 1) {
-      const u32 from = __shfl_sync(ALL, run, __ffs(mask) - 1);
-      if (lane() < NGRAD) sum += J.g_run[u64(from) * NGRAD + lane()];
+  for (u32 base = first_intersection; base < last_intersection; base += WARP) {
+    const u32 intersection = base + lane(), tile_piece = intersection < last_intersection ? J.intersection_tile_piece[intersection] : NONE;
+    for (u32 mask = __ballot_sync(ALL, tile_piece != NONE); mask; mask &= mask - 1) {
+      const u32 from = __shfl_sync(ALL, tile_piece, __ffs(mask) - 1);
+      if (lane() < NGRAD) sum += J.g_tile_piece[u64(from) * NGRAD + lane()];
     }
   }
   if (J.strata && lane() < NGRAD) sum += J.outline_sums[u64(piece) * NGRAD + lane()];
@@ -25,7 +25,7 @@ __device__ inline void finish_stroke(const Job &J, u32 i) {
   double out = 0;  // of the lanes: 16 numbers of the cubic; half width, opacity and colour
   for (u32 p = good ? J.piece_first[i] : 0; good && p < J.piece_first[i + 1]; p++) {
     const PieceInfo &info = J.piece_info[p];
-    const double sum = piece_sum(J, p, J.pair_first[info.first_chord], J.pair_first[info.end_chord]);
+    const double sum = piece_sum(J, p, J.intersection_first[info.first_chord], J.intersection_first[info.end_chord]);
     sums[warp][lane()] = sum;
     __syncwarp();
     if (lane() == 0) control_gradient<double>(sums[warp], J.pieces[p].ox, J.pieces[p].oy, controls[warp]);
@@ -36,6 +36,6 @@ __device__ inline void finish_stroke(const Job &J, u32 i) {
     __syncwarp();
   }
   if (lane() < 16) J.g_cubics[u64(i) * 16 + lane()] = good && J.piece_first[i] < J.piece_first[i + 1] ? out * J.scale[i] : 0;
-  else if (lane() < NGRAD) J.g_look[u64(i) * 5 + lane() - 16] = out;
+  else if (lane() < NGRAD) J.g_appearance[u64(i) * 5 + lane() - 16] = out;
 }
 }  // namespace stroke

@@ -9,7 +9,7 @@ struct Whole {
   Control control;
   Frame frame;
   double reach, scale;
-  Piece<real> look;
+  Piece<real> appearance;
 };
 // False if it cannot be drawn.
 __device__ inline bool load_stroke(const Job &J, u32 i, Whole &s) {
@@ -23,9 +23,9 @@ __device__ inline bool load_stroke(const Job &J, u32 i, Whole &s) {
   for (int k = 0; k < 16; k++) scaled[k] = cubic[k] / largest, s.control.c[k / 4][k % 4] = scaled[k];
   s.reach = reach_of(scaled, half_width, J.world, J.near, J.filter_reach, J.width, J.height);
   s.frame = {-s.reach, J.width + s.reach, -s.reach, J.height + s.reach};
-  s.look = {};
-  s.look.half_width = real(half_width), s.look.opacity = J.opacity[n];
-  for (int k = 0; k < 3; k++) s.look.color[k] = J.color[3 * n + k];
+  s.appearance = {};
+  s.appearance.half_width = real(half_width), s.appearance.opacity = J.opacity[n];
+  for (int k = 0; k < 3; k++) s.appearance.color[k] = J.color[3 * n + k];
   return true;
 }
 
@@ -90,7 +90,7 @@ template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
       visit_pieces(s, a, b, [&](const Control &k, const v4d *p, double start, double stop) {
         const u32 piece = at + n++;
         if (!WRITE || piece >= end) return;
-        Piece<real> c = s.look;
+        Piece<real> c = s.appearance;
         J.arcs[piece] = make_piece(k, p, c);
         J.pieces[piece] = c;
         PieceInfo &info = J.piece_info[piece];

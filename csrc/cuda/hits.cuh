@@ -5,8 +5,8 @@
 #include "cuda/warp.cuh"
 
 namespace stroke {
-// A stroke over a point; run: NONE if it does not reach it.
-struct Hit { real tau, a, z; u32 run; };
+// A stroke over a point; tile piece: NONE if it does not reach it.
+struct Hit { real tau, a, z; u32 tile_piece; };
 
 // Nearest of some chords to a point, R2 if out of reach, and the nearest that is no neighbour of it: the curve may come near twice.
 struct Nearest { real d2, tau, second, second_tau; };
@@ -30,67 +30,67 @@ template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u
 }
 
 // The nearest point of a piece from a chord's parameter, roughly, as a candidate among others.
-struct Candidate { real d2, tau; u32 run; };
-__device__ inline void improve(const Piece<real> &c, u32 run, real start, real qx, real qy, Candidate &best) {
+struct Candidate { real d2, tau; u32 tile_piece; };
+__device__ inline void improve(const Piece<real> &c, u32 tile_piece, real start, real qx, real qy, Candidate &best) {
   const Point<real> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, true, real(ROUGH_STEP));
   const real d2 = distance2(point, qx, qy);
-  if (d2 < best.d2) best = {d2, point.tau, run};
+  if (d2 < best.d2) best = {d2, point.tau, tile_piece};
 }
 
 // Where an end of the piece, at this chord, may be the nearest point of a bend, improves on the best from there; where it is what the chords
 // say, from the middle of the chord. Neither is so where the point (x, y) lies farther to one side of the end than the chord turns.
 __device__ inline void improve_at_end(const Job &J, u32 chord, bool stop, const Tile &p, real x, real y, const Nearest &n, const Piece<real> &piece,
-                                      u32 run, real R, Candidate &best) {
+                                      u32 tile_piece, real R, Candidate &best) {
   const Chord<real> c = J.chords[chord];
   const ChordInfo info = J.chord_info[chord];
   const real end = stop ? real(.5) : real(-.5);
   if ((stop ? c.tau0 + c.dtau : c.tau0) != end || info.turn * float(R) < BENT_END * info.length) return;
   const real ex = real(p.x) - c.ax + x - (stop ? c.ex : real(0)), ey = real(p.y) - c.ay + y - (stop ? c.ey : real(0)), d2 = ex * ex + ey * ey;
-  const real limit = root(n.d2) + real(2 * CHORD_TOL), along = (ex * c.ex + ey * c.ey) * (stop ? real(-1) : real(1));
+  const real limit = sqrt(n.d2) + real(2 * CHORD_TOL), along = (ex * c.ex + ey * c.ey) * (stop ? real(-1) : real(1));
   const bool found = n.tau == end;
-  if (!(d2 < limit * limit && d2 < R * R && (found ? -along : along) < real(info.turn) * info.length * root(d2))) return;
-  improve(piece, run, found ? chord_tau(c, real(.5)) : end, real(p.x) - piece.ox + x, real(p.y) - piece.oy + y, best);
+  if (!(d2 < limit * limit && d2 < R * R && (found ? -along : along) < real(info.turn) * info.length * sqrt(d2))) return;
+  improve(piece, tile_piece, found ? chord_tau(c, real(.5)) : end, real(p.x) - piece.ox + x, real(p.y) - piece.oy + y, best);
 }
 
-__device__ inline u32 run_end(const Job &J, const Tile &p, u32 run) {
-  return run + 1 < p.run_last ? J.runs[run + 1].first : J.tile_first[p.index + 1];
+__device__ inline u32 tile_piece_end(const Job &J, const Tile &p, u32 tile_piece) {
+  return tile_piece + 1 < p.tile_piece_last ? J.tile_pieces[tile_piece + 1].first : J.tile_first[p.index + 1];
 }
 
-// Where to begin on one stroke, of which the tile has the runs first .. last: the nearest point so far.
+// Where to begin on one stroke, of which the tile has the tile pieces first .. last: the nearest point so far.
 __device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first, u32 last, real x, real y, real R) {
   Candidate best = {real(1e30), 0, NONE};
   for (u32 r = first; r < last; r++) {
-    const Run run = J.runs[r];
-    const u32 end = run_end(J, p, r);
-    if (last - first == 1 && run.smooth) {
-      const Nearest n = nearest_chords<false>(J, run.first, end, p, x, y, R * R);
+    const TilePiece tile_piece = J.tile_pieces[r];
+    const u32 end = tile_piece_end(J, p, r);
+    if (last - first == 1 && tile_piece.smooth) {
+      const Nearest n = nearest_chords<false>(J, tile_piece.first, end, p, x, y, R * R);
       return {n.d2, n.tau, n.d2 < R * R ? r : NONE};
     }
-    const Nearest n = nearest_chords<true>(J, run.first, end, p, x, y, R * R);
+    const Nearest n = nearest_chords<true>(J, tile_piece.first, end, p, x, y, R * R);
     if (!(n.d2 < R * R)) continue;
-    const real limit = root(n.d2) + real(2 * CHORD_TOL);  // chords this much farther may still lead to the nearest point
+    const real limit = sqrt(n.d2) + real(2 * CHORD_TOL);  // chords this much farther may still lead to the nearest point
     const bool two = n.second < limit * limit && n.second < R * R;
-    const Piece<real> &c = J.pieces[run.piece];
+    const Piece<real> &c = J.pieces[tile_piece.piece];
     const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
     improve(c, r, n.tau, qx, qy, best);
     if (two) improve(c, r, n.second_tau, qx, qy, best);
-    improve_at_end(J, J.tile_list[run.first], false, p, x, y, n, c, r, R, best);
+    improve_at_end(J, J.tile_list[tile_piece.first], false, p, x, y, n, c, r, R, best);
     improve_at_end(J, J.tile_list[end - 1], true, p, x, y, n, c, r, R, best);
   }
   return best;
 }
 
 template <bool WORLD> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y) {
-  const Candidate start = nearest_start(J, p, first, last, x, y, J.reach[J.runs[first].stroke]);
-  if (start.run == NONE) return {0, 0, 0, NONE};
-  const Piece<real> &c = J.pieces[J.runs[start.run].piece];
+  const Candidate start = nearest_start(J, p, first, last, x, y, J.reach[J.tile_pieces[first].stroke]);
+  if (start.tile_piece == NONE) return {0, 0, 0, NONE};
+  const Piece<real> &c = J.pieces[J.tile_pieces[start.tile_piece].piece];
   const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
   const Point<real> point = arrive(c, newton_step(c, start.tau, qx, qy), qx, qy, true);
-  const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point.tau, point.z, root(distance2(point, qx, qy)));
+  const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
   // Monte Carlo: a point is inside or not.
   const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
   // Less depth is rounding: strokes are clipped at twice as much.
-  return {point.tau, a * c.opacity, g.depth, a > 0 && g.depth > real(J.near / 2) ? start.run : NONE};
+  return {point.tau, a * c.opacity, g.depth, a > 0 && g.depth > real(J.near / 2) ? start.tile_piece : NONE};
 }
 
 // Memory for the fragments of a warp, taken in chunks: fewer atomic additions, at the price of some that stay empty.
@@ -98,7 +98,7 @@ constexpr u32 CHUNK = 128;
 struct Pool {
   Cover *fragments;
   u32 *order;
-  Segment *segments;                  // of the tile's runs
+  WarpFragments *warp_fragments;                  // of the tile's tile pieces
   u64 *counter, *ordered;
   u64 limit, at;
   u32 left;
@@ -152,20 +152,20 @@ __device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active,
   __shared__ ShortLists lists;
   const u32 warp = threadIdx.x / WARP;
   u32 n = 0;
-  for (u32 r = p.run_first, next; r < p.run_last; r = next) {
-    for (next = r + 1; next < p.run_last && J.runs[next].stroke == J.runs[r].stroke;) next++;
+  for (u32 r = p.tile_piece_first, next; r < p.tile_piece_last; r = next) {
+    for (next = r + 1; next < p.tile_piece_last && J.tile_pieces[next].stroke == J.tile_pieces[r].stroke;) next++;
     Hit hit = {0, 0, 0, NONE};
     if (active) hit = nearest_hit<WORLD>(J, p, r, next, x, y);
-    if (hit.run != NONE && !accept(hit)) hit.run = NONE;
+    if (hit.tile_piece != NONE && !accept(hit)) hit.tile_piece = NONE;
     for (u32 k = r; k < next; k++) {
-      const bool in = hit.run == k;
+      const bool in = hit.tile_piece == k;
       u32 mask = __ballot_sync(ALL, in);
       const u32 start = mask ? pool.take(__popc(mask)) : 0;
       if (start == NONE) mask = 0;
-      if (lane() == 0) pool.segments[u64(k - p.run_first) * WARPS + warp] = {start, mask};
+      if (lane() == 0) pool.warp_fragments[u64(k - p.tile_piece_first) * WARPS + warp] = {start, mask};
       if (!in || !mask) continue;
       const u32 at = start + __popc(below(mask));
-      pool.fragments[at] = {hit.tau, hit.a, hit.z, J.runs[k].piece};
+      pool.fragments[at] = {hit.tau, hit.a, hit.z, J.tile_pieces[k].piece};
       insert(lists, n++, hit.z, at);
     }
   }
@@ -179,8 +179,8 @@ __device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active,
   for (u32 k = 0; k < n && n <= SHORT_LIST; k++) order[k] = lists.fragment[k][threadIdx.x];
   if (n > SHORT_LIST) {
     u32 k = 0;
-    for (u32 r = p.run_first; r < p.run_last; r++) {
-      const Segment s = pool.segments[u64(r - p.run_first) * WARPS + warp];
+    for (u32 r = p.tile_piece_first; r < p.tile_piece_last; r++) {
+      const WarpFragments s = pool.warp_fragments[u64(r - p.tile_piece_first) * WARPS + warp];
       if (s.mask >> lane() & 1) order[k++] = s.first + __popc(below(s.mask));
     }
     sort_long(order, n, pool.fragments);

@@ -1,4 +1,4 @@
-// What the CUDA kernels share: the job that all of them are given, and sums and places within warps and blocks. No host headers, so that NVRTC
+// The job that all CUDA kernels are given: everything they read and write. No host headers, so that NVRTC
 // compiles this as it is. REAL: the precision of pixels.
 #pragma once
 #include "common/adjoint.h"
@@ -17,18 +17,18 @@ template <class S> struct OutlinePoint;
 
 // Of a chord: its piece, length in px, turning of the tangent in radians.
 struct ChordInfo { u32 piece; float length, turn; };
-// The chords of one piece over one tile: those of tile_list from `first` to the next run's. smooth: they have one nearest point.
-struct Run { u32 piece, stroke, first, smooth; };
+// Where one piece meets one tile: the chords of tile_list from `first` to the next one's. smooth: they have one nearest point.
+struct TilePiece { u32 piece, stroke, first, smooth; };
 // One stroke over one point: parameter and alpha there, depth, piece.
 struct alignas(4 * sizeof(real)) Cover { real tau, a, z; u32 piece; };
-// The fragments of one run in the 32 points of one warp: from `first` on, one for every bit of mask.
-struct Segment { u32 first, mask; };
+// The fragments of one piece over one tile in the 32 points of one warp: from `first` on, one for every bit of mask.
+struct WarpFragments { u32 first, mask; };
 
 // What is counted on the device, and bounded by the memory there is.
-enum { PIECES, CHORDS, PAIRS, RUNS, FRAGMENTS, OUTLINE, OUTLINE_FRAGMENTS, BOUNDED, ORDER = BOUNDED, OUTLINE_ORDER, BAD, COUNTERS };
+enum { PIECES, CHORDS, INTERSECTIONS, TILE_PIECES, FRAGMENTS, OUTLINE, OUTLINE_FRAGMENTS, BOUNDED, ORDER = BOUNDED, OUTLINE_ORDER, BAD, COUNTERS };
 
 // Everything a kernel reads and writes; job.py has the same fields in the same order. Arrays of bounded length are as long as limit[..] says.
-// A pair is a chord and a tile that it may touch.
+// An intersection is a chord and a tile that it may reach.
 struct Job {
   // strokes in space and the cameras' matrices, as in project.h; null where cubics are given
   const real *points, *weights;
@@ -50,14 +50,14 @@ struct Job {
   Chord<real> *chords;
   ChordInfo *chord_info;
   Tangents *tangents;
-  u32 *pair_first;
-  // per pair: its chord; the run that it is the first of, or NONE
-  u32 *pair_chord, *pair_run;
-  // per tile, and one more: its part of tile_list, its runs; cursors for filling
-  u32 *tile_first, *tile_cursor, *tile_run_first, *tile_runs;
-  u32 *tile_list;                    // pairs, later chords, of each tile in order
-  Run *runs;
-  Segment *segments;                 // per stratum, run and warp
+  u32 *intersection_first;
+  // per intersection: its chord; the tile piece that it is the first of, or NONE
+  u32 *intersection_chord, *intersection_tile_piece;
+  // per tile, and one more: its part of tile_list, the pieces over it; cursors for filling
+  u32 *tile_first, *tile_cursor, *tile_piece_first, *tile_piece_count;
+  u32 *tile_list;                    // intersections, later chords, of each tile in order
+  TilePiece *tile_pieces;
+  WarpFragments *warp_fragments;                 // per stratum, tile piece and warp
   Cover *fragments;
   u32 *order;                        // fragments of each point near to far
   u32 *point_first, *point_count;    // per stratum, tile and thread: its part of order
@@ -66,16 +66,16 @@ struct Job {
   // backward
   const real *g_color, *g_alpha, *g_depth;
   real *front, *g_fragment;          // per fragment: transmittance in front of it, dL/d(alpha)
-  real *g_run;                       // per run: NGRAD sums
+  real *g_tile_piece;                       // per tile piece: NGRAD sums
   real *g_background;
-  double *g_cubics, *g_look;         // per stroke and view: 16 and 5 numbers
+  double *g_cubics, *g_appearance;         // per stroke and view: 16 and 5 numbers
   real *g_widths, *g_colors, *g_opacities, *g_points, *g_weights;  // of the inputs
   double *g_matrices;
   // outlines (Monte Carlo)
   OutlinePoint<real> *outline;
   u32 *outline_list, *outline_tile_first, *outline_tile_cursor;
   real *g_outline, *outline_sums;
-  Segment *outline_segments;
+  WarpFragments *outline_warp_fragments;
   Cover *outline_fragments;
   u32 *outline_order;
   // numbers
@@ -91,7 +91,7 @@ struct Job {
 static_assert(TILE == 16 && WARPS == 8 && NGRAD == 21 && COUNTERS == 10);
 static_assert(sizeof(Piece<real>) == 25 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc<float>) == 80);
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
-static_assert(sizeof(Run) == 16 && sizeof(Segment) == 8 && sizeof(Cover) == 4 * sizeof(real));
+static_assert(sizeof(TilePiece) == 16 && sizeof(WarpFragments) == 8 && sizeof(Cover) == 4 * sizeof(real));
 
 __device__ inline u32 stroke_count(const Job &J) { return u32(J.views) * u32(J.strokes); }
 __device__ inline u32 tile_count(const Job &J) { return u32(J.views) * u32(J.tiles_x) * u32(J.tiles_y); }

@@ -36,7 +36,7 @@ __device__ inline void scatter_outline(const Job &J, u32 i) {
 template <bool WORLD> __device__ void value_outline(const Job &J) {
   const Tile p = tile_at(J, blockIdx.x);
   const u32 last = J.outline_tile_first[p.index + 1];
-  Pool pool = {J.outline_fragments, J.outline_order, J.outline_segments + u64(p.run_first) * WARPS, J.counters + OUTLINE_FRAGMENTS,
+  Pool pool = {J.outline_fragments, J.outline_order, J.outline_warp_fragments + u64(p.tile_piece_first) * WARPS, J.counters + OUTLINE_FRAGMENTS,
                J.counters + OUTLINE_ORDER, J.limit[OUTLINE_FRAGMENTS], 0, 0};
   for (u32 base = J.outline_tile_first[p.index]; base < last; base += PIX) {
     const bool active = base + threadIdx.x < last;
@@ -49,11 +49,11 @@ template <bool WORLD> __device__ void value_outline(const Job &J) {
     bool hidden = false;
     u32 first;
     const u32 n = collect<WORLD>(J, p, x, y, active, pool, first, [&](const Hit &hit) {
-      if (J.runs[hit.run].stroke != own) return true;
-      const Piece<real> &part = J.pieces[J.runs[hit.run].piece];
+      if (J.tile_pieces[hit.tile_piece].stroke != own) return true;
+      const Piece<real> &part = J.pieces[J.tile_pieces[hit.tile_piece].piece];
       const real qx = real(p.x) - part.ox + x, qy = real(p.y) - part.oy + y;
       const Point<real> point = point_at(part, hit.tau);
-      const Fragment<real> g = fragment<WORLD>(part, filter_of(J), point.tau, point.z, root(distance2(point, qx, qy)));
+      const Fragment<real> g = fragment<WORLD>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
       hidden = hidden || g.r - g.d > real(OUTLINE_SLACK);
       return false;
     });

@@ -18,16 +18,16 @@ __device__ inline void project_stroke(const Job &J, u32 i) {
 
 // Sums over the views of stroke n.
 __device__ inline void gather_stroke(const Job &J, u32 n) {
-  double look[5] = {}, control[16] = {};
+  double appearance[5] = {}, control[16] = {};
   for (u32 view = 0; view < u32(J.views); view++) {
     const u64 i = u64(view) * J.strokes + n;
-    for (int k = 0; k < 5; k++) look[k] += J.g_look[5 * i + k];
-    if (J.half_width_per_view) J.g_widths[i] = real(J.g_look[5 * i]);
+    for (int k = 0; k < 5; k++) appearance[k] += J.g_appearance[5 * i + k];
+    if (J.half_width_per_view) J.g_widths[i] = real(J.g_appearance[5 * i]);
     if (J.controls) from_view(J.matrices + 16 * view, J.g_cubics + 16 * i, control);
   }
-  if (!J.half_width_per_view) J.g_widths[n] = real(look[0] * J.width_scale);
-  J.g_opacities[n] = real(look[1]);
-  for (int k = 0; k < 3; k++) J.g_colors[3 * u64(n) + k] = real(look[2 + k]);
+  if (!J.half_width_per_view) J.g_widths[n] = real(appearance[0] * J.width_scale);
+  J.g_opacities[n] = real(appearance[1]);
+  for (int k = 0; k < 3; k++) J.g_colors[3 * u64(n) + k] = real(appearance[2 + k]);
   const u64 at = u64(n) * J.controls;
   if (J.controls) from_control(points_of(J, n), weights_of(J, n), J.controls, control, J.g_points + 3 * at, J.g_weights + at);
 }

@@ -46,7 +46,7 @@ def library(real: str) -> ctypes.CDLL:
     shutil.rmtree(folder)
     loaded.job_size.restype = ctypes.c_size_t
     loaded.emulate.restype = ctypes.c_char_p
-    assert loaded.job_size() == ctypes.sizeof(Job), "job.py and device.cuh disagree"
+    assert loaded.job_size() == ctypes.sizeof(Job), "job.py and job.cuh disagree"
     return loaded
 
 

@@ -1,4 +1,4 @@
-"""What a kernel is given, `Job` of csrc/cuda/device.cuh field by field, and the memory that its arrays take."""
+"""What a kernel is given, `Job` of csrc/cuda/job.cuh field by field, and the memory that its arrays take."""
 
 import ctypes
 from collections.abc import Iterator, Mapping
@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Tensor
 
 # Lists that grow with the drawing, in the order of their counters; then the other counters.
-LISTS = ("pieces", "chords", "pairs", "runs", "fragments", "outline", "outline_fragments")
+LISTS = ("pieces", "chords", "intersections", "tile_pieces", "fragments", "outline", "outline_fragments")
 BAD = len(LISTS) + 2
 COUNTERS = BAD + 1
 TILE, PIXELS, WARPS = 16, 256, 8
@@ -18,12 +18,12 @@ SUMS = 21
 _POINTERS = (
     "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "out_color",
     "out_alpha", "out_depth", "reach", "scale", "piece_first", "pieces", "piece_info", "arcs", "chord_first",
-    "outline_first", "chords", "chord_info", "tangents", "pair_first", "pair_chord", "pair_run", "tile_first",
-    "tile_cursor", "tile_run_first", "tile_runs", "tile_list", "runs", "segments", "fragments", "order",
+    "outline_first", "chords", "chord_info", "tangents", "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first",
+    "tile_cursor", "tile_piece_first", "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order",
     "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
-    "g_run", "g_background", "g_cubics", "g_look", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights",
+    "g_tile_piece", "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights",
     "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline",
-    "outline_sums", "outline_segments", "outline_fragments", "outline_order",
+    "outline_sums", "outline_warp_fragments", "outline_fragments", "outline_order",
 )  # fmt: skip
 
 
@@ -104,7 +104,7 @@ class Shape:
 
     def forward(self, limits: Mapping[str, int]) -> dict[str, int]:
         """Bytes of the other arrays of a forward pass; they are kept for the backward pass."""
-        pieces, chords, pairs, runs, fragments = (limits[name] for name in LISTS[:5])
+        pieces, chords, intersections, tile_pieces, fragments = (limits[name] for name in LISTS[:5])
         kept = self.samples if self.save else 1
         points = PIXELS * self.tiles * self.samples if self.save else 0
         return {
@@ -120,11 +120,11 @@ class Shape:
             "chords": 9 * self.real * chords,
             "chord_info": 12 * chords,
             "tangents": 16 * chords,
-            "pair_first": 4 * (chords + 1),
-            **dict.fromkeys(("pair_chord", "pair_run", "tile_list"), 4 * pairs),
-            **dict.fromkeys(("tile_run_first", "tile_runs"), 4 * self.tiles),
-            "runs": 16 * runs,
-            "segments": 8 * WARPS * kept * runs,
+            "intersection_first": 4 * (chords + 1),
+            **dict.fromkeys(("intersection_chord", "intersection_tile_piece", "tile_list"), 4 * intersections),
+            **dict.fromkeys(("tile_piece_first", "tile_piece_count"), 4 * self.tiles),
+            "tile_pieces": 16 * tile_pieces,
+            "warp_fragments": 8 * WARPS * kept * tile_pieces,
             "fragments": 4 * self.real * fragments,
             "order": 4 * fragments,
             "point_first": 4 * points,
@@ -134,7 +134,7 @@ class Shape:
     def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
         """Bytes of the arrays that a backward pass needs beside."""
         sizes = dict.fromkeys(("front", "g_fragment"), self.real * limits["fragments"])
-        sizes |= {"g_run": SUMS * self.real * limits["runs"], "g_look": 40 * self.seen}
+        sizes |= {"g_tile_piece": SUMS * self.real * limits["tile_pieces"], "g_appearance": 40 * self.seen}
         sizes["g_cubics"] = 128 * self.seen if self.controls else 0
         if not self.strata:
             return sizes
@@ -143,7 +143,7 @@ class Shape:
             "outline_list": 4 * points,
             "g_outline": self.real * points,
             "outline_sums": SUMS * self.real * limits["pieces"],
-            "outline_segments": 8 * WARPS * limits["runs"],
+            "outline_warp_fragments": 8 * WARPS * limits["tile_pieces"],
             "outline_fragments": 4 * self.real * fragments,
             "outline_order": 4 * fragments,
         }

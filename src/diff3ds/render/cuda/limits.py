@@ -20,7 +20,7 @@ MARGIN = 3
 # hundred million fragments are 2 GB. Empirical.
 LARGE, LARGE_MARGIN = 1 << 24, 1.25
 # The first guess, by stroke and view, and per pixel (empirical); it only decides how often a first call is done again.
-PIECES, CHORDS, PAIRS, FRAGMENTS = 2, 32, 96, 2
+PIECES, CHORDS, INTERSECTIONS, FRAGMENTS = 2, 32, 96, 2
 # No list is shorter (20 to 60 MB in all): a small drawing may then change as it likes and never outgrows its memory.
 LEAST = dict(zip(LISTS, (1 << 12, 1 << 16, 1 << 18, 1 << 15, 1 << 19, 1 << 16, 1 << 17), strict=True))
 
@@ -42,13 +42,13 @@ class Limits:
     def guess(self, shape: Shape) -> None:
         """Raises the bounds to what a drawing like this may need."""
         seen, pixels = shape.seen, shape.views * shape.height * shape.width
-        first = (PIECES * seen, CHORDS * seen, PAIRS * seen, PAIRS * seen, FRAGMENTS * pixels * shape.samples)
+        first = (PIECES * seen, CHORDS * seen, INTERSECTIONS * seen, INTERSECTIONS * seen, FRAGMENTS * pixels * shape.samples)
         # px of outline; of many strokes, each is short.
         outline = min(1024 * seen, pixels) * shape.strata
         outlines = (outline, 2 * outline)
         for name, need in zip(LISTS, (*first, *outlines), strict=True):
-            # What a run takes grows with the samples.
-            least = LEAST[name] // shape.samples if name == "runs" else LEAST[name]
+            # What a piece over a tile takes grows with the samples.
+            least = LEAST[name] // shape.samples if name == "tile_pieces" else LEAST[name]
             self.length[name] = min(MOST, max(self.length.get(name, 0), least, need + 1024))
 
     def needs(self) -> dict[str, int]:

@@ -174,8 +174,8 @@ def _run(device: Device, job: Job, work: list[Arrays], lengths: dict[str, int], 
     job.limit[:] = list(lengths.values())
     tiles = job.views * job.tiles_x * job.tiles_y
     launches = [("project_strokes", device.strides)] if job.controls else []
-    for part in ("pieces", "chords", "pairs"):
-        places = 2 if part == "pairs" else 1
+    for part in ("pieces", "chords", "intersections"):
+        places = 2 if part == "intersections" else 1
         launches += [(f"count_{part}", device.strides), (f"place_{part}", places), (f"write_{part}", device.strides)]
     launches += [("group_tiles", tiles), ("draw_world" if job.world else "draw_image", tiles)]
     device.launch([*launches, ("conclude_drawing", device.strides)], job)
