@@ -7,7 +7,9 @@ namespace stroke {
 // Sums over the fragments of one piece: the gradient with respect to the coefficients x, y, z, w, then to the half width, the opacity
 // and the colour.
 constexpr int NGRAD = 21;
-template <class F> struct Moments { F x[4], y[4], z[4], w[4], half_width, opacity, rgb[3]; };
+template <class F> struct Moments {
+  F x[4], y[4], z[4], w[4], half_width, opacity, rgb[3];
+};
 
 // Adds (hx, hy, hz, hw) tau^k to the coefficients.
 template <bool W, class F> HD void add_value(Moments<F> &m, F tau, F hx, F hy, F hz, F hw) {
@@ -71,7 +73,7 @@ template <bool WORLD, class S> HD void outline_adjoint(const Piece<S> &c, S tau,
   const Jet<S> j = jet(c, tau);
   const S iz = S(1) / j.z, speed = sqrt(j.vx * j.vx + j.vy * j.vy);
   const S tilt = speed > S(0) ? slope / speed : S(0);
-  S nx = along * ux - tilt * j.vx, ny = along * uy - tilt * j.vy;   // normal times length
+  S nx = along * ux - tilt * j.vx, ny = along * uy - tilt * j.vy;  // normal times length
   if (WORLD) {
     const S w = cubic(c.w, tau), depth = j.z / w, r = c.half_width / depth;
     // The unit normal u turns with the tangent.

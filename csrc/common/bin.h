@@ -5,8 +5,7 @@
 namespace stroke {
 // Calls f(tx, ty) for the tiles with points within R of the chord, `length` px long, or just beyond; row by row. anywhere: points may lie
 // anywhere in pixels (samples), not only in their centres.
-template <class S, class Visit>
-HD void visit_tiles(const Chord<S> &c, float length, float R, bool anywhere, int tiles_x, int tiles_y, Visit f) {
+template <class S, class Visit> HD void visit_tiles(const Chord<S> &c, float length, float R, bool anywhere, int tiles_x, int tiles_y, Visit f) {
   const float half = TILE / 2 - (anywhere ? 0 : .5f), margin = TILE / 2 - half;  // from a tile's middle to its outer points; from these to its edge
   const float ax = float(c.ax), ay = float(c.ay), ex = float(c.ex), ey = float(c.ey);
   const float x0 = least(ax, ax + ex) - R + margin, x1 = most(ax, ax + ex) + R - margin;

@@ -1,21 +1,23 @@
-// The closest point of a piece to a pixel: Newton's steps from a start on a chord (docs/mathematics.md, eq. 4).
+// The closest point of a piece to a pixel: Newton's steps from a start on a chord (docs/explanation/mathematics.md, eq. 4).
 #pragma once
 #include "common/curve.h"
 
 namespace stroke {
 
-constexpr double CHORD_TOL = .12;     // px between chord and curve; Newton makes up for it (empirical: faster than .05, .15 and .5)
+constexpr double CHORD_TOL = .12;        // px between chord and curve; Newton makes up for it (empirical: faster than .05, .15 and .5)
 constexpr double TIGHT_CHORD_TOL = .05;  // the same in bends as tight as the stroke is wide
 // A run of chords that turns less than this, nowhere tighter than TIGHT times the stroke's reach, has one nearest point within its reach: for a
 // second the curve would have to turn round. And what lies within reach of a chord has passed those before it, and none behind the next one.
 constexpr float SMOOTH_TURN = 1.5f;
 constexpr double TIGHT = .75;
 // At an end of a piece a curve whose chord turns by more than this times its length over the reach may come near twice within the chord.
-constexpr float BENT_END = .3f;       // (empirical)
+constexpr float BENT_END = .3f;  // (empirical)
 
 // Towards the point of the piece nearest to (qx, qy), from a parameter on a chord within CHORD_TOL (eq. 4): a Newton step on half the squared
 // distance. d2: the squared distance before; rate: the inverse of the slope there.
-template <class F> struct Approach { F from, d2, tau, rate; };
+template <class F> struct Approach {
+  F from, d2, tau, rate;
+};
 template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from, F qx, F qy, Jet<F> &j) {
   j = jet(c, from);
   const F rx = j.px - qx, ry = j.py - qy;
@@ -31,7 +33,7 @@ template <class F, class S> HD Approach<F> newton_step(const Piece<S> &c, F from
 
 // A second step with the slope of the first, along the tangent. bent: it is too long for the tangent to stand for the curve, or the first led
 // uphill.
-constexpr double TANGENT_STEP = .001;    // px: 1e-5 px off a bend with a radius of .05 px
+constexpr double TANGENT_STEP = .001;  // px: 1e-5 px off a bend with a radius of .05 px
 template <class F, class S, class M> HD Point<F> tangent_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &bent) {
   F x1, y1, z1;
   const F z = cubic(c.z, a.tau, z1), iz = S(1) / z, px = cubic(c.x, a.tau, x1) * iz, py = cubic(c.y, a.tau, y1) * iz;
@@ -55,8 +57,8 @@ template <class F, class S, class M> HD Point<F> two_steps(const Piece<S> &c, F 
 
 // A second step with a slope of its own, along the parabola that touches the curve. far: it is too long for that, or does not lead to the nearest
 // point, since a third would be felt, or the first led uphill and is taken back.
-constexpr double PARABOLA_STEP = .01;    // px (empirical)
-constexpr double THIRD_STEP = 1e-4;      // px (empirical: depth's gradient near centres of curvature feels more)
+constexpr double PARABOLA_STEP = .01;  // px (empirical)
+constexpr double THIRD_STEP = 1e-4;    // px (empirical: depth's gradient near centres of curvature feels more)
 template <class F, class S, class M> HD Point<F> parabola_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &far) {
   const Jet<F> j = jet(c, a.tau);
   const F rx = j.px - qx, ry = j.py - qy, vv = j.vx * j.vx + j.vy * j.vy, f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
@@ -71,7 +73,9 @@ template <class F, class S, class M> HD Point<F> parabola_step(const Piece<S> &c
 
 // A step of Newton's, downhill, if it stays between the parameters last left in either direction, else to the middle of these. moved2: its
 // squared length in px along the tangent.
-template <class F> struct Bracket { F low, high; };
+template <class F> struct Bracket {
+  F low, high;
+};
 template <class F, class S> HD F step_between(const Piece<S> &c, Bracket<F> &b, F tau, F qx, F qy, F &moved2) {
   const Jet<F> j = jet(c, tau);
   const F rx = j.px - qx, ry = j.py - qy, slope = rx * j.vx + ry * j.vy, vv = j.vx * j.vx + j.vy * j.vy + S(1e-30);
@@ -90,8 +94,9 @@ template <class F, class M> HD Point<F> choose(const M &m, const Point<F> &a, co
 }
 // The second and further steps in lanes that are bent; in others whatever comes. enough: px; no fourth step is made behind a shorter one, nor
 // any more.
-constexpr double ROUGH_STEP = .02;       // px: a last step of s px changes a distance d by s^2 / 2d at most, too little to tell two places apart (empirical)
-constexpr int MORE_STEPS = 24;           // halvings of a piece: float32 has no digits left
+// px: a last step of s px changes a distance d by s^2 / 2d at most, too little to tell two places apart (empirical)
+constexpr double ROUGH_STEP = .02;
+constexpr int MORE_STEPS = 24;  // halvings of a piece: float32 has no digits left
 template <class F, class S, class M>
 HD Point<F> more_steps(const Piece<S> &c, const Approach<F> &a, F qx, F qy, const M &bent, S enough = S(TANGENT_STEP)) {
   M far;

@@ -1,15 +1,17 @@
-// Coverage: the share of a pixel that a stroke covers, from the distance to its closest point (docs/mathematics.md, eq. 7).
+// Coverage: the share of a pixel that a stroke covers, from the distance to its closest point (docs/explanation/mathematics.md, eq. 7).
 #pragma once
 #include "common/curve.h"
 
 namespace stroke {
 
-constexpr double BLUR_REACH = 3.5;    // the normal distribution is cut here ...
+constexpr double BLUR_REACH = 3.5;                   // the normal distribution is cut here ...
 constexpr double BLUR_TAIL = 2.3262907903552504e-4;  // ... where it still has this much, given back by scaling
-constexpr double MIN_ALPHA = 1e-6;    // pixels with less ink than this have no depth
+constexpr double MIN_ALPHA = 1e-6;                   // pixels with less ink than this have no depth
 
 // Pixel filter (eq. 7): the box (inv_sigma = 0) or a normal distribution.
-template <class S> struct Filter { S inv_sigma, reach; };
+template <class S> struct Filter {
+  S inv_sigma, reach;
+};
 // The filter's integral F(x) and density F'(x), x in px.
 template <class F, class S> HD F cumulative(const Filter<S> &f, F x) {
   if (f.inv_sigma == S(0)) return clamp(x + S(.5), S(0), S(1));
@@ -28,7 +30,9 @@ template <class F, class S> HD F density(const Filter<S> &f, F x) {
 }
 
 // One fragment: a pixel d px from its closest point, which is at tau, z. r = half width in px there.
-template <class F> struct Fragment { F depth, r, d, coverage; };
+template <class F> struct Fragment {
+  F depth, r, d, coverage;
+};
 template <bool WORLD, class F, class S> HD Fragment<F> fragment(const Piece<S> &c, const Filter<S> &f, F tau, F z, F d) {
   Fragment<F> g;
   g.depth = depth_at(c, tau, z);

@@ -1,4 +1,4 @@
-// Pieces of strokes and their chords: what they are, and their points and derivatives. Equation numbers: docs/mathematics.md.
+// Pieces of strokes and their chords: what they are, and their points and derivatives. Equation numbers: docs/explanation/mathematics.md.
 //
 // A piece is a part of a stroke, tame enough for float32; a chord stands for a part of a piece (common/flatten.h makes both).
 #pragma once
@@ -6,21 +6,23 @@
 
 namespace stroke {
 
-constexpr int TILE = 16;              // tiles are TILE x TILE pixels
+constexpr int TILE = 16;  // tiles are TILE x TILE pixels
 // A tame part of a stroke: four cubics in tau = t - 1/2 (small powers: little cancellation in float32). On screen it is
 // o + (x, y) / z, its depth z / w.
 template <class S> struct Piece {
   S x[4], y[4], z[4], w[4];
   S ox, oy;
-  S half_width;                       // px, or px times depth where widths are in world units
+  S half_width;  // px, or px times depth where widths are in world units
   S color[3], opacity;
-  S flat_w;                           // 1 / w where w is constant, else 0
-  S parabola2;                        // CPU: square of the parameter step within which the parabola that touches the curve stands for it
+  S flat_w;     // 1 / w where w is constant, else 0
+  S parabola2;  // CPU: square of the parameter step within which the parabola that touches the curve stands for it
 };
 
 // A chord of a piece: from a along e; (ix, iy) = e / |e|^2. At its share s the curve's parameter is about tau0 + s (dtau + (1 - s) bow): exact
 // at the ends and in the middle.
-template <class S> struct Chord { S ax, ay, ex, ey, ix, iy, tau0, dtau, bow; };
+template <class S> struct Chord {
+  S ax, ay, ex, ey, ix, iy, tau0, dtau, bow;
+};
 
 // B_i(t) = sum_k bern(i, k) tau^k.
 HD constexpr double bern(int i, int k) {
@@ -50,7 +52,9 @@ template <class F, class S> HD F chord_dist2(const Chord<S> &c, F dx, F dy, F &s
 template <class F, class S> HD F chord_tau(const Chord<S> &c, F s) { return c.tau0 + s * ((c.dtau + c.bow) - s * c.bow); }
 
 // Position relative to o, its first derivative and half the second, and z with the first.
-template <class F> struct Jet { F px, py, vx, vy, ax, ay, z, z1; };
+template <class F> struct Jet {
+  F px, py, vx, vy, ax, ay, z, z1;
+};
 template <class F, class S> HD Jet<F> jet(const Piece<S> &c, F tau) {
   Jet<F> j;
   F x1, x2, y1, y2, z2;
@@ -63,14 +67,14 @@ template <class F, class S> HD Jet<F> jet(const Piece<S> &c, F tau) {
 }
 
 // The point of a piece at tau, relative to o.
-template <class F> struct Point { F tau, x, y, z; };
+template <class F> struct Point {
+  F tau, x, y, z;
+};
 template <class F, class S> HD Point<F> point_at(const Piece<S> &c, F tau) {
   const F z = cubic(c.z, tau), iz = S(1) / z;
   return {tau, cubic(c.x, tau) * iz, cubic(c.y, tau) * iz, z};
 }
 template <class F> HD F distance2(const Point<F> &p, F qx, F qy) { return (p.x - qx) * (p.x - qx) + (p.y - qy) * (p.y - qy); }
 
-template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) {
-  return c.flat_w > S(0) ? z * c.flat_w : z / cubic(c.w, tau);
-}
+template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) { return c.flat_w > S(0) ? z * c.flat_w : z / cubic(c.w, tau); }
 }  // namespace stroke

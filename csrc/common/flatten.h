@@ -16,12 +16,12 @@ template <class T> struct Four {
   HD T &operator[](int i) { return v[i]; }
   HD T operator[](int i) const { return v[i]; }
 };
-#define STROKE_FOUR(op)                                                                                                  \
-  template <class T> HD Four<T> operator op(const Four<T> &a, const Four<T> &b) {                                        \
-    return {a.v[0] op b.v[0], a.v[1] op b.v[1], a.v[2] op b.v[2], a.v[3] op b.v[3]};                                     \
-  }                                                                                                                      \
-  template <class T> HD Four<T> operator op(const Four<T> &a, T b) { return a op Four<T>{b, b, b, b}; }                  \
-  template <class T> HD Four<T> &operator op##=(Four<T> &a, const Four<T> &b) { return a = a op b; }
+#define STROKE_FOUR(op)                                                                                                                              \
+  template <class T> HD Four<T> operator op(const Four<T> &a, const Four<T> &b) {                                                                    \
+    return {a.v[0] op b.v[0], a.v[1] op b.v[1], a.v[2] op b.v[2], a.v[3] op b.v[3]};                                                                 \
+  }                                                                                                                                                  \
+  template <class T> HD Four<T> operator op(const Four<T> &a, T b) { return a op Four<T>{b, b, b, b}; }                                              \
+  template <class T> HD Four<T> &operator op## = (Four<T> & a, const Four<T> &b) { return a = a op b; }
 STROKE_FOUR(+)
 STROKE_FOUR(-)
 STROKE_FOUR(*)
@@ -33,22 +33,32 @@ typedef double v4d __attribute__((vector_size(32)));
 #endif
 
 // Four homogeneous control points (X, Y, Z, W).
-struct Control { v4d c[4]; };
+struct Control {
+  v4d c[4];
+};
 // Of a piece. start, stop: parameters in the stroke; map: from the stroke's control points to those of the piece.
-struct PieceInfo { uint32_t stroke; double start, stop; uint32_t first_chord, end_chord; bool cap_start, cap_stop; double map[16]; };
+struct PieceInfo {
+  uint32_t stroke;
+  double start, stop;
+  uint32_t first_chord, end_chord;
+  bool cap_start, cap_stop;
+  double map[16];
+};
 // Directions of the curve at the ends of a chord.
-struct Tangents { float ax, ay, bx, by; };
+struct Tangents {
+  float ax, ay, bx, by;
+};
 
 // Monte Carlo: chords turn by less than this (about radians) unless they are shorter than that (px): these stand for a jump of the tangent.
 constexpr float OUTLINE_TURN = .3, OUTLINE_MIN = .002;
-constexpr int MAX_DEPTH = 48;         // cuts of a span into pieces
+constexpr int MAX_DEPTH = 48;  // cuts of a span into pieces
 // Cuts of a stroke: the largest image takes some hundreds. At coordinates of 1e20 rounding may leave parts that no cut tames.
 constexpr int MAX_CUTS = 4096;
-constexpr int MAX_CHORD_DEPTH = 15;   // halvings of a piece: below, float has no digits left
-constexpr double MAX_RATIO = 16;      // of the weights Z, and W, within a piece: float32 keeps its digits
-constexpr double MAX_EXTENT = 1024;   // px of a piece: float32 resolves 1e-4 px in it
-constexpr float MAX_SKEW = .25;       // of a chord's length: how unevenly the parameter may run along it
-constexpr float FOLD_TOL = .01;       // px along the chord; a curve that folds back within less does no harm
+constexpr int MAX_CHORD_DEPTH = 15;  // halvings of a piece: below, float has no digits left
+constexpr double MAX_RATIO = 16;     // of the weights Z, and W, within a piece: float32 keeps its digits
+constexpr double MAX_EXTENT = 1024;  // px of a piece: float32 resolves 1e-4 px in it
+constexpr float MAX_SKEW = .25;      // of a chord's length: how unevenly the parameter may run along it
+constexpr float FOLD_TOL = .01;      // px along the chord; a curve that folds back within less does no harm
 constexpr double MAX_COORDINATE = 1e100;
 
 HD double low(const v4d *p, int k) { return least(p[0][k], p[1][k], p[2][k], p[3][k]); }
@@ -101,14 +111,17 @@ HD Control mapped(const Control &k, const double *map) {
 
 // The homogeneous control points of a part of a piece relative to its origin (float is exact to 1e-4 px), and the same on screen. F is float,
 // or a vector of as many parts as it has lanes.
-template <class F> struct Arc { F x[4], y[4], z[4], u[4], v[4]; };
+template <class F> struct Arc {
+  F x[4], y[4], z[4], u[4], v[4];
+};
 template <class F> HD void project(Arc<F> &k) {
   for (int i = 0; i < 4; i++) k.u[i] = k.x[i] / k.z[i], k.v[i] = k.y[i] / k.z[i];
 }
 // Square roots of a number or of lanes, and whether something holds for any lane. Names of their own: the kernels' sqrt and any are for their vectors.
 template <class F> HD F sqrt_each(F x) {
   if constexpr (sizeof(F) == sizeof(float)) return sqrt(x);
-  else for (unsigned i = 0; i < sizeof(F) / sizeof(float); i++) x[i] = sqrt(x[i]);
+  else
+    for (unsigned i = 0; i < sizeof(F) / sizeof(float); i++) x[i] = sqrt(x[i]);
   return x;
 }
 template <class Mask> HD bool any_lane(const Mask &m) {
@@ -141,7 +154,9 @@ template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piec
 }
 
 // Directions of the curve at both ends of an arc, the angle between them (about), and the length of the chord.
-template <class F> struct Direction { F x, y; };
+template <class F> struct Direction {
+  F x, y;
+};
 template <class F> HD F turning(Direction<F> a, Direction<F> b) { return sqrt_each((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y)); }
 // The direction to the first of two points that is not here, else none.
 template <class F> HD Direction<F> leaving(F x1, F y1, F x2, F y2, F small) {
@@ -150,7 +165,10 @@ template <class F> HD Direction<F> leaving(F x1, F y1, F x2, F y2, F small) {
   const F none = small * 0.f, x = second ? x2 / l2 : none, y = second ? y2 / l2 : none;
   return {first ? x1 / l1 : x, first ? y1 / l1 : y};
 }
-template <class F> struct Ends { Direction<F> a, b; F turn, length; };
+template <class F> struct Ends {
+  Direction<F> a, b;
+  F turn, length;
+};
 template <class F> HD Ends<F> ends_of(const Arc<F> &k) {
   const F ax = k.u[1] - k.u[0], ay = k.v[1] - k.v[0], bx = k.u[3] - k.u[2], by = k.v[3] - k.v[2], ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0];
   const F la = sqrt_each(ax * ax + ay * ay), lb = sqrt_each(bx * bx + by * by), l = sqrt_each(ex * ex + ey * ey), small = 1e-6f * (1.f + l);
@@ -209,7 +227,8 @@ template <class F> HD auto sharp(const Ends<F> &e, F most_across, double reach, 
 
 // A piece is halved so often without a question: half as finely as the largest second difference asks for.
 HD int sure_depth(const Arc<float> &k) {
-  const float ax = k.u[0] - 2 * k.u[1] + k.u[2], ay = k.v[0] - 2 * k.v[1] + k.v[2], bx = k.u[1] - 2 * k.u[2] + k.u[3], by = k.v[1] - 2 * k.v[2] + k.v[3];
+  const float ax = k.u[0] - 2 * k.u[1] + k.u[2], ay = k.v[0] - 2 * k.v[1] + k.v[2], bx = k.u[1] - 2 * k.u[2] + k.u[3],
+              by = k.v[1] - 2 * k.v[2] + k.v[3];
   // n^2 for chords of even length in the parameter: |p''| / (8 tol), |p''| <= 6 times the second difference.
   const float n2 = .75f / float(CHORD_TOL) * sqrt(most(ax * ax + ay * ay, bx * bx + by * by));
   int depth = 0;
@@ -221,9 +240,7 @@ HD int sure_depth(const Arc<float> &k) {
 struct Frame {
   double left, right, top, bottom;
   // The control points' hull, which holds the curve, misses the image by more than the stroke's reach. NaN counts as a miss.
-  HD bool outside(const v4d *p) const {
-    return !(high(p, 0) >= left && low(p, 0) <= right && high(p, 1) >= top && low(p, 1) <= bottom);
-  }
+  HD bool outside(const v4d *p) const { return !(high(p, 0) >= left && low(p, 0) <= right && high(p, 1) >= top && low(p, 1) <= bottom); }
   HD bool inside(const v4d *p) const { return low(p, 0) >= left && high(p, 0) <= right && low(p, 1) >= top && high(p, 1) <= bottom; }
   template <class S> HD bool outside(const Arc<float> &k, const Piece<S> &c) const {
     const float x0 = least(k.u[0], k.u[1], k.u[2], k.u[3]), x1 = most(k.u[0], k.u[1], k.u[2], k.u[3]);

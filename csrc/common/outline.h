@@ -7,7 +7,10 @@ namespace stroke {
 // px: two strokes whose outlines touch within this count as overlapping there.
 constexpr double OUTLINE_SLACK = 1e-3;
 // One point on the outline of a piece, at o + p(tau) + r u; along, slope: see outline_adjoint. It stands for along * dtau px.
-template <class S> struct OutlinePoint { S x, y, ux, uy, tau, along, slope, dtau; uint32_t piece; };
+template <class S> struct OutlinePoint {
+  S x, y, ux, uy, tau, along, slope, dtau;
+  uint32_t piece;
+};
 
 // The outline of a piece: both sides of every chord, a half circle at each visible end of the stroke, and an arc wherever the normal jumps.
 // Points on it that lie inside the stroke are sorted out later. Flat: pieces, piece_info, chords, chord_info (length, turn) and tangents, by index.
@@ -15,9 +18,9 @@ template <class S, class Flat> class OutlineSampler {
   static constexpr double PI = 3.14159265358979323846;
   const Flat &flat_;
   bool world_;
-  int density_;                            // points per px of outline
+  int density_;  // points per px of outline
   uint64_t seed_;
-  uint32_t first_, step_;                  // of the points of each part this caller makes: number first, first + step, ..
+  uint32_t first_, step_;  // of the points of each part this caller makes: number first, first + step, ..
 
   HD double half_width(const Piece<S> &c, double tau) const {
     return world_ ? double(c.half_width) / depth_at(c, S(tau), cubic(c.z, S(tau))) : double(c.half_width);

@@ -6,7 +6,7 @@
 
 namespace stroke {
 namespace {
-constexpr int LOOK_AHEAD = 16;                     // tiles, for one with fragments (empirical)
+constexpr int LOOK_AHEAD = 16;  // tiles, for one with fragments (empirical)
 
 // Asks, a little at a time, for what the backward reads of the next tile that has fragments while this one is worked on: more than some twenty
 // lines at once would have to wait for each other.
@@ -38,7 +38,8 @@ struct Ahead {
 // Depth is sum(T a z) / sum(T a), here k.tau: its gradient goes to both sums. Returns `plain`: a background of one colour, whose share all
 // fragments then carry (sum T a + T = 1, and run = 0); else zero.
 PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) {
-  if (p.w < TILE || p.h < TILE || !J.g_color) for (int i = 0; i < PIX; i++) k.pix[i] = v4{};
+  if (p.w < TILE || p.h < TILE || !J.g_color)
+    for (int i = 0; i < PIX; i++) k.pix[i] = v4{};
   for (int i = 0; i < PIX; i += VL) store(k.best + i, vf{}), store(k.run + i, vf{}), store(k.tau + i, vf{});
   const v4 only_color = {scale, scale, scale, 0};
   for (int y = 0; y < p.h; y++) {
@@ -61,7 +62,8 @@ PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) 
         for (int x = 0; x < p.w; x++, bg += J.background_pixel) k.run[y * TILE + x] = pix[x][0] * bg[0] + pix[x][1] * bg[1] + pix[x][2] * bg[2];
       }
     }
-    if (J.g_alpha) for (int x = 0; x < p.w; x++) k.best[y * TILE + x] = scale * J.g_alpha[at + x];
+    if (J.g_alpha)
+      for (int x = 0; x < p.w; x++) k.best[y * TILE + x] = scale * J.g_alpha[at + x];
     if (J.g_depth)
       for (int x = 0; x < p.w; x++) {
         const real alpha = J.alpha[at + x];
@@ -118,8 +120,7 @@ PHASE v4 color_gradient(const Tile &t, const Work &k, uint32_t l) {
   const real *T = (const real *)t.T, *a = (const real *)t.a;
   v4 even = {}, odd = {};
   uint32_t f = t.first[l];
-  for (; f + 1 < t.first[l + 1]; f += 2)
-    even += (T[f] * a[f]) * k.pix[t.pixel[f]], odd += (T[f + 1] * a[f + 1]) * k.pix[t.pixel[f + 1]];
+  for (; f + 1 < t.first[l + 1]; f += 2) even += (T[f] * a[f]) * k.pix[t.pixel[f]], odd += (T[f + 1] * a[f + 1]) * k.pix[t.pixel[f + 1]];
   if (f < t.first[l + 1]) even += (T[f] * a[f]) * k.pix[t.pixel[f]];
   return even + odd;
 }
@@ -137,4 +138,3 @@ SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v
 }
 }  // namespace
 }  // namespace stroke
-

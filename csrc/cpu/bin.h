@@ -10,7 +10,7 @@ constexpr int CHUNK = 16;  // strokes flattened at a time
 
 // What one thread needs to flatten strokes.
 struct Binner {
-  Buffer<uint32_t> mark;       // per tile: 1 + its intersection with the current stroke
+  Buffer<uint32_t> mark;  // per tile: 1 + its intersection with the current stroke
   explicit Binner(size_t tiles) : mark(tiles) { std::fill_n(mark.get(), tiles, 0); }
 };
 
@@ -84,12 +84,15 @@ void add_up(Buffer<uint32_t> &first, size_t count) {
 // Joins the parts of all chunks in order: results do not depend on which thread did what.
 template <class S> void join_parts(State<S> &st, const std::vector<Part<S>> &parts) {
   Flat<S> &flat = st.flat;
-  struct Start { uint32_t chord, piece, intersection; };
+  struct Start {
+    uint32_t chord, piece, intersection;
+  };
   std::vector<Start> starts;
   size_t chords = 0, pieces = 0, stroke_intersections = 0, tangents = 0;
   for (auto &p : parts) {
     starts.push_back({uint32_t(chords), uint32_t(pieces), uint32_t(stroke_intersections)});
-    chords += p.flat.chords.size(), pieces += p.flat.pieces.size(), stroke_intersections += p.stroke_intersections.size(), tangents += p.flat.tangents.size();
+    chords += p.flat.chords.size(), pieces += p.flat.pieces.size(), stroke_intersections += p.stroke_intersections.size(),
+        tangents += p.flat.tangents.size();
   }
   if (chords > UINT32_MAX / 2 || stroke_intersections > UINT32_MAX / 2) throw std::bad_alloc();
   st.piece_stroke = Buffer<uint32_t>(pieces + 1);

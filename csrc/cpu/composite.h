@@ -122,7 +122,8 @@ SIMD vf plain_color(const Job<real> &J, const Place &p) {
 SIMD bool in_registers(const Job<real> &J) { return VL >= 4 && plain_background(J); }
 // VL colours, from four vectors of (r, g, b, -).
 SIMD void stream_color(real *out, const vf *v, bool aligned) {
-  stream(out, triples<0>(v[0], v[1]), aligned), stream(out + VL, triples<1>(v[1], v[2]), aligned), stream(out + 2 * VL, triples<2>(v[2], v[3]), aligned);
+  stream(out, triples<0>(v[0], v[1]), aligned), stream(out + VL, triples<1>(v[1], v[2]), aligned),
+      stream(out + 2 * VL, triples<2>(v[2], v[3]), aligned);
 }
 
 PHASE void write_empty(const Job<real> &J, const Place &p) {
@@ -140,7 +141,8 @@ PHASE void write_empty(const Job<real> &J, const Place &p) {
 // Colour over the background, alpha and mean depth from k.pix = sum T a (r, g, b, depth), k.ink = sum T a and k.run = what shows of the background.
 PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
   const bool registers = in_registers(J);
-  if (!registers) for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
+  if (!registers)
+    for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
   const vf plain = plain_color(J, p);
   write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
     const int row = y * TILE;

@@ -97,7 +97,8 @@ template <class S> void prepare(State<S> &st) {
       const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), stroke_intersections = part.stroke_intersections.size();
       flatten_stroke(st, flattener, i, part);
       bin_stroke(st, i, uint32_t(chords), *binners[id], part);
-      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces), st.stroke_intersection_first[i + 1] = uint32_t(part.stroke_intersections.size() - stroke_intersections);
+      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces),
+                         st.stroke_intersection_first[i + 1] = uint32_t(part.stroke_intersections.size() - stroke_intersections);
     }
   });
   join_parts(st, parts);

@@ -12,28 +12,35 @@
 namespace stroke {
 
 // A stroke that cannot be drawn; the caller knows how to say what is wrong with it.
-struct InvalidStroke : std::invalid_argument { using std::invalid_argument::invalid_argument; };
+struct InvalidStroke : std::invalid_argument {
+  using std::invalid_argument::invalid_argument;
+};
 
 template <class S> struct Input {
   int views, strokes, height, width;
-  const double *cubics;        // (views, strokes, 4, 4)
-  const S *half_width;         // (views or 1, strokes), in units of width_scale pixels
+  const double *cubics;  // (views, strokes, 4, 4)
+  const S *half_width;   // (views or 1, strokes), in units of width_scale pixels
   bool half_width_per_view;
   S width_scale;
-  const S *color, *opacity;    // (strokes, 3), (strokes)
-  const S *background;         // strides in elements, innermost 1
+  const S *color, *opacity;  // (strokes, 3), (strokes)
+  const S *background;       // strides in elements, innermost 1
   ptrdiff_t background_view, background_row, background_pixel;
   bool world;
   double near, blur;
-  int strata;                  // 0: analytic
+  int strata;  // 0: analytic
   uint64_t seed;
 };
 
-template <class S> struct Images { Buffer<S> color, alpha, depth; };
+template <class S> struct Images {
+  Buffer<S> color, alpha, depth;
+};
 
-template <class S> struct Upstream { const S *color, *alpha, *depth; };  // null: no gradient
+// null: no gradient
+template <class S> struct Upstream {
+  const S *color, *alpha, *depth;
+};
 template <class S> struct Gradients {
-  Buffer<double> cubics;       // (views, strokes, 4, 4)
+  Buffer<double> cubics;  // (views, strokes, 4, 4)
   Buffer<S> half_width, color, opacity, background;
 };
 
@@ -42,9 +49,12 @@ template <class S> struct State {
   Input<S> input;
   Job<S> job{};
   Flat<S> flat;
-  struct StrokeIntersection { uint32_t tile, stroke, first, last, piece, pieces, intersection; bool smooth; };
+  struct StrokeIntersection {
+    uint32_t tile, stroke, first, last, piece, pieces, intersection;
+    bool smooth;
+  };
   Buffer<S> reach;
-  Buffer<double> scale;        // of each stroke's cubic
+  Buffer<double> scale;                           // of each stroke's cubic
   List<StrokeIntersection> stroke_intersections;  // in the order of strokes; `intersection`: its place among those by tile
   Buffer<uint32_t> stroke_intersection_first, piece_first, piece_stroke, tile_first;
   Buffer<Intersection> intersections;
@@ -54,8 +64,8 @@ template <class S> struct State {
 };
 
 void set_threads(int n);
-std::vector<std::string> instruction_sets();           // that this machine runs, best last
-void set_instruction_set(const std::string &name);     // float32; double precision is compiled for the baseline only
+std::vector<std::string> instruction_sets();        // that this machine runs, best last
+void set_instruction_set(const std::string &name);  // float32; double precision is compiled for the baseline only
 std::string instruction_set();
 
 // Both for callers that hold threads().busy().

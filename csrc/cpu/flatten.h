@@ -13,7 +13,7 @@ template <class S> struct Flat {
   List<PieceInfo> piece_info;
   List<Chord<S>> chords;
   List<ChordInfo> chord_info;
-  List<Tangents> tangents;             // of every chord; Monte Carlo only
+  List<Tangents> tangents;  // of every chord; Monte Carlo only
 };
 
 // The power -2/3 of x, from 1e-30 to 1e30, within 6 %: the bits of a float are about the logarithm of its value.

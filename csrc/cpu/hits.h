@@ -4,8 +4,11 @@
 
 namespace stroke {
 namespace {
-constexpr real LEVEL = 1e-6;                       // slope of what is level: 1e-3 px over the length of a piece
-struct Rows { int lo, hi; };                       // rows of points that may be reached
+constexpr real LEVEL = 1e-6;  // slope of what is level: 1e-3 px over the length of a piece
+// rows of points that may be reached
+struct Rows {
+  int lo, hi;
+};
 SIMD Rows join(Rows a, Rows b) { return {a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi}; }
 
 // Rows of points that chord c may reach.
@@ -54,17 +57,18 @@ template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t
     // Of what is in front of the chord's neighbour. Nothing is in front of the first: parameters begin at -1/2.
     const vf neighbour = splat(s > first ? J.chords[s - 1].tau0 : real(-1));
     rows = join(rows, visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
-      vf tau;
-      const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i), best_tau = load(k.tau + i);
-      const vi nearer = d < best, apart = best_tau < neighbour;
-      // What comes second: this chord, or the one that it beats.
-      const vf rest = max(d, best), rest_tau = select(nearer, best_tau, tau);
-      const vi replaces = apart & (rest < second);
-      store(k.second + i, select(replaces, rest, second));
-      store(k.second_tau + i, select(replaces, rest_tau, load(k.second_tau + i)));
-      store(k.tau + i, select(nearer, tau, best_tau));
-      store(k.d2 + i, min(d, best));
-    }));
+                  vf tau;
+                  const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i),
+                           best_tau = load(k.tau + i);
+                  const vi nearer = d < best, apart = best_tau < neighbour;
+                  // What comes second: this chord, or the one that it beats.
+                  const vf rest = max(d, best), rest_tau = select(nearer, best_tau, tau);
+                  const vi replaces = apart & (rest < second);
+                  store(k.second + i, select(replaces, rest, second));
+                  store(k.second_tau + i, select(replaces, rest_tau, load(k.second_tau + i)));
+                  store(k.tau + i, select(nearer, tau, best_tau));
+                  store(k.d2 + i, min(d, best));
+                }));
   }
   return rows;
 }
@@ -150,7 +154,9 @@ template <int POINTS> PHASE void start_along(const Job<real> &J, uint32_t first,
 }
 
 // From a start on a chord to the nearest point, roughly, and its squared distance.
-struct Settled { vf tau, d2; };
+struct Settled {
+  vf tau, d2;
+};
 SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy, vi in) {
   const Point<vf> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, in, real(ROUGH_STEP));
   return {point.tau, distance2(point, qx, qy)};

@@ -14,9 +14,7 @@ void backward(const Job<real> &J, int tile, Scratch &S) {
   else if (J.world) J.g_depth ? analytic_backward<true, true>(J, tile, S) : analytic_backward<true, false>(J, tile, S);
   else J.g_depth ? analytic_backward<false, true>(J, tile, S) : analytic_backward<false, false>(J, tile, S);
 }
-void outline_tile(const Job<real> &J, int tile, Scratch &S) {
-  J.world ? outline_values<true>(J, tile, S) : outline_values<false>(J, tile, S);
-}
+void outline_tile(const Job<real> &J, int tile, Scratch &S) { J.world ? outline_values<true>(J, tile, S) : outline_values<false>(J, tile, S); }
 }  // namespace
 
 #define TEXT2(x) #x

@@ -58,8 +58,7 @@ public:
       try {
         idle_[c].push_back(p), idle_bytes_ += class_size(c);
         return;
-      } catch (...) {
-      }
+      } catch (...) {}
     }
     std::free(static_cast<char *>(p) - HEADER);
   }
@@ -73,7 +72,10 @@ public:
   }
 };
 // Never destroyed: arrays may outlive the module.
-inline Pool &pool() { static Pool *p = new Pool; return *p; }
+inline Pool &pool() {
+  static Pool *p = new Pool;
+  return *p;
+}
 
 // Uninitialised memory from the pool.
 template <class T> class Buffer {
@@ -84,8 +86,13 @@ public:
   Buffer() = default;
   explicit Buffer(size_t n) : p_(static_cast<T *>(pool().take(n * sizeof(T) + 64))), n_(n) {}
   Buffer(Buffer &&o) noexcept : p_(std::exchange(o.p_, nullptr)), n_(std::exchange(o.n_, 0)) {}
-  Buffer &operator=(Buffer &&o) noexcept { std::swap(p_, o.p_), std::swap(n_, o.n_); return *this; }
-  ~Buffer() { if (p_) pool().give(p_); }
+  Buffer &operator=(Buffer &&o) noexcept {
+    std::swap(p_, o.p_), std::swap(n_, o.n_);
+    return *this;
+  }
+  ~Buffer() {
+    if (p_) pool().give(p_);
+  }
   T *get() const { return p_; }
   T &operator[](size_t i) const { return p_[i]; }
   size_t size() const { return n_; }

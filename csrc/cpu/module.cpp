@@ -15,7 +15,8 @@ namespace stroke {
 namespace {
 // Names of torch's, made once: asking for them is most of what it takes to read a tensor.
 struct Torch {
-  nb::object dtype = name("dtype"), shape = name("shape"), data_ptr = name("data_ptr"), is_contiguous = name("is_contiguous"), is_neg = name("is_neg");
+  nb::object dtype = name("dtype"), shape = name("shape"), data_ptr = name("data_ptr"), is_contiguous = name("is_contiguous"),
+             is_neg = name("is_neg");
   nb::object is_cpu = name("is_cpu"), float32, float64;
   static nb::object name(const char *text) { return nb::steal(PyUnicode_InternFromString(text)); }
   Torch() {
@@ -24,9 +25,14 @@ struct Torch {
   }
   template <class S> const nb::object &real() const { return sizeof(S) == 4 ? float32 : float64; }
 };
-const Torch &torch() { static const Torch *t = new Torch; return *t; }
+const Torch &torch() {
+  static const Torch *t = new Torch;
+  return *t;
+}
 
-void require(bool good, const char *what) { if (!good) throw std::invalid_argument(what); }
+void require(bool good, const char *what) {
+  if (!good) throw std::invalid_argument(what);
+}
 
 // A tensor on the CPU, held, with its numbers in one run of memory; or None. Read by itself: the way through a numpy array takes four times as
 // long, which tiny images feel.
@@ -69,19 +75,25 @@ template <class S> Out<S> array(Buffer<S> &&b, std::initializer_list<size_t> sha
 template <class T> bool has_shape(const T &a, std::initializer_list<size_t> shape) {
   if (a.ndim() != shape.size()) return false;
   size_t k = 0;
-  for (size_t n : shape) if (a.shape(k++) != n) return false;
+  for (size_t n : shape)
+    if (a.shape(k++) != n) return false;
   return true;
 }
 
 // Homogeneous cubics in pixels, or what gives them: control points, weights and the projections of the views.
 using Projected = In<double>;
-template <class S> struct Unprojected { In<S> points, weights; In<double> matrices; };
+template <class S> struct Unprojected {
+  In<S> points, weights;
+  In<double> matrices;
+};
 template <class S> Unprojected<S> unprojected(const nb::tuple &curves) {
   require(curves.size() == 3, "curves must be cubics, or points, weights and matrices");
   return {In<S>(curves[0]), In<S>(curves[1]), In<double>(curves[2])};
 }
 // As render/drawing.py says: looks, height and width, Options.
-template <class S> struct Appearance { In<S> half_width, color, opacity, background; };
+template <class S> struct Appearance {
+  In<S> half_width, color, opacity, background;
+};
 template <class S> Appearance<S> appearance_of(const nb::tuple &appearance) {
   require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
   return {In<S>(appearance[0]), In<S>(appearance[1]), In<S>(appearance[2]), In<S>(appearance[3])};
@@ -111,7 +123,8 @@ template <class S> Input<S> input(const double *cubics, size_t V, size_t N, cons
   const auto [height, width] = size;
   const auto [world, near, blur, strata, seed, width_scale] = options;
   const size_t H = height, W = width;
-  require(has_shape(half_width, {N}) || has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}), "half_width must have shape (N,) or (1 or V, N)");
+  require(has_shape(half_width, {N}) || has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}),
+          "half_width must have shape (N,) or (1 or V, N)");
   require(has_shape(color, {N, 3}) && has_shape(opacity, {N}), "color and opacity must have shapes (N, 3) and (N,)");
   // A background that is the same all along an axis may have one entry there.
   auto fits = [&b = background](int axis, size_t n) { return b.shape(axis) == n || b.shape(axis) == 1; };
@@ -122,10 +135,28 @@ template <class S> Input<S> input(const double *cubics, size_t V, size_t N, cons
   };
   require(height > 0 && width > 0 && background.ndim() == 4 && fits(0, V) && fits(1, H) && fits(2, W) && background.shape(3) == 3,
           "background must have shape (1 or V, 1 or H, 1 or W, 3)");
-  require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31), "too many views, strokes or pixels");
+  require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31),
+          "too many views, strokes or pixels");
   require(blur >= 0 && near > 0 && strata >= 0 && strata <= 64, "blur, near or strata out of range");
-  return {int(V), int(N), height, width, cubics, half_width.data(), half_width.ndim() == 2 && half_width.shape(0) == V && V > 1, S(width_scale),
-          color.data(), opacity.data(), background.data(), stride(0), stride(1), stride(2), world, near, blur, strata, seed};
+  return {int(V),
+          int(N),
+          height,
+          width,
+          cubics,
+          half_width.data(),
+          half_width.ndim() == 2 && half_width.shape(0) == V && V > 1,
+          S(width_scale),
+          color.data(),
+          opacity.data(),
+          background.data(),
+          stride(0),
+          stride(1),
+          stride(2),
+          world,
+          near,
+          blur,
+          strata,
+          seed};
 }
 
 template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S> *unprojected, bool save) {
@@ -161,7 +192,8 @@ template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple
 bool is_float32(nb::handle tensor) { return tensor.attr(torch().dtype).is(torch().float32); }
 nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &appearance, Size size, Options options, bool save) {
   require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
-  return is_float32(appearance[1]) ? forward_of<float>(curves, appearance, size, options, save) : forward_of<double>(curves, appearance, size, options, save);
+  return is_float32(appearance[1]) ? forward_of<float>(curves, appearance, size, options, save)
+                                   : forward_of<double>(curves, appearance, size, options, save);
 }
 
 // Gradients of the looks, and then of the curves as they were given.

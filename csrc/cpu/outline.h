@@ -36,7 +36,9 @@ template <class S> Outlines<S> sample_outlines(const State<S> &st) {
   out.points = Buffer<OutlinePoint<S>>(total + 1), out.order = Buffer<uint32_t>(total + 1), out.gradient = Buffer<S>(total + 1);
   threads().run(int(pieces), 8, [&](int p, int) {
     uint32_t at = first[p];
-    sampler.piece(uint32_t(p), [&](uint32_t, const OutlinePoint<S> &o) { if (tile_of(o) >= 0) out.points[at++] = o; });
+    sampler.piece(uint32_t(p), [&](uint32_t, const OutlinePoint<S> &o) {
+      if (tile_of(o) >= 0) out.points[at++] = o;
+    });
   });
   uint32_t *tile = out.tile_first.get(), sum = 0;
   std::fill_n(tile, tiles + 1, 0);

@@ -8,8 +8,8 @@ namespace stroke {
 
 template <class S> struct Scene {
   int views, strokes, controls;
-  const S *points, *weights;   // (strokes, controls, 3), (strokes, controls)
-  const double *matrices;      // (views, 4, 4)
+  const S *points, *weights;  // (strokes, controls, 3), (strokes, controls)
+  const double *matrices;     // (views, 4, 4)
   const S *points_of(int n) const { return points + size_t(n) * controls * 3; }
   const S *weights_of(int n) const { return weights + size_t(n) * controls; }
 };

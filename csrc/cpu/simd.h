@@ -26,8 +26,12 @@ constexpr int VBYTES = 32;
 constexpr int VBYTES = 16;
 #endif
 constexpr int VL = VBYTES / int(sizeof(real));  // lanes
-template <bool> struct IntOf { using type = int32_t; };
-template <> struct IntOf<false> { using type = int64_t; };
+template <bool> struct IntOf {
+  using type = int32_t;
+};
+template <> struct IntOf<false> {
+  using type = int64_t;
+};
 using integer = IntOf<F32>::type;
 typedef real vf __attribute__((vector_size(VBYTES)));
 typedef integer vi __attribute__((vector_size(VBYTES)));
@@ -35,9 +39,17 @@ using Mask = unsigned;  // one bit a lane
 
 SIMD vf splat(real x) { return x - vf{}; }
 SIMD vi splat_int(integer x) { return x - vi{}; }
-SIMD vf load(const real *p) { vf v; std::memcpy(&v, p, sizeof v); return v; }
+SIMD vf load(const real *p) {
+  vf v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
 SIMD void store(real *p, vf v) { std::memcpy(p, &v, sizeof v); }
-SIMD vi load(const integer *p) { vi v; std::memcpy(&v, p, sizeof v); return v; }
+SIMD vi load(const integer *p) {
+  vi v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
 SIMD void store(integer *p, vi v) { std::memcpy(p, &v, sizeof v); }
 SIMD vi widen(const uint8_t *p) {  // bytes; __builtin_convertvector takes them one by one in GCC 12
 #if defined(__AVX512F__)
@@ -45,7 +57,11 @@ SIMD vi widen(const uint8_t *p) {  // bytes; __builtin_convertvector takes them 
 #elif defined(__AVX2__)
   if constexpr (F32) return (vi)_mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)p));
 #elif defined(__SSE4_1__)
-  if constexpr (F32) { int b; std::memcpy(&b, p, 4); return (vi)_mm_cvtepu8_epi32(_mm_cvtsi32_si128(b)); }
+  if constexpr (F32) {
+    int b;
+    std::memcpy(&b, p, 4);
+    return (vi)_mm_cvtepu8_epi32(_mm_cvtsi32_si128(b));
+  }
 #endif
   vi v;
   for (int i = 0; i < VL; i++) v[i] = p[i];
@@ -68,19 +84,41 @@ SIMD void narrow(uint8_t *p, vi v) {  // the other way, for numbers below 256
 #endif
   for (int i = 0; i < VL; i++) p[i] = uint8_t(v[i]);
 }
-SIMD vi iota() { vi v; for (int i = 0; i < VL; i++) v[i] = i; return v; }
+SIMD vi iota() {
+  vi v;
+  for (int i = 0; i < VL; i++) v[i] = i;
+  return v;
+}
 SIMD vf to_real(vi v) { return __builtin_convertvector(v, vf); }
 SIMD vf select(vi m, vf a, vf b) { return m ? a : b; }
 // As instructions: GCC 12 makes two of a < b ? a : b.
 #if defined(__AVX512F__)
-SIMD vf min(vf a, vf b) { if constexpr (F32) return (vf)_mm512_min_ps((__m512)a, (__m512)b); else return (vf)_mm512_min_pd((__m512d)a, (__m512d)b); }
-SIMD vf max(vf a, vf b) { if constexpr (F32) return (vf)_mm512_max_ps((__m512)a, (__m512)b); else return (vf)_mm512_max_pd((__m512d)a, (__m512d)b); }
+SIMD vf min(vf a, vf b) {
+  if constexpr (F32) return (vf)_mm512_min_ps((__m512)a, (__m512)b);
+  else return (vf)_mm512_min_pd((__m512d)a, (__m512d)b);
+}
+SIMD vf max(vf a, vf b) {
+  if constexpr (F32) return (vf)_mm512_max_ps((__m512)a, (__m512)b);
+  else return (vf)_mm512_max_pd((__m512d)a, (__m512d)b);
+}
 #elif defined(__AVX2__)
-SIMD vf min(vf a, vf b) { if constexpr (F32) return (vf)_mm256_min_ps((__m256)a, (__m256)b); else return (vf)_mm256_min_pd((__m256d)a, (__m256d)b); }
-SIMD vf max(vf a, vf b) { if constexpr (F32) return (vf)_mm256_max_ps((__m256)a, (__m256)b); else return (vf)_mm256_max_pd((__m256d)a, (__m256d)b); }
+SIMD vf min(vf a, vf b) {
+  if constexpr (F32) return (vf)_mm256_min_ps((__m256)a, (__m256)b);
+  else return (vf)_mm256_min_pd((__m256d)a, (__m256d)b);
+}
+SIMD vf max(vf a, vf b) {
+  if constexpr (F32) return (vf)_mm256_max_ps((__m256)a, (__m256)b);
+  else return (vf)_mm256_max_pd((__m256d)a, (__m256d)b);
+}
 #elif defined(__SSE4_2__)
-SIMD vf min(vf a, vf b) { if constexpr (F32) return (vf)_mm_min_ps((__m128)a, (__m128)b); else return (vf)_mm_min_pd((__m128d)a, (__m128d)b); }
-SIMD vf max(vf a, vf b) { if constexpr (F32) return (vf)_mm_max_ps((__m128)a, (__m128)b); else return (vf)_mm_max_pd((__m128d)a, (__m128d)b); }
+SIMD vf min(vf a, vf b) {
+  if constexpr (F32) return (vf)_mm_min_ps((__m128)a, (__m128)b);
+  else return (vf)_mm_min_pd((__m128d)a, (__m128d)b);
+}
+SIMD vf max(vf a, vf b) {
+  if constexpr (F32) return (vf)_mm_max_ps((__m128)a, (__m128)b);
+  else return (vf)_mm_max_pd((__m128d)a, (__m128d)b);
+}
 #else
 SIMD vf min(vf a, vf b) { return a < b ? a : b; }
 SIMD vf max(vf a, vf b) { return a > b ? a : b; }
@@ -98,9 +136,15 @@ template <int N, class Join> SIMD real join_lanes(const real *p, Join join) {
     return join_lanes<N / 2>((const real *)&a, join);
   }
 }
-SIMD real sum(vf v) { return join_lanes<VL>((const real *)&v, [](auto a, auto b) SIMD_LAMBDA { return a + b; }); }
-SIMD real least(vf v) { return join_lanes<VL>((const real *)&v, [](auto a, auto b) SIMD_LAMBDA { return a < b ? a : b; }); }
-SIMD real most(vf v) { return join_lanes<VL>((const real *)&v, [](auto a, auto b) SIMD_LAMBDA { return a > b ? a : b; }); }
+SIMD real sum(vf v) {
+  return join_lanes<VL>((const real *)&v, [](auto a, auto b) SIMD_LAMBDA { return a + b; });
+}
+SIMD real least(vf v) {
+  return join_lanes<VL>((const real *)&v, [](auto a, auto b) SIMD_LAMBDA { return a < b ? a : b; });
+}
+SIMD real most(vf v) {
+  return join_lanes<VL>((const real *)&v, [](auto a, auto b) SIMD_LAMBDA { return a > b ? a : b; });
+}
 
 // compress_store(dst, v, m): the lanes of v where m is set, contiguously; up to VL elements of dst are overwritten.
 #if defined(__AVX512F__)
@@ -119,22 +163,42 @@ template <class T> SIMD void compress_store(T *dst, vi v, Mask m) {  // the memo
 }
 #else
 #if defined(__AVX2__)
-SIMD vf sqrt(vf x) { if constexpr (F32) return (vf)_mm256_sqrt_ps((__m256)x); else return (vf)_mm256_sqrt_pd((__m256d)x); }
-SIMD Mask bits(vi m) { if constexpr (F32) return _mm256_movemask_ps((__m256)m); else return _mm256_movemask_pd((__m256d)m); }
+SIMD vf sqrt(vf x) {
+  if constexpr (F32) return (vf)_mm256_sqrt_ps((__m256)x);
+  else return (vf)_mm256_sqrt_pd((__m256d)x);
+}
+SIMD Mask bits(vi m) {
+  if constexpr (F32) return _mm256_movemask_ps((__m256)m);
+  else return _mm256_movemask_pd((__m256d)m);
+}
 struct CompressTable {
   alignas(32) int32_t index[256][8] = {};
   constexpr CompressTable() {
     for (int m = 0; m < 256; m++)
-      for (int i = 0, n = 0; i < 8; i++) if (m >> i & 1) index[m][n++] = i;
+      for (int i = 0, n = 0; i < 8; i++)
+        if (m >> i & 1) index[m][n++] = i;
   }
 };
 static constexpr CompressTable compress_table;  // constexpr: no AVX2 code may run at load time
 #elif defined(__SSE4_2__)
-SIMD vf sqrt(vf x) { if constexpr (F32) return (vf)_mm_sqrt_ps((__m128)x); else return (vf)_mm_sqrt_pd((__m128d)x); }
-SIMD Mask bits(vi m) { if constexpr (F32) return _mm_movemask_ps((__m128)m); else return _mm_movemask_pd((__m128d)m); }
+SIMD vf sqrt(vf x) {
+  if constexpr (F32) return (vf)_mm_sqrt_ps((__m128)x);
+  else return (vf)_mm_sqrt_pd((__m128d)x);
+}
+SIMD Mask bits(vi m) {
+  if constexpr (F32) return _mm_movemask_ps((__m128)m);
+  else return _mm_movemask_pd((__m128d)m);
+}
 #else
-SIMD vf sqrt(vf x) { for (int i = 0; i < VL; i++) x[i] = std::sqrt(x[i]); return x; }
-SIMD Mask bits(vi m) { Mask b = 0; for (int i = 0; i < VL; i++) b |= Mask(m[i] & 1) << i; return b; }
+SIMD vf sqrt(vf x) {
+  for (int i = 0; i < VL; i++) x[i] = std::sqrt(x[i]);
+  return x;
+}
+SIMD Mask bits(vi m) {
+  Mask b = 0;
+  for (int i = 0; i < VL; i++) b |= Mask(m[i] & 1) << i;
+  return b;
+}
 #endif
 template <class T> SIMD void compress_store(T *dst, vi v, Mask m) {
 #if defined(__AVX2__)
@@ -154,11 +218,14 @@ SIMD bool any(vi m) { return bits(m) != 0; }
 // A row of VL numbers that nobody reads soon, past the caches where that is possible; p is aligned to it if `aligned`.
 SIMD void stream(real *p, vf v, bool aligned) {
 #if defined(__AVX512F__)
-  if constexpr (F32) if (aligned) return _mm512_stream_ps(p, (__m512)v);
+  if constexpr (F32)
+    if (aligned) return _mm512_stream_ps(p, (__m512)v);
 #elif defined(__AVX2__)
-  if constexpr (F32) if (aligned) return _mm256_stream_ps(p, (__m256)v);
+  if constexpr (F32)
+    if (aligned) return _mm256_stream_ps(p, (__m256)v);
 #elif defined(__SSE4_2__)
-  if constexpr (F32) if (aligned) return _mm_stream_ps((float *)p, (__m128)v);
+  if constexpr (F32)
+    if (aligned) return _mm_stream_ps((float *)p, (__m128)v);
 #endif
   (void)aligned;
   store(p, v);
@@ -182,7 +249,11 @@ SIMD vf fourths(const vf *v) {
   return lanes_of(first, last, iota() + (iota() / (VL / 2)) * (VL / 2));
 }
 // The vector of four numbers, repeated.
-template <class V4> SIMD vf tile4(V4 q) { vf v; for (int i = 0; i < VL; i++) v[i] = q[i % 4]; return v; }
+template <class V4> SIMD vf tile4(V4 q) {
+  vf v;
+  for (int i = 0; i < VL; i++) v[i] = q[i % 4];
+  return v;
+}
 // The sums of VL vectors, one a lane: halves of two vectors are added into one, then quarters of two such, down to single lanes.
 template <int N = VL> SIMD vf sums(const vf *v) {
   if constexpr (N == 1) return v[0];

@@ -22,7 +22,10 @@ SIMD void sort_keys(Key *a, uint32_t n) {
     else {
       if (--end == 0) return;
       x = a[end], a[end] = a[0];
-      if (end == 1) { a[0] = x; return; }
+      if (end == 1) {
+        a[0] = x;
+        return;
+      }
     }
     uint32_t i = start;
     for (uint32_t child; (child = 2 * i + 1) < end; i = child) {
@@ -69,7 +72,7 @@ SIMD void sort_piles(real *z, integer *f, uint32_t n) {
 
 // Writes the fragments of VL piles from point v on near to far, of so many each. Returns where the next ones go.
 SIMD uint32_t *order_piles(Work &k, uint32_t v, const uint32_t *height, uint32_t *out) {
-  constexpr integer NONE = 0x7fffffff;     // above all numbers of fragments
+  constexpr integer NONE = 0x7fffffff;  // above all numbers of fragments
   vi heights;
   uint32_t n = 0;
   for (int i = 0; i < VL; i++) heights[i] = integer(height[v + i]), n = height[v + i] > n ? height[v + i] : n;
@@ -83,7 +86,7 @@ SIMD uint32_t *order_piles(Work &k, uint32_t v, const uint32_t *height, uint32_t
     wrong |= (splat_int(integer(j)) < heights) & ((depth < above) | ((depth == above) & (fragment < number)));
     above = depth, number = fragment;
   }
-  if (any(wrong)) {  // in most rows layers lie in their order
+  if (any(wrong)) {                   // in most rows layers lie in their order
     for (size_t j = 0; j < n; j++) {  // empty places come last
       const vi in = splat_int(integer(j)) < heights;
       store(z + j * PIX, select(in, load(z + j * PIX), splat(real(__builtin_inf())))), store(f + j * PIX, in ? load(f + j * PIX) : splat_int(NONE));

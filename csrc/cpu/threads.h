@@ -82,7 +82,10 @@ class Threads {
     }
   }
   void join_all() {
-    { std::lock_guard lock(mutex_); stop_ = true; }
+    {
+      std::lock_guard lock(mutex_);
+      stop_ = true;
+    }
     wake_.notify_all();
     for (auto &t : workers_) t.join();
     workers_.clear(), stop_ = false, epoch_ = 0;
@@ -107,7 +110,10 @@ public:
     }
     if (!alone) wake_.notify_all();
     work(0);
-    { std::lock_guard lock(mutex_); open_ = false; }
+    {
+      std::lock_guard lock(mutex_);
+      open_ = false;
+    }
     for (int spin = 0; active_; spin++) spin < 2000 ? relax() : std::this_thread::yield();
     if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
   }

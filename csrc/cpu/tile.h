@@ -10,14 +10,18 @@ namespace {
 constexpr int PIX = TILE * TILE, VPR = TILE / VL;  // pixels of a tile; vectors per row
 typedef real v4 __attribute__((vector_size(4 * sizeof(real))));
 #ifdef STROKE_PROFILE
-#define PHASE __attribute__((noinline))            // to see the phases apart in a profile
+#define PHASE __attribute__((noinline))  // to see the phases apart in a profile
 #else
 #define PHASE inline __attribute__((always_inline))
 #endif
 
 // Sort key: depth, then layer (layers are numbered in the order of strokes). Positive floats are ordered as their bits are.
-template <bool> struct KeyOf { using type = uint64_t; };
-template <> struct KeyOf<false> { using type = unsigned __int128; };
+template <bool> struct KeyOf {
+  using type = uint64_t;
+};
+template <> struct KeyOf<false> {
+  using type = unsigned __int128;
+};
 using Key = KeyOf<F32>::type;
 SIMD Key make_key(real depth, uint32_t l) {
   integer b;
@@ -28,26 +32,29 @@ SIMD Key make_key(real depth, uint32_t l) {
 // Where the points of a tile are: pixel centres, one place in every pixel (k.x, k.y), or k.x, k.y in any order.
 enum { GRID, NEAR_GRID, ANYWHERE };
 
-struct Layer { uint32_t piece, slot; real near, far; };
+struct Layer {
+  uint32_t piece, slot;
+  real near, far;
+};
 
 // Working memory of a thread, in blocks of Scratch. Points are the tile's pixel centres, or other places in it (x, y relative to the tile).
 struct Work {
   Scratch *scratch;
   // per point
-  alignas(64) v4 pix[PIX];                         // sums of (r, g, b, depth), or dL/d(those)
+  alignas(64) v4 pix[PIX];  // sums of (r, g, b, depth), or dL/d(those)
   alignas(64) real d2[PIX], second[PIX], second_tau[PIX], tau[PIX], run[PIX], ink[PIX], x[PIX], y[PIX], best[PIX], best_tau[PIX];
   alignas(64) integer best_piece[PIX];
   // per candidate or fragment
   uint32_t capacity = 0;
-  real *t, *a, *z, *T, *g, *start;                 // parameter, alpha, depth, transmittance in front, a gradient, parameter on the chord
-  integer *px;                                     // point
+  real *t, *a, *z, *T, *g, *start;  // parameter, alpha, depth, transmittance in front, a gradient, parameter on the chord
+  integer *px;                      // point
   uint32_t *order;
   // per layer
   uint32_t layer_capacity = 0, layers = 0;
   Layer *layer;
-  uint32_t *first, *perm;                          // first fragment (layers + 1); layers by depth
+  uint32_t *first, *perm;  // first fragment (layers + 1); layers by depth
   Key *layer_key;
-  uint32_t *owner;                                 // layer of every vector of candidates
+  uint32_t *owner;  // layer of every vector of candidates
   // piles of fragments on every point: their depths and numbers, one place of all points after the other
   uint32_t pile_capacity = 0;
   real *pile_z;
@@ -83,7 +90,10 @@ SIMD void reserve_piles(Work &k, uint32_t n) {
   resize(k, 13, k.pile_z, 0, m * PIX), resize(k, 14, k.pile, 0, m * PIX);
 }
 
-struct Place { int view, x, y, w, h; };            // a tile's corner and its size inside the image
+// a tile's corner and its size inside the image
+struct Place {
+  int view, x, y, w, h;
+};
 SIMD Place place_of(const Job<real> &J, int tile) {
   const int x = tile % J.tiles_x * TILE, y = tile / J.tiles_x % J.tiles_y * TILE;
   const int w = J.width - x < TILE ? J.width - x : TILE, h = J.height - y < TILE ? J.height - y : TILE;

@@ -1,11 +1,13 @@
-// From the gradient of a tile's pixels to that of its fragments, and their sums: one block a tile (docs/mathematics.md, eq. 9b, 10).
+// From the gradient of a tile's pixels to that of its fragments, and their sums: one block a tile (docs/explanation/mathematics.md, eq. 9b, 10).
 #pragma once
 #include "cuda/composite.cuh"
 
 namespace stroke {
 // What the loss says of a pixel. A fragment adds T a (r, g, b) . (color - background) + T a ink + T a depth (its depth - mean) to it: as
 // sum T a + T = 1, the background counts everywhere.
-struct Upstream { real r, g, b, ink, depth, mean, background[3]; };
+struct Upstream {
+  real r, g, b, ink, depth, mean, background[3];
+};
 __device__ inline Upstream upstream_at(const Job &J, const Tile &p, int x, int y, real scale) {
   Upstream u = {};
   if (x >= p.w || y >= p.h || !fits(J, FRAGMENTS)) return u;  // an image that was spoilt has no gradient
@@ -41,16 +43,22 @@ __device__ inline void differentiate_alpha(const Job &J, const u32 *order, u32 n
 }
 
 // Sums over the fragments of one tile piece, by one warp, added to those of the tile piece.
-struct PixelGradient { real r, g, b, depth; };
+struct PixelGradient {
+  real r, g, b, depth;
+};
 template <bool WORLD, bool DEPTH, bool SAMPLES>
-__device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_piece, const WarpFragments *warp_fragments, int s, const PixelGradient *upstream) {
+__device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_piece, const WarpFragments *warp_fragments, int s,
+                                         const PixelGradient *upstream) {
   const Piece<real> &c = J.pieces[J.tile_pieces[tile_piece].piece];
   const Filter<real> filter = filter_of(J);
   const WarpFragments mine = lane() < WARPS ? warp_fragments[lane()] : WarpFragments{0, 0};
   u32 total;
   const u32 before = warp_prefix(__popc(mine.mask), total);
   if (!total) return;
-  union { Moments<real> m; real sums[NGRAD]; } g = {};
+  union {
+    Moments<real> m;
+    real sums[NGRAD];
+  } g = {};
   for (u32 base = 0; base < total; base += WARP) {
     const u32 k = base + lane();
     u32 warp = 0, start = 0, bits = 0, rank = 0;

@@ -4,12 +4,16 @@
 #include "cuda/launch.cuh"
 
 namespace stroke {
-KERNEL(count_chords, 128) { each_warp(length_of(J, PIECES), [&](u32 i) { cut_piece<false>(J, i); }); }
+KERNEL(count_chords, 128) {
+  each_warp(length_of(J, PIECES), [&](u32 i) { cut_piece<false>(J, i); });
+}
 KERNEL(place_chords, 1024) { total(J, CHORDS, J.chord_first, length_of(J, PIECES)); }
 KERNEL(write_chords, 128) {
   if (fits(J, CHORDS)) each_warp(length_of(J, PIECES), [&](u32 i) { cut_piece<true>(J, i); });
 }
-KERNEL(count_intersections, 128) { each_thread(length_of(J, CHORDS), [&](u32 i) { bin_chord<false>(J, i); }); }
+KERNEL(count_intersections, 128) {
+  each_thread(length_of(J, CHORDS), [&](u32 i) { bin_chord<false>(J, i); });
+}
 KERNEL(place_intersections, 1024) {  // two blocks
   if (blockIdx.x == 0) total(J, INTERSECTIONS, J.intersection_first, length_of(J, CHORDS));
   else add_up(J.tile_first, tile_count(J));

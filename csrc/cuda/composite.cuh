@@ -1,12 +1,14 @@
 // Pixels of a tile from its fragments and back: one block a tile, one thread a pixel; analytic coverage, or strata of samples one after the other
-// (docs/mathematics.md, eq. 7, 9, 10).
+// (docs/explanation/mathematics.md, eq. 7, 9, 10).
 #pragma once
 #include "common/hash.h"
 #include "cuda/hits.cuh"
 
 namespace stroke {
 // Where stratum s samples the pixel (x, y) of a tile, relative to the tile: its centre, or a hashed place.
-struct Place { real x, y; };
+struct Place {
+  real x, y;
+};
 __device__ inline Place place_of(const Job &J, const Tile &p, int s, int x, int y) {
   const int n = J.strata;
   if (!n) return {real(x) + real(.5), real(y) + real(.5)};
@@ -22,7 +24,9 @@ __device__ inline WarpFragments *warp_fragments_of(const Job &J, const Tile &p, 
   return J.warp_fragments + ((J.save ? u64(s) * J.limit[TILE_PIECES] : 0) + p.tile_piece_first) * WARPS;
 }
 
-struct Sums { real r, g, b, depth, ink, clear; };
+struct Sums {
+  real r, g, b, depth, ink, clear;
+};
 __device__ inline void composite(const Job &J, const u32 *order, u32 n, Sums &sums) {
   real T = 1;
   for (u32 k = 0; k < n; k++) {

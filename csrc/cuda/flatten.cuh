@@ -119,7 +119,8 @@ __device__ inline Arc<float> part_of(const Arc<float> &k, int depth, u32 index) 
 
 // The chords of part `index` of 2^depth of a piece, halved where they must be: f(arc, its ends, t0, dt), in order.
 template <class Visit>
-__device__ void visit_chords(const Arc<float> &whole, const Piece<real> &c, const Frame &frame, double reach, bool outline, int depth, u32 index, Visit f) {
+__device__ void visit_chords(const Arc<float> &whole, const Piece<real> &c, const Frame &frame, double reach, bool outline, int depth, u32 index,
+                             Visit f) {
   const int top = depth;
   for (;;) {
     const Arc<float> k = part_of(whole, depth, index);

@@ -6,10 +6,15 @@
 
 namespace stroke {
 // A stroke over a point; tile piece: NONE if it does not reach it.
-struct Hit { real tau, a, z; u32 tile_piece; };
+struct Hit {
+  real tau, a, z;
+  u32 tile_piece;
+};
 
 // Nearest of some chords to a point, R2 if out of reach, and the nearest that is no neighbour of it: the curve may come near twice.
-struct Nearest { real d2, tau, second, second_tau; };
+struct Nearest {
+  real d2, tau, second, second_tau;
+};
 template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u32 last, const Tile &p, real x, real y, real R2) {
   Nearest n = {R2, 0, R2, 0};
   u32 at = NONE;
@@ -30,7 +35,10 @@ template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u
 }
 
 // The nearest point of a piece from a chord's parameter, roughly, as a candidate among others.
-struct Candidate { real d2, tau; u32 tile_piece; };
+struct Candidate {
+  real d2, tau;
+  u32 tile_piece;
+};
 __device__ inline void improve(const Piece<real> &c, u32 tile_piece, real start, real qx, real qy, Candidate &best) {
   const Point<real> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, true, real(ROUGH_STEP));
   const real d2 = distance2(point, qx, qy);
@@ -98,7 +106,7 @@ constexpr u32 CHUNK = 128;
 struct Pool {
   Cover *fragments;
   u32 *order;
-  WarpFragments *warp_fragments;                  // of the tile's tile pieces
+  WarpFragments *warp_fragments;  // of the tile's tile pieces
   u64 *counter, *ordered;
   u64 limit, at;
   u32 left;
@@ -137,7 +145,10 @@ __device__ inline void sort_long(u32 *a, u32 n, const Cover *f) {
 
 // A point's fragments near to far: the first few as they come, in shared memory; if there are more, they are sorted where they lie.
 constexpr u32 SHORT_LIST = 64 / sizeof(real);  // half of the 48 kB that every GPU has for a block (empirical: few points have more)
-struct ShortLists { real z[SHORT_LIST][PIX]; u32 fragment[SHORT_LIST][PIX]; };
+struct ShortLists {
+  real z[SHORT_LIST][PIX];
+  u32 fragment[SHORT_LIST][PIX];
+};
 __device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
   if (n >= SHORT_LIST) return;
   const u32 t = threadIdx.x;

@@ -11,18 +11,28 @@ namespace stroke {
 using u32 = unsigned;
 using u64 = unsigned long long;
 using real = REAL;
-constexpr u32 NONE = ~0u, ALL = ~0u;                // no index; all lanes
+constexpr u32 NONE = ~0u, ALL = ~0u;  // no index; all lanes
 constexpr int PIX = TILE * TILE, WARP = 32, WARPS = PIX / WARP;
 template <class S> struct OutlinePoint;
 
 // Of a chord: its piece, length in px, turning of the tangent in radians.
-struct ChordInfo { u32 piece; float length, turn; };
+struct ChordInfo {
+  u32 piece;
+  float length, turn;
+};
 // Where one piece meets one tile: the chords of tile_list from `first` to the next one's. smooth: they have one nearest point.
-struct TilePiece { u32 piece, stroke, first, smooth; };
+struct TilePiece {
+  u32 piece, stroke, first, smooth;
+};
 // One stroke over one point: parameter and alpha there, depth, piece.
-struct alignas(4 * sizeof(real)) Cover { real tau, a, z; u32 piece; };
+struct alignas(4 * sizeof(real)) Cover {
+  real tau, a, z;
+  u32 piece;
+};
 // The fragments of one piece over one tile in the 32 points of one warp: from `first` on, one for every bit of mask.
-struct WarpFragments { u32 first, mask; };
+struct WarpFragments {
+  u32 first, mask;
+};
 
 // What is counted on the device, and bounded by the memory there is.
 enum { PIECES, CHORDS, INTERSECTIONS, TILE_PIECES, FRAGMENTS, OUTLINE, OUTLINE_FRAGMENTS, BOUNDED, ORDER = BOUNDED, OUTLINE_ORDER, BAD, COUNTERS };
@@ -55,20 +65,20 @@ struct Job {
   u32 *intersection_chord, *intersection_tile_piece;
   // per tile, and one more: its part of tile_list, the pieces over it; cursors for filling
   u32 *tile_first, *tile_cursor, *tile_piece_first, *tile_piece_count;
-  u32 *tile_list;                    // intersections, later chords, of each tile in order
+  u32 *tile_list;  // intersections, later chords, of each tile in order
   TilePiece *tile_pieces;
-  WarpFragments *warp_fragments;                 // per stratum, tile piece and warp
+  WarpFragments *warp_fragments;  // per stratum, tile piece and warp
   Cover *fragments;
-  u32 *order;                        // fragments of each point near to far
-  u32 *point_first, *point_count;    // per stratum, tile and thread: its part of order
+  u32 *order;                      // fragments of each point near to far
+  u32 *point_first, *point_count;  // per stratum, tile and thread: its part of order
   u64 *counters;
-  u64 *report;                       // memory of the host
+  u64 *report;  // memory of the host
   // backward
   const real *g_color, *g_alpha, *g_depth;
-  real *front, *g_fragment;          // per fragment: transmittance in front of it, dL/d(alpha)
-  real *g_tile_piece;                       // per tile piece: NGRAD sums
+  real *front, *g_fragment;  // per fragment: transmittance in front of it, dL/d(alpha)
+  real *g_tile_piece;        // per tile piece: NGRAD sums
   real *g_background;
-  double *g_cubics, *g_appearance;         // per stroke and view: 16 and 5 numbers
+  double *g_cubics, *g_appearance;                                 // per stroke and view: 16 and 5 numbers
   real *g_widths, *g_colors, *g_opacities, *g_points, *g_weights;  // of the inputs
   double *g_matrices;
   // outlines (Monte Carlo)
@@ -84,7 +94,7 @@ struct Job {
   long long background_view, background_row, background_pixel;
   double near, inv_sigma, filter_reach, width_scale;
   int views, strokes, height, width, tiles_x, tiles_y, world, strata, half_width_per_view, save;
-  int controls;                      // control points of a stroke in space; 0 where cubics are given
+  int controls;  // control points of a stroke in space; 0 where cubics are given
 };
 
 // What job.py repeats to know how much memory the arrays take.

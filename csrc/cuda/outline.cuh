@@ -36,8 +36,14 @@ __device__ inline void scatter_outline(const Job &J, u32 i) {
 template <bool WORLD> __device__ void value_outline(const Job &J) {
   const Tile p = tile_at(J, blockIdx.x);
   const u32 last = J.outline_tile_first[p.index + 1];
-  Pool pool = {J.outline_fragments, J.outline_order, J.outline_warp_fragments + u64(p.tile_piece_first) * WARPS, J.counters + OUTLINE_FRAGMENTS,
-               J.counters + OUTLINE_ORDER, J.limit[OUTLINE_FRAGMENTS], 0, 0};
+  Pool pool = {J.outline_fragments,
+               J.outline_order,
+               J.outline_warp_fragments + u64(p.tile_piece_first) * WARPS,
+               J.counters + OUTLINE_FRAGMENTS,
+               J.counters + OUTLINE_ORDER,
+               J.limit[OUTLINE_FRAGMENTS],
+               0,
+               0};
   for (u32 base = J.outline_tile_first[p.index]; base < last; base += PIX) {
     const bool active = base + threadIdx.x < last;
     const u32 index = J.outline_list[active ? base + threadIdx.x : base];
@@ -72,7 +78,10 @@ template <bool WORLD> __device__ void value_outline(const Job &J) {
 // Sums over the outline points of one piece, by one warp.
 __device__ inline void sum_outline(const Job &J, u32 piece) {
   const Piece<real> &c = J.pieces[piece];
-  union { Moments<real> m; real sums[NGRAD]; } g = {};
+  union {
+    Moments<real> m;
+    real sums[NGRAD];
+  } g = {};
   for (u32 i = J.outline_first[piece] + lane(); i < J.outline_first[piece + 1]; i += WARP) {
     const OutlinePoint<real> o = J.outline[i];
     if (outline_tile(J, o) == NONE || J.g_outline[i] == 0) continue;

@@ -13,7 +13,9 @@ KERNEL(write_outlines, 128) {
   if (fits(J, OUTLINE)) each_warp(length_of(J, PIECES), [&](u32 i) { sample_outline(J, i); });
 }
 KERNEL(place_outline_tiles, 1024) { add_up(J.outline_tile_first, tile_count(J)); }
-KERNEL(scatter_outlines, 128) { each_thread(length_of(J, OUTLINE), [&](u32 i) { scatter_outline(J, i); }); }
+KERNEL(scatter_outlines, 128) {
+  each_thread(length_of(J, OUTLINE), [&](u32 i) { scatter_outline(J, i); });
+}
 KERNEL(sum_outlines, 128) {
   if (fits(J, OUTLINE)) each_warp(length_of(J, PIECES), [&](u32 i) { sum_outline(J, i); });
 }

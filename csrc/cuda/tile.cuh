@@ -4,12 +4,22 @@
 
 namespace stroke {
 // A tile of one view: corner and size inside the image, and the pieces over it.
-struct Tile { u32 index; int view, x, y, w, h; u32 tile_piece_first, tile_piece_last; };
+struct Tile {
+  u32 index;
+  int view, x, y, w, h;
+  u32 tile_piece_first, tile_piece_last;
+};
 __device__ inline Tile tile_at(const Job &J, u32 t) {
   const int x = int(t % J.tiles_x) * TILE, y = int(t / J.tiles_x % J.tiles_y) * TILE;
   const u32 first = fits(J, TILE_PIECES) ? J.tile_piece_first[t] : 0, tile_pieces = fits(J, TILE_PIECES) ? J.tile_piece_count[t] : 0;
-  return {t, int(t / (J.tiles_x * J.tiles_y)), x, y, J.width - x < TILE ? J.width - x : TILE, J.height - y < TILE ? J.height - y : TILE,
-          first, first + tile_pieces};
+  return {t,
+          int(t / (J.tiles_x * J.tiles_y)),
+          x,
+          y,
+          J.width - x < TILE ? J.width - x : TILE,
+          J.height - y < TILE ? J.height - y : TILE,
+          first,
+          first + tile_pieces};
 }
 // The pixel of a thread in its tile: a warp has 8 x 4 of them, which fewer strokes touch than two rows.
 __device__ inline int pixel_x(u32 thread) { return int(thread / WARP % 2 * 8 + thread % 8); }

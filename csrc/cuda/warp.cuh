@@ -14,7 +14,9 @@ template <class T> __device__ T warp_sum(T x) {
   return x;
 }
 // Sum over the lanes before this one, and over all; of the type of the total.
-template <class T> struct Same { using type = T; };
+template <class T> struct Same {
+  using type = T;
+};
 template <class T> __device__ T warp_prefix(typename Same<T>::type x, T &total) {
   T sum = x;
   for (u32 k = 1; k < WARP; k *= 2) {

@@ -58,7 +58,7 @@ def _stratum(
 
 
 def mix(h: Int[Tensor, " P"]) -> Int[Tensor, " P"]:
-    """A hash of 32 bits (stroke_math.h)."""
+    """A hash of 32 bits (csrc/common/hash.h)."""
     mask = 0xFFFFFFFF
     h = ((h ^ (h >> 16)) * 0x7FEB352D) & mask
     h = ((h ^ (h >> 15)) * 0x846CA68B) & mask

@@ -9,7 +9,10 @@
 
 using stroke::Job;
 using Kernel = void (*)(Job);
-struct Call { Kernel kernel; const Job *job; };
+struct Call {
+  Kernel kernel;
+  const Job *job;
+};
 
 extern "C" size_t job_size() { return sizeof(Job); }
 

@@ -18,7 +18,9 @@
 #define __shared__ static  // one block at a time
 
 namespace emulation {
-struct Index { unsigned x; };
+struct Index {
+  unsigned x;
+};
 inline Index thread, block, block_size, grid_size;
 
 enum class State { ready, at_exchange, at_barrier, done };
@@ -78,7 +80,10 @@ class Block {
 
 public:
   uint64_t slots[2][1024];
-  static Block &current() { static Block b; return b; }
+  static Block &current() {
+    static Block b;
+    return b;
+  }
   void yield(State state) {
     Fiber &f = *fibers_[thread.x];
     f.state = state;
