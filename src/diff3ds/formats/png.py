@@ -3,13 +3,12 @@
 import math
 import warnings
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 
 from diff3ds._files import replacing
 from diff3ds._shapes import Float, Tensor
+from diff3ds.formats.pixels import described, pixels_of, require_one_frame
 
 # 11585 x 11585; as float32 RGBA that takes 2 GiB. More is taken for a mistake or an attack.
 MAX_PIXELS = 1 << 27
@@ -48,10 +47,12 @@ def load_image(path: str | Path) -> Float[Tensor, "H W C"]:
     """A picture file (any format that pillow reads) as float32 in [0, 1].
 
     C is 1 for gray, 3 for RGB, 4 for straight RGBA; palettes and other colour models become RGB or RGBA. 16 bits a
-    channel are kept for gray. Pixels are taken as they are stored: no EXIF rotation, no colour profile.
+    channel are kept for gray, and so are floating point numbers in [0, 1]. Pixels are taken as they are stored: no EXIF
+    rotation, no colour profile, no gamma.
 
     Raises:
-        ValueError: more than 2^27 pixels, or a file that is no picture or a broken one.
+        ValueError: more than 2^27 pixels; a file that is no picture, a broken one, or one of several frames or pages of
+            one size; numbers whose white is not told: floating point outside [0, 1], or whole numbers of 32 bits.
         OSError: the file cannot be read.
     """
     return load_reduced(path, None)[0]
@@ -72,7 +73,7 @@ def load_reduced(
     Raises:
         ValueError, OSError: as `load_image`.
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     path = Path(path)
     with path.open("rb") as file, warnings.catch_warnings():
@@ -83,22 +84,14 @@ def load_reduced(
                 width, height = picture.size
                 if width * height > MAX_PIXELS:
                     raise ValueError(f"{width} x {height} are more than the {MAX_PIXELS} that are read")
+                require_one_frame(picture)
                 box = picture.draft(picture.mode, (least[1], least[0])) if least else None
-                return _tensor(picture), (height, width), round(width / box[1][2]) if box else 1
+                return pixels_of(picture), (height, width), round(width / box[1][2]) if box else 1
+        except UnidentifiedImageError as error:
+            raise ValueError(f"{path}: cannot be read as a picture ({described(path)})") from error
         # Broken files make pillow's decoders raise nearly anything.
         except Exception as error:
             raise ValueError(f"{path}: cannot be read as a picture ({error})") from error
-
-
-def _tensor(picture: Any) -> Float[Tensor, "H W C"]:
-    if picture.mode.startswith("I;16"):
-        values = torch.from_numpy(np.asarray(picture).astype(np.float32))
-        return (values / 65535)[..., None]
-    transparent = "A" in picture.getbands() or "transparency" in picture.info
-    if picture.mode not in _MODES.values() or (transparent and picture.mode != "RGBA"):
-        picture = picture.convert("L" if picture.mode == "1" else "RGBA" if transparent else "RGB")
-    values = torch.from_numpy(np.asarray(picture).astype(np.float32)) / 255
-    return values[..., None] if values.ndim == 2 else values
 
 
 def grid_columns(count: int) -> int:

@@ -9,11 +9,13 @@ import torch
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.tasks.plates import Plates
 from diff3ds.tasks.posed import SAME, PosedPictures
-from diff3ds.tasks.store import byte_array, is_opaque
+from diff3ds.tasks.store import byte_array, opaque_views
 
 NAMED = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0)}
 # A colour that takes this share of the pixels along the borders is a background; photographs have none.
 PLAIN = 0.95
+# Pictures named in an error.
+NAMES = 5
 # Noise is told from content by means over this many pixels: they lessen noise of .1 to .014, and leave .14 of a black
 # line of one pixel.
 WINDOW = 7
@@ -54,21 +56,32 @@ def with_alpha(
     """Coloured pictures whose alpha tells the object, and what lies behind it, None where alpha tells.
 
     Pictures with an alpha of their own stay as they are. Others get alpha 0 in pixels that show the background: the one
-    given, else the colour that the borders of all pictures have. Without either they stay opaque.
+    given, else the colour that their borders have. Without either they stay opaque.
 
     Args:
         background: its colour, or pictures of it, if it is known.
+
+    Raises:
+        ValueError: some pictures have alpha, and of the others the background is not known.
     """
-    if not is_opaque(pictures.store):
+    opaque = opaque_views(pictures.store)
+    if not opaque.any():
         return pictures, background
-    background = _border_color(pictures) if background is None else background
-    if background is None:
+    background = _border_color(pictures, opaque) if background is None else background
+    if background is None and opaque.all():
         return pictures, None
+    if background is None:
+        names = [pictures.names[view] for view in opaque.nonzero().flatten().tolist()]
+        raise ValueError(
+            f"{len(names)} of {len(opaque)} pictures have no transparent areas, as the others do, nor borders of one "
+            f"colour: {', '.join(names[:NAMES])}{', ...' if len(names) > NAMES else ''}. Cut their object out, say "
+            "what lies behind it with --background, or leave them out"
+        )
     pixels = byte_array(tuple(pictures.store.pixels.shape), pictures.store.scratch)
     for views in pictures.store.chunks():
         batch = pictures.batch(views)
         difference = batch.pixels[..., :3] - behind(background, views)
-        kept = _large(difference) & _large(_smooth(difference, batch.known))
+        kept = _large(difference) & _large(_smooth(difference, batch.known)) | ~opaque[views, None, None]
         pixels[views] = pictures.store.pixels[views] * kept[..., None]
     return replace(pictures, store=replace(pictures.store, pixels=pixels)), background
 
@@ -87,13 +100,17 @@ def described(background: Float[Tensor, " 3"] | Plates | None) -> list[float] | 
     return None if background is None else background.tolist()
 
 
-def _border_color(pictures: PosedPictures) -> Float[Tensor, " 3"] | None:
-    """The colour of nearly all known pixels along the borders of all pictures."""
-    borders = []
+def _border_color(pictures: PosedPictures, some: Bool[Tensor, " V"]) -> Float[Tensor, " 3"] | None:
+    """The colour of nearly all known pixels along the borders of some pictures, if they have one."""
+    borders, rims = [], []
     for views in pictures.store.chunks():
-        batch = pictures.batch(views)
-        borders.append(_sides(_smooth(batch.pixels[..., :3], batch.known))[_sides(batch.known)])
+        batch = pictures.batch(views[some[views]])
+        smooth = _smooth(batch.pixels[..., :3], batch.known)
+        borders.append(_sides(smooth)[_sides(batch.known)])
+        # Masks, or lens distortion, may leave nothing of the borders: then what is known has a rim of its own.
+        rims.append(smooth[_rim(batch.known)] if not len(borders[-1]) else borders[-1][:0])
     border = torch.cat(borders)
+    border = border if len(border) else torch.cat(rims)
     if not len(border):
         return None
     color = border.median(0).values
@@ -110,6 +127,14 @@ def _smooth(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> F
     sums = torch.cat([values * share, share], -1).movedim(-1, 1)
     means = torch.nn.functional.avg_pool2d(sums, WINDOW, 1, WINDOW // 2).movedim(1, -1)
     return means[..., :3] / means[..., 3:].clamp(min=1e-6)
+
+
+def _rim(known: Bool[Tensor, "B H W"]) -> Bool[Tensor, "B H W"]:
+    """The first and the last known pixels of each row and column."""
+    rim = torch.zeros_like(known)
+    for dim in (1, 2):
+        rim |= (known.cumsum(dim) == 1) | (known.flip(dim).cumsum(dim) == 1).flip(dim)
+    return rim & known
 
 
 def _sides(images: Float[Tensor, "B H W 3"] | Bool[Tensor, "B H W"]) -> Tensor:

@@ -16,6 +16,7 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import behind, described, parse_background, with_alpha
 from diff3ds.tasks.frame import frame_of
 from diff3ds.tasks.hull import Hull, visual_hull
+from diff3ds.tasks.masks import Masks
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
 from diff3ds.tasks.posed import PosedPictures, load_posed
@@ -97,7 +98,7 @@ def strokes_on(hull: Hull, count: int, generator: torch.Generator) -> Sketch:
     )
 
 
-def color_scores(sketch: Sketch, plan: Plan, path: Path | None) -> dict[str, float]:
+def color_scores(sketch: Sketch, plan: Plan, path: Path | None, masks: Masks = "ignore") -> dict[str, float]:
     """PSNR and SSIM on the pictures of the fit and, if the folder has some, on held-out ones.
 
     Over the plan's background, or else over white. A folder of backgrounds has none for held-out pictures.
@@ -106,6 +107,7 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None) -> dict[str, flo
         sketch: in the world of the cameras.
         plan: of the fit.
         path: the transforms file of its pictures.
+        masks: as for `load_posed`.
     """
     scores = view_scores(sketch, plan.pictures, plan.background)
     held_out = held_out_views(path)
@@ -116,7 +118,7 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None) -> dict[str, flo
         if background.source.is_dir():
             return scores
         background = load_plates(held_out, background.source, size)
-    pictures, _ = with_alpha(load_posed(held_out, "color", size), background)
+    pictures, _ = with_alpha(load_posed(held_out, "color", size, masks=masks), background)
     some = view_scores(sketch, pictures, background)
     return scores | {f"{name}_test": value for name, value in some.items()}
 

@@ -26,6 +26,7 @@ from diff3ds.tasks.background import parse_background, with_alpha
 from diff3ds.tasks.color import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.frame import frame_of
 from diff3ds.tasks.hull import visual_hull
+from diff3ds.tasks.masks import Masks
 from diff3ds.tasks.network_files import find_file, read_network
 from diff3ds.tasks.plan import Plan
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
@@ -61,6 +62,8 @@ class DoodleOptions:
         width: of the strokes, pixels of the reduced pictures.
         rate: learning rate of control points, in radii of the scene a step.
         background: what lies behind the object in pictures without alpha: white, black or R,G,B, each from 0 to 1.
+        masks: what the black pixels of a mask_path are: ignore leaves them out of the loss, as nerfstudio does; object
+            takes them for background, so that masks cut the object out.
         device: of the networks: cpu, cuda, mps, or auto.
         allow_pickle: these files of weights are read although they are pickles, which can run code of whoever made
             them; only their tensors are.
@@ -82,6 +85,7 @@ class DoodleOptions:
     width: float = 3.0
     rate: float = 0.001
     background: str | None = None
+    masks: Masks = "ignore"
     device: str = "auto"
     allow_pickle: tuple[Path, ...] = ()
     seed: int = 0
@@ -131,7 +135,7 @@ def fit_doodle(
     path = find_transforms(source, "color")
     loss = load_doodle_loss(options)
     claim(out, out / CHECKPOINT, options.resume, options.overwrite)
-    plan = plan_doodle(load_posed(path, "color", options.size, out), options, loss, out / CHECKPOINT)
+    plan = plan_doodle(load_posed(path, "color", options.size, out, options.masks), options, loss, out / CHECKPOINT)
     read = time.perf_counter()
     stopped, shown = False, ShownLoss()
     with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
@@ -209,7 +213,9 @@ def doodle_scores(sketch: Sketch, pictures: PosedPictures, loss: DoodleLoss) -> 
     with torch.no_grad():
         for view in spread(len(pictures), SCORED).tolist():
             drawn = render(sketch, pictures.cameras[view]).color
-            values.append([float(x) for x in loss.plain(drawn, pictures.batch([view]).images)])
+            target = pictures.batch([view])
+            wanted = torch.where(target.known[..., None], target.images, drawn)
+            values.append([float(x) for x in loss.plain(drawn, wanted)])
     cosine, distance = torch.tensor(values).mean(0).tolist()
     return {"clip_rn101": cosine, f"vgg_{loss.vgg.variant}": distance}
 

@@ -3,7 +3,7 @@
 import math
 
 from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.tasks.store import Store
+from diff3ds.tasks.store import Batch, Store
 
 
 def line_width(store: Store) -> float:
@@ -16,7 +16,14 @@ def line_width(store: Store) -> float:
     # The last bits of sums on several threads depend on their number.
     with torch_on_one_thread():
         for views in store.chunks():
-            ink = store.batch(views).alpha
-            total += float(ink.sum())
-            variation += float((ink[:, 1:] - ink[:, :-1]).abs().sum() + (ink[:, :, 1:] - ink[:, :, :-1]).abs().sum())
+            batch = store.batch(views)
+            total += float(batch.alpha.sum())
+            variation += sum(_variation(batch, dim) for dim in (1, 2))
     return 2 * (4 / math.pi) * total / variation / store.pixels.shape[1]
+
+
+def _variation(batch: Batch, dim: int) -> float:
+    """Sum of the differences between neighbours along an axis, both of which are known."""
+    count = batch.known.shape[dim] - 1
+    both = batch.known.narrow(dim, 0, count) & batch.known.narrow(dim, 1, count)
+    return float((batch.alpha.diff(dim=dim).abs() * both).sum())

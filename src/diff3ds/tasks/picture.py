@@ -8,8 +8,10 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
-from diff3ds.formats.png import load_image
+from diff3ds.formats.orientation import load_upright
 from diff3ds.tasks.background import parse_background, with_alpha
+from diff3ds.tasks.cutout import premultiplied
+from diff3ds.tasks.masks import mask_of
 from diff3ds.tasks.paper import ink_on_paper
 from diff3ds.tasks.posed import PosedPictures
 from diff3ds.tasks.resample import area_means
@@ -21,17 +23,6 @@ OBJECT, OF = 200, 256
 FAINT = 0.05
 # An object of fewer pixels along its longer side shows too little: it would be enlarged over six times. Empirical.
 LEAST = 32
-# EXIF orientation: whether rows and columns change places, then which of them are reversed (TIFF 6.0).
-ORIENTATION_TAG = 0x0112
-ORIENTATIONS = {
-    2: (False, (1,)),
-    3: (False, (0, 1)),
-    4: (False, (0,)),
-    5: (True, ()),
-    6: (True, (1,)),
-    7: (True, (0, 1)),
-    8: (True, (0,)),
-}
 
 Frame = Literal["object", "picture"]
 
@@ -99,7 +90,7 @@ def read_reference(path: Path, size: int = OF, options: PictureOptions | None = 
     _require_file(path, "a picture of one object, a file such as mug.png")
     if options.mask is not None:
         _require_file(options.mask, "a mask, a picture that is white where the object is")
-    pixels = _cut_out(path, _upright(path), options)
+    pixels = _cut_out(path, load_upright(path), options)
     top, bottom, left, right = box = _object_box(path, pixels[..., 3], options)
     if max(bottom - top, right - left) < LEAST:
         raise ValueError(
@@ -118,28 +109,19 @@ def _require_file(path: Path, wanted: str) -> None:
         raise FileNotFoundError(f"{path} is not there: give {wanted}")
 
 
-def _upright(path: Path) -> Float[Tensor, "H W C"]:
-    """A picture as viewers show it."""
-    from PIL import Image
-
-    image = load_image(path)
-    with Image.open(path) as picture:
-        orientation = picture.getexif().get(ORIENTATION_TAG, 1)
-    transposed, reversed_axes = ORIENTATIONS.get(orientation, (False, ()))
-    return (image.transpose(0, 1) if transposed else image).flip(reversed_axes)
-
-
 def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions) -> Float[Tensor, "H W 4"]:
     """RGB times alpha, and alpha, of the object."""
-    pixels = torch.ones((*image.shape[:2], 4))
-    pixels[..., :3] = image[..., :3]
-    if image.shape[2] == 4:
-        pixels *= image[..., 3:]
+    pixels = premultiplied(image)
     size = (image.shape[0], image.shape[1])
     if options.mask is not None:
         return pixels * _mask(path, options.mask, size)
     color = parse_background(options.background) if options.background else None
     if bool((pixels[..., 3] < 1).any()):
+        highest = float(pixels[..., 3].max())
+        if highest <= FAINT:
+            raise ValueError(
+                f"{path}: transparent everywhere (alpha is at most {highest:.2g}): there is no object in it"
+            )
         return pixels
     # The camera says the size and nothing else.
     opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (path.name,))
@@ -149,8 +131,9 @@ def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions)
         if ink is not None:
             pixels[..., :3], pixels[..., 3] = 0, torch.from_numpy(ink)
             return pixels
+        tells = "the picture has no transparency" if image.shape[2] < 4 else "no area of the picture is transparent"
         raise ValueError(
-            f"{path}: cannot tell the object from what is behind it: the picture has no transparency, and its borders "
+            f"{path}: cannot tell the object from what is behind it: {tells}, and its borders "
             "no single colour. Cut the object out in an image editor and save it as PNG with transparency, or give "
             "--mask, a picture that is white where the object is"
         )
@@ -158,13 +141,12 @@ def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions)
 
 
 def _mask(path: Path, mask: Path, size: tuple[int, int]) -> Float[Tensor, "H W 1"]:
-    image = _upright(mask)
+    image = load_upright(mask)
     if image.shape[:2] != size:
         raise ValueError(
             f"{mask}: {image.shape[0]} x {image.shape[1]} (height x width) pixels, but {path} has {size[0]} x {size[1]}"
         )
-    gray = image[..., :3].mean(-1, keepdim=True)
-    return gray * image[..., 3:] if image.shape[2] == 4 else gray
+    return mask_of(image)[..., None]
 
 
 def _object_box(path: Path, alpha: Float[Tensor, "H W"], options: PictureOptions) -> tuple[int, int, int, int]:
@@ -172,7 +154,7 @@ def _object_box(path: Path, alpha: Float[Tensor, "H W"], options: PictureOptions
     seen = alpha > FAINT
     rows, columns = seen.any(1).nonzero(), seen.any(0).nonzero()
     if not len(rows):
-        what = f"all black where {path} is visible" if options.mask else "nothing but transparency or background"
+        what = f"all black where {path} is visible" if options.mask else "nothing but background"
         raise ValueError(f"{options.mask or path}: {what}: there is no object to make a sketch of")
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 

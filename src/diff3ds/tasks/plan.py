@@ -9,6 +9,7 @@ from diff3ds.fit import FitConfig, Objective
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import color_or_path
 from diff3ds.tasks.frame import Frame
+from diff3ds.tasks.masks import Masks
 from diff3ds.tasks.plates import Plates
 from diff3ds.tasks.posed import PosedPictures, Target
 from diff3ds.tasks.pyramid import Pyramid
@@ -31,6 +32,8 @@ class ViewsOptions:
         background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1; a
             picture, scaled to each view; or a folder with each view without the object, by the file names of the
             pictures. By default alpha says where nothing is, or else the colour that nearly all of the borders have.
+        masks: what the black pixels of a mask_path are: ignore leaves them out of the loss and the scores, as
+            nerfstudio does; object takes them for background, so that masks cut the object out.
         size: larger pictures are reduced to this many pixels along the longer side.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder, if there is one.
@@ -43,6 +46,7 @@ class ViewsOptions:
     steps: int | None = None
     batch: int | None = None
     background: str | None = None
+    masks: Masks = "ignore"
     size: int = 512
     seed: int = 0
     resume: bool = False

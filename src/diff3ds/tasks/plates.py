@@ -6,7 +6,7 @@ from pathlib import Path
 
 from diff3ds.formats.png import load_image
 from diff3ds.tasks.posed import load_views, reduced
-from diff3ds.tasks.store import Store, is_opaque
+from diff3ds.tasks.store import Store, opaque_views
 from diff3ds.transforms import NAMED, View, read_views
 
 
@@ -50,7 +50,7 @@ def load_plates(path: Path, source: Path, size: int = 512, scratch: Path | None 
     sizes = [reduced(view.size, size) for view in views]
     behind = _one_each(source, views) if source.is_dir() else _one_for_all(source, views)
     store = load_views(behind, sizes, None, scratch)
-    if not is_opaque(store):
+    if not opaque_views(store).all():
         raise ValueError(f"{source}: a background must be opaque, but has transparent pixels: lay it over a colour")
     return Plates(source, store)
 

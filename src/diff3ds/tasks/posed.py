@@ -12,6 +12,7 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.tasks.masks import Masks, has_left_out
 from diff3ds.tasks.read_view import read_view
 from diff3ds.tasks.store import MEMORY, Batch, Store, all_known, as_bytes, byte_array
 from diff3ds.transforms import View, read_views, require_files
@@ -40,12 +41,14 @@ class PosedPictures:
         store: ink (C = 1) of edge maps, whatever their polarity; else colour with alpha (C = 4), alpha 1 in pictures
             that have none.
         names: file names.
+        masked: how many of them have a `mask_path`.
     """
 
     cameras: Cameras
     target: Target
     store: Store
     names: tuple[str, ...]
+    masked: int = 0
 
     def __len__(self) -> int:
         return len(self.cameras)
@@ -86,7 +89,13 @@ def find_transforms(path: Path, target: Target | None) -> Path:
     return path / found[0]
 
 
-def load_posed(path: Path, target: Target | None = None, size: int = 512, scratch: Path | None = None) -> PosedPictures:
+def load_posed(
+    path: Path,
+    target: Target | None = None,
+    size: int = 512,
+    scratch: Path | None = None,
+    masks: Masks = "ignore",
+) -> PosedPictures:
     """The pictures and cameras of a transforms file.
 
     The pictures are read one at a time and kept with 8 bits a channel, in memory or, if they and their pyramid take
@@ -97,6 +106,8 @@ def load_posed(path: Path, target: Target | None = None, size: int = 512, scratc
         target: what the pictures are; None looks at them and finds edges or colour.
         size: each picture is reduced to at most this many pixels along its longer side.
         scratch: folder for such a file, existing or to be made; default the system's for temporary files.
+        masks: what black pixels of a `mask_path` mean: ignore leaves them out of all losses and scores, object takes
+            them for background.
 
     Raises:
         FileNotFoundError, ValueError: a missing or unreadable file; pictures whose size is not that of the cameras, or
@@ -105,14 +116,15 @@ def load_posed(path: Path, target: Target | None = None, size: int = 512, scratc
     """
     views = read_views(path)
     require_files(path, [view.picture for view in views] + [view.mask for view in views if view.mask])
-    background = None if target in ("color", "color-edges") else _background(views, target == "edges")
+    background = None if target in ("color", "color-edges") else _background(views, target == "edges", masks)
     sizes = [reduced(view.size, size) for view in views]
     cameras = _cameras(path, views, sizes)
-    store = load_views(views, sizes, background, scratch)
+    store = load_views(views, sizes, background, scratch, masks)
     if not _shows(store):
-        raise ValueError(f"{path}: the pictures show nothing: all pixels of all {len(views)} have one colour")
+        raise ValueError(f"{path}: the pictures show nothing: {_nothing(store, views, masks)}")
     found: Target = target or ("color" if background is None else "edges")
-    return PosedPictures(cameras, found, store, tuple(view.picture.name for view in views))
+    names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
+    return PosedPictures(cameras, found, store, names, masked)
 
 
 def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:
@@ -139,19 +151,25 @@ def _canvas(sizes: list[tuple[int, int]]) -> tuple[int, int]:
 
 
 def load_views(
-    views: list[View], sizes: list[tuple[int, int]], background: float | None, scratch: Path | None
+    views: list[View],
+    sizes: list[tuple[int, int]],
+    background: float | None,
+    scratch: Path | None,
+    masks: Masks = "ignore",
 ) -> Store:
     """The pictures of these views, each in its (height, width), at the top left of a canvas that holds all.
 
     Args:
         background: value behind ink, 0 or 1; None for colour.
         scratch: as for `load_posed`.
+        masks: as for `load_posed`.
 
     Raises:
         ValueError, OSError: as `read_view` and `byte_array`.
     """
     canvas = _canvas(sizes)
-    whole = all(size == canvas for size in sizes) and not any(any(view.distortion) for view in views)
+    whole = all(size == canvas for size in sizes)
+    whole = whole and not any(any(view.distortion) or has_left_out(view, masks) for view in views)
     shape = (len(views), *canvas, 4 if background is None else 1)
     count = len(views) * canvas[0] * canvas[1] * (shape[3] + (not whole))
     folder = None if count * PYRAMID <= MEMORY else _existing(scratch)
@@ -160,7 +178,7 @@ def load_views(
     # One picture may lie behind all views.
     read = functools.lru_cache(maxsize=1)(read_view)
     for i, (view, (height, width)) in enumerate(zip(views, sizes, strict=True)):
-        rgba, seen = read(view, (height, width))
+        rgba, seen = read(view, (height, width), masks)
         values = rgba if background is None else _ink(rgba, background)[..., None]
         pixels[i, :height, :width] = as_bytes(values)
         if not whole:
@@ -181,27 +199,52 @@ def _shows(store: Store) -> bool:
     return False
 
 
+def _nothing(store: Store, views: list[View], masks: Masks) -> str:
+    """Why pictures show nothing."""
+    seen = [store.batch([view]) for view in range(len(store))]
+    values = torch.cat([batch.pixels[batch.known] for batch in seen])
+    if not len(values):
+        return _left_nothing(views, masks)
+    if values.shape[1] == 4 and float(values[:, 3].max()) == 0:
+        return f"all {len(views)} are transparent everywhere" + (", by their masks" if views[0].mask else "")
+    spread = float((values.amax(0) - values.amin(0)).max())
+    if spread == 0:
+        return f"all pixels of all {len(views)} have one colour"
+    return (
+        f"all pixels of all {len(views)} have one colour, but for {spread:.1g} of the range from black to white"
+        " (were numbers of 8 bits saved as 16 bits?)"
+    )
+
+
+def _left_nothing(views: list[View], masks: Masks) -> str:
+    """What leaves no pixel of these views known."""
+    if any(has_left_out(view, masks) for view in views):
+        return (
+            "masks leave out everything: their black pixels are not counted (those of dynamic_mask_*.png: the others)"
+        )
+    return "lens distortion leaves nothing: check k1 to k3"
+
+
 def _existing(folder: Path | None) -> Path:
     """The folder, or the nearest one above it that is there."""
     folder = Path(tempfile.gettempdir()) if folder is None else folder.absolute()
     return next(f for f in (folder, *folder.parents) if f.is_dir())
 
 
-def _background(views: list[View], drawn: bool) -> float | None:
+def _background(views: list[View], drawn: bool, masks: Masks) -> float | None:
     """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None."""
     some = [views[i * len(views) // min(len(views), LOOKED_AT)] for i in range(min(len(views), LOOKED_AT))]
     grays, tints = [], []
     for view in some:
-        # What a mask hides has the background's value, which is not known yet.
-        rgba, known = read_view(replace(view, mask=None), reduced(view.size, LOOKED_SIZE))
+        # What a mask of the object hides has the background's value, which is not known yet.
+        shown = replace(view, mask=None) if masks == "object" else view
+        rgba, known = read_view(shown, reduced(view.size, LOOKED_SIZE), masks)
         color, alpha = rgba[known][:, :3], rgba[known][:, 3]
         grays.append(color.mean(1) + 1 - alpha)
         tints.append(color.amax(1) - color.amin(1))
     gray, tint = torch.cat(grays), torch.cat(tints)
     if not len(gray):
-        raise ValueError(
-            f"{views[0].picture}: lens distortion leaves nothing of this and other pictures: check k1 to k3"
-        )
+        raise ValueError(f"{views[0].picture}: of this and other pictures {_left_nothing(some, masks)}")
     middle = float(gray.median())
     colorless = float((tint < SAME).float().mean()) > 0.999
     plain = float(((gray - middle).abs() < SAME).float().mean()) > DRAWING_BACKGROUND

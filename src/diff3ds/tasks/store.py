@@ -101,9 +101,12 @@ def is_all_known(known: Bool[Tensor, "V H W"]) -> bool:
     return known.stride() == (0, 0, 0)
 
 
-def is_opaque(store: Store) -> bool:
-    """Whether coloured pictures have alpha 1 wherever they are known."""
-    return all(bool((store.pixels[views][..., 3] == 255)[store.known[views]].all()) for views in store.chunks())
+def opaque_views(store: Store) -> Bool[Tensor, " V"]:
+    """Which of coloured pictures have alpha 1 wherever they are known."""
+    opaque = [
+        ((store.pixels[views][..., 3] == 255) | ~store.known[views]).flatten(1).all(1) for views in store.chunks()
+    ]
+    return torch.cat(opaque)
 
 
 def byte_array(shape: tuple[int, ...], scratch: Path | None) -> UInt8[Tensor, "*S"]:

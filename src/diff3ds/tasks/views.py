@@ -20,15 +20,17 @@ from diff3ds.tasks.color import color_scores, held_out_views, plan_color
 from diff3ds.tasks.edges import fit_edges
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
-from diff3ds.tasks.posed import PosedPictures, Target, find_transforms, load_posed
+from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
 from diff3ds.tasks.progress import Fitted, Progress, Report, Stopped
 from diff3ds.tasks.random_edges import plan_random_edges
 from diff3ds.tasks.results import RunInfo, claim, spread, write_results
-from diff3ds.tasks.store import store_of
+from diff3ds.tasks.store import opaque_views, store_of
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
 PREVIEWS = 8
+# Gray of what masks leave out, lens distortion takes away, or smaller pictures do not have.
+UNKNOWN = 0.5
 
 
 def fit_views(
@@ -65,9 +67,13 @@ def fit_views(
         raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
-    pictures = demo_pictures(options.size) if path is None else load_posed(path, options.target, options.size, out)
+    pictures = (
+        demo_pictures(options.size)
+        if path is None
+        else load_posed(path, options.target, options.size, out, options.masks)
+    )
     plates = _plates(pictures, path, options, out)
-    _say_idle(options, pictures.target, say)
+    _say_idle(options, pictures, say)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
@@ -88,11 +94,18 @@ def fit_views(
     return fitted.sketch
 
 
-def _say_idle(options: ViewsOptions, target: Target, say: Callable[[str], None]) -> None:
-    """Says which options change nothing."""
+def _say_idle(options: ViewsOptions, pictures: PosedPictures, say: Callable[[str], None]) -> None:
+    """Says which options change nothing, and which pictures are treated in another way than the rest."""
+    target = pictures.target
     if idle := options.idle(target):
         how = target if target == "color" else f"{target} --init {options.init}"
         say(f"{', '.join(idle)}: no effect with --target {how}")
+    if pictures.masked and options.masks == "ignore":
+        some = f"{pictures.masked} of {len(pictures)} pictures" if pictures.masked < len(pictures) else "the pictures"
+        say(f"masks: what is black in the masks of {some} counts nowhere; if white is the object, say --masks object")
+    if target == "color" and 0 < (opaque := int(opaque_views(pictures.store).sum())) < len(pictures):
+        behind = options.background or "the colour along their borders"
+        say(f"{opaque} of {len(pictures)} pictures have no transparent areas: {behind} is taken for their background")
 
 
 def _fitted(
@@ -107,10 +120,12 @@ def _fitted(
 
 
 def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
-    """Eight views, each target beside the rendering of the sketch."""
+    """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target."""
     views = spread(len(pictures), PREVIEWS)
     drawn = render(sketch, pictures.cameras[views]).color
-    pairs = torch.cat([pictures.batch(views).images, drawn.clamp(0, 1)], 2)
+    targets = pictures.batch(views)
+    seen = torch.where(targets.known[..., None], targets.images, torch.tensor(UNKNOWN))
+    pairs = torch.cat([seen, drawn.clamp(0, 1)], 2)
     return tile_images(pairs, columns=2)
 
 
@@ -141,7 +156,7 @@ def _fit_color(
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
     scores: dict[str, float] = {}
     try:
-        scores = color_scores(world, plan, path)
+        scores = color_scores(world, plan, path, options.masks)
     except KeyboardInterrupt:
         # The sketch is there, and is written without them.
         stopped = True

@@ -1,0 +1,71 @@
+"""Masks of posed pictures: what they leave out of every loss and score, or where the object is."""
+
+from pathlib import Path
+from typing import Literal
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.formats.orientation import load_of_size
+from diff3ds.transforms import View
+
+# What black pixels of a `mask_path` mean: left out, as in nerfstudio, or not the object.
+Masks = Literal["ignore", "object"]
+# Masks in JPEG files are not quite black: what has at most this share of the brightest is. Empirical.
+BLACK = 0.05
+# instant-ngp's name of a mask beside the picture, white where the picture is left out.
+DYNAMIC = "dynamic_mask_{}.png"
+
+
+def mask_of(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W"]:
+    """A picture as a mask in [0, 1]. One of two values, 0 and another, is black and white, even if that is 1 of 255."""
+    gray = image[..., :3].mean(-1)
+    gray = gray * image[..., 3] if image.shape[2] == 4 else gray
+    high = float(gray.max())
+    return (gray > 0).float() if high > 0 and bool(((gray == 0) | (gray == high)).all()) else gray
+
+
+def dynamic_mask(picture: Path) -> Path | None:
+    """instant-ngp's mask of a picture, if there is one."""
+    path = picture.parent / DYNAMIC.format(picture.stem)
+    return path if path.is_file() else None
+
+
+def has_left_out(view: View, masks: Masks) -> bool:
+    """Whether masks may leave pixels of this view out."""
+    return bool(view.mask and masks == "ignore") or dynamic_mask(view.picture) is not None
+
+
+def counted(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
+    """1 where the picture counts, 0 where masks leave it out; None if no mask does.
+
+    Raises:
+        ValueError: a mask that is no picture, or of another size.
+        OSError: the file cannot be read.
+    """
+    kept = None
+    if view.mask and masks == "ignore":
+        kept = _bright(_load(view.mask, view))
+    dynamic = dynamic_mask(view.picture)
+    if dynamic is not None:
+        still = 1 - _bright(_load(dynamic, view))
+        kept = still if kept is None else kept * still
+    return kept
+
+
+def object_share(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
+    """Share of each pixel that is object, by the view's mask; None if no mask says so.
+
+    Raises:
+        ValueError, OSError: as `counted`.
+    """
+    return _load(view.mask, view) if view.mask and masks == "object" else None
+
+
+def _load(mask: Path, view: View) -> Float[Tensor, "H W"]:
+    return mask_of(load_of_size(mask, view.size, "its picture has"))
+
+
+def _bright(mask: Float[Tensor, "H W"]) -> Float[Tensor, "H W"]:
+    """1 where a mask is not black."""
+    return (mask > BLACK * mask.max()).to(torch.float32)
