@@ -1,12 +1,14 @@
 """Backgrounds: named, told by alpha, or found along the borders of pictures."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 import diff3ds as ds
 from diff3ds.tasks.background import WINDOW, parse_background, with_alpha
 from diff3ds.tasks.posed import PosedPictures
-from diff3ds.tasks.store import store_of
+from diff3ds.tasks.store import Store, store_of
 
 
 def pictures(pixels):
@@ -51,13 +53,47 @@ def test_a_plain_background_becomes_transparent(color, given):
 
 def test_pictures_with_alpha_stay_as_they_are():
     pixels = opaque((0.0, 0.0, 0.0))
-    pixels[0, 0, 0] = 0
+    pixels[:, 0, 0] = 0
     before = pictures(pixels)
     after, background = with_alpha(before, None)
     assert after is before
     assert background is None
     wanted = torch.tensor([0.1, 0.2, 0.3])
     assert with_alpha(before, wanted)[1] is wanted
+
+
+def test_opaque_ones_among_cut_out_ones_lose_their_background():
+    """Of two pictures one is cut out already: the other becomes like it, by the colour found or given."""
+    pixels = opaque((1.0, 1.0, 1.0))
+    expected = torch.zeros(20, 20, 4)
+    expected[6:14, 6:14] = torch.tensor([1.0, 0.0, 0.0, 1.0])
+    pixels[0] = expected
+    for given in (None, torch.ones(3)):
+        after, background = with_alpha(pictures(pixels), given)
+        assert background.tolist() == [1, 1, 1]
+        assert torch.equal(after.batch([0, 1]).pixels, expected.expand(2, -1, -1, -1))
+
+
+def test_opaque_ones_of_unknown_background_are_counted(generator):
+    pixels = torch.cat([opaque((1.0, 1.0, 1.0)), torch.rand(2, 20, 20, 4, generator=generator)])
+    pixels[2:, ..., 3] = 1
+    pixels[0, :5] = 0
+    with pytest.raises(ValueError, match=r"3 of 4 pictures have no transparent areas, .*: b, c, d\. .*--background"):
+        with_alpha(pictures(pixels), None)
+
+
+def test_where_masks_hide_the_borders_the_rim_tells():
+    """Known is a disc in the middle; the border of the picture is not."""
+    pixels = torch.ones(2, 60, 60, 4)
+    pixels[..., :3] = torch.tensor([0.2, 0.6, 0.4])
+    pixels[:, 26:34, 26:34, :3] = torch.tensor([1.0, 0.0, 0.0])
+    before = pictures(pixels)
+    rows, columns = torch.meshgrid(torch.arange(60) - 29.5, torch.arange(60) - 29.5, indexing="ij")
+    known = (rows.hypot(columns) < 20).expand(2, -1, -1).contiguous()
+    hidden = before.store.pixels * known[..., None]
+    after, background = with_alpha(replace(before, store=Store(hidden, known)), None)
+    torch.testing.assert_close(background, torch.tensor([0.2, 0.6, 0.4]), rtol=0, atol=1e-6)
+    assert after.batch([0, 1]).alpha.sum() == 2 * 64
 
 
 def test_photographs_stay_opaque(generator):

@@ -69,11 +69,11 @@ def test_picture_keeps_its_framing(tmp_path):
 
 def test_reduction_is_by_area_means(tmp_path):
     """Stripes of one pixel in an object of 400 pixels become their mean."""
-    pixels = torch.zeros(400, 400, 4)
-    pixels[..., 3] = 1
-    pixels[:, ::2, :3] = 1
-    pixels[0, 0, 3] = 0.5
-    inside = read_reference(saved(tmp_path / "a.png", pixels)).image[30:220, 30:220]
+    pixels = torch.zeros(400, 400, 3)
+    pixels[:, ::2] = 1
+    mask = saved(tmp_path / "m.png", torch.ones(400, 400, 1))
+    options = PictureOptions(mask=mask)
+    inside = read_reference(saved(tmp_path / "a.png", pixels), options=options).image[30:220, 30:220]
     torch.testing.assert_close(inside, torch.full_like(inside, 0.5), rtol=0, atol=1e-6)
 
 
@@ -114,19 +114,52 @@ def test_photographs_need_a_mask(tmp_path, generator):
         read_reference(path)
 
 
+def faint():
+    """A square of alpha .03 in a picture of alpha 0."""
+    pixels = torch.zeros(64, 64, 4)
+    pixels[16:48, 16:48] = torch.tensor([1.0, 1.0, 1.0, 0.03])
+    return pixels
+
+
 @pytest.mark.parametrize(
-    "pixels",
+    ("pixels", "message"),
     [
-        torch.zeros(64, 64, 4),
-        torch.tensor([1.0, 1.0, 1.0, 0.02]).expand(64, 64, 4),
-        torch.full((64, 64, 3), 0.5),
-        torch.ones(64, 64, 1),
+        (torch.zeros(64, 64, 4), r"transparent everywhere \(alpha is at most 0\): it shows no object"),
+        (faint(), r"transparent everywhere \(alpha is at most 0\.031\): it shows no object"),
+        (torch.full((64, 64, 3), 0.5), "nothing but background: there is no object"),
+        (torch.ones(64, 64, 1), "nothing but background: there is no object"),
     ],
     ids=["transparent", "faint", "one colour", "white"],
 )
-def test_nothing_to_see(tmp_path, pixels):
-    with pytest.raises(ValueError, match=r"a\.png: nothing but transparency or background: there is no object"):
+def test_nothing_to_see(tmp_path, pixels, message):
+    with pytest.raises(ValueError, match=rf"a\.png: {message}"):
         read_reference(saved(tmp_path / "a.png", pixels))
+
+
+@pytest.mark.parametrize("alpha", ["one pixel", "all of 254", "all of 128", "checkerboard", "round corners"])
+def test_alpha_without_clear_areas_tells_nothing(tmp_path, alpha):
+    """A red box on white is cut out by its background, whatever stray alpha says."""
+    pixels = torch.ones(300, 400, 4)
+    pixels[50:150, 300:350, 1:3] = 0
+    if alpha == "one pixel":
+        pixels[0, 0, 3] = 254 / 255
+    elif alpha == "checkerboard":
+        pixels[::2, ::2, 3] = pixels[1::2, 1::2, 3] = 0
+    elif alpha == "round corners":
+        pixels[:8, :8, 3] = 0
+    else:
+        pixels[..., 3] = 254 / 255 if alpha == "all of 254" else 128 / 255
+    reference = read_reference(saved(tmp_path / "a.png", pixels))
+    torch.testing.assert_close(reference.image, framed_box(), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("white", [1, 200])
+def test_a_mask_of_two_values_is_black_and_white(tmp_path, white):
+    pixels = rgba()
+    opaque = saved(tmp_path / "a.png", pixels[..., :3])
+    Image.fromarray((pixels[..., 3].byte() * white).numpy()).save(tmp_path / "m.png")
+    reference = read_reference(opaque, options=PictureOptions(mask=tmp_path / "m.png"))
+    torch.testing.assert_close(reference.image, framed_box(), rtol=0, atol=1e-6)
 
 
 def test_black_mask(tmp_path):

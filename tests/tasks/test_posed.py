@@ -6,6 +6,7 @@ import sys
 
 import pytest
 import torch
+from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_png
@@ -158,6 +159,35 @@ def test_pictures_that_show_nothing(scene, tmp_path, color):
         load_posed(write(tmp_path, scene[1], torch.full((3, 40, 60, 3), color)))
 
 
+def test_what_shows_nothing_says_why(scene, tmp_path):
+    """All transparent; and numbers of 8 bits in files of 16."""
+    with pytest.raises(ValueError, match="the pictures show nothing: all 3 are transparent everywhere"):
+        load_posed(write(tmp_path, scene[1], torch.zeros(3, 40, 60, 4)), "color")
+    path = write(tmp_path, scene[1], torch.zeros(3, 40, 60, 1))
+    for i in range(3):
+        gray = (255 * torch.rand(40, 60, generator=torch.Generator().manual_seed(i))).numpy().astype("uint16")
+        Image.fromarray(gray).save(tmp_path / f"transforms.json-{i}.png")
+    for target in (None, "color"):
+        with pytest.raises(ValueError, match=r"but for 0\.004 of the range .* 8 bits saved as 16 bits"):
+            load_posed(path, target)
+
+
+def test_the_cameras_size_tells_whether_exif_turns(scene, tmp_path):
+    """Cameras of the upright pictures, pixels stored on their side."""
+    sketch, cameras = scene
+    seen = ds.render(sketch, cameras).color
+    path = write(tmp_path, cameras, seen)
+    expected = load_posed(path).store.pixels
+    for i, image in enumerate(seen):
+        # Held with its right side down (6): viewers turn it clockwise.
+        save_png(tmp_path / "side.png", image.rot90(1))
+        with Image.open(tmp_path / "side.png") as picture:
+            exif = picture.getexif()
+            exif[0x0112] = 6
+            picture.save(tmp_path / f"transforms.json-{i}.png", exif=exif)
+    assert torch.equal(load_posed(path).store.pixels, expected)
+
+
 @pytest.mark.parametrize("background", [0.0, 1.0])
 def test_some_pictures_may_be_empty(scene, tmp_path, background):
     sketch, cameras = scene
@@ -180,7 +210,9 @@ def test_masks_hide_in_drawings_of_either_polarity(scene, tmp_path, background):
     for frame in content["frames"]:
         frame["mask_path"] = "mask.png"
     path.write_text(json.dumps(content))
-    torch.testing.assert_close(load_posed(path).batch([0, 1, 2]).alpha, ink * mask[..., 0], rtol=0, atol=0.6 / 255)
+    torch.testing.assert_close(
+        load_posed(path, masks="object").batch([0, 1, 2]).alpha, ink * mask[..., 0], rtol=0, atol=0.6 / 255
+    )
 
 
 def test_edges_of_coloured_pictures_need_the_colours(scene, tmp_path):

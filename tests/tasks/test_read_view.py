@@ -24,30 +24,34 @@ def grid(size):
 
 def test_colour_is_averaged_by_its_alpha(tmp_path):
     """Transparent pixels hold any colour: here green beside opaque red."""
-    picture = torch.zeros(2, 4, 4)
-    picture[:, ::2] = torch.tensor([1.0, 0, 0, 1])
-    picture[:, 1::2] = torch.tensor([0.0, 1, 0, 0])
+    picture = torch.zeros(6, 12, 4)
+    picture[:, :3] = picture[:, 6:9] = torch.tensor([1.0, 0, 0, 1])
+    picture[:, 3:6] = picture[:, 9:] = torch.tensor([0.0, 1, 0, 0])
     save_png(tmp_path / "a.png", picture)
-    pixels, known = read_view(view(tmp_path / "a.png", (2, 4)), (1, 2))
+    pixels, known = read_view(view(tmp_path / "a.png", (6, 12)), (1, 2))
     torch.testing.assert_close(pixels, torch.tensor([0.5, 0, 0, 0.5]).expand(1, 2, 4))
     assert known.all()
 
 
-def test_a_mask_is_part_of_alpha(tmp_path):
-    save_png(tmp_path / "a.png", torch.full((2, 2, 4), 0.8))
-    save_png(tmp_path / "m.png", torch.tensor([[1.0, 0.0], [0.6, 1.0]])[..., None])
-    pixels, _ = read_view(view(tmp_path / "a.png", (2, 2), tmp_path / "m.png"), (2, 2))
+def test_a_mask_of_the_object_is_part_of_alpha(tmp_path):
+    picture = torch.full((6, 2, 4), 0.8)
+    picture[2:, :, 3] = 0
+    save_png(tmp_path / "a.png", picture)
+    mask = torch.ones(6, 2, 1)
+    mask[:2, :, 0] = torch.tensor([[1.0, 0.0], [0.6, 1.0]])
+    save_png(tmp_path / "m.png", mask)
+    seen = view(tmp_path / "a.png", (6, 2), tmp_path / "m.png")
+    pixels, known = read_view(seen, (6, 2), "object")
+    assert known.all()
     expected = torch.tensor([[0.8, 0.0], [0.48, 0.8]])
-    torch.testing.assert_close(pixels[..., 3], expected)
-    torch.testing.assert_close(pixels[..., 0], 0.8 * expected)
+    torch.testing.assert_close(pixels[:2, :, 3], expected)
+    torch.testing.assert_close(pixels[:2, :, 0], 0.8 * expected)
     # A mask of white that is cut out says the same.
-    cut = torch.ones(2, 2, 4)
-    cut[..., 3] = torch.tensor([[1.0, 0.0], [0.6, 1.0]])
-    save_png(tmp_path / "m.png", cut)
-    torch.testing.assert_close(read_view(view(tmp_path / "a.png", (2, 2), tmp_path / "m.png"), (2, 2))[0], pixels)
+    save_png(tmp_path / "m.png", torch.cat([torch.ones(6, 2, 3), mask], -1))
+    torch.testing.assert_close(read_view(seen, (6, 2), "object")[0], pixels)
     save_png(tmp_path / "m.png", torch.ones(2, 3, 1))
-    with pytest.raises(ValueError, match=r"m\.png: 2 x 3 .* its picture has 2 x 2"):
-        read_view(view(tmp_path / "a.png", (2, 2), tmp_path / "m.png"), (2, 2))
+    with pytest.raises(ValueError, match=r"m\.png: 2 x 3 .* its picture has 6 x 2"):
+        read_view(seen, (6, 2), "object")
 
 
 def test_jpeg_files_are_decoded_smaller(tmp_path):

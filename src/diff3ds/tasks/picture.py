@@ -119,9 +119,7 @@ def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions)
     if bool((pixels[..., 3] < 1).any()):
         highest = float(pixels[..., 3].max())
         if highest <= FAINT:
-            raise ValueError(
-                f"{path}: transparent everywhere (alpha is at most {highest:.2g}): there is no object in it"
-            )
+            raise ValueError(f"{path}: transparent everywhere (alpha is at most {highest:.2g}): it shows no object")
         return pixels
     # The camera says the size and nothing else.
     opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (path.name,))

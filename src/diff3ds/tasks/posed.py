@@ -219,9 +219,7 @@ def _nothing(store: Store, views: list[View], masks: Masks) -> str:
 def _left_nothing(views: list[View], masks: Masks) -> str:
     """What leaves no pixel of these views known."""
     if any(has_left_out(view, masks) for view in views):
-        return (
-            "masks leave out everything: their black pixels are not counted (those of dynamic_mask_*.png: the others)"
-        )
+        return "masks leave out everything: black pixels do not count, or the others of a dynamic_mask_*.png"
     return "lens distortion leaves nothing: check k1 to k3"
 
 
