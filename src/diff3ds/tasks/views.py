@@ -73,7 +73,7 @@ def fit_views(
         else load_posed(path, options.target, options.size, out, options.masks)
     )
     plates = _plates(pictures, path, options, out)
-    _say_idle(options, pictures, say)
+    _say_before(options, pictures, say)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
@@ -94,7 +94,7 @@ def fit_views(
     return fitted.sketch
 
 
-def _say_idle(options: ViewsOptions, pictures: PosedPictures, say: Callable[[str], None]) -> None:
+def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[str], None]) -> None:
     """Says which options change nothing, and which pictures are treated in another way than the rest."""
     target = pictures.target
     if idle := options.idle(target):
