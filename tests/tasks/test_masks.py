@@ -194,6 +194,19 @@ def test_the_option_says_which_is_meant(scene, tmp_path):
     assert [run["options"]["masks"] for run in runs] == ["ignore", "object"]
 
 
+def test_inverted_masks_of_the_object_are_suspected(scene, tmp_path):
+    sketch, cameras = scene
+    path = posed(tmp_path, cameras, ds.render(sketch, cameras).color)
+    mask = torch.ones(*SIZE, 1)
+    mask[10:30, 20:40] = 0
+    save_png(tmp_path / "mask.png", mask)
+    lines = []
+    options = ViewsOptions(target="color", steps=2, strokes=4, masks="object")
+    fit_views(path, tmp_path / "out", options, say=lines.append)
+    assert len(lines) == 1
+    assert "transparent inside: are alpha or masks inverted?" in lines[0]
+
+
 def test_opaque_pictures_among_cut_out_ones_are_counted(scene, tmp_path):
     sketch, cameras = scene
     path = posed(tmp_path, cameras, ds.render(sketch, cameras).color, mask=None)

@@ -126,8 +126,8 @@ def faint():
     [
         (torch.zeros(64, 64, 4), r"transparent everywhere \(alpha is at most 0\): it shows no object"),
         (faint(), r"transparent everywhere \(alpha is at most 0\.031\): it shows no object"),
-        (torch.full((64, 64, 3), 0.5), "nothing but background: there is no object"),
-        (torch.ones(64, 64, 1), "nothing but background: there is no object"),
+        (torch.full((64, 64, 3), 0.5), "nothing differs from the background by more than 5 %: there is no object"),
+        (torch.ones(64, 64, 1), "nothing differs from the background by more than 5 %: there is no object"),
     ],
     ids=["transparent", "faint", "one colour", "white"],
 )
@@ -151,6 +151,13 @@ def test_alpha_without_clear_areas_tells_nothing(tmp_path, alpha):
         pixels[..., 3] = 254 / 255 if alpha == "all of 254" else 128 / 255
     reference = read_reference(saved(tmp_path / "a.png", pixels))
     torch.testing.assert_close(reference.image, framed_box(), rtol=0, atol=1e-6)
+
+
+def test_inverted_alpha_is_named(tmp_path):
+    pixels = rgba()
+    pixels[..., 3] = 1 - pixels[..., 3]
+    with pytest.raises(ValueError, match=r"a\.png: opaque all along its borders, and transparent inside, .* inverted"):
+        read_reference(saved(tmp_path / "a.png", pixels))
 
 
 @pytest.mark.parametrize("white", [1, 200])

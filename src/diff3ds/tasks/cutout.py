@@ -22,6 +22,12 @@ def is_cut_out(alpha: Float[Tensor, "H W"]) -> bool:
     return float((highest < CLEAR).float().mean()) >= AREA
 
 
+def is_inverted(alpha: Float[Tensor, "*B H W"]) -> bool:
+    """Whether pictures are opaque all along their borders, but not inside: alpha tells the background, it seems."""
+    edges = (alpha[..., 0, :], alpha[..., -1, :], alpha[..., 0], alpha[..., -1])
+    return all(bool((edge == 1).all()) for edge in edges) and bool((alpha < CLEAR).any())
+
+
 def premultiplied(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W 4"]:
     """RGB times alpha, and alpha, of a gray, RGB or straight RGBA picture.
 

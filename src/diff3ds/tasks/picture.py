@@ -10,7 +10,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats.orientation import load_upright
 from diff3ds.tasks.background import parse_background, with_alpha
-from diff3ds.tasks.cutout import premultiplied
+from diff3ds.tasks.cutout import is_inverted, premultiplied
 from diff3ds.tasks.masks import mask_of
 from diff3ds.tasks.paper import ink_on_paper
 from diff3ds.tasks.posed import PosedPictures
@@ -117,6 +117,11 @@ def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions)
         return pixels * _mask(path, options.mask, size)
     color = parse_background(options.background) if options.background else None
     if bool((pixels[..., 3] < 1).any()):
+        if is_inverted(pixels[..., 3]):
+            raise ValueError(
+                f"{path}: opaque all along its borders, and transparent inside, as if its alpha were inverted: invert "
+                "it, or give --mask, a picture that is white where the object is"
+            )
         highest = float(pixels[..., 3].max())
         if highest <= FAINT:
             raise ValueError(f"{path}: transparent everywhere (alpha is at most {highest:.2g}): it shows no object")
@@ -152,7 +157,11 @@ def _object_box(path: Path, alpha: Float[Tensor, "H W"], options: PictureOptions
     seen = alpha > FAINT
     rows, columns = seen.any(1).nonzero(), seen.any(0).nonzero()
     if not len(rows):
-        what = f"all black where {path} is visible" if options.mask else "nothing but background"
+        what = (
+            f"all black where {path} is visible"
+            if options.mask
+            else "nothing differs from the background by more than 5 %"
+        )
         raise ValueError(f"{options.mask or path}: {what}: there is no object to make a sketch of")
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 

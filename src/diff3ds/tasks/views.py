@@ -17,6 +17,7 @@ from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import color_or_path, described
 from diff3ds.tasks.color import color_scores, held_out_views, plan_color
+from diff3ds.tasks.cutout import is_inverted
 from diff3ds.tasks.edges import fit_edges
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
@@ -103,6 +104,8 @@ def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[s
     if pictures.masked and options.masks == "ignore":
         some = f"{pictures.masked} of {len(pictures)} pictures" if pictures.masked < len(pictures) else "the pictures"
         say(f"masks: what is black in the masks of {some} counts nowhere; if white is the object, say --masks object")
+    if target != "edges" and is_inverted(pictures.batch(spread(len(pictures), PREVIEWS)).alpha):
+        say("the pictures are opaque all along their borders, and transparent inside: are alpha or masks inverted?")
     if target == "color" and 0 < (opaque := int(opaque_views(pictures.store).sum())) < len(pictures):
         behind = options.background or "the colour along their borders"
         say(f"{opaque} of {len(pictures)} pictures have no transparent areas: {behind} is taken for their background")
