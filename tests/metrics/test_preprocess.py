@@ -16,12 +16,23 @@ def test_as_pillow_does(height, width, size, generator):
     pixels[height // 2 :, width // 2 :] = 0
     short = min(height, width)
     picture = Image.fromarray(pixels.numpy()).resize((size * width // short, size * height // short), Image.BICUBIC)
-    left, top = (picture.width - size) // 2, (picture.height - size) // 2
+    left, top = round((picture.width - size) / 2), round((picture.height - size) / 2)
     expected = np.asarray(picture.crop((left, top, left + size, top + size))).astype(float)
     got = square(pixels[None].float() / 255, size)[0].movedim(0, -1).numpy() * 255
     # Pillow rounds to bytes after each of its two passes, and its coefficients to 22 bits.
     assert np.abs(got - expected).max() < 1.6
     assert np.abs(got - expected).mean() < 0.4
+
+
+@pytest.mark.parametrize(("length", "first"), [(5, 0), (6, 1), (7, 2), (8, 2), (9, 2), (10, 3), (11, 4), (12, 4)])
+@pytest.mark.parametrize("upright", [False, True])
+def test_the_middle_is_where_torchvision_has_it(length, first, upright):
+    """int(round((length - 4) / 2.0)), written out: odd differences go to the even start."""
+    ramp = (torch.arange(length) / 16).expand(4, length)[..., None].repeat(1, 1, 3)
+    images = (ramp.transpose(0, 1) if upright else ramp)[None]
+    kept = square(images, 4)[0, 0] * 16
+    kept = kept.mT if upright else kept
+    assert kept[0].tolist() == list(range(first, first + 4))
 
 
 def test_an_image_of_the_size_stays_as_it_is(generator):

@@ -13,7 +13,8 @@ def square(images: Float[Tensor, "B H W 3"], size: int) -> Float[Tensor, "B 3 S 
     """Images reduced or enlarged to `size` pixels along the shorter edge, and the square in their middle.
 
     Bicubic with antialiasing, clamped to [0, 1] after each of the two passes, as CLIP's own preprocessing by Pillow
-    apart from its rounding to bytes.
+    and torchvision apart from its rounding to bytes. Where the middle lies between two pixels, the crop starts at the
+    even one, as torchvision's does.
 
     Raises:
         ValueError: there are no images, or they have no pixels.
@@ -26,7 +27,8 @@ def square(images: Float[Tensor, "B H W 3"], size: int) -> Float[Tensor, "B 3 S 
     for shape in ((height, new[1]), new):
         if pixels.shape[2:] != shape:
             pixels = torch.nn.functional.interpolate(pixels, shape, mode="bicubic", antialias=True).clamp(0, 1)
-    top, left = (pixels.shape[2] - size) // 2, (pixels.shape[3] - size) // 2
+    # Python rounds halves to even.
+    top, left = (round((length - size) / 2) for length in new)
     return pixels[:, :, top : top + size, left : left + size]
 
 
