@@ -23,6 +23,7 @@ HELPERS = {"_checks", "_files", "_shapes"}
 SCENE = {"bezier", "camera", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
+    "_clip_text": set(),
     "_files": {"_shapes"},
     "_options": set(),
     "_shapes": set(),
@@ -36,14 +37,14 @@ ALLOWED = {
     "refine": {"project"} | SCENE,
     "density": {"refine", "render", "project"} | SCENE,
     "library": SCENE,
-    "metrics": SCENE,
+    "metrics": {"_clip_text"} | SCENE,
     "checkpoint": {"refine"} | SCENE,
     "edges": {"fit", "render", "project"} | SCENE,
     "fit": {"render", "project", "refine", "losses", "checkpoint"} | SCENE,
     "formats": {"render", "project"} | SCENE,
     "viewer": {"formats", "render", "project"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
-    "guidance": {"camera"} | HELPERS,
+    "guidance": {"camera", "_clip_text"} | HELPERS,
     "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
     "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
               "refine", "density", "render", "project", "transforms", "_options"} | SCENE,

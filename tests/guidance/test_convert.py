@@ -107,9 +107,16 @@ def test_a_unet_is_read_as_diffusers_reads_it():
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)
 
 
-def test_weights_without_a_camera_are_refused():
+def test_weights_without_a_camera_have_no_classes():
     weights = {n: t for n, t in tiny.make_mvdream_unet().state_dict().items() if "class_embedding" not in n}
-    with pytest.raises(ValueError, match=r"takes cameras: there is no class_embedding\.linear_1\.weight"):
+    found = convert.unet_config(weights)
+    assert found["in_channels"] == 4
+    assert not any("class" in key for key in found)
+
+
+def test_what_are_no_weights_is_refused():
+    weights = {n: t for n, t in tiny.make_mvdream_unet().state_dict().items() if not n.startswith("conv_in")}
+    with pytest.raises(ValueError, match=r"not the weights of a UNet: there is no conv_in\.weight"):
         convert.unet_config(weights)
     with pytest.raises(ValueError, match="not the weights of an autoencoder"):
         convert.vae_config(weights)

@@ -10,6 +10,7 @@ from diff3ds.guidance import prompts
 from diff3ds.guidance.weights import Checkpoint
 
 pytest.importorskip("transformers")
+pytest.importorskip("ftfy")
 import tiny
 
 
@@ -110,6 +111,36 @@ def test_tokens_are_padded_with_exclamation_marks(tokenizer):
     assert row[end + 1 :] == [0] * (77 - end - 1)
 
 
+@pytest.mark.parametrize(
+    ("phrase", "words"),
+    [
+        ("!", ["!</w>"]),
+        ("a chair!", ["a</w>", "c", "h", "a", "i", "r</w>", "!</w>"]),
+        ("a ! b", ["a</w>", "!</w>", "b</w>"]),
+        # One word, which Stable Diffusion's vocabulary has whole.
+        ("b!!", ["b</w>", "!", "!</w>"]),
+        ("a?!b", ["a</w>", "?", "!</w>", "b</w>"]),
+    ],
+)
+def test_exclamation_marks_in_phrases_are_no_padding(tokenizer, phrase, words):
+    """OpenCLIP's tokenizer has no padding to look for: a mark that ends a word is "!</w>", token 256 there."""
+    (row,) = prompts.tokens(tokenizer, [phrase]).tolist()
+    assert tokenizer.convert_ids_to_tokens(row[1 : row.index(tokenizer.eos_token_id)]) == words
+
+
+def test_phrases_are_cleaned_as_clip_cleans_them(tokenizer):
+    """Each pair is one phrase to OpenAI's and OpenCLIP's tokenizers."""
+    for given, meant in [
+        ("a “cat’s” bowl", 'a "cat\'s" bowl'),
+        ("salt &amp; pepper", "salt & pepper"),
+        ("&amp;quot;cat&amp;quot;", '"cat"'),
+        ("a ﬁsh", "a fish"),
+        ("Ｃａｔ", "cat"),
+        (" a\u00a0 cat \n", "a cat"),
+    ]:
+        assert torch.equal(prompts.tokens(tokenizer, [given]), prompts.tokens(tokenizer, [meant])), given
+
+
 def test_a_tokenizer_that_pads_otherwise_is_refused(tmp_path):
     tiny.save_tokenizer(tmp_path / "tokenizer", pad="<|endoftext|>")
     with pytest.raises(
@@ -125,7 +156,7 @@ def test_a_phrase_that_just_fits_and_one_that_does_not(tokenizer):
         prompts.tokens(tokenizer, ["fine", "a" * 75 + "b"])
 
 
-@pytest.mark.parametrize("phrase", ["", "  \n"])
+@pytest.mark.parametrize("phrase", ["", "  \n", "&nbsp;", "&amp;nbsp; "])
 def test_an_empty_phrase_is_refused(phrase):
     with pytest.raises(ValueError, match="the phrase is empty"):
         prompts.check_phrase(phrase)

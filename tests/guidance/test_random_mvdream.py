@@ -8,6 +8,7 @@ import pytest
 import torch
 
 pytest.importorskip("diffusers")
+pytest.importorskip("ftfy")
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import random_mvdream
 import step_cost

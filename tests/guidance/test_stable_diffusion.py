@@ -4,6 +4,7 @@ import pytest
 import torch
 
 pytest.importorskip("diffusers")
+pytest.importorskip("ftfy")
 import tiny
 
 from diff3ds.camera import orbit

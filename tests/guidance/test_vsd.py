@@ -7,6 +7,7 @@ import torch
 
 pytest.importorskip("diffusers")
 pytest.importorskip("peft")
+pytest.importorskip("ftfy")
 import tiny
 
 from diff3ds.camera import orbit

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 pytest.importorskip("diffusers")
+pytest.importorskip("ftfy")
 import tiny
 from huggingface_hub import constants
 from safetensors.torch import load_file, save_file
@@ -338,7 +339,7 @@ def test_only_tensors_are_unpickled_and_only_when_trusted(tmp_path, capsys):
     assert read_tensors(file, trust_pickle=True).keys() == {"a"}
     for content in ({"a": Attack()}, {"state_dict": tensors, "b": Attack()}):
         torch.save(content, file)
-        with pytest.raises(ValueError, match=r"not a file of tensors alone: .* Nothing was read") as raised:
+        with pytest.raises(ValueError, match=r"it holds \S*print, which is no tensor. Nothing was read") as raised:
             read_tensors(file, trust_pickle=True)
         # torch would say how to run the code.
         assert "weights_only" not in str(raised.value)

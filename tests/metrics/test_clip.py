@@ -10,6 +10,7 @@ from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 
 pytest.importorskip("transformers")
+pytest.importorskip("ftfy")
 
 
 def pixels_of(images, size):
@@ -115,9 +116,16 @@ def test_gradients_reach_the_images(clip_folder, images, generator):
     assert not any(p.requires_grad for p in score.model.parameters())
 
 
-def test_an_empty_phrase_is_refused(clip_folder, images):
+def test_phrases_are_cleaned_as_clip_cleans_them(clip_folder, images):
+    score = ClipScore(clip_folder)
+    expected = score.text(images, 'a "cat\'s" bowl & fish')
+    assert torch.equal(score.text(images, "A “cat’s”  bowl &amp; ﬁsh"), expected)
+
+
+@pytest.mark.parametrize("phrase", ["  ", "&nbsp;"])
+def test_an_empty_phrase_is_refused(clip_folder, images, phrase):
     with pytest.raises(ValueError, match="the phrase is empty"):
-        ClipScore(clip_folder).text(images, "  ")
+        ClipScore(clip_folder).text(images, phrase)
 
 
 # BLIP

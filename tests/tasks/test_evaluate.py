@@ -21,6 +21,7 @@ from diff3ds.tasks.resample import area_means
 from diff3ds.tasks.score_table import Row, markdown, summaries
 
 pytest.importorskip("transformers")
+pytest.importorskip("ftfy")
 
 SMALL = EvaluateOptions(size=64)
 

@@ -13,16 +13,17 @@ from safetensors.torch import load_file, save_file
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
-from diff3ds.guidance.device import Work
+from diff3ds.guidance.device import USUAL, Work
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.weights import Source
 from diff3ds.tasks import distill as task
 from diff3ds.tasks import priors
 from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.priors import PriorOptions
+from diff3ds.tasks.priors import PriorOptions, load_for_phrase
 
 pytest.importorskip("diffusers")
 pytest.importorskip("transformers")
+pytest.importorskip("ftfy")
 sys.path.insert(0, str(Path(__file__).parents[1] / "guidance"))
 from tiny import save_mvdream, save_stable_diffusion
 from tiny_zero123 import save_zero123
@@ -241,6 +242,26 @@ def test_a_disk_that_fills_up_ends_in_one_line(checkpoints, tmp_path, monkeypatc
     said = fails(command("mvdream", checkpoints, None, tmp_path / "out", "--steps", "1"), capsys)
     assert "make room. What was written before is whole; a run with a checkpoint goes on by --resume" in said
     assert "Traceback" not in said
+
+
+def test_the_suffix_follows_the_phrase(checkpoints):
+    """As MVDream's own scripts for pictures join the two."""
+    options = PriorOptions("mvdream", weights=str(checkpoints["mvdream"]), device="cpu")
+    plain, suffixed = (
+        load_for_phrase("mvdream", phrase, None, False, options, USUAL, suffix)
+        for phrase, suffix in (("a chair, 3d asset", ""), (" a chair ", ", 3d asset"))
+    )
+    assert torch.equal(plain._texts["conditional"], suffixed._texts["conditional"])
+    with pytest.raises(ValueError, match="the phrase is empty"):
+        load_for_phrase("mvdream", " ", None, False, options, USUAL, ", 3d asset")
+
+
+def test_a_suffix_is_kept_in_the_run_and_refused_by_the_built_in_prior(checkpoints, drawing, tmp_path, capsys):
+    main(command("stable-diffusion", checkpoints, drawing, tmp_path / "out", "--suffix", ", 3d asset"))
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["options"]["suffix"] == ", 3d asset"
+    arguments = ["text", "a chair", "--prior", "exemplar", "--suffix", ", 3d asset", "-o", str(tmp_path / "no")]
+    assert "a suffix is for mvdream and stable-diffusion" in fails(arguments, capsys)
+    assert not (tmp_path / "no").exists()
 
 
 def test_a_negative_phrase_that_would_be_ignored_is_refused(checkpoints, drawing, tmp_path, capsys):

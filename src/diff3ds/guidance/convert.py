@@ -101,21 +101,29 @@ def vae_to_diffusers(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def unet_config(tensors: dict[str, Tensor]) -> dict[str, Any]:
-    """What the shapes of a camera-conditioned UNet's weights say of its configuration: all but the number of heads.
+    """What the shapes of a UNet's weights say of its configuration: all but the number of heads.
 
     Raises:
         ValueError: these are not such weights.
     """
-    needed = ("conv_in.weight", "conv_out.weight", "class_embedding.linear_1.weight")
-    absent = [name for name in needed if name not in tensors]
+    absent = [name for name in ("conv_in.weight", "conv_out.weight") if name not in tensors]
     if absent:
-        raise ValueError(f"not the weights of a UNet that takes cameras: there is no {', '.join(absent)}")
+        raise ValueError(f"not the weights of a UNet: there is no {', '.join(absent)}")
     blocks = range(_count(tensors, r"down_blocks\.(\d+)\."))
     attends = [any(name.startswith(f"down_blocks.{b}.attentions.") for name in tensors) for b in blocks]
     keys = [tensor for name, tensor in tensors.items() if name.endswith("attn2.to_k.weight")]
     if not blocks or not keys:
-        raise ValueError("not the weights of a UNet that takes cameras and text")
-    return {
+        raise ValueError("not the weights of a UNet that takes texts or pictures")
+    cameras = tensors.get("class_embedding.linear_1.weight")
+    classes: dict[str, Any] = (
+        {}
+        if cameras is None
+        else {
+            "class_embed_type": "projection",
+            "projection_class_embeddings_input_dim": cameras.shape[1],
+        }
+    )
+    return classes | {
         "in_channels": tensors["conv_in.weight"].shape[1],
         "out_channels": tensors["conv_out.weight"].shape[0],
         "block_out_channels": [_rows(tensors, f"down_blocks.{b}.resnets.0.conv1.weight") for b in blocks],
@@ -124,8 +132,6 @@ def unet_config(tensors: dict[str, Tensor]) -> dict[str, Any]:
         "up_block_types": ["CrossAttnUpBlock2D" if a else "UpBlock2D" for a in reversed(attends)],
         "cross_attention_dim": keys[0].shape[1],
         "use_linear_projection": any(n.endswith("proj_in.weight") and t.ndim == 2 for n, t in tensors.items()),
-        "class_embed_type": "projection",
-        "projection_class_embeddings_input_dim": tensors["class_embedding.linear_1.weight"].shape[1],
     }
 
 

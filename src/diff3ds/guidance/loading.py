@@ -3,19 +3,42 @@
 Only safetensors are read; the one exception is a single file that the user trusts by name (`Source.trust_pickle`).
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any
+from zipfile import is_zipfile
 
 import torch
+import torch.serialization
 
 from diff3ds._shapes import Tensor
 from diff3ds.guidance.weights import Checkpoint
 
 # As many names of keys are shown in an error.
 SHOWN = 5
+# How torch names what it does not unpickle.
+UNKNOWN = re.compile(r"Unsupported (?:global: GLOBAL|class) (\S+)")
+
+
+class ModelCheckpoint:
+    """Stands for a class of PyTorch Lightning by which its checkpoints name the state of the training beside weights.
+
+    Nothing of Lightning is imported or run; what a file gives to it is dropped.
+    """
+
+    def __new__(cls, *given: object) -> "ModelCheckpoint":
+        """One that keeps nothing."""
+        return super().__new__(cls)
+
+    def __setstate__(self, state: object) -> None:
+        """Keeps nothing."""
+
+
+# By this name it is looked for in a file.
+ModelCheckpoint.__module__ = "pytorch_lightning.callbacks.model_checkpoint"
 
 
 def load_part(kind: type[Any], checkpoint: Checkpoint, part: str, dtype: torch.dtype) -> Any:
@@ -131,12 +154,19 @@ def unpickle(path: Path) -> dict[str, Tensor]:
         ValueError: it holds anything else.
     """
     try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
+        # Mapped: a checkpoint of training has three numbers for the optimiser beside each weight, which are not read.
+        with _known_to_torch(ModelCheckpoint):
+            content = torch.load(path, map_location="cpu", weights_only=True, mmap=is_zipfile(path))
     except UnpicklingError as error:
         # torch's own words are how to run the code.
+        found = UNKNOWN.search(str(error))
+        what = (
+            f"it holds {found[1]}, which is no tensor"
+            if found
+            else "it holds something else, such as code, or is damaged"
+        )
         raise ValueError(
-            f"{path}: not a file of tensors alone: it holds something else, such as code, or is damaged. Nothing was "
-            "read. Look for a copy as safetensors"
+            f"{path}: not a file of tensors alone: {what}. Nothing was read. Look for a copy as safetensors"
         ) from error
     except Exception as error:  # whatever a foreign file makes the reader stumble over
         said = (str(error).splitlines() or [type(error).__name__])[0]
@@ -145,6 +175,18 @@ def unpickle(path: Path) -> dict[str, Tensor]:
     if not content or not all(isinstance(k, str) and isinstance(v, Tensor) for k, v in content.items()):
         raise ValueError(f"{path}: expected a dictionary of tensors")
     return dict(content)
+
+
+@contextmanager
+def _known_to_torch(kind: type[Any]) -> Iterator[None]:
+    """Lets torch find a class by its name in pickles, as its safe_globals does from version 2.5 on."""
+    before = torch.serialization.get_safe_globals()
+    torch.serialization.add_safe_globals([kind])
+    try:
+        yield
+    finally:
+        torch.serialization.clear_safe_globals()
+        torch.serialization.add_safe_globals(before)
 
 
 def header(path: Path) -> dict[str, tuple[int, ...]]:

@@ -7,7 +7,7 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import convert, prompts
+from diff3ds.guidance import convert, prompts, single_file
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
 from diff3ds.guidance.latent import (
@@ -20,7 +20,7 @@ from diff3ds.guidance.latent import (
     read_schedule,
     vae_dtype,
 )
-from diff3ds.guidance.loading import load_tensors, read_tensors, require_trust
+from diff3ds.guidance.loading import read_tensors, require_trust
 from diff3ds.guidance.multiview_attention import check_joined, join_views
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.weights import Checkpoint, Source, find
@@ -28,10 +28,10 @@ from diff3ds.guidance.weights import Checkpoint, Source, find
 VIEWS = 4
 # Where a checkpoint does not say: latents of a side, and channels of an attention head.
 LATENT_SIZE, HEAD_CHANNELS = 32, 64
-# Of the original checkpoint's single file.
-UNET_PREFIX, VAE_PREFIX = "model.diffusion_model.", "first_stage_model."
 # Added to the length of a camera's position before dividing by it, as in training.
 TINY = 1e-8
+# From this frame to MVDream's: a quarter turn about z that takes +x to -y.
+TO_ITS_FRAME = ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 # The negative phrase of MVDream's own text to 3D.
 NEGATIVE = (
     "ugly, bad anatomy, blurry, pixelated obscure, unnatural colors, poor lighting, dull, and unclear, cropped, "
@@ -44,13 +44,15 @@ def camera_vectors(cameras: Cameras) -> Float[Tensor, "B 16"]:
     """What MVDream is told of cameras: camera to world, row by row, float32.
 
     Axes of the camera as in OpenGL (x right, y up, looking along -z), world z up, its position brought to the unit
-    sphere: neither distance nor field of view is seen.
+    sphere: neither distance nor field of view is seen. Its azimuth 0, where the camera sees the front of most things
+    that it was trained with, is on -y; ours is on +x. So the cameras are turned: what it draws faces +x here.
     """
     to_camera = cameras.world_to_camera.detach().cpu().double()
     to_world = torch.eye(4, dtype=torch.float64).repeat(len(cameras), 1, 1)
     to_world[:, :3, :3] = to_camera[:, :3, :3].mT * torch.tensor([1.0, -1.0, -1.0])
     centers = cameras.centers.detach().cpu().double()
     to_world[:, :3, 3] = centers / (centers.norm(dim=1, keepdim=True) + TINY)
+    to_world[:, :3] = torch.tensor(TO_ITS_FRAME, dtype=torch.float64) @ to_world[:, :3]
     return to_world.flatten(1).float()
 
 
@@ -157,10 +159,9 @@ def load_mvdream(
     size = FACTOR * int(config["sample_size"])
     check_memory((tuple(t.shape) for t in tensors.values()), size, work, dtype, place)
     texts = prompts.encode_phrases(words, phrases, int(config["cross_attention_dim"]))
-    unet = _build("UNet2DConditionModel", config, tensors, dtype, f"{checkpoint.path}: UNet").to(place)
+    unet = single_file.build("UNet2DConditionModel", config, tensors, dtype, f"{checkpoint.path}: UNet").to(place)
     if single:
-        vae = convert.vae_to_diffusers(rest)
-        network = _build("AutoencoderKL", convert.vae_config(vae), vae, vae_dtype(dtype), f"{checkpoint.path}: VAE")
+        network = single_file.build_vae(rest, vae_dtype(dtype), str(checkpoint.path))
         return MVDream(unet, place_autoencoder(network, size, place, work), texts, schedule)
     return MVDream(unet, load_autoencoder(checkpoint, size, dtype, place, work), texts, schedule)
 
@@ -204,14 +205,11 @@ def _read_folder(checkpoint: Checkpoint) -> tuple[dict[str, Tensor], dict[str, A
 
 
 def _read_single(checkpoint: Checkpoint) -> tuple[dict[str, Tensor], dict[str, Any], dict[str, Tensor]]:
-    """A UNet's weights, named as in diffusers, its configuration, and the weights of the autoencoder as they are."""
+    """A UNet's weights, named as in diffusers, its configuration, and all weights of the file as they are."""
+    what = f"{checkpoint.path}: UNet"
     found = read_tensors(checkpoint.path, checkpoint.trust_pickle)
-    own, vae = (
-        {name.removeprefix(prefix): tensor for name, tensor in found.items() if name.startswith(prefix)}
-        for prefix in (UNET_PREFIX, VAE_PREFIX)
-    )
-    tensors = convert.to_diffusers(own)
-    return tensors, _config(tensors, HEAD_CHANNELS, f"{checkpoint.path}: UNet") | {"sample_size": LATENT_SIZE}, vae
+    tensors = single_file.unet_weights(found, str(checkpoint.path))
+    return tensors, _config(tensors, HEAD_CHANNELS, what) | {"sample_size": LATENT_SIZE}, found
 
 
 def _config(tensors: dict[str, Tensor], head_channels: int, what: str) -> dict[str, Any]:
@@ -219,16 +217,10 @@ def _config(tensors: dict[str, Tensor], head_channels: int, what: str) -> dict[s
         config = convert.unet_config(tensors)
     except ValueError as error:
         raise ValueError(f"{what}: {error}") from error
+    if "class_embed_type" not in config:
+        raise ValueError(
+            f"{what}: not the weights of a UNet that takes cameras: there is no class_embedding.linear_1.weight"
+        )
     # diffusers calls the number of heads so.
     heads = [max(1, channels // head_channels) for channels in config["block_out_channels"]]
     return config | {"attention_head_dim": heads}
-
-
-def _build(kind: str, config: dict[str, Any], tensors: dict[str, Tensor], dtype: torch.dtype, what: str) -> Any:
-    """A model of diffusers with exactly these weights."""
-    import diffusers
-
-    with torch.device("meta"):
-        model = getattr(diffusers, kind).from_config(config)
-    load_tensors(model, tensors, dtype, what)
-    return model

@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 
+from diff3ds._clip_text import cleaned, clip_tokens
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.guidance.loading import load_part
 from diff3ds.guidance.weights import Checkpoint
@@ -86,9 +87,10 @@ def check_phrase(phrase: str) -> str:
     """The phrase without spaces around it.
 
     Raises:
+        ImportError: ftfy, which cleans phrases, is not installed.
         ValueError: there is nothing else.
     """
-    if not phrase.strip():
+    if not cleaned(phrase):
         raise ValueError("the phrase is empty: say what to draw")
     return phrase.strip()
 
@@ -118,11 +120,12 @@ def tokens(tokenizer: Any, phrases: Sequence[str]) -> Int[Tensor, "P L"]:
     """Padded tokens of phrases.
 
     Raises:
+        ImportError: as `check_phrase`.
         ValueError: one is too long; it says where it would be cut.
     """
     rows = []
     for phrase in phrases:
-        row = tokenizer(phrase, verbose=False).input_ids
+        row = clip_tokens(tokenizer, phrase, verbose=False).input_ids
         if len(row) > LENGTH:
             kept = tokenizer.decode(row[: LENGTH - 1], skip_special_tokens=True)
             raise ValueError(

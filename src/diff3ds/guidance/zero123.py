@@ -15,23 +15,16 @@ from diff3ds.guidance.latent import (
     Autoencoder,
     Prediction,
     check_memory,
-    load_autoencoder,
+    place_autoencoder,
     predict_noise,
-    read_schedule,
+    vae_dtype,
 )
-from diff3ds.guidance.loading import header, load_part, read_tensors
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.weights import Checkpoint, Source, find
+from diff3ds.guidance.zero123_parts import Projection, read_parts
 
-# Channels of a latent; the UNet takes those of the picture as well.
-LATENT = 4
-# Numbers that say where a camera is.
-POSE = 4
-# The linear layer that joins the picture's embedding and the pose: its folder, and its name in different ports.
-PROJECTION = "clip_camera_projection|cc_projection"
-PREFIXES = ("proj", "projection", "cc_projection")
 # Mean and standard deviation of the pictures that CLIP was trained with.
 CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)
 CLIP_STD = (0.26862954, 0.26130258, 0.27577711)
@@ -73,23 +66,6 @@ def relative_pose(cameras: Cameras, reference: ReferencePose) -> Float[Tensor, "
     turned = torch.deg2rad(azimuth - reference.azimuth)
     down = torch.deg2rad(reference.elevation - elevation)
     return torch.stack([down, turned.sin(), turned.cos(), distance - reference.distance], 1).float()
-
-
-@dataclass(frozen=True, eq=False)
-class Projection:
-    """The linear layer from the picture's embedding and a pose to a token.
-
-    Attributes:
-        weight, bias: float32.
-    """
-
-    weight: Float[Tensor, "D I"]
-    bias: Float[Tensor, " D"]
-
-    def tokens(self, embedding: Float[Tensor, " E"], poses: Float[Tensor, "B 4"]) -> Float[Tensor, "B 1 D"]:
-        """One token a pose."""
-        joined = torch.cat([embedding.expand(len(poses), -1), poses], 1)
-        return torch.nn.functional.linear(joined, self.weight, self.bias)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +159,8 @@ def load_zero123(
     Args:
         picture: of the object, square, over white, in [0, 1].
         reference: where its camera stands; default `ReferencePose()`.
-        source: of the weights; default the first known ones on this disk.
+        source: of the weights: a folder in the layout of diffusers, or the original checkpoint, a single file; default
+            the first known ones on this disk.
         device: see `pick_device`.
         precision: see `pick_dtype`.
         work: of a step, for the memory that it takes.
@@ -191,7 +168,8 @@ def load_zero123(
     Raises:
         ImportError: the extra is not installed.
         FileNotFoundError: no weights; it says how to get them.
-        ValueError: a picture that is not square, weights of another model, no such device, too little memory.
+        ValueError: a picture that is not square, weights of another model, a pickle that is not trusted, no such
+            device, too little memory.
     """
     return assemble(find("zero123", source), picture, reference or ReferencePose(), device, precision, work)
 
@@ -206,58 +184,32 @@ def assemble(
     pose: RelativePose = relative_pose,
 ) -> Zero123:
     """The prior of a checkpoint and a picture; for arguments and errors see `load_zero123`."""
-    import diffusers
-
     if picture.ndim != 3 or picture.shape[0] != picture.shape[1] or picture.shape[2] != 3:
         raise ValueError(f"picture must have shape (S, S, 3), got {tuple(picture.shape)}")
-    if not checkpoint.path.is_dir():
-        raise ValueError(f"{checkpoint.path}: Zero-1-to-3 is read from a folder in the layout of diffusers")
-    schedule, prediction = read_schedule(checkpoint)
-    projection, config = read_projection(checkpoint), checkpoint.config("unet")
-    _check(checkpoint, config, projection)
-    there, size = pick_device(device), FACTOR * int(config["sample_size"])
+    parts = read_parts(checkpoint)
+    there, size = pick_device(device), FACTOR * int(parts.config["sample_size"])
     picture = resized(picture, size)
-    dtype = pick_dtype(precision, there, bool(config.get("upcast_attention")))
+    dtype = pick_dtype(precision, there, bool(parts.config.get("upcast_attention")))
     # Nothing is the negative of a picture.
     work = replace(work, conditions=min(work.conditions, 2))
-    check_memory(header(checkpoint.file("unet")).values(), size, work, dtype, there)
-    embedding = embed(checkpoint, picture)
-    unet = load_part(diffusers.UNet2DConditionModel, checkpoint, "unet", dtype).to(there)
-    autoencoder = load_autoencoder(checkpoint, size, dtype, there, work)
+    check_memory(parts.shapes, size, work, dtype, there)
+    # The encoder runs once, on the CPU, and is freed.
+    embedding = embed(parts.encoder(), picture)
+    unet = parts.unet(dtype).to(there)
+    autoencoder = place_autoencoder(parts.vae(vae_dtype(dtype)), size, there, work)
     return Zero123(
         unet,
         autoencoder,
-        Projection(projection.weight.to(there), projection.bias.to(there)),
+        Projection(parts.projection.weight.to(there), parts.projection.bias.to(there)),
         Condition(embedding.to(there), autoencoder.mode(picture[None]), reference),
-        schedule,
-        prediction=prediction,
+        parts.schedule,
+        prediction=parts.prediction,
         pose=pose,
     )
 
 
-def read_projection(checkpoint: Checkpoint) -> Projection:
-    """The linear layer of a checkpoint, whatever the port calls it.
-
-    Raises:
-        ValueError: the file holds anything else.
-    """
-    path = checkpoint.file(PROJECTION)
-    tensors = read_tensors(path, checkpoint.trust_pickle)
-    for prefix in PREFIXES:
-        weight, bias = tensors.get(f"{prefix}.weight"), tensors.get(f"{prefix}.bias")
-        if weight is None or bias is None or len(tensors) != 2:
-            continue
-        if weight.ndim == 2 and bias.shape == weight.shape[:1]:
-            return Projection(weight.float(), bias.float())
-    shapes = {name: tuple(tensor.shape) for name, tensor in list(tensors.items())[:POSE]}
-    raise ValueError(f"{path}: expected the weight and bias of one linear layer, {' or '.join(PREFIXES)}, got {shapes}")
-
-
-def embed(checkpoint: Checkpoint, picture: Float[Tensor, "S S 3"]) -> Float[Tensor, " E"]:
-    """CLIP's embedding of a picture, not normalised. The encoder runs once, on the CPU, and is freed."""
-    import transformers
-
-    encoder = load_part(transformers.CLIPVisionModelWithProjection, checkpoint, "image_encoder", torch.float32)
+def embed(encoder: Any, picture: Float[Tensor, "S S 3"]) -> Float[Tensor, " E"]:
+    """CLIP's embedding of a picture, not normalised, by its image encoder."""
     with torch.no_grad():
         embedding = encoder(pixel_values=clip_pixels(picture, encoder.config.image_size)).image_embeds[0]
     assert isinstance(embedding, Tensor)
@@ -276,25 +228,3 @@ def resized(picture: Float[Tensor, "S S 3"], size: int) -> Float[Tensor, "s s 3"
     """A picture of another size, by means of its pixels; one of this size stays as it is."""
     channels = picture.movedim(-1, 0)[None].float()
     return torch.nn.functional.interpolate(channels, (size, size), mode="area")[0].movedim(0, -1)
-
-
-def _check(checkpoint: Checkpoint, config: dict[str, Any], projection: Projection) -> None:
-    channels, width, size = (config.get(name) for name in ("in_channels", "cross_attention_dim", "sample_size"))
-    if channels != 2 * LATENT:
-        raise ValueError(
-            f"{checkpoint.path}: a UNet of Zero-1-to-3 takes {2 * LATENT} channels (noise and picture), this one "
-            f"{channels}: other weights than those of a prior for pictures"
-        )
-    if width != len(projection.bias):
-        raise ValueError(
-            f"{checkpoint.path}: the projection gives tokens of {len(projection.bias)} numbers, the UNet takes "
-            f"{width}: parts of different models"
-        )
-    given, taken = checkpoint.config("image_encoder").get("projection_dim"), projection.weight.shape[1]
-    if given != taken - POSE:
-        raise ValueError(
-            f"{checkpoint.path}: the projection takes {taken} numbers, but the image encoder gives {given}, and a pose "
-            f"has {POSE}: parts of different models"
-        )
-    if not isinstance(size, int) or size < 1:
-        raise ValueError(f"{checkpoint.path}: sample_size of the UNet must be the side of its latents, got {size}")

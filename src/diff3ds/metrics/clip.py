@@ -1,10 +1,12 @@
 """CLIP-Score (Radford et al. 2021; Hessel et al. 2021): cosines of views with a phrase, or with a picture."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from diff3ds._clip_text import clip_tokens
 from diff3ds._shapes import Float, Tensor
 from diff3ds.metrics.preprocess import CLIP_MEAN, CLIP_STD, normalized, square
 from diff3ds.metrics.pretrained import load_pretrained, token_ids
@@ -37,6 +39,7 @@ class ClipScore:
         """Cosines of views in [0, 1] with a phrase, with gradients to the views.
 
         Raises:
+            ImportError: ftfy, which cleans phrases, is not installed.
             ValueError: an empty phrase; images of a wrong shape.
         """
         images, texts = self._embeddings(views, phrase)
@@ -52,5 +55,6 @@ class ClipScore:
         By the model's complete forward pass: what its get_image_features gives depends on the version of transformers.
         """
         pixels = normalized(square(views, self.size), CLIP_MEAN, CLIP_STD).to(self.model.device, self.model.dtype)
-        seen = self.model(pixel_values=pixels, **token_ids(self.tokenizer, phrase, self.most, self.model.device))
+        tokens = token_ids(partial(clip_tokens, self.tokenizer), phrase, self.most, self.model.device)
+        seen = self.model(pixel_values=pixels, **tokens)
         return seen.image_embeds, seen.text_embeds

@@ -1,5 +1,6 @@
 """Models of the transformers library from a local folder: checked, complete, and safetensors only."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,8 @@ import torch
 from diff3ds._files import read_json
 from diff3ds._shapes import Tensor
 
+# Tokens that every phrase has: its start and its end.
+ENDS = 2
 INSTALL = "pip install 'diff3ds[diffusion]'"
 
 
@@ -61,13 +64,17 @@ def _check_files(folder: Path, kind: str) -> None:
         raise FileNotFoundError(f"{folder}: no tokenizer.json, vocab.json or vocab.txt: the tokenizer is missing")
 
 
-def token_ids(tokenizer: Any, phrase: str, most: int, device: torch.device | str) -> dict[str, Tensor]:
+def token_ids(tokenize: Callable[..., Any], phrase: str, most: int, device: torch.device | str) -> dict[str, Tensor]:
     """The tokens of a phrase with their attention mask; those beyond the model's room are cut off.
+
+    Args:
+        tokenize: a tokenizer, or what is called like one.
+        most: tokens, both ends included.
 
     Raises:
         ValueError: an empty phrase.
     """
-    if not phrase.strip():
+    tokens = tokenize(phrase, truncation=True, max_length=most, return_tensors="pt")
+    if tokens["input_ids"].numel() <= ENDS:
         raise ValueError("the phrase is empty")
-    tokens = tokenizer(phrase, truncation=True, max_length=most, return_tensors="pt")
     return {name: tokens[name].to(device) for name in ("input_ids", "attention_mask")}

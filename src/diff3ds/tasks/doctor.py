@@ -32,7 +32,7 @@ UNTRAINED = "no weights in this package: diff3ds prior train, then --weights FIL
 PROBES = {"diffusers": "UNet2DConditionModel", "transformers": "CLIPVisionModelWithProjection"}
 # Packages of the extras; the hub's client comes with diffusers.
 OPTIONAL = {
-    "diffusion": ("diffusers", "transformers", "accelerate", "huggingface_hub", "peft"),
+    "diffusion": ("diffusers", "transformers", "accelerate", "huggingface_hub", "peft", "ftfy"),
     "cad": ("cadquery-ocp-novtk",),
     "svg": ("resvg-py",),
     "mesh": ("trimesh",),

@@ -7,9 +7,11 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.guidance import single_file
 from diff3ds.guidance.device import Precision, Work, pick_device
 from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.mvdream import NEGATIVE, VIEWS, MVDream, find_words, load_mvdream
+from diff3ds.guidance.prompts import check_phrase
 from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.weights import Source, find, locate
@@ -89,7 +91,7 @@ def named_prior(options: PriorOptions, names: tuple[str, ...]) -> str:
 
 
 def kind_of(options: PriorOptions) -> str:
-    """Which prior weights belong to, by their configuration. A single file is MVDream's.
+    """Which prior weights belong to, by their configuration, or by the names in a single file.
 
     Stable-Zero123 has the weights' shapes of Zero123, but other poses and another licence: its name must say so.
     """
@@ -102,14 +104,20 @@ def kind_of(options: PriorOptions) -> str:
             f"{', '.join(KNOWN)}"
         )
     if found.path.is_file():
-        return "mvdream"
+        names = single_file.names_in(found.path, found.trust_pickle)
+        pictures = any(name.startswith(single_file.PROJECTION) for name in names)
+        return _of_pictures(source) if pictures else "mvdream"
     if not (found.path / "unet").is_dir():
         raise FileNotFoundError(f"{source} has no folder unet: weights are read in the layout of diffusers")
     config = found.config("unet")
     if config.get("in_channels") == PICTURE_CHANNELS:
-        return "stable-zero123" if "stable" in str(source).lower() else "zero123"
+        return _of_pictures(source)
     camera = config.get("_class_name") != "UNet2DConditionModel" or config.get("class_embed_type")
     return "mvdream" if camera or (found.path / "camera_proj").is_dir() else "stable-diffusion"
+
+
+def _of_pictures(source: Source) -> str:
+    return "stable-zero123" if "stable" in str(source).lower() else "zero123"
 
 
 def has_weights(name: str) -> bool:
@@ -141,14 +149,18 @@ def _best(name: str, called: str, device: str) -> tuple[str, str]:
 
 
 def load_for_phrase(
-    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, work: Work
+    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, work: Work, suffix: str = ""
 ) -> MVDream | StableDiffusion:
     """A network that knows phrases.
+
+    Args:
+        suffix: appended to the phrase.
 
     Raises:
         ImportError, FileNotFoundError, ValueError: as its loader.
     """
     source, device, precision = options.source(), options.device, options.precision
+    phrase = check_phrase(phrase) + suffix
     if name == "mvdream":
         if perp_neg:
             raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
@@ -178,7 +190,9 @@ def load_for_picture(
 def loaded(name: str, options: PriorOptions, unet: Any) -> dict[str, object]:
     """What run.json says of a network: which weights, of which a single file lacks the text's, device and precision."""
     checkpoint = find(name, options.source())
-    words = {"text_encoder": find_words(checkpoint).origin()} if checkpoint.path.is_file() else {}
+    words = {}
+    if checkpoint.path.is_file() and name == "mvdream":
+        words = {"text_encoder": find_words(checkpoint).origin()}
     precision = str(unet.dtype).removeprefix("torch.")
     return {"weights": checkpoint.origin(), **words, "device": str(unet.device), "precision": precision}
 

@@ -34,10 +34,12 @@ class TextOptions:
 
     Attributes:
         negative: a phrase for what the sketch should not look like; by default MVDream's own, and none for others.
+        suffix: appended to the phrase, such as ", 3d asset", with which MVDream was trained on things.
         perp_neg: keep stable-diffusion from drawing the front on every side, for twice the time.
     """
 
     negative: str | None = None
+    suffix: str = ""
     perp_neg: bool = False
 
 
@@ -77,8 +79,8 @@ def text_to_sketch(
         return _built_in(phrase, out, options, prior, settings, about, report, say)
     if options.negative and settings.method == "csd":
         raise ValueError("csd compares the phrase with no phrase at all, not with a negative one: leave --negative out")
-    denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.work())
-    about |= {"negative": options.negative, "perp_neg": options.perp_neg}
+    denoiser = load_for_phrase(name, phrase, options.negative, options.perp_neg, prior, settings.work(), options.suffix)
+    about |= {"negative": options.negative, "suffix": options.suffix, "perp_neg": options.perp_neg}
     wanted = Commission(about, GUIDANCE, network=loaded(name, prior, denoiser.unet))
     return distill(denoiser, settings, out, wanted, report)
 
@@ -95,6 +97,10 @@ def _built_in(
 ) -> Sketch:
     if options.negative or options.perp_neg:
         raise ValueError("negative phrases are for mvdream and stable-diffusion: the built-in priors have none")
+    if options.suffix:
+        raise ValueError(
+            "a suffix is for mvdream and stable-diffusion: the built-in priors know the words of their list"
+        )
     check(settings)
     if about["prior"] == "small":
         small = trained(prior)
