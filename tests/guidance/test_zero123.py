@@ -312,12 +312,6 @@ def test_pictures_that_are_not_square(folder, shape):
         load(folder, torch.ones(shape))
 
 
-def test_single_files_are_not_read(tmp_path, picture):
-    (tmp_path / "zero123-xl.ckpt").write_bytes(b"")
-    with pytest.raises(ValueError, match=r"zero123-xl\.ckpt: Zero-1-to-3 is read from a folder in the layout of"):
-        load(tmp_path / "zero123-xl.ckpt", picture)
-
-
 def test_no_weights(picture, monkeypatch, tmp_path):
     from huggingface_hub import constants
 
