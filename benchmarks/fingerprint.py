@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "render"))
 
 
 def scene(seed: int, controls: int, width_space: str, dtype: torch.dtype) -> tuple[ds.Sketch, ds.Cameras]:
-    """Forty coloured strokes, some behind a camera and some with extreme weights, and two cameras, all with gradients."""
+    """Forty coloured strokes with gradients, some behind a camera, some with extreme weights; and two cameras."""
     generator = torch.Generator().manual_seed(seed)
 
     def uniform(*shape: int, low: float = 0.0, high: float = 1.0) -> torch.Tensor:

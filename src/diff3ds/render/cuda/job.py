@@ -18,12 +18,13 @@ SUMS = 21
 _POINTERS = (
     "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "out_color",
     "out_alpha", "out_depth", "reach", "scale", "piece_first", "pieces", "piece_info", "arcs", "chord_first",
-    "outline_first", "chords", "chord_info", "tangents", "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first",
-    "tile_cursor", "tile_piece_first", "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order",
-    "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
-    "g_tile_piece", "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights",
-    "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline",
-    "outline_sums", "outline_warp_fragments", "outline_fragments", "outline_order",
+    "outline_first", "chords", "chord_info", "tangents", "intersection_first", "intersection_chord",
+    "intersection_tile_piece", "tile_first", "tile_cursor", "tile_piece_first", "tile_piece_count", "tile_list",
+    "tile_pieces", "warp_fragments", "fragments", "order", "point_first", "point_count", "counters", "report",
+    "g_color", "g_alpha", "g_depth", "front", "g_fragment", "g_tile_piece", "g_background", "g_cubics",
+    "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights", "g_matrices", "outline",
+    "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline", "outline_sums",
+    "outline_warp_fragments", "outline_fragments", "outline_order",
 )  # fmt: skip
 
 

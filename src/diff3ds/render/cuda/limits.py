@@ -42,7 +42,8 @@ class Limits:
     def guess(self, shape: Shape) -> None:
         """Raises the bounds to what a drawing like this may need."""
         seen, pixels = shape.seen, shape.views * shape.height * shape.width
-        first = (PIECES * seen, CHORDS * seen, INTERSECTIONS * seen, INTERSECTIONS * seen, FRAGMENTS * pixels * shape.samples)
+        lists, fragments = (PIECES, CHORDS, INTERSECTIONS, INTERSECTIONS), FRAGMENTS * pixels * shape.samples
+        first = (*(most * seen for most in lists), fragments)
         # px of outline; of many strokes, each is short.
         outline = min(1024 * seen, pixels) * shape.strata
         outlines = (outline, 2 * outline)
