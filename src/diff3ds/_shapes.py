@@ -6,8 +6,22 @@ from typing import TYPE_CHECKING, Any
 from torch import Tensor
 
 # Tests load jaxtyping as a pytest plugin before they import this package; users need not have it installed.
-if TYPE_CHECKING or "jaxtyping" in sys.modules:
+if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int, UInt8
+elif "jaxtyping" in sys.modules:
+    import jaxtyping
+
+    class _Checked:
+        """A dtype of jaxtyping that takes aliases as well, such as numpy 2.5's `NDArray` is from Python 3.12 on."""
+
+        def __init__(self, dtype: Any) -> None:
+            self.dtype = dtype
+
+        def __getitem__(self, item: tuple[Any, str]) -> Any:
+            array, shape = item
+            return self.dtype[getattr(array, "__value__", array), shape]
+
+    Bool, Float, Int, UInt8 = (_Checked(getattr(jaxtyping, name)) for name in ("Bool", "Float", "Int", "UInt8"))
 else:
 
     class _Unchecked:
