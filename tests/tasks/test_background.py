@@ -68,10 +68,12 @@ def test_opaque_ones_among_cut_out_ones_lose_their_background():
     expected = torch.zeros(20, 20, 4)
     expected[6:14, 6:14] = torch.tensor([1.0, 0.0, 0.0, 1.0])
     pixels[0] = expected
+    # What has alpha keeps parts of the background's colour.
+    pixels[0, 8:12, 8:12] = 1
     for given in (None, torch.ones(3)):
         after, background = with_alpha(pictures(pixels), given)
         assert background.tolist() == [1, 1, 1]
-        assert torch.equal(after.batch([0, 1]).pixels, expected.expand(2, -1, -1, -1))
+        assert torch.equal(after.batch([0, 1]).pixels, torch.stack([pixels[0], expected]))
 
 
 def test_opaque_ones_of_unknown_background_are_counted(generator):

@@ -135,18 +135,21 @@ def test_the_hull_takes_what_is_left_out_for_unknown(tmp_path):
     assert found.colors[:, 0].min() > 0.99
 
 
-@pytest.mark.parametrize("kind", ["255", "1", "palette", "jpeg", "16 bits", "alpha"])
+@pytest.mark.parametrize("kind", ["255", "1", "palette", "jpeg", "16 bits", "alpha", "labels"])
 def test_masks_in_any_file(scene, tmp_path, kind):
     sketch, cameras = scene
     path = posed(tmp_path, cameras, ds.render(sketch, cameras).color)
     white = np.uint8(counted().numpy())
+    white[:, :20] *= 5 if kind == "labels" else 1
     if kind == "palette":
         picture = Image.fromarray(white, "P")
         picture.putpalette([0, 0, 0, 128, 0, 0])
     elif kind == "alpha":
         picture = Image.merge("RGBA", [Image.new("L", SIZE[::-1], 255)] * 3 + [Image.fromarray(255 * white)])
     else:
-        picture = Image.fromarray(np.uint16(white) * 255 if kind == "16 bits" else white * (1 if kind == "1" else 255))
+        picture = Image.fromarray(
+            np.uint16(white) * 255 if kind == "16 bits" else white * (1 if kind in ("1", "labels") else 255)
+        )
     picture.save(tmp_path / "mask.png", "JPEG" if kind == "jpeg" else "PNG")
     known = load_posed(path, "color").batch([0]).known[0]
     # JPEG's ringing ends within its blocks of 8.
