@@ -10,7 +10,7 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_png
-from diff3ds.tasks import posed
+from diff3ds.tasks import load_views
 from diff3ds.tasks.posed import find_transforms, load_posed
 from diff3ds.tasks.pyramid import build_pyramid
 
@@ -133,7 +133,7 @@ def test_memory_and_file_hold_the_same(scene, tmp_path, monkeypatch):
     path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
     names = sorted(tmp_path.iterdir())
     memory = load_posed(path, scratch=tmp_path)
-    monkeypatch.setattr(posed, "MEMORY", 1000)
+    monkeypatch.setattr(load_views, "MEMORY", 1000)
     file = load_posed(path, scratch=tmp_path / "not" / "yet")
     assert (memory.store.scratch, file.store.scratch) == (None, tmp_path)
     assert torch.equal(memory.store.pixels, file.store.pixels)

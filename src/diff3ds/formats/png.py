@@ -58,6 +58,22 @@ def load_image(path: str | Path) -> Float[Tensor, "H W C"]:
     return load_reduced(path, None)[0]
 
 
+def size_of(path: str | Path) -> tuple[int, int]:
+    """(height, width) of a picture file, of which only the beginning is read.
+
+    Raises:
+        ValueError: no picture.
+        OSError: the file cannot be read.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as picture:
+            return picture.height, picture.width
+    except (UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise ValueError(f"{path}: not a picture, or one that is too large") from error
+
+
 def load_reduced(
     path: str | Path, least: tuple[int, int] | None
 ) -> tuple[Float[Tensor, "H W C"], tuple[int, int], int]:

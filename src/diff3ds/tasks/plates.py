@@ -4,8 +4,12 @@ import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from diff3ds.formats.png import load_image
-from diff3ds.tasks.posed import load_views, reduced
+from diff3ds._shapes import Tensor
+from diff3ds.formats.png import size_of
+from diff3ds.tasks.load_views import Told, load_views
+from diff3ds.tasks.masks import Masks
+from diff3ds.tasks.posed import reduced
+from diff3ds.tasks.read_view import decode, shown
 from diff3ds.tasks.store import Store, opaque_views
 from diff3ds.transforms import NAMED, View, read_views
 
@@ -30,7 +34,9 @@ class Plates:
         return found.hexdigest()
 
 
-def load_plates(path: Path, source: Path, size: int = 512, scratch: Path | None = None) -> Plates:
+def load_plates(
+    path: Path, source: Path, size: int = 512, scratch: Path | None = None, told: Told = lambda done, total: None
+) -> Plates:
     """What lies behind the pictures of a transforms file, reduced and undistorted as `load_posed` does it with them.
 
     Args:
@@ -39,6 +45,7 @@ def load_plates(path: Path, source: Path, size: int = 512, scratch: Path | None 
             the file name of the view's picture, in that folder or in one of the same name as the picture's.
         size: as for `load_posed`.
         scratch: as for `load_posed`.
+        told: as for `load_posed`.
 
     Raises:
         FileNotFoundError: the folder lacks pictures.
@@ -48,8 +55,15 @@ def load_plates(path: Path, source: Path, size: int = 512, scratch: Path | None 
     """
     views = read_views(path)
     sizes = [reduced(view.size, size) for view in views]
-    behind = _one_each(source, views) if source.is_dir() else _one_for_all(source, views)
-    store = load_views(behind, sizes, None, scratch)
+    if source.is_dir():
+        store = load_views(_one_each(source, views), sizes, None, scratch, told=told)
+    else:
+        picture = decode(_plain(source, views[0]), max(sizes))
+
+        def read(view: View, size: tuple[int, int], masks: Masks) -> tuple[Tensor, Tensor]:
+            return shown(picture, view, size)
+
+        store = load_views(_one_for_all(source, views), sizes, None, scratch, told=told, read=read)
     if not opaque_views(store).all():
         raise ValueError(f"{source}: a background must be opaque, but has transparent pixels: lay it over a colour")
     return Plates(source, store)
@@ -57,17 +71,19 @@ def load_plates(path: Path, source: Path, size: int = 512, scratch: Path | None 
 
 def _one_for_all(picture: Path, views: list[View]) -> list[View]:
     """Views with this picture, as if their cameras had taken it: what has lens distortion takes its own out of it."""
-    height, width = load_image(picture).shape[:2]
-    # One object for all views, which is then read once.
-    plain = replace(views[0], picture=picture, mask=None, size=(height, width), distortion=(0.0,) * 5)
+    plain = _plain(picture, views[0])
+    height, width = plain.size
 
     def seen_by(view: View) -> View:
-        if not any(view.distortion):
-            return plain
         scale = view.intrinsics.new_tensor([width / view.size[1], height / view.size[0], 1.0])
         return replace(plain, intrinsics=view.intrinsics * scale[:, None], distortion=view.distortion)
 
     return [seen_by(view) for view in views]
+
+
+def _plain(picture: Path, view: View) -> View:
+    """A view with this picture and without distortion."""
+    return replace(view, picture=picture, mask=None, size=size_of(picture), distortion=(0.0,) * 5)
 
 
 def _one_each(folder: Path, views: list[View]) -> list[View]:

@@ -1,10 +1,8 @@
 """Posed pictures: found in a folder, brought onto one canvas, told apart into drawings and coloured pictures."""
 
-import functools
 import hashlib
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -12,9 +10,10 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.tasks.load_views import Told, canvas_of, load_some, load_views
 from diff3ds.tasks.masks import Masks, has_left_out
-from diff3ds.tasks.read_view import read_view
-from diff3ds.tasks.store import MEMORY, Batch, Store, all_known, as_bytes, byte_array
+from diff3ds.tasks.read_view import decode, shown
+from diff3ds.tasks.store import Batch, Store
 from diff3ds.transforms import View, read_views, require_files
 
 # Edge maps and line drawings; coloured pictures; coloured pictures of which the edges are wanted.
@@ -27,8 +26,6 @@ DRAWING_BACKGROUND = 0.65
 SAME = 0.05
 # What pictures are is told from some of them, evenly spread, at a reduced size. Enough for a median.
 LOOKED_AT, LOOKED_SIZE = 16, 512
-# The sizes of a pyramid, each half the last, take a third more than the first.
-PYRAMID = 4 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +92,12 @@ def load_posed(
     size: int = 512,
     scratch: Path | None = None,
     masks: Masks = "ignore",
+    told: Told = lambda done, total: None,
 ) -> PosedPictures:
     """The pictures and cameras of a transforms file.
 
-    The pictures are read one at a time and kept with 8 bits a channel, in memory or, if they and their pyramid take
-    more than 1 GiB, in a file without a name that goes with them.
+    Each picture is decoded once, several at a time on as many threads as torch has. They are kept with 8 bits a
+    channel, in memory or, if they and their pyramid take more than 1 GiB, in a file without a name that goes with them.
 
     Args:
         path: a transforms.json (see `read_views`).
@@ -108,6 +106,7 @@ def load_posed(
         scratch: folder for such a file, existing or to be made; default the system's for temporary files.
         masks: what black pixels of a `mask_path` mean: ignore leaves them out of all losses and scores, object takes
             them for background.
+        told: called with the number of pictures that have been read, and of all.
 
     Raises:
         FileNotFoundError, ValueError: a missing or unreadable file; pictures whose size is not that of the cameras, or
@@ -116,10 +115,15 @@ def load_posed(
     """
     views = read_views(path)
     require_files(path, [view.picture for view in views] + [view.mask for view in views if view.mask])
-    background = None if target in ("color", "color-edges") else _background(views, target == "edges", masks)
     sizes = [reduced(view.size, size) for view in views]
     cameras = _cameras(path, views, sizes)
-    store = load_views(views, sizes, background, scratch, masks)
+    background, first = None, None
+    if target not in ("color", "color-edges"):
+        some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
+        looks = _Looks()
+        first = load_some(views, sizes, some, looks, scratch, masks, told)
+        background = _background([views[i] for i in some], looks.pixels, target == "edges", masks)
+    store = load_views(views, sizes, background, scratch, masks, told, first)
     if not _shows(store):
         raise ValueError(f"{path}: the pictures show nothing: {_nothing(store, views, masks)}")
     found: Target = target or ("color" if background is None else "edges")
@@ -141,49 +145,9 @@ def _cameras(path: Path, views: list[View], sizes: list[tuple[int, int]]) -> Cam
         intrinsics.append(view.intrinsics * scale[:, None])
     poses = torch.stack([view.world_to_camera for view in views])
     try:
-        return Cameras(poses.float(), torch.stack(intrinsics).float(), _canvas(sizes))
+        return Cameras(poses.float(), torch.stack(intrinsics).float(), canvas_of(sizes))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-
-
-def _canvas(sizes: list[tuple[int, int]]) -> tuple[int, int]:
-    return max(height for height, _ in sizes), max(width for _, width in sizes)
-
-
-def load_views(
-    views: list[View],
-    sizes: list[tuple[int, int]],
-    background: float | None,
-    scratch: Path | None,
-    masks: Masks = "ignore",
-) -> Store:
-    """The pictures of these views, each in its (height, width), at the top left of a canvas that holds all.
-
-    Args:
-        background: value behind ink, 0 or 1; None for colour.
-        scratch: as for `load_posed`.
-        masks: as for `load_posed`.
-
-    Raises:
-        ValueError, OSError: as `read_view` and `byte_array`.
-    """
-    canvas = _canvas(sizes)
-    whole = all(size == canvas for size in sizes)
-    whole = whole and not any(any(view.distortion) or has_left_out(view, masks) for view in views)
-    shape = (len(views), *canvas, 4 if background is None else 1)
-    count = len(views) * canvas[0] * canvas[1] * (shape[3] + (not whole))
-    folder = None if count * PYRAMID <= MEMORY else _existing(scratch)
-    pixels = byte_array(shape, folder)
-    known = all_known(len(views), canvas) if whole else byte_array(shape[:3], folder).view(torch.bool)
-    # One picture may lie behind all views.
-    read = functools.lru_cache(maxsize=1)(read_view)
-    for i, (view, (height, width)) in enumerate(zip(views, sizes, strict=True)):
-        rgba, seen = read(view, (height, width), masks)
-        values = rgba if background is None else _ink(rgba, background)[..., None]
-        pixels[i, :height, :width] = as_bytes(values)
-        if not whole:
-            known[i, :height, :width] = seen
-    return Store(pixels, known, folder)
 
 
 def _shows(store: Store) -> bool:
@@ -223,34 +187,36 @@ def _left_nothing(views: list[View], masks: Masks) -> str:
     return "lens distortion leaves nothing: check k1 to k3"
 
 
-def _existing(folder: Path | None) -> Path:
-    """The folder, or the nearest one above it that is there."""
-    folder = Path(tempfile.gettempdir()) if folder is None else folder.absolute()
-    return next(f for f in (folder, *folder.parents) if f.is_dir())
+class _Looks:
+    """Reads views, and looks at what they are: colours with alpha, at a reduced size."""
 
+    def __init__(self) -> None:
+        self.pixels: list[Float[Tensor, "M 4"]] = []
 
-def _background(views: list[View], drawn: bool, masks: Masks) -> float | None:
-    """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None."""
-    some = [views[i * len(views) // min(len(views), LOOKED_AT)] for i in range(min(len(views), LOOKED_AT))]
-    grays, tints = [], []
-    for view in some:
+    def __call__(self, view: View, size: tuple[int, int], masks: Masks) -> tuple[Tensor, Tensor]:
+        """As `read_view`."""
+        small = reduced(view.size, LOOKED_SIZE)
+        picture = decode(view, max(small, size), masks)
         # What a mask of the object hides has the background's value, which is not known yet.
-        shown = replace(view, mask=None) if masks == "object" else view
-        rgba, known = read_view(shown, reduced(view.size, LOOKED_SIZE), masks)
-        color, alpha = rgba[known][:, :3], rgba[known][:, 3]
-        grays.append(color.mean(1) + 1 - alpha)
-        tints.append(color.amax(1) - color.amin(1))
-    gray, tint = torch.cat(grays), torch.cat(tints)
+        rgba, known = shown(picture, view, small, cut=False)
+        self.pixels.append(rgba[known])
+        return shown(picture, view, size)
+
+
+def _background(views: list[View], looked_at: list[Float[Tensor, "M 4"]], drawn: bool, masks: Masks) -> float | None:
+    """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None.
+
+    Args:
+        looked_at: RGB times alpha, and alpha, of known pixels of these views.
+        drawn: whether they are drawings is known.
+        masks: as for `load_posed`.
+    """
+    pixels = torch.cat(looked_at)
+    gray, tint = pixels[:, :3].mean(1) + 1 - pixels[:, 3], pixels[:, :3].amax(1) - pixels[:, :3].amin(1)
     if not len(gray):
-        raise ValueError(f"{views[0].picture}: of this and other pictures {_left_nothing(some, masks)}")
+        raise ValueError(f"{views[0].picture}: of this and other pictures {_left_nothing(views, masks)}")
     middle = float(gray.median())
     colorless = float((tint < SAME).float().mean()) > 0.999
     plain = float(((gray - middle).abs() < SAME).float().mean()) > DRAWING_BACKGROUND
     extreme = min(middle, 1 - middle) < SAME
     return float(middle >= 0.5) if drawn or (colorless and plain and extreme) else None
-
-
-def _ink(rgba: Float[Tensor, "h w 4"], background: float) -> Float[Tensor, "h w"]:
-    """Distance from the background's value, which transparent and unknown pixels have."""
-    gray = rgba[..., :3].mean(-1) + (1 - rgba[..., 3]) * background
-    return (gray - background).abs()

@@ -1,22 +1,40 @@
 """One view of a transforms.json read: decoded, masked, lens distortion taken out, reduced."""
 
+from dataclasses import dataclass
+
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_reduced
 from diff3ds.tasks.cutout import premultiplied
+from diff3ds.tasks.lens import straightened
 from diff3ds.tasks.masks import Masks, counted, has_left_out, object_share
-from diff3ds.tasks.resample import area_means, undistorted
+from diff3ds.tasks.resample import area_means
 from diff3ds.transforms import View
 
 # JPEG files are decoded at no less than this many times the size wanted: the mean of at least 2 x 2 pixels hides what
 # their reduced decoding does differently.
 DECODED = 2
-# Rows whose undistortion is computed at a time.
-STRIP = 128
 # A reduced pixel is known where all that it covers is; the rest is rounding.
 KNOWN = 0.999
+
+
+@dataclass(frozen=True, eq=False)
+class Decoded:
+    """What the files of a view hold, for pictures of several sizes.
+
+    Attributes:
+        pixels: RGB times alpha, and alpha, of the picture, perhaps reduced.
+        times: how many times smaller than the file it is.
+        share: of each pixel that is object, by a mask, or None.
+        kept: 1 where the picture counts, 0 where masks leave it out, or None.
+    """
+
+    pixels: Float[Tensor, "H W 4"]
+    times: int
+    share: Float[Tensor, "H W"] | None
+    kept: Float[Tensor, "H W"] | None
 
 
 def read_view(
@@ -36,17 +54,31 @@ def read_view(
         ValueError: a picture or mask that cannot be read, or not of the view's size.
         OSError: a file is missing.
     """
+    return shown(decode(view, size, masks), view, size)
+
+
+def decode(view: View, size: tuple[int, int], masks: Masks = "ignore") -> Decoded:
+    """The files of a view, for pictures of at most this size; arguments and errors as for `read_view`."""
     # Masks are decoded in full, so the picture is as well.
     masked = view.mask is not None or has_left_out(view, masks)
     image, full, times = load_reduced(view.picture, None if masked else (DECODED * size[0], DECODED * size[1]))
     if full != view.size:
-        image, full, times = load_of_size(view.picture, view.size, "the cameras say"), view.size, 1
-    pixels = premultiplied(image)
-    share = object_share(view, masks)
-    if share is not None:
-        pixels *= share[..., None]
-    kept = counted(view, masks)
-    extent = (full[0] / times, full[1] / times)
+        image, times = load_of_size(view.picture, view.size, "the cameras say"), 1
+    return Decoded(premultiplied(image), times, object_share(view, masks), counted(view, masks))
+
+
+def shown(
+    picture: Decoded, view: View, size: tuple[int, int], cut: bool = True
+) -> tuple[Float[Tensor, "h w 4"], Bool[Tensor, "h w"]]:
+    """What a view shows of these files, as `read_view` gives it.
+
+    Args:
+        cut: whether a mask cuts the object out.
+    """
+    pixels, kept = picture.pixels, picture.kept
+    if picture.share is not None and cut:
+        pixels = pixels * picture.share[..., None]
+    extent = (view.size[0] / picture.times, view.size[1] / picture.times)
     if not any(view.distortion):
         means = area_means(pixels[None], size, extent)[0]
         if kept is None:
@@ -55,12 +87,7 @@ def read_view(
         return means * known[..., None], known
     if kept is not None:
         pixels = torch.cat([pixels, kept[..., None]], -1)
-    scaled = view.intrinsics / view.intrinsics.new_tensor([times, times, 1.0])[:, None]
-    strips = []
-    for top in range(0, len(pixels), STRIP):
-        strip, seen = undistorted(pixels, scaled, view.distortion, range(top, min(top + STRIP, len(pixels))))
-        inside = strip if kept is not None else torch.cat([strip, torch.ones_like(strip[..., :1])], -1)
-        strips.append(inside * seen[..., None])
-    means = area_means(torch.cat(strips)[None], size, extent)[0]
-    known = means[..., 4] > KNOWN
+    scale = view.intrinsics.new_tensor([picture.times, picture.times, 1.0])
+    means, seen = straightened(pixels, view.intrinsics / scale[:, None], view.distortion, size, extent)
+    known = (seen if kept is None else means[..., 4]) > KNOWN
     return means[..., :4] * known[..., None], known

@@ -1,14 +1,17 @@
-"""Pictures on other grids of pixels: exact area means, blur, and lens distortion taken out."""
+"""Pictures on other grids of pixels: exact area means, and blur."""
 
 import math
+from collections.abc import Iterator
 
-import numpy as np
 import torch
 
-from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._shapes import Float, Tensor
 
 # The filter of a blur is cut where the renderer cuts its own.
 BLUR_REACH = 3.5
+
+# Numbers of an image that are worked on at a time: with what is made of them they fit the caches of one core.
+STRIP = 1 << 18
 
 # All of this adds up shifted images element by element: the same bits for any number of threads.
 
@@ -23,8 +26,40 @@ def area_means(
         extent: (height, width) of the part of the images that the result shows, from the top left corner, in pixels;
             default all.
     """
-    height, width = extent or (images.shape[1], images.shape[2])
-    return _means(_means(images, 1, height, size[0]), 2, width, size[1])
+    there = (images.shape[1], images.shape[2])
+    height, width = extent or there
+    if (height, width) == there == size:
+        return images
+    means = images.new_empty((images.shape[0], *size, images.shape[3]))
+    for rows, ends, source in strips(size[0], height, images[:, :1].numel()):
+        part = images[:, source.start : source.stop]
+        means[:, rows.start : rows.stop] = means_between(means_between(part, 1, ends), 2, even_ends(size[1], width))
+    return means
+
+
+def even_ends(count: int, extent: float) -> Float[Tensor, " N"]:
+    """Where so many pixels begin that share this length evenly, and where the last one ends; float64."""
+    return torch.arange(count + 1, dtype=torch.float64) * (extent / count)
+
+
+def strips(count: int, extent: float, row: int) -> Iterator[tuple[range, Float[Tensor, " N"], range]]:
+    """Rows of a smaller image, few at a time, with the rows of the larger one that they cover.
+
+    Args:
+        count: rows of the smaller image.
+        extent: rows of the larger one that they cover together.
+        row: numbers in a row of the larger one.
+
+    Yields:
+        Rows of the smaller image; their `even_ends`, counted from the first row of the larger one that they cover; and
+        the rows of the larger one, of which the last may lie beyond it by less than one.
+    """
+    step = max(1, int(STRIP / row * count / extent))
+    ends = even_ends(count, extent)
+    for first in range(0, count, step):
+        some = ends[first : first + step + 1]
+        top, bottom = math.floor(some[0]), math.ceil(some[-1])
+        yield range(first, first + len(some) - 1), some - top, range(top, bottom)
 
 
 def blurred(images: Float[Tensor, "B H W C"], blur: float) -> Float[Tensor, "B H W C"]:
@@ -43,64 +78,22 @@ def blurred(images: Float[Tensor, "B H W C"], blur: float) -> Float[Tensor, "B H
     return images
 
 
-def undistorted(
-    picture: Float[Tensor, "H W C"], intrinsics: Float[Tensor, "3 3"], distortion: tuple[float, ...], rows: range
-) -> tuple[Float[Tensor, "h W C"], Bool[Tensor, "h W"]]:
-    """Rows of the picture that a camera with the same intrinsics and no distortion takes, and where they are known.
-
-    Each pixel is looked up, bilinearly, where OpenCV's radial and tangential model puts it in the picture. What that
-    model puts outside the picture is not known, nor what lies beyond the radius at which the model folds back.
-
-    Args:
-        picture: as taken.
-        intrinsics: in pixels of the picture.
-        distortion: k1, k2, p1, p2, k3.
-        rows: which rows to make.
-    """
-    height, width = picture.shape[:2]
-    (fx, _, cx), (_, fy, cy), _ = intrinsics.tolist()
-    k1, k2, p1, p2, k3 = distortion
-    y = (torch.arange(rows.start, rows.stop, dtype=torch.float64)[:, None] + 0.5 - cy) / fy
-    x = (torch.arange(width, dtype=torch.float64) + 0.5 - cx) / fx
-    square = x * x + y * y
-    radial = 1 + square * (k1 + square * (k2 + square * k3))
-    u = fx * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)) + cx
-    v = fy * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y) + cy
-    known = (u >= 0) & (u <= width) & (v >= 0) & (v <= height) & (square < _fold(k1, k2, k3))
-    grid = torch.stack([2 * u / width - 1, 2 * v / height - 1], -1).float()
-    found = torch.nn.functional.grid_sample(
-        picture.permute(2, 0, 1)[None], grid[None], mode="bilinear", padding_mode="border", align_corners=False
-    )
-    return found[0].permute(1, 2, 0), known
-
-
-def _fold(k1: float, k2: float, k3: float) -> float:
-    """Square of the least radius r at which r (1 + k1 r^2 + k2 r^4 + k3 r^6) stops growing."""
-    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
-    # A double root is a real one with a rounding error.
-    turns = [root.real for root in roots if root.real > 0 and abs(root.imag) < 1e-6 * abs(root)]
-    return min(turns, default=math.inf)
-
-
-def _means(images: Float[Tensor, "B H W C"], dim: int, extent: float, count: int) -> Float[Tensor, "B h w C"]:
-    """Area means along one axis."""
-    there = images.shape[dim]
-    if there == extent == count:
-        return images
-    if there == extent and there % count == 0:
-        parts = images.reshape(*images.shape[:dim], count, -1, *images.shape[dim + 1 :]).unbind(dim + 1)
+def means_between(images: Float[Tensor, "*S"], dim: int, ends: Float[Tensor, " N"]) -> Float[Tensor, "*T"]:
+    """Area means along one axis: each pixel is the mean from one of these places to the next."""
+    there, count, length = images.shape[dim], len(ends) - 1, float(ends[1] - ends[0])
+    if ends[0] == 0 and ends[-1] == there and there % count == 0:
+        parts = images.unflatten(dim, (count, -1)).unbind(dim + 1)
         total = parts[0].clone()
         for part in parts[1:]:
             total += part
         return total.div_(len(parts))
-    ends = torch.arange(count + 1, dtype=torch.float64) * (extent / count)
     start, stop = ends[:-1], ends[1:]
     first = start.floor().long()
     total = images.new_zeros([count if d == dim else n for d, n in enumerate(images.shape)])
     for tap in range(int((stop.ceil().long() - first).max())):
         pixel = first + tap
         overlap = torch.minimum(stop, pixel + 1.0) - torch.maximum(start, pixel.double())
-        share = (overlap.clamp(min=0) * (count / extent)).to(images.dtype)
+        share = (overlap.clamp(min=0) / length).to(images.dtype)
         part = images.index_select(dim, pixel.clamp(max=there - 1))
-        total += part.mul_(share.reshape([-1 if d == dim else 1 for d in range(4)]))
+        total.addcmul_(part, share.reshape([-1 if d == dim else 1 for d in range(images.ndim)]))
     return total
