@@ -105,10 +105,10 @@ def _border_color(pictures: PosedPictures, some: Bool[Tensor, " V"]) -> Float[Te
     borders, rims = [], []
     for views in pictures.store.chunks():
         batch = pictures.batch(views[some[views]])
-        smooth = _smooth(batch.pixels[..., :3], batch.known)
-        borders.append(_sides(smooth)[_sides(batch.known)])
+        borders.append(_smooth_sides(batch.pixels[..., :3], batch.known)[_sides(batch.known)])
         # Masks, or lens distortion, may leave nothing of the borders: then what is known has a rim of its own.
-        rims.append(smooth[_rim(batch.known)] if not len(borders[-1]) else borders[-1][:0])
+        lost = not len(borders[-1])
+        rims.append(_smooth(batch.pixels[..., :3], batch.known)[_rim(batch.known)] if lost else borders[-1][:0])
     border = torch.cat(borders)
     border = border if len(border) else torch.cat(rims)
     if not len(border):
@@ -127,6 +127,14 @@ def _smooth(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> F
     sums = torch.cat([values * share, share], -1).movedim(-1, 1)
     means = torch.nn.functional.avg_pool2d(sums, WINDOW, 1, WINDOW // 2).movedim(1, -1)
     return means[..., :3] / means[..., 3:].clamp(min=1e-6)
+
+
+def _smooth_sides(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> Float[Tensor, "B M 3"]:
+    """`_sides` of `_smooth`, from what lies near them."""
+    near = WINDOW // 2 + 1
+    top, left = _smooth(values[:, :near], known[:, :near]), _smooth(values[:, :, :near], known[:, :, :near])
+    bottom, right = _smooth(values[:, -near:], known[:, -near:]), _smooth(values[:, :, -near:], known[:, :, -near:])
+    return torch.cat([top[:, 0], bottom[:, -1], left[:, 1:-1, 0], right[:, 1:-1, -1]], 1)
 
 
 def _rim(known: Bool[Tensor, "B H W"]) -> Bool[Tensor, "B H W"]:

@@ -16,10 +16,12 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import behind, described, parse_background, with_alpha
 from diff3ds.tasks.frame import frame_of
 from diff3ds.tasks.hull import Hull, visual_hull
+from diff3ds.tasks.load_views import Told
 from diff3ds.tasks.masks import Masks
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
 from diff3ds.tasks.posed import PosedPictures, load_posed
+from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import spread
 from diff3ds.tasks.store import Store, is_all_known
@@ -42,22 +44,30 @@ HULL_VIEWS, HULL_SIZE = 100, 100
 
 
 def plan_color(
-    pictures: PosedPictures, options: ViewsOptions, checkpoint: Path | None, plates: Plates | None = None
+    pictures: PosedPictures,
+    options: ViewsOptions,
+    checkpoint: Path | None,
+    plates: Plates | None = None,
+    report: Report = lambda progress: None,
 ) -> Plan:
     """How coloured pictures are fitted.
 
     Args:
         plates: the pictures that lie behind, where the options name no colour.
+        report: called before each stage.
 
     Raises:
         ValueError: as `parse_background` and `frame_of`.
     """
+    report(Progress("background", 0, None, None, 0))
     color = None if options.background is None or plates else parse_background(options.background)
     pictures, background = with_alpha(pictures, plates or color)
     frame = frame_of(pictures.cameras, pictures.store)
     steps = options.steps or STEPS
     cameras = frame.cameras(pictures.cameras)
+    report(Progress("pyramid", 0, None, None, 0))
     pyramid = build_pyramid(cameras, pictures.store, steps, options.batch or BATCH, options.seed)
+    report(Progress("visual hull", 0, None, None, 0))
     start = _start(pyramid, max(1, round(FIRST * options.strokes)) if options.strokes else LEAST, options.seed)
     config = FitConfig(
         steps=steps,
@@ -98,7 +108,13 @@ def strokes_on(hull: Hull, count: int, generator: torch.Generator) -> Sketch:
     )
 
 
-def color_scores(sketch: Sketch, plan: Plan, path: Path | None, masks: Masks = "ignore") -> dict[str, float]:
+def color_scores(
+    sketch: Sketch,
+    plan: Plan,
+    path: Path | None,
+    masks: Masks = "ignore",
+    report: Report = lambda progress: None,
+) -> dict[str, float]:
     """PSNR and SSIM on the pictures of the fit and, if the folder has some, on held-out ones.
 
     Over the plan's background, or else over white. A folder of backgrounds has none for held-out pictures.
@@ -108,8 +124,13 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None, masks: Masks = "
         plan: of the fit.
         path: the transforms file of its pictures.
         masks: as for `load_posed`.
+        report: called after each picture.
     """
-    scores = view_scores(sketch, plan.pictures, plan.background)
+
+    def told(stage: str) -> Told:
+        return lambda done, total: report(Progress(stage, done, total, None, len(sketch)))
+
+    scores = view_scores(sketch, plan.pictures, plan.background, told("scores"))
     held_out = held_out_views(path)
     if held_out is None:
         return scores
@@ -118,13 +139,13 @@ def color_scores(sketch: Sketch, plan: Plan, path: Path | None, masks: Masks = "
         if background.source.is_dir():
             return scores
         background = load_plates(held_out, background.source, size)
-    pictures = load_posed(held_out, "color", size, masks=masks)
+    pictures = load_posed(held_out, "color", size, masks=masks, told=told("read held-out pictures"))
     try:
         pictures, _ = with_alpha(pictures, background)
     except ValueError:
         # Of what lies behind some of them nothing is known: that must not cost the sketch.
         return scores
-    some = view_scores(sketch, pictures, background)
+    some = view_scores(sketch, pictures, background, told("scores of held-out pictures"))
     return scores | {f"{name}_test": value for name, value in some.items()}
 
 
@@ -141,14 +162,23 @@ def held_out_views(path: Path | None) -> Path | None:
     return held_out
 
 
-def view_scores(sketch: Sketch, pictures: PosedPictures, background: Tensor | Plates | None) -> dict[str, float]:
+def view_scores(
+    sketch: Sketch,
+    pictures: PosedPictures,
+    background: Tensor | Plates | None,
+    told: Told = lambda done, total: None,
+) -> dict[str, float]:
     """PSNR and SSIM over a background, by default white; means over the views.
 
     SSIM is left out where no view has room for its window.
+
+    Args:
+        told: called with the number of views that have been looked at, and of all.
     """
     background = torch.ones(3) if background is None else background
     values: dict[str, list[float]] = {"psnr": [], "ssim": []}
     for view in range(len(pictures)):
+        told(view, len(pictures))
         target = pictures.batch([view])
         canvas = behind(background, [view])
         wanted = target.pixels[..., :3] + (1 - target.alpha[..., None]) * canvas

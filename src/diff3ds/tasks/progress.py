@@ -47,6 +47,32 @@ class ShownLoss:
         return self._value
 
 
+class StageTimes:
+    """How long the stages of a task take, one after the other."""
+
+    def __init__(self) -> None:
+        self._spent: dict[str, list[float]] = {}
+        self._stage: str | None = None
+        self._since = (0.0, 0.0)
+
+    def begin(self, stage: str) -> None:
+        """From here on time counts for this stage."""
+        now = time.perf_counter(), time.process_time()
+        if self._stage is not None:
+            spent = self._spent.setdefault(self._stage, [0.0, 0.0])
+            spent[:] = (s + n - then for s, n, then in zip(spent, now, self._since, strict=True))
+        self._stage, self._since = stage, now
+
+    def seconds(self) -> dict[str, dict[str, float]]:
+        """Of every stage so far: on the clock, and of the processor."""
+        if self._stage is not None:
+            self.begin(self._stage)
+        return {
+            stage: {"seconds": round(clock, 3), "processor": round(processor, 3)}
+            for stage, (clock, processor) in self._spent.items()
+        }
+
+
 class Stopped(KeyboardInterrupt):
     """A task that Ctrl-C ended early, from whose results --resume goes on."""
 

@@ -3,6 +3,8 @@
 import json
 import platform
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -104,6 +106,20 @@ def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int 
         raise OSError(
             f"{out}: {free >> 20} MiB are free, and a run may need {room >> 20}: make room or give another -o"
         )
+
+
+@contextmanager
+def folder_of(out: Path) -> Iterator[None]:
+    """The folder of a run is there from its start; where the run ends before anything is in it, it goes again."""
+    made = [path for path in (out, *out.parents) if not path.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for path in made:
+                path.rmdir()
+        raise
 
 
 def spread(count: int, wanted: int) -> Int[Tensor, " M"]:

@@ -14,17 +14,19 @@ from diff3ds.fit import fit
 from diff3ds.formats import tile_images
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.render import render
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.background import color_or_path, described
 from diff3ds.tasks.color import color_scores, held_out_views, plan_color
 from diff3ds.tasks.cutout import is_inverted
 from diff3ds.tasks.edges import fit_edges
+from diff3ds.tasks.load_views import Told
 from diff3ds.tasks.plan import Plan, ViewsOptions
 from diff3ds.tasks.plates import Plates, load_plates
 from diff3ds.tasks.posed import PosedPictures, find_transforms, load_posed
-from diff3ds.tasks.progress import Fitted, Progress, Report, Stopped
+from diff3ds.tasks.progress import Fitted, Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.random_edges import plan_random_edges
-from diff3ds.tasks.results import RunInfo, claim, spread, write_results
+from diff3ds.tasks.results import RunInfo, claim, folder_of, spread, write_results
 from diff3ds.tasks.store import opaque_views, store_of
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
@@ -66,14 +68,32 @@ def fit_views(
             claim(out, out / checkpoint, resume=False, overwrite=options.overwrite)
     if source is None and options.target not in (None, "edges"):
         raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
+    times = StageTimes()
+
+    def timed(progress: Progress) -> None:
+        times.begin(progress.stage)
+        report(progress)
+
+    with folder_of(out):
+        fitted = _run(source, out, options, timed, say, times)
+    if fitted.stopped:
+        raise Stopped
+    return fitted.sketch
+
+
+def _run(
+    source: Path | None,
+    out: Path,
+    options: ViewsOptions,
+    report: Report,
+    say: Callable[[str], None],
+    times: StageTimes,
+) -> Fitted:
+    """Reads, fits and writes."""
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
-    pictures = (
-        demo_pictures(options.size)
-        if path is None
-        else load_posed(path, options.target, options.size, out, options.masks)
-    )
-    plates = _plates(pictures, path, options, out)
+    pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report)
+    plates = _plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
@@ -81,18 +101,26 @@ def fit_views(
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
     fitted = _fitted(pictures, plates, path, options, out, report)
+    shown = preview(fitted.sketch, fitted.pictures)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
-        {"target": pictures.target, **fitted.chosen},
+        {"target": pictures.target, **fitted.chosen, "stages": times.seconds()},
         {"read": read - begun, "fit": time.perf_counter() - read},
         fitted.losses,
         fitted.scores,
         fitted.stopped,
     )
-    write_results(out, fitted.sketch, fitted.pictures.cameras, preview(fitted.sketch, fitted.pictures), info)
-    if fitted.stopped:
-        raise Stopped
-    return fitted.sketch
+    write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
+    return fitted
+
+
+def _pictures(path: Path, out: Path, options: ViewsOptions, report: Report) -> PosedPictures:
+    return load_posed(path, options.target, options.size, out, options.masks, _counted("read", report))
+
+
+def _counted(stage: str, report: Report) -> Told:
+    """Reports of a stage that counts."""
+    return lambda done, total: report(Progress(stage, done, total, None, 0))
 
 
 def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[str], None]) -> None:
@@ -139,27 +167,32 @@ def demo_pictures(size: int = DEMO_SIZE) -> PosedPictures:
     return PosedPictures(cameras, "edges", store_of(alpha[..., None]), tuple(f"view {i}" for i in range(len(cameras))))
 
 
-def _plates(pictures: PosedPictures, path: Path | None, options: ViewsOptions, scratch: Path) -> Plates | None:
+def _plates(
+    pictures: PosedPictures, path: Path | None, options: ViewsOptions, scratch: Path, report: Report
+) -> Plates | None:
     """The pictures that lie behind, if the options name some."""
     background = None if options.background is None else color_or_path(options.background)
     if not isinstance(background, Path):
         return None
     if path is None or pictures.target != "color":
         raise ValueError(f"{background}: a background picture is for --target color, not {pictures.target}")
-    return load_plates(path, background, options.size, scratch)
+    return load_plates(path, background, options.size, scratch, _counted("read backgrounds", report))
 
 
 def _fit_color(
     pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
 ) -> Fitted:
     held_out_views(path)
-    plan = plan_color(pictures, options, out / CHECKPOINT, plates)
+    # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.
+    with torch_on_one_thread():
+        plan = plan_color(pictures, options, out / CHECKPOINT, plates, report)
     sketch, losses, stopped = _descended(plan, "fit", report)
     world = plan.frame.to_world(sketch)
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
     scores: dict[str, float] = {}
     try:
-        scores = color_scores(world, plan, path, options.masks)
+        with torch_on_one_thread():
+            scores = color_scores(world, plan, path, options.masks, report)
     except KeyboardInterrupt:
         # The sketch is there, and is written without them.
         stopped = True
