@@ -1,6 +1,7 @@
 """Many pictures read side by side: each once, in any number of threads alike; lenses and reduction in one pass."""
 
 import collections
+import json
 import threading
 
 import pytest
@@ -10,9 +11,11 @@ import diff3ds as ds
 from diff3ds.formats import save_png
 from diff3ds.tasks import read_view as reading
 from diff3ds.tasks.lens import straightened, undistorted
+from diff3ds.tasks.plan import ViewsOptions
 from diff3ds.tasks.plates import load_plates
 from diff3ds.tasks.posed import load_posed
 from diff3ds.tasks.resample import area_means
+from diff3ds.tasks.views import fit_views
 from diff3ds.transforms import read_views
 
 SIZE = (60, 80)
@@ -115,3 +118,33 @@ def test_one_pass_straightens_and_reduces(generator, monkeypatch, size, extent):
         torch.testing.assert_close(means, expected[..., :4], rtol=0, atol=2e-5)
         torch.testing.assert_close(share, expected[..., 4])
         assert torch.equal(area_means(both[None], size, extent)[0], expected)
+
+
+def test_ctrl_c_while_reading_leaves_nothing(noise, tmp_path):
+    """The folder of the results is there from the start, and goes again."""
+    path, out, told = photographs(tmp_path, 6, noise[:6]), tmp_path / "new" / "out", []
+
+    def stop(progress):
+        told.append((progress.stage, progress.done, out.is_dir()))
+        if progress.done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_views(path, out, ViewsOptions(target="color"), stop)
+    assert told == [("read", done, True) for done in range(3)]
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_time_of_every_stage_is_written(noise, tmp_path):
+    path, stages = photographs(tmp_path, 6, noise[:6]), {}
+    fit_views(
+        path,
+        tmp_path / "out",
+        ViewsOptions(target="color", strokes=2, steps=2, size=30),
+        lambda progress: stages.update({progress.stage: progress.total}),
+    )
+    assert stages == {"read": 6, "background": None, "pyramid": None, "visual hull": None, "fit": 2, "scores": 6}
+    run = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert list(run["stages"]) == list(stages)
+    assert all(spent["seconds"] >= 0 and spent["processor"] >= 0 for spent in run["stages"].values())
+    assert sum(spent["processor"] for spent in run["stages"].values()) > 0

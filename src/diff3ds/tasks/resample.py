@@ -82,8 +82,8 @@ def means_between(images: Float[Tensor, "*S"], dim: int, ends: Float[Tensor, " N
     """Area means along one axis: each pixel is the mean from one of these places to the next."""
     there, count, length = images.shape[dim], len(ends) - 1, float(ends[1] - ends[0])
     if ends[0] == 0 and ends[-1] == there and there % count == 0:
-        parts = images.unflatten(dim, (count, -1)).unbind(dim + 1)
-        total = parts[0].clone()
+        parts = images.reshape(*images.shape[:dim], count, -1, *images.shape[dim + 1 :]).unbind(dim + 1)
+        total: Tensor = parts[0].clone()
         for part in parts[1:]:
             total += part
         return total.div_(len(parts))

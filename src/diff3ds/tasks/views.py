@@ -220,6 +220,7 @@ def _descended(plan: Plan, stage: str, report: Report) -> tuple[Sketch, list[flo
     checkpoint, total = plan.config.checkpoint, plan.config.steps
     assert checkpoint is not None
     stopped = False
+    report(Progress(stage, 0, total, None, len(plan.start)))
     with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
         try:
             for step in steps:
