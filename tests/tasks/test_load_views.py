@@ -19,7 +19,7 @@ from diff3ds.tasks.views import fit_views
 from diff3ds.transforms import read_views
 
 SIZE = (60, 80)
-LENS = (-0.2, 0.05, 0.002, -0.001, 0.0)
+LENS = (0.3, 0.05, 0.002, -0.001, 0.0)
 
 
 def photographs(folder, count, content):
@@ -110,6 +110,7 @@ def test_one_pass_straightens_and_reduces(generator, monkeypatch, size, extent):
     picture = torch.rand(*SIZE, 4, generator=generator)
     intrinsics = torch.tensor([[50.0, 0, 41], [0, 52, 28], [0, 0, 1]], dtype=torch.float64)
     straight, known = undistorted(picture, intrinsics, LENS, range(60))
+    assert 0.5 < known.float().mean() < 0.99
     both = torch.cat([straight * known, known[None].float()]).permute(1, 2, 0)
     expected = area_means(both[None], size, extent)[0]
     for strip in (1, 2000, 1 << 18):

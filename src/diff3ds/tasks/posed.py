@@ -8,7 +8,7 @@ from typing import Literal
 
 import torch
 
-from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.tasks.load_views import Told, canvas_of, load_some, load_views
 from diff3ds.tasks.masks import Masks, has_left_out
@@ -191,7 +191,7 @@ class _Looks:
     """Reads views, and looks at what they are: colours with alpha, at a reduced size."""
 
     def __init__(self) -> None:
-        self.pixels: list[Float[Tensor, "M 4"]] = []
+        self.pixels: list[Tensor] = []
 
     def __call__(self, view: View, size: tuple[int, int], masks: Masks) -> tuple[Tensor, Tensor]:
         """As `read_view`."""
@@ -203,11 +203,11 @@ class _Looks:
         return shown(picture, view, size)
 
 
-def _background(views: list[View], looked_at: list[Float[Tensor, "M 4"]], drawn: bool, masks: Masks) -> float | None:
+def _background(views: list[View], looked_at: list[Tensor], drawn: bool, masks: Masks) -> float | None:
     """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None.
 
     Args:
-        looked_at: RGB times alpha, and alpha, of known pixels of these views.
+        looked_at: of known pixels of these views, (M, 4) each: RGB times alpha, and alpha.
         drawn: whether they are drawings is known.
         masks: as for `load_posed`.
     """
