@@ -27,6 +27,7 @@ ALLOWED = {
     "_files": {"_shapes"},
     "_options": set(),
     "_shapes": set(),
+    "_start": {"cli"},
     "bezier": {"_checks", "_shapes"},
     "camera": HELPERS,
     "transforms": {"camera"} | HELPERS,
@@ -93,6 +94,7 @@ import json, sys
 import torch, numpy
 before = {name.split(".")[0] for name in sys.modules}
 import diff3ds
+[getattr(diff3ds, name) for name in diff3ds.__all__]
 after = {name.split(".")[0] for name in sys.modules}
 loaded = [name for name in sys.modules if name.startswith("diff3ds.")]
 print(json.dumps([sorted(after - before - set(sys.stdlib_module_names)), loaded]))
@@ -100,6 +102,19 @@ print(json.dumps([sorted(after - before - set(sys.stdlib_module_names)), loaded]
     added, loaded = json.loads(_run(script))
     assert added == ["diff3ds"]
     assert not {"cli", "tasks", "guidance", "viewer"} & {_part(name) for name in loaded}
+
+
+def test_the_public_names_come_when_they_are_used():
+    script = """
+import json, sys
+import diff3ds as ds
+early = "torch" in sys.modules
+listed = [name for name in ds.__all__ if name not in dir(ds)]
+import diff3ds.fit, diff3ds.project, diff3ds.render  # modules do not take the functions' places
+missing = [name for name in ds.__all__ if not hasattr(ds, name)]
+print(json.dumps([early, listed, missing, callable(ds.fit), callable(ds.project), callable(ds.render)]))
+"""
+    assert json.loads(_run(script)) == [False, [], [], True, True, True]
 
 
 def test_the_allowed_arrows_point_one_way():

@@ -1,14 +1,24 @@
-"""Differentiable rendering of 3D rational Bézier strokes, and what is built on it: 3D sketches from pictures."""
+"""Differentiable rendering of 3D rational Bézier strokes, and what is built on it: 3D sketches from pictures.
 
-from diff3ds import bezier
-from diff3ds.camera import Cameras, look_at, orbit
-from diff3ds.fit import FitConfig, Rates, Step, fit
-from diff3ds.formats import load, save
-from diff3ds.project import Strokes2D, project
-from diff3ds.refine import NoiseDeletion
-from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
-from diff3ds.sketch import Sketch
-from diff3ds.transforms import load_transforms, save_transforms
+The public names are imported when they are first used: torch takes seconds, and the command line must answer at once.
+"""
+
+import sys
+from types import ModuleType
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+    from diff3ds import bezier
+    from diff3ds.camera import Cameras, look_at, orbit
+    from diff3ds.fit import FitConfig, Rates, Step, fit
+    from diff3ds.formats import load, save
+    from diff3ds.project import Strokes2D, project
+    from diff3ds.refine import NoiseDeletion
+    from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
+    from diff3ds.sketch import Sketch
+    from diff3ds.transforms import load_transforms, save_transforms
 
 __version__ = "0.1.0"
 
@@ -37,3 +47,46 @@ __all__ = [
     "save_transforms",
     "set_num_threads",
 ]
+
+# In which module each public name is.
+_HOMES = {
+    **dict.fromkeys(("Cameras", "look_at", "orbit"), "camera"),
+    **dict.fromkeys(("FitConfig", "Rates", "Step", "fit"), "fit"),
+    **dict.fromkeys(("load", "save"), "formats"),
+    **dict.fromkeys(("Strokes2D", "project"), "project"),
+    "NoiseDeletion": "refine",
+    **dict.fromkeys(
+        ("Rendering", "available_backends", "get_num_threads", "rasterize", "render", "set_num_threads"), "render"
+    ),
+    "Sketch": "sketch",
+    **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
+}
+
+
+def __getattr__(name: str) -> "Any":
+    """Imports what a public name stands for, at its first use."""
+    from importlib import import_module
+
+    if name in _HOMES:
+        value = getattr(import_module(f"diff3ds.{_HOMES[name]}"), name)
+    elif name in __all__:
+        value = import_module(f"diff3ds.{name}")
+    else:
+        raise AttributeError(f"module 'diff3ds' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """`fit`, `project` and `render` are functions here: the import system does not put the modules in their places."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -40,6 +40,13 @@ RATE_PERIOD = 1800.0
 Recipe = Literal["3doodle"]
 
 
+class _Console(Console):
+    """A console that says when nobody reads it any more; rich's own ends the program as if the input were at fault."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 @dataclass(frozen=True)
 class Views:
     """Fit a 3D sketch to posed pictures: edge maps, line drawings, or coloured pictures.
@@ -64,7 +71,7 @@ class Views:
         """Runs the command."""
         if (self.source is None) == (not self.demo):
             raise ValueError("give either a transforms.json (or a folder with one) or --demo")
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_views(self.source, self.out, self.fit, report, _sayer(console))
         _written(console, sketch, self.out)
@@ -91,7 +98,7 @@ class Doodle:
         """Runs the command."""
         if self.source is None:
             raise ValueError("give a transforms.json of coloured pictures, or a folder with one")
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_doodle(self.source, self.out, self.fit, report)
         _written(console, sketch, self.out)
@@ -120,7 +127,7 @@ class Text:
 
     def run(self) -> None:
         """Runs the command."""
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = text_to_sketch(self.phrase, self.out, self.text, self.model, self.distill, report, _sayer(console))
         _written(console, sketch, self.out)
@@ -149,7 +156,7 @@ class Image:
 
     def run(self) -> None:
         """Runs the command."""
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = image_to_sketch(
                 self.picture, self.out, self.image, self.cut, self.model, self.distill, report, _sayer(console)
@@ -176,7 +183,7 @@ class Eval:
 
     def run(self) -> None:
         """Runs the command."""
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         with Bars(console=console, disable=self.quiet) as bars:
             task = bars.add_task("runs", total=None)
 
@@ -204,7 +211,7 @@ class Fetch:
 
     def run(self) -> None:
         """Runs the command."""
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         say = _sayer(console)
         say(notice(self.name))
         columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
@@ -235,7 +242,7 @@ class Prior:
 
     def run(self) -> None:
         """Runs the command."""
-        console = Console(stderr=True, quiet=self.quiet)
+        console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             path = train_prior(self.out, self.train, report, _sayer(console))
         _sayer(console)(f"use it: --prior small --weights {path}")
@@ -254,7 +261,7 @@ class Doctor:
         if self.json:
             print(as_json(found))
         else:
-            Console().print(as_tables(found))
+            _Console().print(as_tables(found))
 
 
 _ABOUT = '3D sketches of rational Bézier strokes. "diff3ds --version" says which version this is.'
@@ -276,12 +283,15 @@ def main(arguments: list[str] | None = None) -> None:
         command = read_options(commands, arguments, _ABOUT)
         command.run()
     except KeyboardInterrupt as stop:
-        Console(stderr=True).print(_stopped(command, stop))
+        _Console(stderr=True).print(_stopped(command, stop))
         sys.exit(STOPPED)
     except torch.cuda.OutOfMemoryError as error:
         _fail(f"{str(error).partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu")
     except ValueError as error:
         _fail(as_typed(str(error), commands.get(arguments[0])))
+    except BrokenPipeError:
+        # Nobody reads the output: there is nobody to tell.
+        raise
     except (OSError, ImportError, FloatingPointError) as error:
         _fail(str(error))
     except MemoryError:
@@ -305,7 +315,7 @@ def _stopped(command: object, stop: KeyboardInterrupt) -> str:
 
 
 def _fail(message: str) -> NoReturn:
-    Console(stderr=True).print(f"diff3ds: {message}", markup=False, highlight=False, soft_wrap=True)
+    _Console(stderr=True).print(f"diff3ds: {message}", markup=False, highlight=False, soft_wrap=True)
     sys.exit(FAULT)
 
 
