@@ -259,3 +259,29 @@ def test_projections_are_kept_on_the_cpu_alone():
     assert cameras.projection is cameras.projection
     away = cameras.to("meta")
     assert away.projection is not away.projection
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((slice(0, 3), slice(0, 3), 1.1), "view 1 is no rotation"),
+        ((slice(0, 3), slice(0, 3), 1.001), "view 1 is no rotation"),
+        ((slice(0, 3), slice(0, 3), 0.0), "view 1 is no rotation"),
+        ((1, slice(0, 4), -1.0), "view 1 is mirrored"),
+        ((slice(0, 3), 0, -1.0), "view 1 is mirrored"),
+        ((3, 3, 2.0), r"view 1 has a last row that is not \(0, 0, 0, 1\)"),
+    ],
+)
+def test_what_is_no_rotation_is_refused(change, message):
+    cameras = ds.orbit([0.0, 30.0, 60.0], 20.0, 3.0)
+    pose = cameras.world_to_camera.clone()
+    rows, columns, factor = change
+    pose[1, rows, columns] *= factor
+    with pytest.raises(ValueError, match=f"world_to_camera of {message}"):
+        ds.Cameras(pose, cameras.intrinsics, cameras.size)
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32, torch.bfloat16, torch.float16])
+def test_rounded_rotations_are_rotations(dtype):
+    cameras = ds.orbit(list(range(0, 360, 7)), 23.0, 3.0).to(dtype)
+    assert cameras.world_to_camera.dtype == dtype

@@ -10,9 +10,10 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.transforms import read_views
+from diff3ds.transforms import present_views, read_views
 
 IDENTITY = torch.eye(4).tolist()
+GOOD = {"fl_x": 1.0, "w": 4, "h": 4}
 
 
 def _close(actual, expected, tolerance: float = 1e-5) -> None:
@@ -114,6 +115,150 @@ def test_three_rows_are_enough(tmp_path):
     _close(ds.load_transforms(path)[0].centers, [[1, 2, 3]])
 
 
+TURNED = ds.orbit(30.0, 20.0, 3.0).to(torch.float64).world_to_camera[0].inverse() @ torch.diag(
+    torch.tensor([1.0, -1, -1, 1]).double()
+)
+
+
+@pytest.mark.parametrize("scale", [0.001, 1.001, 7.0])
+def test_a_scale_of_the_axes_is_none_of_the_world(tmp_path, scale):
+    """As both programs have it: directions are made unit vectors, and the place is the last column."""
+    matrix = TURNED.clone()
+    matrix[:3, :3] *= scale
+    path = _write(tmp_path, **GOOD, frames=[_frame(transform_matrix=matrix.tolist())])
+    _close(ds.load_transforms(path)[0].world_to_camera, ds.orbit(30.0, 20.0, 3.0).world_to_camera, 1e-6)
+
+
+@pytest.mark.parametrize("digits", [3, 4, 8])
+def test_rounded_matrices_become_rotations(tmp_path, digits):
+    matrix = torch.round(TURNED, decimals=digits).tolist()
+    matrix[3][3] = 1 + 2**-52
+    pose = ds.load_transforms(_write(tmp_path, **GOOD, frames=[_frame(transform_matrix=matrix)]))[0].world_to_camera[0]
+    _close(pose[:3, :3] @ pose[:3, :3].T, torch.eye(3), 1e-14)
+    # Six or so roundings of half a unit in the last place.
+    _close(pose, ds.orbit(30.0, 20.0, 3.0).world_to_camera[0], max(1e-6, 5 * 10.0**-digits))
+
+
+def test_numbers_may_be_text(tmp_path):
+    """As nerfstudio reads them."""
+    matrix = [[str(value) for value in row] for row in TURNED.tolist()]
+    path = _write(tmp_path, fl_x="7.5", w="4", h=" 4 ", cx="1e0", frames=[_frame(transform_matrix=matrix)])
+    (view,) = read_views(path)
+    assert view.size == (4, 4)
+    _close(view.intrinsics, [[7.5, 0, 1], [0, 7.5, 2], [0, 0, 1]])
+    _close(view.world_to_camera, ds.orbit(30.0, 20.0, 3.0).world_to_camera[0], 1e-6)
+
+
+def test_null_is_as_good_as_missing(tmp_path):
+    empty = {"fl_y": None, "k1": None, "mask_path": None, "camera_model": None, "cx": None, "is_fisheye": None}
+    (view,) = read_views(_write(tmp_path, **GOOD, cy=None, **empty, frames=[_frame(fl_x=None, **empty)]))
+    assert (view.mask, view.distortion) == (None, (0.0,) * 5)
+    _close(view.intrinsics, [[1, 0, 2], [0, 1, 2], [0, 0, 1]])
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-8"])
+def test_encodings_of_windows(tmp_path, encoding):
+    path = tmp_path / "transforms.json"
+    path.write_text(json.dumps({**GOOD, "frames": [_frame("ä.png")]}, ensure_ascii=False), encoding=encoding)
+    assert read_views(path)[0].picture == tmp_path / "ä.png"
+
+
+def test_comments_are_passed_over(tmp_path):
+    """As instant-ngp passes over them; what looks like one in a name is none."""
+    path = tmp_path / "transforms.json"
+    text = json.dumps({**GOOD, "frames": [_frame("a//b /* c */ d.png")]}, indent=1)
+    path.write_text("// by hand\n" + text.replace('"w": 4,', '"w": 4, /* pixels\n "w": 5, */'))
+    (view,) = read_views(path)
+    assert (view.size, view.picture) == ((4, 4), tmp_path / "a" / "b /* c */ d.png")
+
+
+def test_paths_of_other_systems(tmp_path):
+    (tmp_path / "images").mkdir()
+    Image.new("L", (4, 4)).save(tmp_path / "images" / "a.JPG")
+    Image.new("L", (4, 4)).save(tmp_path / "back\\slash.png")
+    names = ["images\\a.JPG", ".\\images\\a", "./images/a.JPG", str(tmp_path / "images" / "a.JPG"), "back\\slash.png"]
+    found = [view.picture for view in present_views(_write(tmp_path, **GOOD, frames=[_frame(name) for name in names]))]
+    assert all(picture.is_file() for picture in found)
+    masked = read_views(_write(tmp_path, **GOOD, frames=[_frame(mask_path="images\\a.JPG")]))
+    assert masked[0].mask == tmp_path / "images" / "a.JPG"
+
+
+def test_instant_ngp_has_angles_in_degrees_too(tmp_path):
+    (view,) = read_views(_write(tmp_path, w=80, h=60, x_fov=90.0, y_fov="53.13010235415598", frames=[_frame()]))
+    _close(view.intrinsics, [[40, 0, 40], [0, 60, 30], [0, 0, 1]])
+
+
+def _pictures(folder, names):
+    for name in names:
+        Image.new("L", (4, 4)).save(folder / name)
+
+
+def test_frames_without_pictures_are_left_out(tmp_path):
+    """Counted and named, and not below three."""
+    _pictures(tmp_path, ["1.png", "3.png", "4.png"])
+    frames = [_frame(f"{i}.png", fl_x=float(i)) for i in range(1, 6)]
+    # The size comes from the pictures that are there.
+    path = _write(tmp_path, frames=frames)
+    with pytest.warns(UserWarning, match=r"2 of 5 pictures are missing: .*2\.png, .*5\.png\. .* They are left out"):
+        views = present_views(path)
+    assert [float(view.intrinsics[0, 0]) for view in views] == [1, 3, 4]
+    (tmp_path / "3.png").rename(tmp_path / "3.PNG")
+    with pytest.raises(FileNotFoundError, match=r"3 of 5 pictures are missing: .*2\.png, .*3\.png, .*5\.png"):
+        present_views(path)
+
+
+@pytest.mark.parametrize(("named", "there"), [("a.png", "A.png"), ("a%20b.png", "a b.png"), ("a b.png", "a%20b.png")])
+def test_names_that_other_systems_find_are_named(tmp_path, named, there):
+    _pictures(tmp_path, [there])
+    with pytest.raises(FileNotFoundError, match=rf"1 of 1 pictures are missing: .*{there} is there: write names as"):
+        present_views(_write(tmp_path, **GOOD, frames=[_frame(named)]))
+
+
+def test_the_split_of_nerfstudio(tmp_path):
+    _pictures(tmp_path, ["1.png", "2.png", "3.png"])
+    split = {"train_filenames": ["3.png", "./1"], "val_filenames": [], "test_filenames": ["2.png"]}
+    frames = [_frame(f"{i}.png") for i in (1, 2, 3)]
+    found = present_views(_write(tmp_path, **GOOD, **split, frames=frames))
+    assert [view.picture.name for view in found] == ["1.png", "3.png"]
+    for wrong in (["4.png"], [], "1.png", [1]):
+        with pytest.raises(ValueError, match="train_filenames must"):
+            present_views(_write(tmp_path, **GOOD, train_filenames=wrong, frames=frames))
+
+
+def test_what_instant_ngp_would_do_is_said(tmp_path):
+    _pictures(tmp_path, ["a.png"])
+    keys = {"aabb_scale": 4, "scale": 0.3, "offset": [1, 2, 3], "up": [0, 0, 1], "ply_file_path": "a.ply"}
+    path = _write(tmp_path, **GOOD, **keys, n_frames=0, white_transparent=False, frames=[_frame(sharpness=3)])
+    (view,) = present_views(path)
+    _close(view.world_to_camera, torch.diag(torch.tensor([1, -1, -1, 1])))
+    for key in ("n_frames", "rolling_shutter", "white_transparent"):
+        with pytest.warns(UserWarning, match=f"{key} is for instant-ngp; here "):
+            present_views(_write(tmp_path, **GOOD, **{key: [1]}, frames=[_frame()]))
+
+
+def test_map_coordinates_keep_their_digits(tmp_path):
+    """Float32 would move this camera by a quarter of a metre."""
+    centre = torch.tensor([500000.25, 4600000.1, 100.5], dtype=torch.float64)
+    matrix = TURNED.clone()
+    matrix[:3, 3] = centre
+    cameras, _ = ds.load_transforms(_write(tmp_path, **GOOD, frames=[_frame(transform_matrix=matrix.tolist())]))
+    _close(cameras.centers[0], centre, 1e-8)
+    ds.save_transforms(tmp_path / "again.json", cameras, ["a.png"])
+    _close(ds.load_transforms(tmp_path / "again.json")[0].centers[0], centre, 1e-8)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_the_near_plane_is_nearer_in_small_worlds(tmp_path, scale):
+    """Whatever the unit, what the cameras stand around is drawn."""
+    cameras = ds.orbit([0.0, 120.0, 240.0], 20.0, 3.0, size=32)
+    cameras.world_to_camera[:, :3, 3] *= scale
+    ds.save_transforms(tmp_path / "t.json", cameras, ["a.png"] * 3)
+    loaded, _ = ds.load_transforms(tmp_path / "t.json")
+    assert loaded.near <= 0.01
+    point = scale * torch.tensor([[[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]])
+    assert (ds.render(ds.Sketch(point, width=0.1), loaded).alpha.amax((1, 2)) > 0.9).all()
+
+
 def test_round_trip(tmp_path, generator):
     intrinsics = torch.eye(3).repeat(4, 1, 1)
     intrinsics[:, [0, 1, 0, 1], [0, 1, 2, 2]] = 10 + 100 * torch.rand(4, 4, generator=generator)
@@ -124,7 +269,7 @@ def test_round_trip(tmp_path, generator):
     back, pictures = ds.load_transforms(tmp_path / "new" / "transforms.json")
     assert [p.name for p in pictures] == names
     assert back.size == cameras.size
-    assert torch.equal(back.intrinsics, cameras.intrinsics)
+    assert torch.equal(back.intrinsics, cameras.intrinsics.double())
     # The file holds inverses: a rotation in float32 is one to 1e-7.
     _close(back.world_to_camera, cameras.world_to_camera, 1e-5)
 
@@ -139,9 +284,11 @@ def test_files_can_be_read_by_others(tmp_path):
     _close(torch.tensor(frame["transform_matrix"]), [[0.0, 0, 1, 5], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
-GOOD = {"fl_x": 1.0, "w": 4, "h": 4}
 SHEARED = [[1.0, 0.5, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 MIRRORED = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]
+STRETCHED = [[1.0, 0, 0, 0], [0, 1.02, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+TRANSPOSED = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [4, 5, 6, 1]]
+ZERO = [[0.0, 0, 0, 1], [0, 0, 0, 2], [0, 0, 0, 3], [0, 0, 0, 1]]
 BAD_FILES = [
     ("[]", "expected an object with a non-empty list 'frames'"),
     ("{}", "non-empty list 'frames'"),
@@ -155,8 +302,11 @@ BAD_FILES = [
     ({**GOOD, "frames": [_frame(transform_matrix=[[1, 2], [3]])]}, "frame 0 has no transform_matrix of 4x4 numbers"),
     ({**GOOD, "frames": [_frame(transform_matrix=torch.eye(3).tolist())]}, "must hold 4x4 finite numbers"),
     ({**GOOD, "frames": [_frame(transform_matrix="abc")]}, "frame 0 has no transform_matrix"),
-    ({**GOOD, "frames": [_frame(transform_matrix=SHEARED)]}, "frame 0: transform_matrix is not a rotation"),
-    ({**GOOD, "frames": [_frame(transform_matrix=MIRRORED)]}, "frame 0: transform_matrix is not a rotation"),
+    ({**GOOD, "frames": [_frame(transform_matrix=SHEARED)]}, "frame 0: .* not a rotation .* not at right angles"),
+    ({**GOOD, "frames": [_frame(), _frame(transform_matrix=MIRRORED)]}, "frame 1: .* not a rotation .* is mirrored"),
+    ({**GOOD, "frames": [_frame(transform_matrix=STRETCHED)]}, "frame 0: .* not a rotation .* different lengths"),
+    ({**GOOD, "frames": [_frame(transform_matrix=TRANSPOSED)]}, "frame 0: .* holds the translation: transpose it"),
+    ({**GOOD, "frames": [_frame(transform_matrix=ZERO)]}, "frame 0: .* its axes have no directions"),
     ({"w": 4, "h": 4, "frames": [_frame()]}, "frame 0 has neither fl_x nor camera_angle_x"),
     ({**GOOD, "fl_x": "wide", "frames": [_frame()]}, "fl_x must be a finite number, got 'wide'"),
     ({**GOOD, "fl_x": True, "frames": [_frame()]}, "fl_x must be a finite number, got True"),
@@ -174,7 +324,12 @@ BAD_FILES = [
     ({"w": 4, "h": 4, "camera_angle_y": 4, "frames": [_frame()]}, r"camera_angle_y must lie in \(0, pi\), got 4"),
     ({**GOOD, "frames": [_frame(p1=-0.1)]}, r"lens distortion \(p1\)"),
     ({**GOOD, "frames": [_frame(), _frame(w=5)]}, r"all views must have one size, got \[\(4, 4\), \(4, 5\)\]"),
-    ({**GOOD, "w": "4", "frames": [_frame()]}, "w must be a finite number, got '4'"),
+    ({**GOOD, "w": "four", "frames": [_frame()]}, "w must be a finite number, got 'four'"),
+    ({**GOOD, "fl_x": math.inf, "frames": [_frame()]}, "fl_x must be a finite number, got inf"),
+    ({**GOOD, "fl_x": "nan", "frames": [_frame()]}, "fl_x must be a finite number, got 'nan'"),
+    ({**GOOD, "ftheta_p0": 0.5, "frames": [_frame()]}, "frame 0: lens distortion ftheta_p0 is not supported"),
+    ({"w": 4, "h": 4, "x_fov": 180, "frames": [_frame()]}, r"x_fov must lie in \(0, 180\), got 180"),
+    ({"w": 4, "h": 4, "fl_x": None, "frames": [_frame()]}, "frame 0 has neither fl_x nor camera_angle_x"),
     ({**GOOD, "w": [4], "frames": [_frame()]}, r"w must be a finite number, got \[4\]"),
     ({**GOOD, "w": 4.5, "frames": [_frame()]}, "w and h must be whole numbers, got 4.5"),
     ({**GOOD, "cy": 10**400, "frames": [_frame()]}, "cy must be a finite number, got 1000"),

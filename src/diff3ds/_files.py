@@ -1,5 +1,6 @@
 """Files that are read with bounds, and written whole or not at all."""
 
+import codecs
 import errno
 import json
 import re
@@ -15,6 +16,8 @@ from diff3ds._shapes import Tensor
 MAX_TEXT_BYTES = 1 << 28
 # No space on the disk, or none of a user's share of it, which some systems do not know.
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
+# A string, to be kept, or a comment.
+_COMMENTS = re.compile(r'("(?:[^"\\]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 
 
 def read_text(path: Path) -> str:
@@ -22,19 +25,22 @@ def read_text(path: Path) -> str:
 
     Raises:
         FileNotFoundError: it is missing.
-        ValueError: it is larger than 256 MiB, or not UTF-8.
+        ValueError: it is larger than 256 MiB, or neither UTF-8 nor, with a byte order mark, UTF-16.
     """
     size = path.stat().st_size
     if size > MAX_TEXT_BYTES:
         raise ValueError(f"{path}: {size} bytes are more than the {MAX_TEXT_BYTES} that are read")
+    content = path.read_bytes()
+    # Editors and shells of Windows write byte order marks, and UTF-16 with one.
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        return path.read_text(encoding="utf-8")
+        return content.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a text file (UTF-8)") from error
 
 
 def read_json(path: Path) -> Any:
-    """The content of a JSON file.
+    """The content of a JSON file, which may have comments as C++ has them, for instant-ngp reads such files.
 
     Raises:
         FileNotFoundError, ValueError: as `read_text`; not JSON.
@@ -43,7 +49,10 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: not a JSON file ({error})") from error
+        try:
+            return json.loads(_COMMENTS.sub(lambda found: found[1] or " ", text))
+        except (ValueError, RecursionError):
+            raise ValueError(f"{path}: not a JSON file ({error})") from error
 
 
 @contextmanager

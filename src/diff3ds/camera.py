@@ -18,6 +18,9 @@ Angle = float | Sequence[float] | Tensor
 Size = int | tuple[int, int]
 
 DEFAULT_NEAR = 0.01
+# How far the product of a rotation with its transpose, and the last row, may be from what they should be: rounding, and
+# in dtypes of few bits some steps of theirs.
+RIGID, STEPS = 1e-3, 8
 # Images beyond this side are taken for a mistake in a file.
 MAX_SIZE = 65536
 
@@ -27,14 +30,15 @@ class Cameras:
     """V pinhole cameras that make images of one size.
 
     Attributes:
-        world_to_camera: rigid transforms, bottom row (0, 0, 0, 1).
+        world_to_camera: rigid transforms (a rotation, which mirrors nothing, and a translation), bottom row
+            (0, 0, 0, 1).
         intrinsics: in pixels, bottom row (0, 0, 1).
         size: (height, width) of the images in pixels.
         near: depth in world units; what is closer, or behind, is not drawn.
 
     Raises:
         TypeError, ValueError: an attribute of the wrong type, shape, dtype or device, a value that is not finite, a
-            focal length that is not positive; the message names the attribute and the view.
+            matrix that is not rigid, a focal length that is not positive; the message names the attribute and the view.
     """
 
     world_to_camera: Float[Tensor, "V 4 4"]
@@ -67,10 +71,25 @@ class Cameras:
             finite = getattr(self, name).detach().isfinite().flatten(1).all(1)
             if not bool(finite.all()):
                 raise ValueError(f"{name} of view {int(finite.int().argmin())} has a value that is not finite")
+        self._check_rigid()
         focal = self.intrinsics.detach()[:, [0, 1], [0, 1]]
         if not bool((focal > 0).all()):
             view = int((focal <= 0).any(1).int().argmax())
             raise ValueError(f"intrinsics of view {view}: focal lengths must be positive, got {focal[view].tolist()}")
+
+    def _check_rigid(self) -> None:
+        pose = self.world_to_camera.detach()
+        tolerance = max(RIGID, STEPS * torch.finfo(pose.dtype).eps)
+        pose = pose.double()
+        axes, one = pose[:, :3, :3], torch.eye(4, dtype=torch.float64)
+        off = (axes @ axes.mT - one[:3, :3]).abs().amax((1, 2))
+        for fault, good in (
+            ("has a last row that is not (0, 0, 0, 1)", (pose[:, 3] - one[3]).abs().amax(1) <= tolerance),
+            ("is no rotation and translation: its axes are not of length 1 at right angles", off <= tolerance),
+            ("is mirrored: its rotation has determinant -1", axes.det() > 0),
+        ):
+            if not bool(good.all()):
+                raise ValueError(f"world_to_camera of view {int(good.int().argmin())} {fault}")
 
     def __len__(self) -> int:
         return self.world_to_camera.shape[0]  # much faster than torch's len

@@ -1,6 +1,7 @@
 """The command line: `diff3ds COMMAND`, each command a function of `diff3ds.tasks` with a dataclass of options."""
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -281,7 +282,8 @@ def main(arguments: list[str] | None = None) -> None:
     command = None
     try:
         command = read_options(commands, arguments, _ABOUT)
-        command.run()
+        with _plain_warnings():
+            command.run()
     except KeyboardInterrupt as stop:
         _Console(stderr=True).print(_stopped(command, stop))
         sys.exit(STOPPED)
@@ -303,6 +305,15 @@ def main(arguments: list[str] | None = None) -> None:
         if "out of memory" not in str(error):
             raise
         _fail(f"{error}. Try a smaller --batch or --size, or --device cpu")
+
+
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Warnings as sentences, without the place in the code that they come from."""
+    with warnings.catch_warnings():
+        say = _sayer(Console(stderr=True))
+        warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
+        yield
 
 
 def _stopped(command: object, stop: KeyboardInterrupt) -> str:

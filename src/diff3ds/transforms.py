@@ -1,7 +1,7 @@
 """transforms.json files in and out: cameras and pictures in the dialects of nerfstudio, instant-ngp, NeRF synthetic."""
 
 import json
-import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,21 +11,38 @@ import torch
 
 from diff3ds._files import read_json, write_text
 from diff3ds._shapes import Float, Tensor
-from diff3ds.camera import Cameras, check_size
+from diff3ds.camera import DEFAULT_NEAR, Cameras
+from diff3ds.frames import (
+    ADVICE,
+    DISTORTION,
+    Distortion,
+    Values,
+    distortion_of,
+    intrinsics_of,
+    mask_of,
+    named_picture,
+    picture_of,
+    pose_of,
+    similar,
+    size_of,
+)
 
 # The files hold OpenGL camera axes (x right, y up, looking along -z); ours are OpenCV.
 _OPENGL_TO_OPENCV = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
-MAX_NUMBER = 1e100
-# Written without a suffix (NeRF synthetic), a picture is looked for with these.
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
-# nerfstudio's names of cameras that the five coefficients describe, and instant-ngp's flags of those they do not.
-CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE")
-OTHER_LENSES = ("is_fisheye", "equirectangular", "latlong", "orthographic")
-DISTORTION = ("k1", "k2", "p1", "p2", "k3")
-MORE_DISTORTION = ("k4", "k5", "k6")
-ADVICE = "undistort the pictures first, for example with COLMAP's image_undistorter"
 # Missing files named in an error.
 NAMED = 5
+# Where pictures are missing, so many must be left.
+LEAST = 3
+# What instant-ngp does to pictures or views by keys at the top of the file, and this package does not.
+NOT_DONE = {
+    "n_frames": "all frames are used",
+    "sharpness_discard_threshold": "all frames are used",
+    "rolling_shutter": "every picture is taken as of one moment",
+    "white_transparent": "--background white does the like",
+    "black_transparent": "--background black does the like",
+    "sharpen": "pictures are taken as they are",
+    "fix_premult": "pictures are taken as they are",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +63,7 @@ class View:
     size: tuple[int, int]
     world_to_camera: Float[Tensor, "4 4"]
     intrinsics: Float[Tensor, "3 3"]
-    distortion: tuple[float, float, float, float, float]
+    distortion: Distortion
 
 
 def read_views(path: str | Path) -> list[View]:
@@ -60,35 +77,85 @@ def read_views(path: str | Path) -> list[View]:
     """
     path = Path(path)
     data = _read_frames(path)
-    frames: list[dict[str, Any]] = data["frames"]
-    pictures = [_picture(path, i, frame) for i, frame in enumerate(frames)]
+    frames: list[Values] = data["frames"]
+    pictures = [picture_of(path, i, frame) for i, frame in enumerate(frames)]
     if not all("w" in {**data, **frame} and "h" in {**data, **frame} for frame in frames):
         require_files(path, pictures)
-    return [
-        _view(path, i, data, frame, picture) for i, (frame, picture) in enumerate(zip(frames, pictures, strict=True))
-    ]
+    return [_view(path, i, data, frame, pictures[i]) for i, frame in enumerate(frames)]
 
 
-def require_files(path: Path, files: Sequence[Path]) -> None:
-    """Checks that the pictures of a transforms.json exist.
+def present_views(path: str | Path) -> list[View]:
+    """The frames that are to be fitted: those whose pictures are there, and that `train_filenames` lists if it is.
+
+    Frames without pictures are left out with a warning that counts and names them, as nerfstudio and instant-ngp leave
+    them out; another warns of what instant-ngp would do to the pictures.
+
+    Raises:
+        FileNotFoundError: the file is missing; pictures are missing, and fewer than three are left.
+        ValueError: as `read_views`; `train_filenames` lists what is no frame's picture.
+    """
+    path = Path(path)
+    data = _read_frames(path)
+    frames: list[Values] = data["frames"]
+    pictures = {i: picture_of(path, i, frame) for i, frame in enumerate(frames)}
+    pictures = _listed(path, data, pictures)
+    there = {i: picture for i, picture in pictures.items() if picture.is_file()}
+    missing = [picture for i, picture in pictures.items() if i not in there]
+    if missing and len(there) < LEAST:
+        raise FileNotFoundError(_missing(path, missing, len(pictures)))
+    views = [_view(path, i, data, frames[i], picture) for i, picture in there.items()]
+    if missing:
+        warnings.warn(f"{_missing(path, missing, len(pictures))}. They are left out", stacklevel=2)
+    for key, what in NOT_DONE.items():
+        if data.get(key):
+            warnings.warn(f"{path}: {key} is for instant-ngp; here {what}", stacklevel=2)
+    return views
+
+
+def require_files(path: Path, files: Sequence[Path], what: str = "pictures") -> None:
+    """Checks that the pictures of a transforms.json, or its masks, exist.
 
     Raises:
         FileNotFoundError: says how many are missing, and names some.
     """
     missing = [file for file in files if not file.is_file()]
     if missing:
-        names = ", ".join(str(file) for file in missing[:NAMED]) + (", ..." if len(missing) > NAMED else "")
-        raise FileNotFoundError(
-            f"{path}: {len(missing)} of {len(files)} pictures are missing: {names}. "
-            "Paths are relative to the folder of this file; put the pictures there or remove these frames"
-        )
+        raise FileNotFoundError(_missing(path, missing, len(files), what))
+
+
+def _missing(path: Path, missing: list[Path], count: int, what: str = "pictures") -> str:
+    """Which pictures are missing, and what is there instead."""
+    names = ", ".join(str(file) for file in missing[:NAMED]) + (", ..." if len(missing) > NAMED else "")
+    like = similar(missing[0])
+    advice = (
+        f"{like} is there: write names as they are, with their capitals and without %20"
+        if like
+        else "Paths are relative to the folder of this file; put the pictures there or remove these frames"
+    )
+    return f"{path}: {len(missing)} of {count} {what} are missing: {names}. {advice}"
+
+
+def _listed(path: Path, data: Values, pictures: dict[int, Path]) -> dict[int, Path]:
+    """The pictures that nerfstudio would train on, where the file says it."""
+    names = data.get("train_filenames")
+    if names is None:
+        return pictures
+    if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"{path}: train_filenames must be a list of file names, got {names!r:.40}")
+    listed = {named_picture(path, name) for name in names}
+    unknown = sorted(str(file) for file in listed - set(pictures.values()))
+    if unknown or not listed:
+        raise ValueError(f"{path}: train_filenames must list pictures of frames, got {', '.join(unknown[:NAMED])}")
+    return {i: picture for i, picture in pictures.items() if picture in listed}
 
 
 def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
     """Cameras and picture paths of a transforms.json whose pictures have one size and no lens distortion.
 
-    Focal lengths come from `fl_x` and `fl_y` or `camera_angle_x` and `camera_angle_y`, in the frame or for all frames;
-    a missing principal point is the centre of the image; a missing size is read from the picture.
+    The cameras are float64, as the numbers of the file are: in map coordinates float32 would move them. All frames are
+    read, whether their pictures are there or not. Focal lengths come from `fl_x` and `fl_y` or `camera_angle_x` and
+    `camera_angle_y`, in the frame or for all frames; a missing principal point is the centre of the image; a missing
+    size is read from the picture.
 
     Raises:
         FileNotFoundError, ValueError: as `read_views`; views of different sizes; lens distortion.
@@ -104,7 +171,14 @@ def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
                 raise ValueError(f"{path}: the pictures have lens distortion ({key}); {ADVICE}")
     poses = torch.stack([view.world_to_camera for view in views])
     intrinsics = torch.stack([view.intrinsics for view in views])
-    return Cameras(poses.float(), intrinsics.float(), sizes.pop()), [view.picture for view in views]
+    return Cameras(poses, intrinsics, sizes.pop(), near_of(poses)), [view.picture for view in views]
+
+
+def near_of(world_to_camera: Float[Tensor, "V 4 4"]) -> float:
+    """The default near plane, but closer in worlds that are much smaller than a unit."""
+    centers = -(world_to_camera[:, :3, :3].mT @ world_to_camera[:, :3, 3:])[..., 0]
+    spread = float((centers - centers.mean(0)).norm(dim=1).max())
+    return DEFAULT_NEAR * min(1.0, spread or 1.0)
 
 
 def save_transforms(path: str | Path, cameras: Cameras, pictures: Sequence[str | Path]) -> None:
@@ -139,127 +213,36 @@ def save_transforms(path: str | Path, cameras: Cameras, pictures: Sequence[str |
 
 
 def _read_frames(path: Path) -> dict[str, Any]:
+    """The content, without keys that hold null, which are as good as missing."""
     content = read_json(path)
-    data: dict[str, Any] = content if isinstance(content, dict) else {}
+    data: Values = content if isinstance(content, dict) else {}
     frames = data.get("frames")
     if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
         raise ValueError(f"{path}: expected an object with a non-empty list 'frames', as in a transforms.json")
-    return data
+    return {**_given(data), "frames": [_given(frame) for frame in frames]}
 
 
-def _view(path: Path, index: int, data: dict[str, Any], frame: dict[str, Any], picture: Path) -> View:
+def _given(values: Values) -> Values:
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _view(path: Path, index: int, data: Values, frame: Values, picture: Path) -> View:
     values = {**data, **frame}
-    size = _size(path, values, picture)
-    intrinsics = _intrinsics(path, index, data, frame, size)
-    world_to_camera = torch.linalg.inv(_pose(path, index, frame) @ _OPENGL_TO_OPENCV)
-    mask = frame.get("mask_path")
-    if mask is not None and not (isinstance(mask, str) and mask):
-        raise ValueError(f"{path}: frame {index}: mask_path must be a file name, got {mask!r:.40}")
+    size = size_of(path, values, picture)
+    to_world = pose_of(path, index, frame) @ _OPENGL_TO_OPENCV
     return View(
         picture,
-        path.parent / mask if mask else None,
+        mask_of(path, index, frame),
         size,
-        world_to_camera,
-        intrinsics,
-        _distortion(path, index, values),
+        _inverse(to_world),
+        intrinsics_of(path, index, data, frame, size),
+        distortion_of(path, index, values),
     )
 
 
-def _number(path: Path, values: dict[str, Any], key: str, default: float | None = None) -> float:
-    value = values.get(key, default)
-    # The bound keeps whole numbers of any length out of float(), and leaves room for squares.
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_NUMBER:
-        raise ValueError(f"{path}: {key} must be a finite number, got {value!r:.40}")
-    return float(value)
-
-
-def _picture(path: Path, index: int, frame: dict[str, Any]) -> Path:
-    name = frame.get("file_path")
-    if not isinstance(name, str) or not name:
-        raise ValueError(f"{path}: frame {index} has no file_path")
-    picture = path.parent / name
-    if picture.is_file():
-        return picture
-    # Not with_suffix: what follows a dot in "frame.001" is no suffix.
-    with_suffix = [picture.with_name(picture.name + suffix) for suffix in SUFFIXES]
-    return next((p for p in with_suffix if p.is_file()), picture if picture.suffix else with_suffix[0])
-
-
-def _size(path: Path, values: dict[str, Any], picture: Path) -> tuple[int, int]:
-    if "w" in values and "h" in values:
-        height, width = _number(path, values, "h"), _number(path, values, "w")
-        if not (height.is_integer() and width.is_integer()):
-            raise ValueError(f"{path}: w and h must be whole numbers, got {width} and {height}")
-        try:
-            return check_size((int(height), int(width)))
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(picture) as image:
-            return image.height, image.width
-    except (UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{picture}: not a picture, or one that is too large") from error
-
-
-def _pose(path: Path, index: int, frame: dict[str, Any]) -> Float[Tensor, "4 4"]:
-    try:
-        pose = torch.tensor(frame["transform_matrix"], dtype=torch.float64)
-        if pose.shape == (3, 4):
-            pose = torch.cat([pose, torch.tensor([[0.0, 0.0, 0.0, 1.0]], dtype=torch.float64)])
-    except (KeyError, TypeError, ValueError, OverflowError, RuntimeError) as error:
-        raise ValueError(f"{path}: frame {index} has no transform_matrix of 4x4 numbers") from error
-    if pose.shape != (4, 4) or not bool(pose.isfinite().all()):
-        raise ValueError(f"{path}: frame {index}: transform_matrix must hold 4x4 finite numbers")
-    rotation = pose[:3, :3]
-    orthogonal = torch.allclose(rotation @ rotation.T, torch.eye(3, dtype=torch.float64), atol=1e-3)
-    if not orthogonal or rotation.det() < 0 or not torch.equal(pose[3], torch.eye(4, dtype=torch.float64)[3]):
-        raise ValueError(f"{path}: frame {index}: transform_matrix is not a rotation and a translation")
-    return pose
-
-
-def _intrinsics(
-    path: Path, index: int, data: dict[str, Any], frame: dict[str, Any], size: tuple[int, int]
-) -> Float[Tensor, "3 3"]:
-    height, width = size
-    # What a frame says in either form wins over what the file says for all.
-    fx = _focal_length(path, frame, "x", width) or _focal_length(path, data, "x", width)
-    fy = _focal_length(path, frame, "y", height) or _focal_length(path, data, "y", height)
-    if fx is None and fy is None:
-        raise ValueError(f"{path}: frame {index} has neither fl_x nor camera_angle_x")
-    fx, fy = fx or fy, fy or fx
-    values = {**data, **frame}
-    cx, cy = _number(path, values, "cx", width / 2), _number(path, values, "cy", height / 2)
-    return torch.tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
-
-
-def _focal_length(path: Path, values: dict[str, Any], axis: str, side: int) -> float | None:
-    """Focal length in pixels along an axis, as a length or from the field of view; None if neither is there."""
-    length, angle = f"fl_{axis}", f"camera_angle_{axis}"
-    if length in values:
-        focal = _number(path, values, length)
-        if focal <= 0:
-            raise ValueError(f"{path}: focal lengths must be positive, got {length} = {focal}")
-        return focal
-    if angle in values:
-        field = _number(path, values, angle)
-        if not 0 < field < math.pi:
-            raise ValueError(f"{path}: {angle} must lie in (0, pi), got {field}")
-        return side / 2 / math.tan(field / 2)
-    return None
-
-
-def _distortion(path: Path, index: int, values: dict[str, Any]) -> tuple[float, float, float, float, float]:
-    model = values.get("camera_model", CAMERA_MODELS[0])
-    if not isinstance(model, str) or model.upper() not in CAMERA_MODELS:
-        accepted = ", ".join(CAMERA_MODELS)
-        raise ValueError(f"{path}: frame {index}: camera_model {model!r:.40} is not one of {accepted}; {ADVICE}")
-    for key in OTHER_LENSES:
-        if values.get(key):
-            raise ValueError(f"{path}: frame {index}: pictures that are {key} are not supported; {ADVICE}")
-    for key in MORE_DISTORTION:
-        if _number(path, values, key, 0.0):
-            raise ValueError(f"{path}: frame {index}: lens distortion {key} is not supported; {ADVICE}")
-    k1, k2, p1, p2, k3 = (_number(path, values, key, 0.0) for key in DISTORTION)
-    return k1, k2, p1, p2, k3
+def _inverse(rigid: Float[Tensor, "*B 4 4"]) -> Float[Tensor, "*B 4 4"]:
+    """Of rotations and translations."""
+    inverse = rigid.clone()
+    inverse[..., :3, :3] = rigid[..., :3, :3].mT
+    inverse[..., :3, 3:] = -(rigid[..., :3, :3].mT @ rigid[..., :3, 3:])
+    return inverse

@@ -36,6 +36,30 @@ def test_drawing_in_the_frame_is_drawing_in_the_world(generator):
     torch.testing.assert_close(inside.depth * 0.25, world.depth, rtol=0, atol=1e-3)
 
 
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("center", [(0.0, 0.0, 0.0), (5e5, -4.6e6, 100.0)])
+def test_the_frame_keeps_what_float32_would_not(center, scale):
+    """A ball far from the origin, in metres or in units much smaller or larger: as a ball of radius 1 at the origin."""
+    eyes = ds.orbit([0, 70, 140, 210, 280], [-20, 10, 40, 60, 0], 4.0).centers.double()
+    cameras = ds.look_at(eyes, size=200)
+    inside = ball((0.0, 0.0, 0.0), 1.0)
+    store = store_of(ds.render(inside, cameras).alpha[..., None])
+    at_origin = frame_of(cameras, store)
+    shift = torch.tensor(center, dtype=torch.float64)
+    moved = cameras.world_to_camera.clone()
+    moved[:, :3, 3] = scale * (moved[:, :3, 3] - moved[:, :3, :3] @ shift)
+    there = ds.Cameras(moved, cameras.intrinsics, cameras.size, 0.01 * scale)
+    frame = frame_of(there, store)
+    torch.testing.assert_close(frame.center / scale - shift, at_origin.center, rtol=0, atol=1e-6)
+    torch.testing.assert_close(
+        frame.cameras(there).world_to_camera, at_origin.cameras(cameras).world_to_camera, rtol=0, atol=1e-6
+    )
+    world = frame.to_world(inside)
+    assert world.points.dtype == (torch.float64 if any(center) else torch.float32)
+    back = (world.points.double() - frame.center) / frame.radius
+    torch.testing.assert_close(back, inside.points.double(), rtol=0, atol=1e-6)
+
+
 def test_views_must_show_something_from_two_sides():
     cameras = ds.orbit([0, 0.5], 0, 3.0, size=32)
     with pytest.raises(ValueError, match="the pictures show nothing"):

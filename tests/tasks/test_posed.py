@@ -118,7 +118,7 @@ def test_pictures_of_any_size_share_a_canvas(scene, tmp_path):
     path.write_text(json.dumps(content))
     found = load_posed(path, size=60)
     assert found.cameras.size == (40, 60)
-    torch.testing.assert_close(found.cameras.intrinsics, cameras.intrinsics)
+    torch.testing.assert_close(found.cameras.intrinsics, cameras.intrinsics.double())
     batch = found.batch([0, 1, 2])
     assert batch.known[:2].all()
     assert torch.equal(batch.known[2], (torch.arange(60) < 20).expand(40, 60))
@@ -145,12 +145,26 @@ def test_memory_and_file_hold_the_same(scene, tmp_path, monkeypatch):
 def test_missing_pictures_and_masks_are_named(scene, tmp_path):
     sketch, cameras = scene
     path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
-    (tmp_path / "transforms.json-1.png").unlink()
     content = json.loads(path.read_text())
     content["frames"][0]["mask_path"] = "mask.png"
     path.write_text(json.dumps(content))
-    with pytest.raises(FileNotFoundError, match=r"2 of 4 pictures are missing: .*-1\.png, .*mask\.png\. Paths"):
+    with pytest.raises(FileNotFoundError, match=r"1 of 1 masks are missing: .*mask\.png\. Paths"):
         load_posed(path)
+    (tmp_path / "transforms.json-1.png").unlink()
+    with pytest.raises(FileNotFoundError, match=r"1 of 3 pictures are missing: .*-1\.png\. Paths"):
+        load_posed(path)
+
+
+def test_views_without_pictures_are_left_out(scene, tmp_path):
+    sketch, _ = scene
+    cameras = ds.orbit([0, 90, 180, 270], 20, 3.0, size=(40, 60))
+    path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
+    (tmp_path / "transforms.json-1.png").unlink()
+    with pytest.warns(UserWarning, match=r"1 of 4 pictures are missing: .*-1\.png\. .* They are left out"):
+        found = load_posed(path)
+    expected = cameras[[0, 2, 3]].world_to_camera.double()
+    torch.testing.assert_close(found.cameras.world_to_camera, expected, rtol=0, atol=1e-6)
+    assert found.names == tuple(f"transforms.json-{i}.png" for i in (0, 2, 3))
 
 
 @pytest.mark.parametrize("color", [0.0, 1.0, 0.5])

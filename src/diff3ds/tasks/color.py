@@ -25,7 +25,7 @@ from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.tasks.results import spread
 from diff3ds.tasks.store import Store, is_all_known
-from diff3ds.transforms import read_views
+from diff3ds.transforms import present_views
 
 STEPS, BATCH = 1200, 5
 # A number of strokes that is not given is found between these; a given one is reached from a quarter of it, so that
@@ -158,7 +158,7 @@ def held_out_views(path: Path | None) -> Path | None:
     held_out = path.parent / "transforms_test.json" if path is not None else None
     if held_out is None or not held_out.is_file() or held_out == path:
         return None
-    read_views(held_out)
+    present_views(held_out)
     return held_out
 
 

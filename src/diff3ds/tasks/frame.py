@@ -15,6 +15,8 @@ CONTENT = 0.3
 # Share of the content that the radius leaves out in every view, for stray pixels, and what makes up for it. Empirical.
 STRAY = 0.05
 MARGIN = 1.1
+# How far float32 may move a point of the world, in radii: .01 px where the radius takes a thousand.
+LEAST_MOVED = 1e-5
 # Rays that all run within some 3 degrees of one direction say nothing about depth: (sin 3 degrees)^2.
 LEAST_SPREAD = 0.003
 
@@ -27,17 +29,23 @@ class Frame:
     radius: float
 
     def cameras(self, cameras: Cameras) -> Cameras:
-        """Cameras of the world as cameras of the frame; depths shrink by the radius."""
+        """Cameras of the world as float32 cameras of the frame; depths shrink by the radius."""
         matrix = cameras.world_to_camera.double().clone()
         matrix[:, :3, 3] = (matrix[:, :3, 3] + matrix[:, :3, :3] @ self.center) / self.radius
-        return replace(cameras, world_to_camera=matrix.float(), near=cameras.near / self.radius)
+        return replace(
+            cameras,
+            world_to_camera=matrix.float(),
+            intrinsics=cameras.intrinsics.float(),
+            near=cameras.near / self.radius,
+        )
 
     def to_world(self, sketch: Sketch) -> Sketch:
-        """A sketch of the frame in the world."""
+        """A sketch of the frame in the world; float64 where float32 would move its points, as in map coordinates."""
         matrix = torch.eye(4, dtype=torch.float64)
         matrix[:3, :3] *= self.radius
         matrix[:3, 3] = self.center
-        return sketch.transform(matrix)
+        step = torch.finfo(torch.float32).eps / 2 * float(self.center.abs().max() + self.radius)
+        return (sketch.to(torch.float64) if step > LEAST_MOVED * self.radius else sketch).transform(matrix)
 
 
 def frame_of(cameras: Cameras, store: Store) -> Frame:

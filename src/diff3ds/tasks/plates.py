@@ -11,7 +11,7 @@ from diff3ds.tasks.masks import Masks
 from diff3ds.tasks.posed import reduced
 from diff3ds.tasks.read_view import decode, shown
 from diff3ds.tasks.store import Store, opaque_views
-from diff3ds.transforms import NAMED, View, read_views
+from diff3ds.transforms import NAMED, View, present_views
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def load_plates(
             with one name.
         OSError: no room in the folder.
     """
-    views = read_views(path)
+    views = present_views(path)
     sizes = [reduced(view.size, size) for view in views]
     if source.is_dir():
         store = load_views(_one_each(source, views), sizes, None, scratch, told=told)

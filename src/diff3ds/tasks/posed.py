@@ -13,8 +13,9 @@ from diff3ds.camera import Cameras
 from diff3ds.tasks.load_views import Told, canvas_of, load_some, load_views
 from diff3ds.tasks.masks import Masks, has_left_out
 from diff3ds.tasks.read_view import decode, shown
+from diff3ds.tasks.sight import check_sight
 from diff3ds.tasks.store import Batch, Store
-from diff3ds.transforms import View, read_views, require_files
+from diff3ds.transforms import View, near_of, present_views, require_files
 
 # Edge maps and line drawings; coloured pictures; coloured pictures of which the edges are wanted.
 Target = Literal["edges", "color", "color-edges"]
@@ -33,7 +34,7 @@ class PosedPictures:
     """V pictures with their cameras, on one canvas: pictures smaller than it lie at its top left.
 
     Attributes:
-        cameras: in the world of the file, without lens distortion, of the canvas's size.
+        cameras: in the world of the file, float64, without lens distortion, of the canvas's size.
         target: what the pictures are.
         store: ink (C = 1) of edge maps, whatever their polarity; else colour with alpha (C = 4), alpha 1 in pictures
             that have none.
@@ -94,13 +95,13 @@ def load_posed(
     masks: Masks = "ignore",
     told: Told = lambda done, total: None,
 ) -> PosedPictures:
-    """The pictures and cameras of a transforms file.
+    """The pictures and cameras of a transforms file; frames whose pictures are missing are left out with a warning.
 
     Each picture is decoded once, several at a time on as many threads as torch has. They are kept with 8 bits a
     channel, in memory or, if they and their pyramid take more than 1 GiB, in a file without a name that goes with them.
 
     Args:
-        path: a transforms.json (see `read_views`).
+        path: a transforms.json (see `present_views`).
         target: what the pictures are; None looks at them and finds edges or colour.
         size: each picture is reduced to at most this many pixels along its longer side.
         scratch: folder for such a file, existing or to be made; default the system's for temporary files.
@@ -109,14 +110,16 @@ def load_posed(
         told: called with the number of pictures that have been read, and of all.
 
     Raises:
-        FileNotFoundError, ValueError: a missing or unreadable file; pictures whose size is not that of the cameras, or
-            that all show nothing.
+        FileNotFoundError, ValueError: a missing or unreadable file; cameras that look at nothing in common, before any
+            picture is read (see `check_sight`); pictures whose size is not that of the cameras, or that all show
+            nothing.
         OSError: no room in the folder.
     """
-    views = read_views(path)
-    require_files(path, [view.picture for view in views] + [view.mask for view in views if view.mask])
+    views = present_views(path)
+    require_files(path, [view.mask for view in views if view.mask], "masks")
     sizes = [reduced(view.size, size) for view in views]
     cameras = _cameras(path, views, sizes)
+    check_sight(path, cameras, sizes)
     background, first = None, None
     if target not in ("color", "color-edges"):
         some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
@@ -145,7 +148,7 @@ def _cameras(path: Path, views: list[View], sizes: list[tuple[int, int]]) -> Cam
         intrinsics.append(view.intrinsics * scale[:, None])
     poses = torch.stack([view.world_to_camera for view in views])
     try:
-        return Cameras(poses.float(), torch.stack(intrinsics).float(), canvas_of(sizes))
+        return Cameras(poses, torch.stack(intrinsics), canvas_of(sizes), near_of(poses))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
