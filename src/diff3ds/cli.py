@@ -28,7 +28,7 @@ from diff3ds.tasks.picture import PictureOptions
 from diff3ds.tasks.plan import ViewsOptions
 from diff3ds.tasks.prior_train import TrainOptions, train_prior
 from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
 from diff3ds.tasks.text import TextOptions, text_to_sketch
 from diff3ds.tasks.views import fit_views
 
@@ -348,6 +348,16 @@ def _rate(speed: float) -> str:
 
 @contextmanager
 def _progress(console: Console) -> Iterator[Report]:
+    """What reports to a progress bar on a terminal; elsewhere, as in a file, to a line now and then."""
+    if console.is_terminal or console.quiet:
+        with _bars(console) as report:
+            yield report
+    else:
+        yield Lines(_sayer(console))
+
+
+@contextmanager
+def _bars(console: Console) -> Iterator[Report]:
     """A progress bar with the stage, rate, time left, loss and strokes; yields what reports to it."""
     columns = (
         TextColumn("{task.description}"),

@@ -6,7 +6,7 @@ import torch
 from edge_scenes import project
 
 import diff3ds as ds
-from diff3ds.edges.ridges import BORDER, Ridges, color_ridges, find_ridges, map_ridges, within, without_faint
+from diff3ds.edges.ridges import BORDER, Ridges, color_ridges, find_ridges, map_ridges, strongest, within, without_faint
 
 SIZE = 96
 FRONT = ds.look_at(torch.tensor([[3.0, 0.0, 0.0]]), fov=60, size=SIZE)
@@ -137,3 +137,10 @@ def test_faint_ridges_go_whatever_view_they_are_in():
     kept = without_faint([ridges(1.0, 0.9, 0.1), ridges(0.05), ridges(0.8, 1.0), ridges()])
     assert [r.values.tolist() for r in kept] == [[1.0, 0.9], [], [0.8, 1.0], []]
     assert [len(r) for r in without_faint([ridges(), ridges()])] == [0, 0]
+
+
+def test_the_strongest_are_kept_by_one_bound_for_all_views():
+    values = [np.array([5.0, 1.0, 4.0]), np.array([2.0, 0.5]), np.zeros(0)]
+    ridges = [Ridges.sharp(np.zeros((len(v), 2)), np.zeros((len(v), 2)), v) for v in values]
+    assert [r.values.tolist() for r in strongest(ridges, 3)] == [[5, 4], [2], []]
+    assert [len(r) for r in strongest(ridges, 5)] == [3, 2, 0]

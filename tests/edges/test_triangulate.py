@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from edge_scenes import around, distance_to_segment, segment, views_of
+from edge_scenes import around, distance_to_segment, ridges_along, segment, views_of
 from scipy.spatial import cKDTree
 
-from diff3ds.edges.carve import HALF_DIAGONAL, carve
+from diff3ds.edges.carve import CELLS_A_PLACE, HALF_DIAGONAL, carve, most_cells
 from diff3ds.edges.lookup import edge_views
 from diff3ds.edges.ridges import Ridges
 from diff3ds.edges.triangulate import EdgePoints, thinned, triangulate
@@ -110,3 +110,42 @@ def test_thinned_keeps_the_best_of_neighbours_and_no_flank():
     assert (kept.points[:, 1] >= 2).sum() >= 13
     assert (np.diff(kept.scores) <= 0).all()
     assert len(thinned(every[np.zeros(120, bool)], 0.5, 1.2)) == 0
+
+
+def test_work_grows_with_the_ridges():
+    """Of random lines, twice as many have twice the cells to look at, however many places chance confirms."""
+    rng = np.random.default_rng(5)
+    looked_at, capped = [], []
+    for count in (100, 200, 400):
+        ridges = [_random_lines(rng, count) for _ in range(24)]
+        views = edge_views(CAMERAS, ridges)
+        cells = carve(views, REACH, CELL * views.pixel, 8, capped=lambda *about: capped.append(about))
+        assert len(cells) <= most_cells(views, 8) == int(CELLS_A_PLACE * count * 24 / 8)
+        looked_at.append(len(cells))
+    # At last there are more than the ridges account for, and it is said.
+    assert capped[-1][:2] == ("cells of space", looked_at[-1])
+    assert capped[-1][2] > looked_at[-1]
+
+
+def _random_lines(rng, count):
+    turn = rng.uniform(0, np.pi, count)
+    return Ridges.sharp(rng.uniform(6, 90, (count, 2)), np.stack([np.cos(turn), np.sin(turn)], 1), np.ones(count))
+
+
+def test_the_best_confirmed_cells_are_kept():
+    """Where more stay than the ridges account for, those with most views do: of an edge among noise, the edge's."""
+    rng = np.random.default_rng(6)
+    clean = ridges_along(CAMERAS, LINES[:1])
+    noisy = [
+        Ridges.sharp(*(np.concatenate(pair) for pair in zip(_parts(a), _parts(b), strict=True)))
+        for a, b in zip(clean, [_random_lines(rng, 400) for _ in clean], strict=True)
+    ]
+    views = edge_views(CAMERAS, noisy)
+    told = []
+    cells = carve(views, REACH, CELL * views.pixel, 8, capped=lambda *about: told.append(about))
+    assert told
+    assert cKDTree(cells).query(LINES[0])[0].max() <= HALF_DIAGONAL * CELL * views.pixel
+
+
+def _parts(ridges):
+    return ridges.points, ridges.normals, ridges.values

@@ -6,11 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from rich.console import Console
 
+from diff3ds.cli import _progress
 from diff3ds.fit import Step
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.progress import ShownLoss
+from diff3ds.tasks.progress import Lines, Progress, ShownLoss
 
 
 class CountedStep(Step):
@@ -49,3 +51,29 @@ def test_a_gpu_is_asked_once_a_second(clock):
 def test_losses_on_the_cpu_are_all_shown(clock):
     shown = ShownLoss()
     assert [shown.of(CountedStep(index, "cpu")) for index in range(5)] == [0, 1, 2, 3, 4]
+
+
+def test_lines_come_now_and_then(clock):
+    said = []
+    lines = Lines(said.append, lambda: clock.seconds)
+    for step in range(400):
+        lines(Progress("refine", step, 400, 0.5, 7))
+        clock.seconds += 0.125
+    # After two seconds and every 15 after it: 50 seconds have four.
+    assert said == [f"refine {step}/400, loss 0.5, 7 strokes" for step in (16, 136, 256, 376)]
+    # A stage that is over soon has none.
+    for stage in ("join", "place"):
+        for _ in range(5):
+            lines(Progress(stage, 0, None, None, 0))
+            clock.seconds += 0.25
+    assert len(said) == 4
+
+
+def test_off_a_terminal_progress_is_lines(monkeypatch, capsys):
+    monkeypatch.setattr(Lines, "SHORT", 0.0)
+    with _progress(Console(stderr=True, force_terminal=False)) as report:
+        report(Progress("carve", 3, 8, None, 0))
+    assert capsys.readouterr().err == "carve 3/8\n"
+    with _progress(Console(stderr=True, force_terminal=False, quiet=True)) as report:
+        report(Progress("carve", 3, 8, None, 0))
+    assert capsys.readouterr().err == ""

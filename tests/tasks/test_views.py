@@ -11,6 +11,7 @@ import time
 import pytest
 import torch
 from PIL import Image
+from safetensors import safe_open
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
@@ -143,11 +144,19 @@ def interrupted(options, out, checkpoint):
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     environment = {**os.environ, "TERM": "dumb"}
     run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=heed)
-    while not (out / checkpoint).exists() and run.poll() is None:
+    while not has_something(out / checkpoint) and run.poll() is None:
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
     _, messages = run.communicate(timeout=120)
     return run.returncode, messages
+
+
+def has_something(checkpoint):
+    """Whether there is a checkpoint, and for edges one with the first curves."""
+    if not checkpoint.exists() or checkpoint.name != "edges.safetensors":
+        return checkpoint.exists()
+    with safe_open(checkpoint, "pt") as file:
+        return json.loads(file.metadata()["diff3ds edges"])["stage"] > 0
 
 
 def assert_resumed_ends_as_unbroken(folder, options, files):
@@ -215,6 +224,51 @@ def test_drawings_stopped_and_resumed(drawings):
     done = [json.loads((folder / name / "run.json").read_text())["steps_done"] for name in ("broken", "whole")]
     assert done[0] == done[1] > 0
     assert (folder / "broken" / "sketch.json").read_bytes() == (folder / "whole" / "sketch.json").read_bytes()
+
+
+def test_ctrl_c_before_the_first_curves_leaves_something_to_resume(drawings, monkeypatch, capsys):
+    def stopped(*arguments):
+        assert (folder / "out").is_dir()
+        raise KeyboardInterrupt
+
+    folder, _ = drawings
+    command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
+    monkeypatch.setattr("diff3ds.edges.reconstruct.triangulate", stopped)
+    with pytest.raises(SystemExit) as end:
+        main(command)
+    assert end.value.code == STOPPED
+    assert [p.name for p in (folder / "out").iterdir()] == ["edges.safetensors"]
+    monkeypatch.undo()
+    main([*command, "--resume"])
+    assert len(ds.load(folder / "out" / "sketch.json")) == 4
+
+
+@pytest.mark.parametrize("stage", ["refined", "bridged", "with_pockets"])
+def test_ctrl_c_in_a_stage_leaves_what_was_reached_before(drawings, monkeypatch, stage):
+    """And a resumed run does not begin anew."""
+
+    def stopped(*arguments):
+        raise KeyboardInterrupt
+
+    folder, _ = drawings
+    command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
+    with monkeypatch.context() as patch:
+        patch.setattr(f"diff3ds.edges.reconstruct.{stage}", stopped)
+        with pytest.raises(SystemExit):
+            main(command)
+    about = json.loads((folder / "out" / "run.json").read_text())
+    assert about["stopped_early"]
+    assert about["stages"]["carve"]["processor"] > 0
+    assert len(ds.load(folder / "out" / "sketch.json")) >= 4
+    # Nothing is carved again.
+    monkeypatch.setattr("diff3ds.edges.reconstruct.carve", stopped)
+    monkeypatch.setattr(
+        "diff3ds.edges.reconstruct.second_look", lambda scene, curves: curves[torch.zeros(len(curves)) > 0]
+    )
+    main([*command, "--resume"])
+    about = json.loads((folder / "out" / "run.json").read_text())
+    assert not about["stopped_early"]
+    assert "carve" not in about["stages"]
 
 
 def test_resume_refuses_another_run(drawings, capsys):

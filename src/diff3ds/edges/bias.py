@@ -85,7 +85,8 @@ def estimate_bias(views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -
     match = views.match(x)
     normal = views.normals[match.ridge]
     offset = ((views.points[match.ridge] - match.pixel) * normal).sum(-1)
-    agree = agreement(views, x, tangent) & ~crowded(views, x, tangent)
+    shown = agreement(views, x, tangent)
+    agree = shown & ~crowded(views, x, tangent, at=shown)
     # The offset along the normal is explained by the bias and by a displacement of the sample.
     explained = np.concatenate([normal, sides[match.ridge][..., None]], -1)
     moved = views.planes[match.ridge][..., :3] * (views.focal[:, None] / np.maximum(match.depth, 1e-9))[..., None]

@@ -12,10 +12,9 @@ from diff3ds._files import write_tensors
 from diff3ds.edges.bias import Bias
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.primitives import Kind
-from diff3ds.edges.reconstruct import Result
+from diff3ds.edges.reconstruct import DONE, Result
 
-VERSION = 2
-STAGES = (1, 2, 3)
+VERSION = 3
 MAX_BYTES = 1 << 28
 FIELDS = ("points", "kind", "vertex", "other")
 
@@ -50,7 +49,7 @@ def read_result(path: Path, settings: dict[str, Any]) -> tuple[Result, list[floa
             raise ValueError(f"version {about['version']}")
         curves = _checked(Curves(**tensors))
         result = Result(int(about["stage"]), curves, Bias(**{k: float(v) for k, v in about["bias"].items()}))
-        if result.stage not in STAGES:
+        if not 0 <= result.stage <= DONE:
             raise ValueError(f"stage {result.stage}")
         theirs = dict(about["settings"])
     except (SafetensorError, KeyError, TypeError, ValueError, AttributeError) as error:

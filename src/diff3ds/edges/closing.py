@@ -1,7 +1,6 @@
 """Arcs closed to whole circles where the views show the rest, each a part of it: a shaft hides half of its own rim."""
 
 from collections.abc import Iterator
-from itertools import combinations
 
 import numpy as np
 import torch
@@ -15,6 +14,7 @@ from diff3ds.edges.primitives import Circle, Kind, Primitive, arc_control, fit_c
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import concatenated, sampled
 from diff3ds.edges.support import agreement
+from diff3ds.edges.watch import Tick, no_tick
 
 # Samples of a circle; the share of them that enough views have to show, and how many views those are, relative to the
 # views that confirm an edge. Of 12 whole circles in parts all had .87 or more, of 25 arcs of generated objects that
@@ -43,17 +43,20 @@ STEP, COARSE, TRIES, FEWER, SHALLOWEST, ALIKE = 2.0, 24, 2, 0.55, 6.0, 0.03
 NEAR, SHARE = 1.5, 0.8
 
 
-def closed(curves: Curves, views: EdgeViews, enough: float, outward: float) -> Curves:
+def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick: Tick = no_tick) -> Curves:
     """The curves with whole circles instead of the arcs and pieces along them.
 
     Args:
         enough: so many views confirm an edge.
         outward: the offset of outlines in these views, pixels.
+        tick: see `watch`.
     """
     free = (curves.other < 0).numpy().copy()
     points = sampled(curves)
     found: list[Circle] = []
-    for start, members in _starts(curves, points, views.pixel):
+    starts = list(_starts(curves, points, views.pixel))
+    for done, (start, members) in enumerate(starts):
+        tick(done, len(starts))
         if not free[list(members)].all() or not _promising(start, views, enough):
             continue
         circle = _whole(start, views, enough, outward)
@@ -81,12 +84,21 @@ def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iter
             yield circle, (int(i),)
     short = np.nonzero(alone & (length < LONGEST_SIDE * pixel))[0]
     ends = points[:, [0, -1]]
-    for i, k in combinations(short.tolist(), 2):
-        if np.linalg.norm(ends[i][:, None] - ends[k][None], axis=2).min() > GAP * pixel:
-            continue
+    for i, k in _pairs_in_a_row(short, ends[short], pixel):
         circle = fit_circle(np.concatenate([points[i], points[k]]))
         if circle is not None and circle.distances.max() < LOOSE * pixel and circle.radius < LONGEST_SIDE * pixel:
             yield circle, (i, k)
+
+
+def _pairs_in_a_row(rows: NDArray[np.int64], ends: Float[Array, "M 2 3"], pixel: float) -> list[tuple[int, int]]:
+    """Pairs of these curves, of which the ends are given, that follow each other within a gap."""
+    from scipy.spatial import cKDTree
+
+    if not len(rows):
+        return []
+    near = cKDTree(ends.reshape(-1, 3)).query_pairs(GAP * pixel, output_type="ndarray") // 2
+    pairs = np.unique(np.sort(near[near[:, 0] != near[:, 1]], axis=1), axis=0)
+    return [(int(rows[i]), int(rows[k])) for i, k in pairs]
 
 
 def _whole_ones(curves: Curves, points: Float[Array, "N S 3"]) -> list[Circle]:

@@ -5,7 +5,6 @@ everything about it: it touches both, so that only its size is open.
 """
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 import torch
@@ -20,6 +19,7 @@ from diff3ds.edges.primitives import Kind, Primitive
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import concatenated, sampled
 from diff3ds.edges.support import NEAR, agreement
+from diff3ds.edges.watch import Tick, no_tick
 
 # Lengths in pixels, all empirical: lines that meet pass each other within this, and one of them ends so far from there
 # at least; they may go so far into the arc; the longest tangents; a line is no longer one if a corner leaves less of
@@ -62,19 +62,32 @@ class _Corner:
     views: float
 
 
-def with_corners(curves: Curves, views: EdgeViews, enough: float) -> Curves:
+def with_corners(curves: Curves, views: EdgeViews, enough: float, tick: Tick = no_tick) -> Curves:
     """The curves with an arc between two lines wherever enough views show one; its pieces go.
 
     Args:
         enough: so many views confirm an edge.
+        tick: see `watch`.
     """
-    while (corner := _best(curves, views, SHOWN * enough)) is not None:
-        curves = _with(curves, corner)
+    while corners := _best(curves, views, SHOWN * enough, tick):
+        for done, corner in enumerate(corners):
+            number = np.cumsum(~np.isin(np.arange(len(curves)), corner.pieces)) - 1
+            curves = _with(curves, corner)
+            corners[done + 1 :] = [_renumbered(other, number) for other in corners[done + 1 :]]
     return curves
 
 
-def _best(curves: Curves, views: EdgeViews, enough: float) -> _Corner | None:
-    """The corner that replaces most pieces, of these the one that most views show."""
+def _renumbered(corner: _Corner, number: NDArray[np.int64]) -> _Corner:
+    """The corner with the numbers that its curves have now."""
+    first, second = (int(number[line]) for line in corner.sides.lines)
+    sides = replace(corner.sides, lines=(first, second))
+    return replace(corner, sides=sides, pieces=tuple(int(number[i]) for i in corner.pieces))
+
+
+def _best(curves: Curves, views: EdgeViews, enough: float, tick: Tick) -> list[_Corner]:
+    """The corner that replaces most pieces, of these the one that most views show; and so on, as far as the next ones
+    lie so far from those that one says nothing of the other.
+    """
     points = curves.constrained(curves.points)[0].double().numpy()
     samples = sampled(curves)
     # What is round already stays: each corner makes one more of them, so that this ends.
@@ -85,13 +98,49 @@ def _best(curves: Curves, views: EdgeViews, enough: float) -> _Corner | None:
     free = [(line, end) for line in lines for end in (0, 1) if int(curves.vertex[line, end]) not in round_]
     bent = _bent_between_lines(curves)
     found = []
-    for one, other in combinations(free, 2):
-        sides = _sides(points, one, other, views.pixel) if one[0] != other[0] else None
+    pairs = _meeting_pairs(points, free, views.pixel)
+    for done, (one, other) in enumerate(pairs):
+        tick(done, len(pairs))
+        sides = _sides(points, one, other, views.pixel)
         corner = None if sides is None else _corner(samples, alone, straight, sides, views, enough)
         # An arc that ends where the corner would begin is a piece of it, or there is no room for one.
         here = {arc for line, end in (one, other) for arc in bent.get(int(curves.vertex[line, end]), [])}
         found += [corner] if corner is not None and here.issubset(corner.pieces) else []
-    return max(found, key=lambda corner: (len(corner.pieces), corner.views), default=None)
+    chosen: list[_Corner] = []
+    for corner in sorted(found, key=lambda corner: (-len(corner.pieces), -corner.views)):
+        if not any(_disturb(corner, other, views.pixel) for other in chosen):
+            chosen.append(corner)
+    return chosen
+
+
+def _disturb(one: _Corner, other: _Corner, pixel: float) -> bool:
+    """Whether two corners share a curve, or lie so near that one may be taken for a piece of the other."""
+    if {*one.sides.lines, *one.pieces} & {*other.sides.lines, *other.pieces}:
+        return True
+    reach = [max(np.linalg.norm(c.arc - c.sides.place, axis=1).max(), *c.sides.near) for c in (one, other)]
+    apart = np.linalg.norm(one.sides.place - other.sides.place)
+    return bool(apart < sum(reach) + BEYOND * pixel)
+
+
+def _meeting_pairs(
+    points: Float[Array, "N 4 3"], free: list[tuple[int, int]], pixel: float
+) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Pairs of ends of lines, not too far apart, of which the lines pass each other closely, if made longer."""
+    from scipy.spatial import cKDTree
+
+    if not free:
+        return []
+    line, end = np.array(free).T
+    near, far = points[line, 3 * end], points[line, 3 - 3 * end]
+    pairs = np.sort(cKDTree(near).query_pairs(2 * LONGEST * pixel, output_type="ndarray"), axis=1)
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    first, second = pairs[line[pairs[:, 0]] != line[pairs[:, 1]]].T
+    along = (near - far) / (np.linalg.norm(near - far, axis=1, keepdims=True) + 1e-12)
+    across = np.cross(along[first], along[second])
+    length = np.linalg.norm(across, axis=1)
+    apart = np.abs(((near[second] - near[first]) * across).sum(1)) / np.maximum(length, 1e-9)
+    close = apart <= PASS * pixel + 1e-9
+    return [(free[i], free[k]) for i, k in zip(first[close], second[close], strict=True)]
 
 
 def _rounded(curves: Curves, points: Float[Array, "N 4 3"]) -> set[int]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.edges.ridges import Array, Ridges
 
@@ -87,19 +87,37 @@ class EdgeViews:
         """The nearest ridge point in every view."""
         pixel, depth = self.project(x)
         height, width = self.size
-        inside = self._inside(pixel, depth)
-        column = np.where(inside, pixel[..., 0], 0).astype(np.int64)
-        row = np.where(inside, pixel[..., 1], 0).astype(np.int64)
-        views = np.arange(len(self))[:, None]
-        ridge = self.nearest[views, np.minimum(row, height - 1), np.minimum(column, width - 1)]
+        column, row = pixel[..., 0], pixel[..., 1]
+        inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        place = np.where(inside, row, 0).astype(np.int64) * width + np.where(inside, column, 0).astype(np.int64)
+        ridge = self.nearest.reshape(-1).take(place + height * width * np.arange(len(self))[:, None])
         found = inside & (ridge >= 0)
         ridge = np.where(found, ridge, 0)
-        distance = np.hypot(*np.moveaxis(pixel - self.points[ridge], -1, 0)) if len(self.points) else depth * 0
+        near = self.points.take(ridge, 0) if len(self.points) else pixel
+        distance = np.hypot(column - near[..., 0], row - near[..., 1])
         return Matches(pixel, depth, np.where(found, distance, OUTSIDE), ridge)
 
-    def _inside(self, pixel: Float[Array, "V M 2"], depth: Float[Array, "V M"]) -> Bool[NDArray[np.bool_], "V M"]:
-        limit = np.array([self.size[1], self.size[0]])
-        return (depth > 0) & (pixel >= 0).all(-1) & (pixel < limit).all(-1)
+    def nearby(
+        self, view: int, x: Float[Array, "M 3"]
+    ) -> tuple[Float[NDArray[np.float32], " M"], Float[NDArray[np.float32], " M"]]:
+        """Squared distances to the nearest ridge point in one view, pixels, and depths; in single precision.
+
+        Infinite where the view does not contain the point.
+        """
+        matrix = self.projection[view].astype(np.float32)
+        homogeneous = x.astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
+        depth = homogeneous[:, 2]
+        column, row = (homogeneous[:, k] / np.where(depth == 0, np.float32(1e-12), depth) for k in (0, 1))
+        height, width = self.size
+        inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        place = np.where(inside, row, 0).astype(np.int32) * width + np.where(inside, column, 0).astype(np.int32)
+        ridge = self.nearest[view].reshape(-1).take(place)
+        inside &= ridge >= 0
+        if not inside.any():
+            return np.full(len(x), np.inf, np.float32), depth
+        points = self.points[self.start[view] : self.start[view + 1]].astype(np.float32)
+        apart = points.take(np.where(inside, ridge - self.start[view], 0), 0)
+        return np.where(inside, (apart[:, 0] - column) ** 2 + (apart[:, 1] - row) ** 2, np.float32(np.inf)), depth
 
 
 def edge_views(cameras: Cameras, ridges: Sequence[Ridges]) -> EdgeViews:

@@ -90,10 +90,8 @@ def _neighbours(
     from scipy.spatial import cKDTree
 
     seen = np.nonzero(np.isfinite(passing).all(1))[0]
-    near = cKDTree(passing[seen]).query_ball_point(pixel[rows], BESIDE)
-    counts = np.array([len(n) for n in near], dtype=np.int64)
-    places = np.array([place for n in near for place in n], dtype=np.int64)
-    return np.repeat(rows, counts), seen[places]
+    pairs = cKDTree(pixel[rows]).sparse_distance_matrix(cKDTree(passing[seen]), BESIDE, output_type="ndarray")
+    return rows[pairs["i"]], seen[pairs["j"]]
 
 
 def _along(

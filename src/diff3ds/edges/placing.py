@@ -16,6 +16,7 @@ from diff3ds.edges.planes import shared_planes
 from diff3ds.edges.primitives import Circle, Kind, angles_of, arc_control, fit_circle, turned
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
+from diff3ds.edges.watch import Tick, no_tick
 
 # Less of an arc does not fix its circle; a circle that moves farther, pixels, was another one. Empirical.
 LEAST_SWEEP, MOST_MOVE = np.deg2rad(80.0), 1.5
@@ -31,13 +32,14 @@ LOOKS = 3
 STILL = 0.01
 
 
-def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
+def placed(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick) -> Curves:
     """The curves with their lines, circles and long arcs where the ridges are, and their ends where those meet.
 
     Circles that nearly lie in the plane of other curves are placed again in that plane.
 
     Args:
         outward: offset of outlines that the detector has, pixels; those of the object itself are corrected already.
+        tick: see `watch`.
     """
     if not len(curves):
         return curves
@@ -48,7 +50,9 @@ def placed(curves: Curves, views: EdgeViews, outward: float) -> Curves:
     old = curves.constrained(curves.points)[0].double().numpy()
     points, sure = old.copy(), np.zeros(len(curves), bool)
     rims = other_ends(curves, x.reshape(len(curves), -1, 3), views.pixel)
-    for rows in _strokes(curves):
+    strokes = _strokes(curves)
+    for done, rows in enumerate(strokes):
+        tick(done, len(strokes))
         on, kind, found = _places(rows), int(curves.kind[rows[0]]), None
         if kind == Kind.ARC:
             sight = clear if len(rows) == 1 else free

@@ -21,6 +21,7 @@ from diff3ds.edges.offsets import fitted
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.simplify import concatenated, sampled
 from diff3ds.edges.support import PARTS, SAMPLES, agreement, crowded, samples
+from diff3ds.edges.watch import Tick, no_tick
 from diff3ds.edges.weld import WITHIN
 
 # Places around a rim: a multiple of the samples of a part.
@@ -40,17 +41,20 @@ NEAR, SHARE = 1.5, 0.8
 BESIDE, THERE = 3.0, 0.95
 
 
-def with_pockets(curves: Curves, views: EdgeViews, outward: float) -> Curves:
+def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick) -> Curves:
     """The curves with the bottoms of pockets that the views show, instead of pieces along them.
 
     Args:
         outward: offset of outlines that the detector has, pixels.
+        tick: see `watch`.
     """
     bottoms: list[Curves] = []
     rims: list[int] = []
     # As they are drawn: an end that leaves a vertex must not move the others.
     drawn = curves.moved(curves.points)
-    for loop in find_loops(curves, views.pixel):
+    loops = find_loops(curves, views.pixel)
+    for done, loop in enumerate(loops):
+        tick(done, len(loops))
         for side in (1.0, -1.0):
             depth = _depth(loop, side, curves, views)
             if depth is None:
@@ -120,7 +124,8 @@ def _beside_others(loop: Loop, depth: float, curves: Curves, views: EdgeViews) -
     x, tangents = samples(curves)
     both = np.concatenate([places + depth * loop.normal, x]), np.concatenate([along, tangents])
     others = np.arange(len(both[0])) >= PLACES
-    return crowded(views, *both, by=others)[:, :PLACES]
+    asked = np.broadcast_to(~others, (len(views), len(others)))
+    return crowded(views, *both, by=others, at=asked)[:, :PLACES]
 
 
 def _looked_at(loop: Loop, depth: float, x: Float[Array, "S 3"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:

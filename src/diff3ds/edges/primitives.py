@@ -12,6 +12,8 @@ from diff3ds.edges.ridges import Array
 
 # Iterations of the geometric circle fit, and of the parameters of a cubic's points.
 CIRCLE_ROUNDS, CUBIC_ROUNDS = 10, 4
+# Relative to the radius, a step that changes nothing any more: some roundings.
+SETTLED = 1e-12
 # Pull of a cubic's inner points towards even spacing, relative to the number of points: decides where the points
 # leave the parametrisation open.
 EVEN = 1e-3
@@ -142,6 +144,8 @@ def fit_circle(points: Float[Array, "M 3"]) -> Circle | None:
         jacobian = np.stack([-dx / rho, -dy / rho, -np.ones_like(rho)], 1)
         step = np.linalg.lstsq(jacobian, -(rho - radius), rcond=None)[0]
         cx, cy, radius = cx + step[0], cy + step[1], radius + step[2]
+        if np.abs(step).max() < SETTLED * radius:
+            break
     if not (np.isfinite(radius) and radius > 0):
         return None
     distances = np.hypot(np.hypot(x - cx, y - cy) - radius, z)

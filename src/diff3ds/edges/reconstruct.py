@@ -1,9 +1,11 @@
 """Ridges of posed views to a clean set of 3D curves: the steps in their order."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import torch
 
 from diff3ds.camera import Cameras
 from diff3ds.edges.bias import Bias, corrected, estimate_bias, outline_sides
@@ -20,13 +22,16 @@ from diff3ds.edges.lookup import EdgeViews, edge_views
 from diff3ds.edges.phantoms import without_phantoms
 from diff3ds.edges.placing import placed
 from diff3ds.edges.pockets import with_pockets
+from diff3ds.edges.primitives import Primitive
 from diff3ds.edges.refine import refined
 from diff3ds.edges.ridges import Array, Ridges
 from diff3ds.edges.segment import segmented
 from diff3ds.edges.silhouettes import smooth_outlines
 from diff3ds.edges.simplify import concatenated, joined, pruned
-from diff3ds.edges.triangulate import thinned, triangulate
+from diff3ds.edges.support import part_support
+from diff3ds.edges.triangulate import EdgePoints, thinned, triangulate
 from diff3ds.edges.unexplained import unexplained
+from diff3ds.edges.watch import Capped, Report, Tick, no_report, no_tick, not_said
 from diff3ds.edges.weld import welded
 
 # Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
@@ -41,13 +46,16 @@ FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
 # The scores of points are weighted views, and the parts of a curve are shown in fewer views than its best ones.
 # The second look asks for fewer: what the first has explained can no longer come together by chance.
 SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
+# Chords that curves are measured by.
+CHORDS = 32
 # A bias smaller than this is not worth another start, pixels; and so many starts at most.
 BIAS, CALIBRATIONS = 0.07, 3
 STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
+# More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again and again.
+MOST_CURVES = 1500
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
-
-# Called with the name of a stage, the steps done, the loss and the number of curves.
-Report = Callable[[str, int, float | None, int], None]
+# What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
+CALIBRATED, REFINED, JOINED, PLACED, DONE = (CALIBRATIONS + k for k in range(2, 7))
 
 
 def confirming(views: int) -> float:
@@ -57,11 +65,23 @@ def confirming(views: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What is reached after a stage: 0 nothing, 1 the first curves and the bias, 2 refined ones, 3 the end."""
+    """What is reached.
+
+    Attributes:
+        stage: 0 for nothing; 1 the first curves, one more after each calibration; `CALIBRATED`, the bias is known;
+            `REFINED`; `JOINED`; `PLACED`; `DONE`.
+        curves: so far.
+        bias: of the ridges, as far as it is known.
+    """
 
     stage: int
     curves: Curves
     bias: Bias
+
+
+def nothing_yet() -> Result:
+    """What is reached before anything is found."""
+    return Result(0, curves_of([]), Bias(0.0, 0.0, 0.0))
 
 
 def reconstruct(
@@ -71,7 +91,8 @@ def reconstruct(
     start: Curves | None = None,
     reached: Result | None = None,
     save: Callable[[Result], None] = lambda result: None,
-    report: Report = lambda stage, step, loss, curves: None,
+    report: Report = no_report,
+    capped: Capped = not_said,
     seed: int = 0,
 ) -> Result:
     """The curves that the views show, and the bias found in their ridges.
@@ -82,7 +103,7 @@ def reconstruct(
         start: curves to refine instead of those found by carving.
         reached: the result of a stage, to go on from.
         save: called with the result of every stage.
-        report: called with the stage, and the step, loss and curves of a refinement.
+        report, capped: see `watch`.
 
     Raises:
         ValueError: the views show no edges that agree.
@@ -92,14 +113,13 @@ def reconstruct(
     if not showing:
         raise ValueError(NOTHING)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
-    enough = confirming(showing)
-    if reached is None:
-        report("first curves", 0, None, 0)
-        reached = _started(cameras, ridges, sides, start, enough)
+    scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped)
+    reached = reached or nothing_yet()
+    while reached.stage < CALIBRATED:
+        reached = _calibrated(scene, sides, start, reached)
         save(reached)
-    ridges = corrected(ridges, sides, reached.bias)
-    scene = _Scene(cameras, edge_views(cameras, ridges), ridges, enough, reached.bias.outward, seed, report)
-    for after, stage in ((1, _refined), (2, _finished)):
+    scene = replace(scene, ridges=corrected(ridges, sides, reached.bias), outward=reached.bias.outward)
+    for after, stage in ((CALIBRATED, _refined), (REFINED, _joined), (JOINED, _placed), (PLACED, _completed)):
         if reached.stage == after:
             curves = stage(scene, reached.curves, carving=start is None)
             if not len(curves):
@@ -114,14 +134,24 @@ class _Scene:
     """What all stages look at."""
 
     cameras: Cameras
-    views: EdgeViews
     ridges: Sequence[Ridges]
     enough: float
-    outward: float
     seed: int
     report: Report
+    capped: Capped
+    outward: float = 0.0
+
+    @cached_property
+    def views(self) -> EdgeViews:
+        return edge_views(self.cameras, self.ridges)
+
+    def ticks(self, stage: str, curves: int = 0) -> Tick:
+        """What reports how far this stage is."""
+        self.report(stage, 0, None, None, curves)
+        return lambda done, total: self.report(stage, done, total, None, curves)
 
     def refined(self, name: str, curves: Curves, rate: float) -> Curves:
+        self.report(name, 0, STEPS, None, len(curves))
         return refined(
             curves,
             self.cameras,
@@ -129,29 +159,29 @@ class _Scene:
             STEPS,
             rate,
             self.seed,
-            lambda s, loss: self.report(name, s, loss, len(curves)),
+            lambda s, loss: self.report(name, s, STEPS, loss, len(curves)),
         )
 
 
-def _started(
-    cameras: Cameras, ridges: Sequence[Ridges], sides: Sequence[Array], start: Curves | None, enough: float
-) -> Result:
-    """The first curves, again after each calibration."""
-    views = edge_views(cameras, ridges)
-    curves = start or first_curves(views, enough)
-    bias = Bias(0.0, 0.0, 0.0)
-    for _ in range(CALIBRATIONS):
-        if not len(curves):
-            raise ValueError(NOTHING)
+def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, reached: Result) -> Result:
+    """The first curves; with some, the bias that they show, and curves without it until there is hardly any left."""
+    bias, curves = reached.bias, reached.curves
+    if reached.stage > CALIBRATIONS:
+        return Result(CALIBRATED, curves, bias)
+    if reached.stage:
+        views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
+        scene.report("calibration", 0, None, None, len(curves))
         # Outlines of smooth surfaces lie outside of where they meet, as if the detector had put them there.
         edges = curves[~smooth_outlines(views, curves)]
         left = estimate_bias(views, np.concatenate(sides), edges)
         bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
         if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
-            break
-        views = edge_views(cameras, corrected(ridges, sides, bias))
-        curves = start or first_curves(views, enough)
-    return Result(1, curves, bias)
+            return Result(CALIBRATED, curves, bias)
+    views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
+    curves = start or first_curves(views, scene.enough, scene.ticks, scene.capped)
+    if not len(curves):
+        raise ValueError(NOTHING)
+    return Result(reached.stage + 1, curves, bias)
 
 
 def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
@@ -161,35 +191,85 @@ def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     return concatenated(edges, second_look(scene, curves)) if carving else edges
 
 
-def _finished(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+def _joined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     pixel = scene.views.pixel
-    curves = joined(closed(curves, scene.views, scene.enough, scene.outward), pixel)
+    curves = closed(curves, scene.views, scene.enough, scene.outward, scene.ticks("circles", len(curves)))
+    curves = joined(curves, pixel, scene.ticks("join", len(curves)))
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
-    curves = pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
-    curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.enough)
+    return pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
+
+
+def _placed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+    tick = scene.ticks("missing lines", len(curves))
+    curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.enough, tick, scene.capped)
     curves = without_phantoms(curves[~smooth_outlines(scene.views, curves)], scene.views)
-    curves = placed(curves, scene.views, scene.outward)
-    curves = with_corners(with_equal_circles(curves, pixel), scene.views, scene.enough)
-    return with_pockets(with_fillets(curves, scene.views, scene.outward), scene.views, scene.outward)
+    return placed(curves, scene.views, scene.outward, scene.ticks("place", len(curves)))
 
 
-def first_curves(views: EdgeViews, enough: float) -> Curves:
-    """Lines, arcs and cubics through triangulated points, as they come."""
-    cells = carve(views, REACH, CELL * views.pixel, enough)
-    found = triangulate(views, cells, SCORE * enough)
+def _completed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+    curves = with_equal_circles(curves, scene.views.pixel)
+    curves = with_corners(curves, scene.views, scene.enough, scene.ticks("rounded corners", len(curves)))
+    curves = with_fillets(curves, scene.views, scene.outward)
+    return with_pockets(curves, scene.views, scene.outward, scene.ticks("pockets", len(curves)))
+
+
+def first_curves(
+    views: EdgeViews,
+    enough: float,
+    ticks: Callable[[str], Tick] = lambda stage: no_tick,
+    capped: Capped = not_said,
+    *,
+    most: int = MOST_CURVES,
+) -> Curves:
+    """Lines, arcs and cubics through triangulated points, as they come.
+
+    Args:
+        enough: so many views confirm an edge.
+        ticks: gives for the name of a stage what is told how far it is.
+        capped: see `watch`.
+        most: so many curves, those that the views show most of.
+    """
+    cells = carve(views, REACH, CELL * views.pixel, enough, ticks("carve"), capped)
+    found = triangulate(views, cells, SCORE * enough, ticks("points on edges"))
     found = thinned(found, APART * views.pixel, FLANK * views.pixel)
-    shortest = SHORTEST_CHAIN * views.pixel
-    arcs = [s for chain in follow_chains(found, views.pixel, shortest) for s in segmented(chain, views.pixel)]
-    circles, rest = find_circles(found, arcs, views.pixel)
-    pieces = [s for chain in follow_chains(rest, views.pixel, shortest) for s in segmented(chain, views.pixel)]
-    return curves_of(pieces, circles)
+    tick = ticks("first curves")
+    known: dict[bytes, list[Primitive]] = {}
+
+    def pieces(points: EdgePoints) -> list[Primitive]:
+        chains = follow_chains(points, views.pixel, SHORTEST_CHAIN * views.pixel)
+        for done, chain in enumerate(chains):
+            tick(done, len(chains))
+            # Most chains are the same without the circles.
+            if chain.tobytes() not in known:
+                known[chain.tobytes()] = segmented(chain, views.pixel)
+        return [piece for chain in chains for piece in known[chain.tobytes()]]
+
+    circles, rest = find_circles(found, pieces(found), views.pixel)
+    return _best_shown(curves_of(pieces(rest), circles), views, most, capped)
+
+
+def _best_shown(curves: Curves, views: EdgeViews, most: int, capped: Capped) -> Curves:
+    """The curves that the views show most of, if there are very many: by their lengths, times the views."""
+    if len(curves) <= most:
+        return curves
+    capped("curves", most, len(curves))
+    shown = part_support(views, curves).double().mean(2).sum(0)
+    lines = curves.at(torch.linspace(0, 1, CHORDS + 1))
+    ink = shown * (lines[:, 1:] - lines[:, :-1]).norm(dim=2).sum(1)
+    return curves[ink.argsort(descending=True, stable=True)[:most].sort().values]
 
 
 def second_look(scene: _Scene, curves: Curves) -> Curves:
     """Curves that fewer views show, through the ridges that the first curves leave unexplained."""
+    room = MOST_CURVES - len(curves)
+    if room <= 0:
+        scene.capped("looks", 1, 2)
+        return curves_of([])
     fewer = max(FEWEST, SECOND * scene.enough)
     rest = edge_views(scene.cameras, unexplained(scene.views, scene.ridges, curves))
-    found = first_curves(rest, fewer)
+    found = first_curves(
+        rest, fewer, lambda stage: scene.ticks(f"second look: {stage}", len(curves)), scene.capped, most=room
+    )
     if not len(found):
         return found
     found = pruned(scene.refined("second look", found, RATE), rest, SUPPORT * fewer, SHORTEST_HIDDEN)

@@ -19,6 +19,10 @@ GRADIENT_SIGMA, GRADIENT_NOISE = 1.0, 0.02
 COLOR_SIGMA, COLOR_VALUE = 0.6, 0.35
 # Share of the median value below which a ridge is faint. Empirical, between the borders of rounded edges and real ones.
 FAINT = 0.4
+# Ridge points as a share of all pixels: lines 20 pixels apart all over the picture. CAD models have .006 to .01,
+# photographs and toy bricks .1 and more. A place of space lies within half a cell's diagonal, 1.5 pixels, of one by
+# chance in 2 * 1.5 * .05 = 15 % of the views; 17 of 100 and 11 of 50 views confirm an edge.
+MOST_INK = 0.05
 # Least curvature of a ridge across, relative to the value (a line whose profile has the standard deviation s pixels has
 # 1 / s²), and largest slope along it that is not the flank of another, per pixel.
 CURVATURE, FLANK = 0.07, 0.3
@@ -72,6 +76,18 @@ def without_faint(ridges: Sequence[Ridges]) -> list[Ridges]:
     values = np.concatenate([r.values for r in ridges])
     least = FAINT * float(np.median(values)) if len(values) else 0.0
     return [r[r.values > least] for r in ridges]
+
+
+def strongest(ridges: Sequence[Ridges], most: int) -> list[Ridges]:
+    """The ridges of all views without the weakest, so that so many points are left.
+
+    One bound for all views: what is strong enough in one of them mostly is in the others.
+    """
+    values = np.concatenate([r.values for r in ridges])
+    if len(values) <= most:
+        return list(ridges)
+    least = np.partition(values, len(values) - most)[len(values) - most]
+    return [r[r.values >= least] for r in ridges]
 
 
 def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:

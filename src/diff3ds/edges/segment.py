@@ -35,13 +35,21 @@ def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
     return _cut(points, pixel)
 
 
-def _best(points: Float[Array, "M 3"], pixel: float) -> tuple[Primitive, float]:
-    """The cheapest single stroke and its cost."""
-    arcs = fit_arcs(points, RISE * pixel)
-    found = [fit_line(points), *(arcs if len(arcs) == 1 else []), fit_cubic(points)]
-    costs = [_cost(p, pixel) for p in found]
-    i = int(np.argmin(costs))
-    return found[i], costs[i]
+def _best(points: Float[Array, "M 3"], pixel: float, below: float = np.inf) -> tuple[Primitive, float]:
+    """The cheapest single stroke and its cost; those of which the free numbers alone cost more are not fitted.
+
+    Args:
+        below: a higher cost is of no interest.
+    """
+    best = fit_line(points)
+    cost = _cost(best, pixel)
+    for kind in (Kind.ARC, Kind.FREE):
+        if PRICE * FREEDOM[kind] >= min(cost, below):
+            break
+        found = fit_arcs(points, RISE * pixel) if kind == Kind.ARC else [fit_cubic(points)]
+        if len(found) == 1 and _cost(found[0], pixel) < cost:
+            best, cost = found[0], _cost(found[0], pixel)
+    return best, cost
 
 
 def _cost(primitive: Primitive, pixel: float) -> float:
@@ -58,9 +66,12 @@ def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
     for stop in range(1, len(places)):
         for start in range(stop):
             part = points[places[start] : places[stop] + 1]
-            if len(part) < 3 and start > 0:
+            left = cost[stop] - cost[start]
+            # Many starts cost too much already with the cheapest stroke from there.
+            if (len(part) < 3 and start > 0) or left <= PRICE * FREEDOM[Kind.LINE]:
                 continue
-            primitive, price = _best(part, pixel) if len(part) >= 4 else (fit_line(part), float(FREEDOM[Kind.LINE]))
+            whole = len(part) >= 4
+            primitive, price = _best(part, pixel, left) if whole else (fit_line(part), float(FREEDOM[Kind.LINE]))
             if cost[start] + price < cost[stop]:
                 cost[stop] = cost[start] + price
                 last[stop] = (start, primitive)

@@ -45,7 +45,7 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     each = [slice(i * count, (i + 1) * count) for i in range(len(curves))]
     found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
-    clear = shown & ~crowded(views, x, tangents, by=np.repeat(~found, count))
+    clear = shown & ~crowded(views, x, tangents, by=np.repeat(~found, count), at=shown)
     found &= np.array([_wanders(clear[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     length = np.linalg.norm(np.diff(x.reshape(-1, count, 3), axis=1), axis=2).sum(1) / views.pixel
     narrow = [_spread(shown[:, i], normals[:, i]) for i in each]

@@ -1,7 +1,6 @@
 """Fewer, longer, fairer curves: weak and doubled ones dropped, neighbours that are one curve joined."""
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import torch
@@ -14,6 +13,7 @@ from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.ridges import Array
 from diff3ds.edges.support import part_support
+from diff3ds.edges.watch import Tick, no_tick
 
 # Lengths in pixels; all empirical.
 SAMPLES = 64
@@ -42,15 +42,18 @@ def pruned(curves: Curves, views: EdgeViews, enough: float, shortest: float) -> 
     keep = (support >= enough) & (length >= shortest * views.pixel)
     from scipy.spatial import cKDTree
 
-    kept: list[int] = []
-    for i in np.argsort(-length, kind="stable"):
-        if not keep[i]:
-            continue
-        if kept:
-            near = cKDTree(np.concatenate([resampled(samples[j], 0.3 * views.pixel) for j in kept]))
-            keep[i] = (near.query(samples[i])[0] < DOUBLED * views.pixel).mean() < DOUBLED_SHARE
-        if keep[i]:
-            kept.append(int(i))
+    order = [int(i) for i in np.argsort(-length, kind="stable") if keep[i]]
+    dense = [resampled(samples[i], 0.3 * views.pixel) for i in order]
+    if not dense:
+        return curves[torch.from_numpy(keep)]
+    rank = np.repeat(np.arange(len(order)), [len(line) for line in dense])
+    tree = cKDTree(np.concatenate(dense))
+    # Of longer curves those that stay: what doubles another goes, and doubles nothing itself.
+    longer = np.zeros(len(order), bool)
+    for place, i in enumerate(order):
+        near = tree.query_ball_point(samples[i], DOUBLED * views.pixel)
+        doubled = [longer[rank[np.asarray(places, np.int64)]].any() for places in near]
+        keep[i] = longer[place] = np.mean(doubled) < DOUBLED_SHARE
     return curves[torch.from_numpy(keep)]
 
 
@@ -86,46 +89,78 @@ class _Joint:
     piece: _Piece
 
 
-def joined(curves: Curves, pixel: float) -> Curves:
+def joined(curves: Curves, pixel: float, tick: Tick = no_tick) -> Curves:
     """Curves that continue each other become one, best fits first, until none does; arcs may close to circles."""
     pieces = _pieces(curves, pixel)
     alive = set(range(len(pieces)))
-    joints = [j for i in alive for k in range(i) if (j := _joint(pieces, i, k, pixel)) is not None]
-    while joints or (joints := _elliptic_joints(pieces, sorted(alive), pixel)):
+    joints = [j for k, i in _neighbours(pieces, sorted(alive), pixel) if (j := _joint(pieces, i, k, pixel)) is not None]
+    tried: dict[tuple[int, ...], _Joint | None] = {}
+    while joints or (joints := _elliptic_joints(pieces, sorted(alive), pixel, tried)):
+        tick(len(pieces) - len(curves), len(curves))
         best = min(joints, key=lambda joint: (joint.price, joint.members))
         alive -= set(best.members)
         joints = [j for j in joints if alive.issuperset(j.members)]
         pieces.append(best.piece)
         new = len(pieces) - 1
-        joints += [j for k in sorted(alive) if (j := _joint(pieces, new, k, pixel)) is not None]
+        near = _near_ends(pieces, best.piece.points, sorted(alive), pixel)
+        joints += [j for k in near if (j := _joint(pieces, new, k, pixel)) is not None]
         alive.add(new)
     return _curves([pieces[i] for i in sorted(alive)])
 
 
-def _elliptic_joints(pieces: list[_Piece], alive: list[int], pixel: float) -> list[_Joint]:
+def _ends(pieces: list[_Piece], rows: list[int]) -> Float[Array, "M 3"]:
+    """First and last points, one piece after the other."""
+    return np.array([pieces[i].points[end] for i in rows for end in (0, -1)]).reshape(-1, 3)
+
+
+def _neighbours(pieces: list[_Piece], rows: list[int], pixel: float) -> list[tuple[int, int]]:
+    """Pairs of pieces with ends so near that one may continue the other, the smaller number first."""
+    from scipy.spatial import cKDTree
+
+    if not rows:
+        return []
+    near = cKDTree(_ends(pieces, rows)).query_pairs(GAP * pixel, output_type="ndarray") // 2
+    pairs = np.unique(np.sort(near[near[:, 0] != near[:, 1]], axis=1), axis=0)
+    return [(rows[i], rows[k]) for i, k in pairs]
+
+
+def _near_ends(pieces: list[_Piece], points: Float[Array, "M 3"], rows: list[int], pixel: float) -> list[int]:
+    """Pieces that end so near to an end of these points that one may continue the other."""
+    if not rows:
+        return []
+    off = np.linalg.norm(_ends(pieces, rows)[:, None] - points[[0, -1]], axis=2).min(1).reshape(-1, 2).min(1)
+    return [rows[i] for i in np.nonzero(off <= GAP * pixel)[0]]
+
+
+def _elliptic_joints(
+    pieces: list[_Piece], alive: list[int], pixel: float, tried: dict[tuple[int, ...], _Joint | None]
+) -> list[_Joint]:
     """Pieces in a row that one ellipse fits: three where two say too little, or two that meet at a narrow tip.
 
     At most one of them is straight: an arc between lines is a rounded corner.
+
+    Args:
+        tried: what came of the rows that were tried before; more are added.
     """
     kind = {i: pieces[i].strokes[0].kind for i in alive}
     rows: list[tuple[tuple[int, ...], Array]] = []
-    for i, k in combinations(alive, 2):
+    for i, k in _neighbours(pieces, alive, pixel):
         half = Kind.ELLIPSE in (kind[i], kind[k])
         two = _continued(pieces[i], pieces[k], pixel, TIP if half else STRAIGHT_ON)
         if two is None:
             continue
         if half:
             rows.append(((i, k), two))
-        third = ((m, _continued(_Piece([], two), pieces[m], pixel)) for m in alive if m not in (i, k))
+        near = [m for m in _near_ends(pieces, two, alive, pixel) if m not in (i, k)]
+        third = ((m, _continued(_Piece([], two), pieces[m], pixel)) for m in near)
         rows += [((i, k, m), three) for m, three in third if three is not None]
-    found = []
     for members, points in rows:
-        if sum(kind[m] == Kind.LINE for m in members) > 1:
-            continue
-        strokes = fit_elliptic_arcs(points, pixel)
-        if strokes and _near(strokes, pixel):
-            found.append(_joint_of(pieces, members, _Piece(strokes, points), pixel))
-    return found
+        if members not in tried:
+            straight = sum(kind[m] == Kind.LINE for m in members)
+            strokes = fit_elliptic_arcs(points, pixel) if straight < 2 else []
+            good = bool(strokes) and _near(strokes, pixel)
+            tried[members] = _joint_of(pieces, members, _Piece(strokes, points), pixel) if good else None
+    return [joint for members, _ in rows if (joint := tried[members]) is not None]
 
 
 def _pieces(curves: Curves, pixel: float) -> list[_Piece]:

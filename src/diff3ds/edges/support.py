@@ -35,7 +35,7 @@ def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
     """As `part_support`, without the views where another line runs so close that neither can be placed."""
     x, tangents = samples(curves)
     shown = agreement(views, x, tangents)
-    clear = _by_parts(shown & ~crowded(views, x, tangents), len(curves))
+    clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown), len(curves))
     shown = _by_parts(shown, len(curves))
     return torch.from_numpy(np.where(clear.sum(0) >= CLEAR * shown.sum(0), clear, shown))
 
@@ -76,12 +76,14 @@ def crowded(
     tangents: Float[Array, "M 3"],
     by: Bool[NDArray[np.bool_], " M"] | None = None,
     *,
+    at: Flags | None = None,
     within: float = CROWDED,
 ) -> Flags:
     """Where another of the points, on another line of space, appears beside a point, running the same way.
 
     Args:
         by: which points count as the other; default all.
+        at: which points are asked about in which views; default all.
         within: how far beside it, pixels.
     """
     from scipy.spatial import cKDTree
@@ -91,15 +93,17 @@ def crowded(
     heading = headings(views, x, tangents, pixel)
     found = np.zeros(pixel.shape[:2], bool)
     for view in range(len(views)):
-        seen = np.nonzero(np.abs(pixel[view]).max(1) < 1e6)[0]
-        pairs = seen[cKDTree(pixel[view][seen]).query_pairs(within, output_type="ndarray")].T
-        first, second = pairs[0], pairs[1]
+        seen = np.abs(pixel[view]).max(1) < 1e6
+        asked, others = (np.nonzero(seen & which)[0] for which in (True if at is None else at[view], by))
+        own, other = (cKDTree(pixel[view][rows]) for rows in (asked, others))
+        pairs = own.sparse_distance_matrix(other, within, output_type="ndarray")
+        here, beside = asked[pairs["i"]], others[pairs["j"]]
+        # Which of the two comes first says along which of them they are apart.
+        first, second = np.minimum(here, beside), np.maximum(here, beside)
         turned = heading[view, first, 0] * heading[view, second, 1] - heading[view, first, 1] * heading[view, second, 0]
         # Across the line: a line seen from its end is no other line.
         step = x[first] - x[second]
         step = step - (step * tangents[first]).sum(1, keepdims=True) * tangents[first]
         two = np.linalg.norm(step, axis=1) > APART * views.pixel
-        beside = (np.abs(turned) < SLANT) & two
-        found[view, first[beside & by[second]]] = True
-        found[view, second[beside & by[first]]] = True
+        found[view, here[(np.abs(turned) < SLANT) & two]] = True
     return found

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from diff3ds._shapes import Float
 from diff3ds.edges.curves import Curves
 from diff3ds.edges.lookup import EdgeViews
 from diff3ds.edges.ridges import Array, Ridges
@@ -21,20 +22,24 @@ def unexplained(views: EdgeViews, ridges: Sequence[Ridges], curves: Curves) -> l
     Args:
         ridges: those of the views.
     """
-    count = int(np.ceil(_longest(curves) / (APART * views.pixel))) + 2
-    points = curves.at(torch.linspace(0, 1, count)).double().numpy()
-    tangents = np.gradient(points, axis=1).reshape(-1, 3)
+    counts = np.ceil(_lengths(curves) / (APART * views.pixel)).astype(np.int64) + 2
+    most = int(counts.max())
+    points = curves.at(torch.linspace(0, 1, most)).double().numpy()
+    tangents = np.gradient(points, axis=1)
+    # Of short curves fewer samples: all of them, for all views, would be too many.
+    owner = np.repeat(np.arange(len(curves)), counts)
+    at = np.concatenate([np.linspace(0, most - 1, count).round().astype(np.int64) for count in counts])
+    points, tangents = points[owner, at], tangents[owner, at]
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True) + 1e-12
-    points = points.reshape(-1, 3)
     pixel = views.project(points)[0]
     ahead = views.project(points + 0.1 * views.pixel * tangents)[0] - pixel
     ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12
     return [ridge[~_passed(ridge, pixel[view], ahead[view])] for view, ridge in enumerate(ridges)]
 
 
-def _longest(curves: Curves) -> float:
+def _lengths(curves: Curves) -> Float[Array, " N"]:
     polyline = curves.at(torch.linspace(0, 1, 33))
-    return float((polyline[:, 1:] - polyline[:, :-1]).norm(dim=2).sum(1).max())
+    return (polyline[:, 1:] - polyline[:, :-1]).norm(dim=2).sum(1).double().numpy()
 
 
 def _passed(ridge: Ridges, pixel: Array, ahead: Array) -> NDArray[np.bool_]:

@@ -47,6 +47,36 @@ class ShownLoss:
         return self._value
 
 
+class Lines:
+    """Reports as lines of text, where no terminal can show a bar: of a stage that goes on, one now and then."""
+
+    # Of a stage that is over sooner nobody needs a line; in a file, more lines than this are too many.
+    SHORT, EVERY = 2.0, 15.0
+
+    def __init__(self, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+        """Says nothing yet.
+
+        Args:
+            say: called with each line.
+            clock: seconds.
+        """
+        self._say, self._clock = say, clock
+        self._stage, self._due = "", math.inf
+
+    def __call__(self, progress: Progress) -> None:
+        """Reports this."""
+        now = self._clock()
+        if progress.stage != self._stage:
+            self._stage, self._due = progress.stage, now + self.SHORT
+        if now < self._due:
+            return
+        self._due = now + self.EVERY
+        of = f" {progress.done}/{progress.total}" if progress.total else ""
+        loss = "" if progress.loss is None else f", loss {progress.loss:.5g}"
+        strokes = f", {progress.strokes} strokes {progress.note}".rstrip() if progress.strokes else ""
+        self._say(f"{progress.stage}{of}{loss}{strokes}")
+
+
 class StageTimes:
     """How long the stages of a task take, one after the other."""
 

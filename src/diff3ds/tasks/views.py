@@ -100,7 +100,7 @@ def _run(
         # Killed before its first checkpoint, the new run must not go on from the old one's.
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
-    fitted = _fitted(pictures, plates, path, options, out, report)
+    fitted = _fitted(pictures, plates, path, options, out, report, say)
     shown = preview(fitted.sketch, fitted.pictures)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
@@ -140,14 +140,20 @@ def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[s
 
 
 def _fitted(
-    pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
+    pictures: PosedPictures,
+    plates: Plates | None,
+    path: Path | None,
+    options: ViewsOptions,
+    out: Path,
+    report: Report,
+    say: Callable[[str], None],
 ) -> Fitted:
     """What is reached, in the way that suits the pictures."""
     if pictures.target == "color":
         return _fit_color(pictures, plates, path, options, out, report)
     if options.init == "random":
-        return _fit_random_edges(pictures, options, out, report)
-    return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report)
+        return _fit_random_edges(pictures, options, out, report, say)
+    return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
 
 
 def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
@@ -199,7 +205,9 @@ def _fit_color(
     return Fitted(world, plan.pictures, chosen, losses, scores, stopped)
 
 
-def _fit_random_edges(pictures: PosedPictures, options: ViewsOptions, out: Path, report: Report) -> Fitted:
+def _fit_random_edges(
+    pictures: PosedPictures, options: ViewsOptions, out: Path, report: Report, say: Callable[[str], None]
+) -> Fitted:
     if pictures.target != "edges":
         raise ValueError("random curves find the lines of edge maps and drawings only: leave --init out")
     plan = plan_random_edges(pictures, options, out / CHECKPOINT)
@@ -208,7 +216,7 @@ def _fit_random_edges(pictures: PosedPictures, options: ViewsOptions, out: Path,
     if stopped:
         return Fitted(plan.frame.to_world(sketch), pictures, chosen, losses, {}, stopped)
     try:
-        clean = fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, sketch)
+        clean = fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, sketch, say)
     except KeyboardInterrupt:
         # Before anything was cleaned up.
         return Fitted(plan.frame.to_world(sketch), pictures, chosen, losses, {}, stopped=True)
