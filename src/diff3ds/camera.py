@@ -12,6 +12,7 @@ from typing import cast
 import torch
 
 from diff3ds._checks import as_numbers, check_finite
+from diff3ds._modes import check_plain, is_ordinary
 from diff3ds._shapes import Float, Tensor
 
 Angle = float | Sequence[float] | Tensor
@@ -54,6 +55,7 @@ class Cameras:
                 raise TypeError(f"{name} must be a floating point tensor, got {type(value).__name__}")
             if value.ndim != 3 or value.shape[1:] != (side, side):
                 raise ValueError(f"{name} must have shape (V, {side}, {side}), got {tuple(value.shape)}")
+        check_plain(world_to_camera=self.world_to_camera, intrinsics=self.intrinsics)
         if len(self.world_to_camera) != len(self.intrinsics):
             got = f"{len(self.world_to_camera)} and {len(self.intrinsics)}"
             raise ValueError(f"world_to_camera and intrinsics must have one matrix a view, got {got}")
@@ -123,16 +125,17 @@ class Cameras:
         """
         pose, lens = self.world_to_camera, self.intrinsics
         # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
-        # is computed. Kept from inference mode it could never be part of what has gradients.
-        learned = pose.requires_grad or lens.requires_grad
-        passing = learned or torch.is_inference_mode_enabled() or pose.is_inference() or lens.is_inference()
-        if passing or pose.device.type != "cpu":
+        # is computed.
+        if pose.device.type != "cpu" or not (is_ordinary(pose) and is_ordinary(lens)):
             return self._projection()
         # Frozen is the reference to a tensor, not what it holds.
         state = (pose.data_ptr(), pose._version, lens.data_ptr(), lens._version)
         kept = self.__dict__.get("_kept_projection")
         if kept is None or kept[0] != state:
-            kept = self.__dict__["_kept_projection"] = (state, self._projection())
+            made = self._projection()
+            if not is_ordinary(made):
+                return made
+            kept = self.__dict__["_kept_projection"] = (state, made)
         return cast(Tensor, kept[1])
 
     def _projection(self) -> Float[Tensor, "V 4 4"]:

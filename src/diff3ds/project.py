@@ -30,6 +30,11 @@ class Strokes2D:
     width_space: WidthSpace = "image"
     near: float = DEFAULT_NEAR
 
+    def detach(self) -> "Strokes2D":
+        """The same strokes without their history, and without tangents of forward mode."""
+        looks = self.half_width.detach(), self.color.detach(), self.opacity.detach()
+        return Strokes2D(self.cubics.detach(), *looks, self.width_space, self.near)
+
 
 def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
     """The strokes as every camera sees them, raised to cubics; gradients flow to the sketch and to the cameras.

@@ -9,6 +9,7 @@ import torch
 
 from diff3ds import bezier
 from diff3ds._checks import as_numbers, check_generator, kind
+from diff3ds._modes import check_plain
 from diff3ds._shapes import Float, Tensor
 
 WidthSpace = Literal["image", "world"]
@@ -68,6 +69,7 @@ class Sketch:
             "color": _filled("color", color, points, (count, 3)),
             "opacity": _filled("opacity", opacity, points, (count,)),
         }
+        check_plain(**given)
         if width_space not in get_args(WidthSpace):
             raise ValueError(f'width_space must be "image" or "world", got {width_space!r}')
         for name, value in given.items():

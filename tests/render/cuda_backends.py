@@ -32,12 +32,14 @@ def use_emulation(monkeypatch, device_for=emulated) -> None:
 def use_device(monkeypatch) -> None:
     """From now on the backend "cuda" moves tensors to the device, draws, and moves the images back."""
     assert torch.cuda.is_available(), "DIFF3DS_GPU promises a GPU, and torch sees none"
-    module = import_module("diff3ds.render.cuda.rasterize")
+    module = import_module("diff3ds.render.autograd")
     draw = module.draw
 
-    def there_and_back(drawing):
+    def there_and_back(drawing, kernels):
+        if kernels is not import_module("diff3ds.render.cuda.rasterize"):
+            return draw(drawing, kernels)
         curves, looks = (tuple(t.cuda() for t in tensors) for tensors in (drawing.curves, drawing.looks))
-        return tuple(x.cpu() for x in draw(drawing._replace(curves=curves, looks=looks)))
+        return tuple(x.cpu() for x in draw(drawing._replace(curves=curves, looks=looks), kernels))
 
     monkeypatch.setattr(module, "draw", there_and_back)
     _let_cuda_draw(monkeypatch)

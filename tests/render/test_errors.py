@@ -190,21 +190,6 @@ def test_sketch_changed_before_the_backward():
 
 
 @pytest.mark.skipif("cpu" not in available(), reason="installed without compiled kernels")
-def test_gradients_are_not_differentiated(strokes):
-    """A graph of the gradients may be asked for; what goes through the kernels' is an error, not a silent zero."""
-    width = strokes.half_width.clone().requires_grad_()
-
-    def gradient(**graph: bool) -> torch.Tensor:
-        alpha = rasterize(replace(strokes, half_width=width), 16, backend="cpu").alpha
-        return torch.autograd.grad(alpha.square().sum(), width, **graph)[0]
-
-    first = gradient(create_graph=True)
-    assert torch.equal(first, gradient())
-    with pytest.raises(RuntimeError, match="differentiate twice"):
-        first.sum().backward()
-
-
-@pytest.mark.skipif("cpu" not in available(), reason="installed without compiled kernels")
 def test_numbers_kept_with_the_opposite_sign(strokes):
     """Torch may leave a tensor as it was, marked as negated: the kernels read it as it is meant."""
     color = torch.complex(torch.zeros_like(strokes.color), -strokes.color).conj().imag

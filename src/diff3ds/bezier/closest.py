@@ -10,6 +10,7 @@ from typing import NamedTuple
 import torch
 
 from diff3ds._checks import check_finite
+from diff3ds._modes import transformed
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier.curves import bernstein, check_curves, homogeneous
 from diff3ds.bezier.pieces import (
@@ -64,8 +65,7 @@ def closest_point(
     check_finite(points=points, weights=weights, query=query)
     _check_batches(points.shape[:-2], query.shape[:-2])
     control = homogeneous(points.double(), weights.double())
-    with torch.no_grad():
-        t = closest_parameter(control, query.double())
+    t = closest_parameter(control, query.double())
     t = differentiable_parameter(control, query.double(), t)
     basis = bernstein(t, points.shape[-2] - 1) @ control
     point = basis[..., :-1] / basis[..., -1:]
@@ -87,6 +87,8 @@ def closest_parameter(control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C
 
     Only W(t) > 0 on [0, 1] is needed, inner weights may be negative. No gradients, no checks.
     """
+    # Forward mode goes on inside no_grad.
+    control, query = control.detach(), query.detach()
     batch = torch.broadcast_shapes(control.shape[:-2], query.shape[:-2])  # type: ignore[no-untyped-call]
     k, e = control.shape[-2:]
     rows = control[..., None, :, :].expand(*batch, query.shape[-2], k, e).reshape(-1, k, e)
@@ -100,32 +102,41 @@ def closest_parameter(control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C
 def differentiable_parameter(
     control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C Q D"], t: Float[Tensor, "*F Q"]
 ) -> Float[Tensor, "*F Q"]:
-    """T of closest points with its derivative by one Newton step on the stationary equation (docs eq. 6).
+    """T of closest points with its derivatives, by Newton's steps on the stationary equation (docs eq. 6).
 
-    The step leaves the value as it is; at the ends and where the equation is singular (the centre of a circle,
-    a cusp) no derivative exists and none is given.
+    The steps leave the value as it is. Each doubles the order up to which derivatives are exact: after two, first to
+    third ones. At the ends and where the equation is singular (the centre of a circle, a cusp) no derivative exists
+    and none is given.
     """
     t = t.detach()
-    if not (torch.is_grad_enabled() and (control.requires_grad or query.requires_grad)):
+    if not (transformed() or (torch.is_grad_enabled() and (control.requires_grad or query.requires_grad))):
         return t
+    residual, slope, speed2 = _stationary(control, query, t)
+    # Below 1e-6 of the squared speed the answer hangs on rounding.
+    free = ((t > 0) & (t < 1) & (slope > 1e-6 * speed2)).detach()
+    rest = residual.detach()
+    moved = t - torch.where(free, (residual - rest) / torch.where(free, slope, 1.0), 0.0)
+    residual, slope, _ = _stationary(control, query, moved)
+    return moved - torch.where(free, (residual - rest) / torch.where(free, slope, 1.0), 0.0)
+
+
+def _stationary(
+    control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C Q D"], t: Float[Tensor, "*F Q"]
+) -> tuple[Float[Tensor, "*F Q"], Float[Tensor, "*F Q"], Float[Tensor, "*F Q"]]:
+    """Half the derivative of |p(t) - q|², its derivative, and the squared speed."""
     n = control.shape[-2] - 1
     step = n * (control[..., 1:, :] - control[..., :-1, :])
     value, first = bernstein(t, n) @ control, bernstein(t, n - 1) @ step
     w, dw = value[..., -1:], first[..., -1:]
     p = value[..., :-1] / w
     velocity = (first[..., :-1] - p * dw) / w
-    residual = ((p - query) * velocity).sum(-1)
-    with torch.no_grad():
-        bend = torch.zeros_like(value)
-        if n > 1:
-            bend = bernstein(t, n - 2) @ ((n - 1) * (step[..., 1:, :] - step[..., :-1, :]))
-        acceleration = (bend[..., :-1] - 2 * velocity * dw - p * bend[..., -1:]) / w
-        speed2 = (velocity * velocity).sum(-1)
-        slope = speed2 + ((p - query) * acceleration).sum(-1)
-        # Below 1e-6 of the squared speed the answer hangs on rounding.
-        free = (t > 0) & (t < 1) & (slope > 1e-6 * speed2)
-        rate = torch.where(free, 1 / torch.where(free, slope, 1.0), 0.0)
-    return t - rate * (residual - residual.detach())
+    bend = torch.zeros_like(value)
+    if n > 1:
+        bend = bernstein(t, n - 2) @ ((n - 1) * (step[..., 1:, :] - step[..., :-1, :]))
+    acceleration = (bend[..., :-1] - 2 * velocity * dw - p * bend[..., -1:]) / w
+    speed2 = (velocity * velocity).sum(-1)
+    away = p - query
+    return (away * velocity).sum(-1), speed2 + (away * acceleration).sum(-1), speed2
 
 
 def _solve_rows(control: Float[Tensor, "R K E"], query: Float[Tensor, "R D"]) -> Float[Tensor, " R"]:

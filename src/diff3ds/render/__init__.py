@@ -10,7 +10,7 @@ from diff3ds._checks import check_generator
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
-from diff3ds.render import autograd, montecarlo, reference
+from diff3ds.render import autograd, cpu, montecarlo, reference
 from diff3ds.render.arguments import (
     Antialiasing,
     Background,
@@ -76,13 +76,17 @@ def render(
     Strokes are sorted by depth in every pixel, where they cross as well. No gradient knows of two things: of the places
     where overlapping strokes change their order in depth, and of where the near plane cuts a stroke.
 
+    Kernels have first derivatives in reverse mode (autograd, `torch.func.grad`, `vjp`, `jacrev`). Second derivatives
+    and forward mode are for `backend="reference"` with analytic antialiasing, and an error elsewhere.
+
     Where a device lacks float64, as Apple's GPUs do, strokes are drawn on the CPU and the images moved back, with a
     warning once a process.
 
     Args:
         background: gray or RGB value, or a tensor that broadcasts to (V, H, W, 3).
         antialiasing: "analytic" (exact for strips along the axes; elsewhere within about .05 of the share of a pixel
-            along an edge, .09 for lines thinner than a pixel) or "montecarlo" (the paper's estimator:
+            along an edge, .09 for lines thinner than a pixel, but .25 at their round ends and .5 in cusps and hairpins
+            of one stroke, where only the nearer part counts) or "montecarlo" (the paper's estimator:
             noisy, unbiased in colour and alpha).
         blur: standard deviation of a normal filter in pixels; gradients then reach 3.5 times as far beyond the strokes.
             0 is the box of a pixel. Analytic only.
@@ -94,6 +98,8 @@ def render(
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
             argument, the stroke, the value and what was expected.
+        RuntimeError: batched by `torch.vmap`, recorded by `torch.jit.trace` or `make_fx`, or, when the gradients are
+            used, a derivative that there is not.
     """
     if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
         got = f"{type(sketch).__name__} and {type(cameras).__name__}"
@@ -181,10 +187,9 @@ def _way(
 
 
 def _by_kernels(backend: Backend, drawing: Drawing) -> Images:
-    if backend == "cpu":
-        return autograd.draw(drawing)
-    # Imported by those who draw with it only.
-    return cast(Images, import_module("diff3ds.render.cuda.rasterize").draw(drawing))
+    # The other is imported by those who draw with it only.
+    kernels = cpu if backend == "cpu" else import_module("diff3ds.render.cuda.rasterize")
+    return autograd.draw(drawing, cast(autograd.Kernels, kernels))
 
 
 def _by_reference(strokes: Strokes2D, size: tuple[int, int], way: _Way) -> Images:

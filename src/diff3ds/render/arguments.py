@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from numbers import Real
 from typing import Literal, get_args
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
+from diff3ds._modes import check_plain
 from diff3ds._shapes import Tensor
 from diff3ds.project import Strokes2D
 
@@ -18,6 +21,8 @@ _ANTIALIASINGS = get_args(Antialiasing)
 # Coordinates in pixels beyond this cannot come from a drawing; their squares would overflow.
 MAX_COORDINATE = 1e100
 MAX_SAMPLES = 4096
+# Those of the kernels, where a call is short.
+_GRAY_DTYPES = {torch.float32: np.float32, torch.float64: np.float64}
 
 
 class InvalidStrokeError(ValueError):
@@ -49,6 +54,7 @@ def check_strokes(strokes: Strokes2D) -> None:
             raise TypeError(f"{name} must have the floating point dtype of color, {color.dtype}, got {value.dtype}")
         if value.device != cubics.device:
             raise ValueError(f"{name} must be on the device of cubics, {cubics.device}, got {value.device}")
+    check_plain(cubics=cubics, half_width=strokes.half_width, color=color, opacity=strokes.opacity)
     if strokes.width_space not in ("image", "world"):
         raise ValueError(f'width_space must be "image" or "world", got {strokes.width_space!r}')
     if not 0 < strokes.near < math.inf:
@@ -84,6 +90,7 @@ def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int
         if background.dtype != like.dtype or background.device != like.device:
             got = f"{background.dtype} on {background.device}"
             raise TypeError(f"background must be {like.dtype} on {like.device} as the colours are, got {got}")
+        check_plain(background=background)
         canvas = background
     else:
         _check_numbers(background)
@@ -117,18 +124,19 @@ def _check_numbers(background: float | Sequence[float]) -> None:
 
 
 def _gray(value: float, like: Tensor) -> Tensor:
-    if like.device.type == "cpu":
-        return _gray_on_cpu(value, like.dtype)
+    if like.device.type == "cpu" and like.dtype in _GRAY_DTYPES:
+        return torch.from_numpy(_gray_pixel(value, like.dtype))
     # Written by the device itself: a copy to it would wait, and be no part of a captured graph.
     return like.new_full((1, 1, 1, 3), value)
 
 
 @functools.lru_cache(maxsize=16)
-def _gray_on_cpu(value: float, dtype: torch.dtype) -> Tensor:
-    """Kept, since the kernels draw a few strokes in less time than torch takes to make it."""
-    # One from inference mode could not be saved for a backward later.
-    with torch.inference_mode(False):
-        return torch.full((1, 1, 1, 3), value, dtype=dtype, device="cpu")
+def _gray_pixel(value: float, dtype: torch.dtype) -> NDArray[np.floating]:
+    """Kept, since the kernels draw a few strokes in less time than torch takes to make it.
+
+    A tensor would keep what made it: a transform of torch.func, inference mode, a default device.
+    """
+    return np.full((1, 1, 1, 3), value, _GRAY_DTYPES[dtype])
 
 
 def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:

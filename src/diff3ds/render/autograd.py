@@ -1,72 +1,218 @@
-"""The compiled CPU kernels as one differentiable operation: from curves, in space or projected, to images."""
+"""Drawing by kernels as one operation of autograd and torch.func; what the kernels cannot differentiate is refused.
 
-from typing import Any, cast
+Torch takes a derivative that nobody computes for zero. Kernels know first derivatives in reverse mode alone, so second
+ones and forward mode end in an error here.
+"""
+
+from typing import Any, NoReturn, Protocol, cast, runtime_checkable
 
 import torch
-from torch.autograd.function import once_differentiable
 
+from diff3ds._modes import transformed
 from diff3ds._shapes import Tensor
-from diff3ds.render.backends import get_num_threads, kernels
 from diff3ds.render.drawing import Curves, Drawing, Images, Looks, Options
 
+# The gradient of each image, None where it is not used; then those of the looks, and of the curves.
+Upstream = tuple[Tensor | None, Tensor | None, Tensor | None]
+Gradients = tuple[Tensor | None, ...]
 
-def draw(drawing: Drawing) -> Images:
-    """Colour, alpha and depth by the CPU kernels.
+TWICE = (
+    "gradients by kernels cannot be differentiated a second time (hessian, hvp, a penalty on a gradient): draw with "
+    'backend="reference" and antialiasing="analytic"'
+)
+TWICE_SAMPLED = (
+    "gradients of Monte Carlo antialiasing are estimates that cannot be differentiated a second time: draw with "
+    'antialiasing="analytic" and backend="reference"'
+)
+FORWARD_MODE = (
+    "kernels have no derivatives in forward mode (jvp, jacfwd): use reverse mode (grad, vjp, jacrev), or draw with "
+    'backend="reference" and antialiasing="analytic"'
+)
+FORWARD_MODE_SAMPLED = (
+    "Monte Carlo antialiasing has no derivatives in forward mode (jvp, jacfwd): use reverse mode (grad, vjp, jacrev), "
+    'or antialiasing="analytic" with backend="reference"'
+)
+BATCHED = (
+    "gradients by kernels cannot be batched by is_grads_batched=True, or vectorize=True of torch.autograd.functional: "
+    "use torch.func.jacrev, or vectorize=False"
+)
+MAPPED = "drawings cannot be mapped by torch.vmap: loop, or draw all strokes as one sketch and all views at once"
+RECORDED = (
+    "drawings by kernels cannot be recorded as a graph of torch's operations (torch.jit.trace, make_fx, torch.export): "
+    "it would hold the images as constants"
+)
+
+
+@runtime_checkable
+class Kernels(Protocol):
+    """What draws and differentiates: the kernels of one kind of device."""
+
+    def forward(self, drawing: Drawing, save: bool) -> tuple[Images, Any]:
+        """The images, and if they are saved for it what the gradients need: no tuple, list or dictionary."""
+        ...
+
+    def backward(
+        self, saved: Any, upstream: Upstream, planes: tuple[Tensor, Tensor], background: Tensor, needs: tuple[bool, ...]
+    ) -> Gradients:
+        """The gradients. planes: alpha and depth; needs: of each gradient whether it is asked for."""
+        ...
+
+
+def draw(drawing: Drawing, kernels: Kernels) -> Images:
+    """Colour, alpha and depth, differentiable once.
 
     Raises:
         ValueError: a stroke with a value that cannot be drawn.
+        RuntimeError: a transform that kernels do not take part in, or a graph that is recorded.
     """
+    _refuse_recording()
     tensors = drawing.tensors()
+    if transformed():
+        return _drawn(_Draw, drawing, kernels)
     if torch.is_grad_enabled() and any(t.requires_grad for t in tensors):
-        return cast(Images, _Draw.apply(drawing.size, drawing.options, *tensors))  # type: ignore[no-untyped-call]
-    return _forward(drawing, save=False)[0]
+        return _drawn(_PlainDraw, drawing, kernels)
+    return kernels.forward(drawing, save=False)[0]
 
 
-def _forward(drawing: Drawing, save: bool) -> tuple[Images, Any]:
-    color, alpha, depth, state = _ready_kernels().forward(*drawing, save)
-    return (torch.from_numpy(color), torch.from_numpy(alpha), torch.from_numpy(depth)), state
+def _refuse_recording() -> None:
+    """Raises RuntimeError where a recorded graph would hold the images as constants."""
+    if torch._C._get_tracing_state() or torch._C._get_dispatch_mode(torch._C._TorchDispatchModeKey.PROXY):
+        raise RuntimeError(RECORDED)
 
 
-def _ready_kernels() -> Any:
-    module = kernels()
-    assert module is not None
-    module.set_threads(get_num_threads())
-    return module
+def _refuse_legacy_batches(upstream: tuple[Tensor | None, ...]) -> None:
+    if any(g is not None and torch._C._functorch.is_legacy_batchedtensor(g) for g in upstream):
+        raise RuntimeError(BATCHED)
+
+
+def _drawn(operation: type[torch.autograd.Function], drawing: Drawing, kernels: Kernels) -> Images:
+    images = operation.apply(kernels, drawing.size, drawing.options, *drawing.tensors())  # type: ignore[no-untyped-call]
+    return cast(Images, images[:3])
 
 
 class _Draw(torch.autograd.Function):
+    """From looks and curves to images, and what was saved."""
+
     @staticmethod
-    def forward(ctx: Any, size: tuple[int, int], options: Options, *tensors: Tensor) -> Images:
-        ctx.set_materialize_grads(False)
+    def forward(kernels: Kernels, size: tuple[int, int], options: Options, *tensors: Tensor) -> tuple[Any, ...]:
         looks, curves = cast(Looks, tensors[:4]), cast(Curves, tensors[4:])
-        images, ctx.state = _forward(Drawing(curves, looks, size, options), save=True)
-        # The kernels' state points to the background and the curves: saved, a change of them before the backward is an
-        # error.
-        ctx.save_for_backward(images[1], images[2], looks[3], *curves)
-        return images
+        images, saved = kernels.forward(Drawing(curves, looks, size, options), save=True)
+        return *images, saved
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Any, ...]) -> None:
+        ctx.set_materialize_grads(False)
+        ctx.kernels, _, ctx.options, *tensors = inputs
+        _, alpha, depth, ctx.saved = output
+        # What was saved points to tensors among these: held here too, a change of one before the backward is an error.
+        ctx.save_for_backward(alpha, depth, *tensors)
 
     @staticmethod
     def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
-        # Only a graph of the gradients must refuse to be differentiated; the refusal costs what tiny images feel.
-        return (_once if torch.is_grad_enabled() else _gradients)(ctx, *upstream)
+        _refuse_legacy_batches(upstream)
+        alpha, depth, *tensors = ctx.saved_tensors
+        given = (ctx.kernels, ctx.saved, ctx.options, ctx.needs_input_grad[3:], *upstream[:3], alpha, depth, *tensors)
+        # Only a graph of the gradients must refuse to be differentiated; tiny images feel what it costs.
+        as_operation = torch.is_grad_enabled() or transformed()
+        gradients = _Gradients.apply(*given) if as_operation else _Gradients.forward(*given)  # type: ignore[no-untyped-call]
+        return None, None, None, *gradients
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: object) -> NoReturn:
+        raise RuntimeError(FORWARD_MODE_SAMPLED if ctx.options.strata else FORWARD_MODE)
+
+    @staticmethod
+    def vmap(*args: object) -> NoReturn:
+        raise RuntimeError(MAPPED)
 
 
-def _gradients(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
-    alpha, depth, canvas, *_ = ctx.saved_tensors
-    needs = ctx.needs_input_grad
-    # Only the gradient of depth needs them.
-    planes = (None, None) if upstream[2] is None else (alpha, depth)
-    gradients = _ready_kernels().backward(ctx.state, upstream, planes, needs[5], needs[-1])
-    if needs[5]:
-        gradients = (*gradients[:3], _summed(gradients[3], canvas.shape), *gradients[4:])
-    return None, None, *(None if g is None else torch.from_numpy(g) for g in gradients)
+class _PlainDraw(torch.autograd.Function):
+    """The same outside torch.func: operations that serve it take torch so long that tiny images feel it."""
+
+    @staticmethod
+    def forward(ctx: Any, *inputs: Any) -> tuple[Any, ...]:
+        output = _Draw.forward(*inputs)
+        _Draw.setup_context(ctx, inputs, output)
+        return output[:3]
+
+    backward = _Draw.backward
 
 
-_once = once_differentiable(_gradients)
+class _Gradients(torch.autograd.Function):
+    """The gradients of looks and curves; they depend on all tensors, so that no derivative of theirs goes unnoticed."""
+
+    @staticmethod
+    def forward(kernels: Kernels, saved: Any, options: Options, needs: tuple[bool, ...], *tensors: Any) -> Gradients:
+        upstream, planes, background = tensors[:3], tensors[3:5], tensors[8]
+        return kernels.backward(saved, upstream, planes, background, needs)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Any, ...]) -> None:
+        ctx.options = inputs[2]
+
+    @staticmethod
+    def backward(ctx: Any, *upstream: object) -> NoReturn:
+        raise RuntimeError(TWICE_SAMPLED if ctx.options.strata else TWICE)
+
+    jvp = _Draw.jvp
+
+    @staticmethod
+    def vmap(info: Any, in_dims: tuple[Any, ...], *given: Any) -> tuple[Gradients, tuple[int | None, ...]]:
+        """One after the other: the rows of a Jacobian."""
+
+        def row(k: int) -> Gradients:
+            return cast(Gradients, _Gradients.apply(*(_at(k, *pair) for pair in zip(given, in_dims, strict=True))))  # type: ignore[no-untyped-call]
+
+        columns = zip(*map(row, range(info.batch_size)), strict=True)
+        gradients = tuple(None if column[0] is None else torch.stack(column) for column in columns)
+        return gradients, tuple(None if g is None else 0 for g in gradients)
 
 
-def _summed(gradient: Any, shape: tuple[int, ...]) -> Any:
-    """The gradient of what was expanded from a shape. Numpy's sums do not depend on the number of threads."""
-    axes = tuple(k for k, n in enumerate(shape) if n == 1)
-    total = gradient.sum(axis=axes, keepdims=True, dtype="float64") if axes else gradient
-    return total.astype(gradient.dtype, copy=False)
+def _at(k: int, value: Any, axis: Any) -> Any:
+    """Item k of what is batched along an axis."""
+    return value if axis is None or not isinstance(value, Tensor) else value.select(axis, k)
+
+
+def sampled(tensors: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    """The same tensors, from which an estimate is made that has first derivatives in reverse mode only."""
+    return cast(tuple[Tensor, ...], _Sampled.apply(*tensors))  # type: ignore[no-untyped-call]
+
+
+class _Sampled(torch.autograd.Function):
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(*tensors: Tensor) -> tuple[Tensor, ...]:
+        return tuple(t.view_as(t) for t in tensors)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Tensor, ...], output: tuple[Tensor, ...]) -> None:
+        ctx.save_for_backward(*inputs)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, ...]:
+        return cast(tuple[Tensor, ...], _Estimates.apply(len(gradients), *gradients, *ctx.saved_tensors))  # type: ignore[no-untyped-call]
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: object) -> NoReturn:
+        raise RuntimeError(FORWARD_MODE_SAMPLED)
+
+
+class _Estimates(torch.autograd.Function):
+    """The first tensors, gradients; they depend on all, so that no derivative of theirs goes unnoticed."""
+
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(count: int, *tensors: Tensor) -> tuple[Tensor, ...]:
+        return tuple(t.view_as(t) for t in tensors[:count])
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
+        pass
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: object) -> NoReturn:
+        raise RuntimeError(TWICE_SAMPLED)
+
+    jvp = _Sampled.jvp

@@ -68,6 +68,7 @@ def moving_parameter(strokes: Strokes2D, hits: Hits) -> Tensor:
 @torch.no_grad()
 def find_near(strokes: Strokes2D, size: tuple[int, int], reach: float) -> Near:
     """All (span, pixel) of which the pixel may hold a point within `reach` px of the stroke's edge."""
+    strokes = strokes.detach()
     spans = visible_spans(strokes.cubics, strokes.near)
     control = span_controls(strokes, spans)
     far = _largest_half_width(strokes, spans, control) + reach
@@ -89,6 +90,7 @@ def closest_hits(
     reach: float,
 ) -> Hits:  # fmt: skip
     """Hits of points with the strokes in rows of `near`: each once, at its closest visible point, if in reach."""
+    strokes = strokes.detach()
     spans, span = near.spans, near.span[rows]
     control = span_controls(strokes, spans)[..., :3]
     blocks = zip(torch.split(span, SOLVE_BLOCK), torch.split(position, SOLVE_BLOCK), strict=True)

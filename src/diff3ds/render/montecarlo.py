@@ -5,10 +5,14 @@ the interior term (autograd, for colour, opacity and depth) and the Reynolds bou
 images as zeros with the right derivative (docs/explanation/mathematics.md, eq. 10 to 12).
 """
 
+from dataclasses import replace
+
 import torch
 
+from diff3ds._modes import transformed
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
+from diff3ds.render.autograd import sampled
 from diff3ds.render.drawing import Images
 from diff3ds.render.hits import (
     Hits,
@@ -30,10 +34,12 @@ def rasterize(
     strokes: Strokes2D, size: tuple[int, int], background: Float[Tensor, "V1 H1 W1 3"], strata: int, seed: int
 ) -> Images:
     """As `reference.rasterize` with strata x strata samples a pixel; the same seed gives the kernels' samples."""
+    cubics, half_width, color, opacity = sampled((strokes.cubics, strokes.half_width, strokes.color, strokes.opacity))
+    strokes = replace(strokes, cubics=cubics, half_width=half_width, color=color, opacity=opacity)
     near = find_near(strokes, size, 0.0)
     count = len(strokes.cubics) * size[0] * size[1]
     sums = torch.stack([_stratum(strokes, near, size, strata, s, seed) for s in range(strata**2)]).mean(0)
-    if torch.is_grad_enabled() and (strokes.cubics.requires_grad or strokes.half_width.requires_grad):
+    if transformed() or (torch.is_grad_enabled() and (cubics.requires_grad or half_width.requires_grad)):
         outline = sample_outline(strokes, near.spans, strata, seed).on_image(size)
         jump = outline_jump(strokes, near, outline, size)
         moved = ((outline.position - outline.position.detach()) * outline.normal).sum(-1)

@@ -6,10 +6,12 @@ in blocks, and the shading is computed again in the backward pass. Equations: do
 
 import math
 from collections.abc import Callable
+from typing import cast
 
 import torch
 from torch.utils.checkpoint import checkpoint
 
+from diff3ds._modes import transformed
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
 from diff3ds.render.drawing import Images
@@ -19,6 +21,8 @@ from diff3ds.render.hits import Hits, closest_hits, find_near, half_width_at, mo
 BLUR_REACH = 3.5
 # Pixels with less ink than this have no depth.
 MIN_ALPHA = 1e-6
+# Distances (px) are rounded up to it, which changes no coverage by more than rounding does.
+MIDDLE = 1e-8
 # Hits (padded to the longest list) shaded at a time.
 SHADE_BLOCK = 1 << 17
 
@@ -34,7 +38,8 @@ def rasterize(
 
     def shade(hits: Hits) -> tuple[Tensor, Tensor]:
         position, depth = point_on_stroke(strokes, hits, moving_parameter(strokes, hits))
-        distance = torch.linalg.vector_norm(hits.position - position, dim=-1)
+        # In the middle of a stroke a norm has no second derivative; the coverage, which is even in it, has.
+        distance = ((hits.position - position).square().sum(-1) + MIDDLE**2).sqrt()
         return coverage(distance, half_width_at(strokes, hits.view, hits.stroke, depth), blur), depth
 
     sums = composite_points(strokes, hits, shade, len(strokes.cubics) * size[0] * size[1])
@@ -104,11 +109,15 @@ def composite_points(
     # Where nothing is hit the gradients of all tensors are zero, not an error.
     tensors = (strokes.cubics, strokes.half_width, strokes.color, strokes.opacity)
     sums = nothing.expand(count, 6) + sum(t[:0].sum().to(dtype) for t in tensors)
-    parts = [
-        checkpoint(block, hits.where(slice(a, b)), counts[i:j], use_reentrant=False, preserve_rng_state=False)
-        for a, b, i, j in _blocks(counts)
-    ]
+    parts = [_block_of(block, hits.where(slice(a, b)), counts[i:j]) for a, b, i, j in _blocks(counts)]
     return sums.index_put((points,), torch.cat(parts)) if parts else sums
+
+
+def _block_of(block: Callable[[Hits, Tensor], Tensor], hits: Hits, counts: Int[Tensor, " M"]) -> Tensor:
+    """A block, computed again in the backward pass; but not for torch.func and forward mode, which forbid it."""
+    if transformed():
+        return block(hits, counts)
+    return cast(Tensor, checkpoint(block, hits, counts, use_reentrant=False, preserve_rng_state=False))
 
 
 def composite(

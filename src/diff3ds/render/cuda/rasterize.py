@@ -1,18 +1,19 @@
-"""The CUDA kernels as one differentiable operation: from curves, in space or projected, to images."""
+"""The CUDA kernels as `autograd` takes them: from curves, in space or projected, to images, and back."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple, cast
+from dataclasses import dataclass
+from typing import cast
 
 import torch
-from torch.autograd.function import once_differentiable
 
 from diff3ds._shapes import Tensor
 from diff3ds.render.arguments import InvalidStrokeError
+from diff3ds.render.autograd import Gradients, Upstream
 from diff3ds.render.cuda.device import Device, device_for
 from diff3ds.render.cuda.job import COUNTERS, Arrays, Job, Shape
 from diff3ds.render.cuda.limits import Limits
-from diff3ds.render.drawing import Curves, Drawing, Images, Looks, Options
+from diff3ds.render.drawing import Drawing, Images, Options
 from diff3ds.render.reference import blur_sigma, reach
 
 # Lists that the forward pass counts.
@@ -32,21 +33,8 @@ GRADIENTS = {
 _limits: dict[tuple[object, ...], Limits] = {}
 
 
-def draw(drawing: Drawing) -> Images:
-    """Colour, alpha and depth.
-
-    Raises:
-        InvalidStrokeError: a stroke with a value that cannot be drawn, in this call or, once calls no longer wait for
-            the device, in one before.
-        RuntimeError: a graph is captured, and no drawing before it has shown how much memory this one needs.
-    """
-    tensors = drawing.tensors()
-    if torch.is_grad_enabled() and any(t.requires_grad for t in tensors):
-        return cast(Images, _Draw.apply(drawing.size, drawing.options, *tensors))  # type: ignore[no-untyped-call]
-    return _forward(drawing, save=False)[0]
-
-
-class _Drawn(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Drawn:
     """What a forward pass leaves: the job, what it points to, and what ran it."""
 
     job: Job
@@ -58,7 +46,14 @@ class _Drawn(NamedTuple):
     device: Device
 
 
-def _forward(drawing: Drawing, save: bool) -> tuple[Images, _Drawn]:
+def forward(drawing: Drawing, save: bool) -> tuple[Images, _Drawn]:
+    """The images, and what `backward` needs of them.
+
+    Raises:
+        InvalidStrokeError: a stroke with a value that cannot be drawn, in this call or, once calls no longer wait for
+            the device, in one before.
+        RuntimeError: a graph is captured, and no drawing before it has shown how much memory this one needs.
+    """
     color, size = drawing.looks[1], drawing.size
     shape = _shape(drawing, save)
     device = device_for(color.device, color.dtype)
@@ -108,7 +103,9 @@ def _remembered(shape: Shape, like: Tensor, device: Device) -> Limits:
     if key not in _limits:
         if device.capturing():
             raise _unknown_needs(shape)
-        _limits[key] = Limits(device.report(COUNTERS))
+        # Kept: inference mode and a default device of the first drawing have no part in it.
+        with torch.inference_mode(False), torch.device("cpu"):
+            _limits[key] = Limits(device.report(COUNTERS))
     _limits[key].guess(shape)
     return _limits[key]
 
@@ -181,31 +178,21 @@ def _run(device: Device, job: Job, work: list[Arrays], lengths: dict[str, int], 
     device.launch([*launches, ("conclude_drawing", device.strides)], job)
 
 
-class _Draw(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, size: tuple[int, int], options: Options, *tensors: Tensor) -> Images:
-        ctx.set_materialize_grads(False)
-        looks, curves = cast(Looks, tensors[:4]), cast(Curves, tensors[4:])
-        images, ctx.drawn = _forward(Drawing(curves, looks, size, options), save=True)
-        # The job points to them: saved, they live, and a change of one before the backward is an error.
-        ctx.save_for_backward(images[1], images[2], looks[3], *curves)
-        return images
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
-        background = ctx.saved_tensors[2]
-        # Looks, then curves, as they were given; contiguous, whatever those were.
-        inputs = {name: t for name, t in ctx.drawn.inputs.items() if name in GRADIENTS}
-        gradients = {GRADIENTS[name]: torch.empty_like(t) for name, t in inputs.items()}
-        # The others come along with these; these cost.
-        for place, name in ((5, "g_background"), (-1, "g_matrices")):
-            if not ctx.needs_input_grad[place]:
-                gradients.pop(name, None)
-        _backward(ctx.drawn, upstream, gradients)
-        if "g_background" in gradients:
-            gradients["g_background"] = _summed(gradients["g_background"], background)
-        return None, None, *(gradients.get(GRADIENTS[name]) for name in inputs)
+def backward(
+    drawn: _Drawn, upstream: Upstream, planes: tuple[Tensor, Tensor], background: Tensor, needs: tuple[bool, ...]
+) -> Gradients:
+    """Gradients of the looks and of the curves."""
+    # Looks, then curves, as they were given; contiguous, whatever those were.
+    inputs = {name: t for name, t in drawn.inputs.items() if name in GRADIENTS}
+    gradients = {GRADIENTS[name]: torch.empty_like(t) for name, t in inputs.items()}
+    # The others come along with these; these cost.
+    for place, name in ((3, "g_background"), (-1, "g_matrices")):
+        if not needs[place]:
+            gradients.pop(name, None)
+    _backward(drawn, upstream, gradients)
+    if "g_background" in gradients:
+        gradients["g_background"] = _summed(gradients["g_background"], background)
+    return tuple(gradients.get(GRADIENTS[name]) for name in inputs)
 
 
 def _summed(gradient: Tensor, background: Tensor) -> Tensor:
@@ -215,10 +202,10 @@ def _summed(gradient: Tensor, background: Tensor) -> Tensor:
     return total.to(background.dtype)
 
 
-def _backward(drawn: _Drawn, upstream: tuple[Tensor | None, ...], gradients: dict[str, Tensor]) -> None:
+def _backward(drawn: _Drawn, upstream: Upstream, gradients: dict[str, Tensor]) -> None:
     """Fills the gradients, those of the inputs by name."""
-    job, _, kept, lengths, shape, limits, device = drawn
-    job, place = job.copy(), kept[0].memory.device
+    kept, lengths, shape, limits, device = drawn.work, drawn.lengths, drawn.shape, drawn.limits, drawn.device
+    job, place = drawn.job.copy(), kept[0].memory.device
     given = {
         name: None if g is None else g.contiguous()
         for name, g in zip(("g_color", "g_alpha", "g_depth"), upstream, strict=True)
