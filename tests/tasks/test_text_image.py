@@ -332,7 +332,7 @@ def test_wrong_input_is_refused_before_any_file_is_written(checkpoints, drawing,
     for arguments, message in [
         (["text", " ", *command("mvdream", checkpoints, drawing, out)[2:]], "phrase"),
         (["text", "chair " * 60, *command("mvdream", checkpoints, drawing, out)[2:]], "77"),
-        (["image", str(clear), *command("zero123", checkpoints, drawing, out)[2:]], "nothing"),
+        (["image", str(clear), *command("zero123", checkpoints, drawing, out)[2:]], "transparent everywhere"),
         (["image", str(text), *command("zero123", checkpoints, drawing, out)[2:]], "cannot be read as a picture"),
         (["image", str(tmp_path / "none.png"), *command("zero123", checkpoints, drawing, out)[2:]], "none.png"),
         (command("zero123", checkpoints, drawing, out, "--prior", "mvdream"), "this command needs one of zero123"),
