@@ -28,10 +28,10 @@ from report import environment, show, write_json
 
 import diff3ds as ds
 from diff3ds.library import CATEGORIES
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import exemplars_of
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.text import text_to_sketch
+from diff3ds.tasks.exact_prior.exemplars import exemplars_of
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.text import text_to_sketch
 
 CATEGORIES_SHOWN = ("chair", "lamp", "house", "mug")
 RECIPES: dict[str, dict[str, Any]] = {

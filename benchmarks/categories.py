@@ -33,11 +33,11 @@ from scipy.spatial import cKDTree
 
 import diff3ds as ds
 from diff3ds.library import CATEGORIES, member
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import exemplars_of
-from diff3ds.tasks.prior_data import combinations
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.text import text_to_sketch
+from diff3ds.tasks.exact_prior.exemplars import exemplars_of
+from diff3ds.tasks.small_prior.prior_data import combinations
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.text import text_to_sketch
 
 POOL, POOL_SEEDS, KIND_POOL, THIN = 24, 3_000_000, 6, 8
 COLUMNS = ("F5", "F2", "chamfer_percent", "fresh_chamfer_percent", "top1", "views", "strokes", "seconds")

@@ -19,15 +19,15 @@ import numpy as np
 import torch
 from curve_scores import CENTRE_ERROR, LEAST_ANGLE, LEAST_RADIUS, RADIUS_ERROR
 
-from diff3ds.edges.bias import Bias, corrected, outline_sides
-from diff3ds.edges.lookup import EdgeViews, edge_views
-from diff3ds.edges.offsets import near_joints
-from diff3ds.edges.placing import LOOKS, circle_at, shown_of, undisturbed
-from diff3ds.edges.primitives import Circle, angles_of
-from diff3ds.edges.support import agreement, crowded
-from diff3ds.tasks.edges import ridges_of
-from diff3ds.tasks.frame import Frame, frame_of
-from diff3ds.tasks.posed import find_transforms, load_posed
+from diff3ds.edges.evidence.bias import Bias, corrected, outline_sides
+from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
+from diff3ds.edges.evidence.support import agreement, crowded
+from diff3ds.edges.measure.fit_ridges import LOOKS, circle_at, shown_of, undisturbed
+from diff3ds.edges.measure.offsets import near_joints
+from diff3ds.edges.shapes.primitives import Circle, angles_of
+from diff3ds.pictures.dataset import find_transforms, load_posed
+from diff3ds.pictures.frame import Frame, frame_of
+from diff3ds.tasks.views.edge_sketch import ridges_of
 
 # Places along every curve.
 PLACES = 60

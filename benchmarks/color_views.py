@@ -21,15 +21,15 @@ from occlusion_scenes import caged_ball, linked_rings, pictures_of
 from report import environment, say, show, write_json
 
 import diff3ds as ds
-from diff3ds.fit import fit
 from diff3ds.formats import save_png, tile_images
 from diff3ds.losses import psnr
 from diff3ds.metrics.ssim import ssim
+from diff3ds.optimize.fit import fit
+from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import rasterize
-from diff3ds.tasks.color import plan_color
-from diff3ds.tasks.plan import Plan, ViewsOptions
-from diff3ds.tasks.posed import PosedPictures, load_posed
+from diff3ds.tasks.views.color_sketch import plan_color
+from diff3ds.tasks.views.plan import Plan, ViewsOptions
 
 RESULTS = Path(__file__).parent / "results" / "color_views.json"
 TRAINING, HELD_OUT = 60, 15

@@ -29,8 +29,8 @@ import diff3ds as ds
 from diff3ds.bezier import evaluate
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.library.members import member
-from diff3ds.tasks.distill import Commission, distill
-from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.distillation import Commission, distill
 
 SHAPES = ("chair", "table", "house", "mug", "lamp", "car", "bottle", "rocket")
 SIZE, WIDTH, GUIDANCE = 64, 0.05, 50.0

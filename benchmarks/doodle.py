@@ -27,9 +27,9 @@ from diff3ds.formats import save_png
 from diff3ds.metrics.clip_resnet import ClipResnet
 from diff3ds.metrics.feature_stacks import untrained_stack
 from diff3ds.metrics.vgg_distance import Variant
-from diff3ds.tasks.doodle import DoodleOptions, fit_doodle
-from diff3ds.tasks.evaluate import evaluate
-from diff3ds.tasks.judges import JudgeOptions
+from diff3ds.tasks.evaluate.evaluate import evaluate
+from diff3ds.tasks.evaluate.judges import JudgeOptions
+from diff3ds.tasks.views.doodle import DoodleOptions, fit_doodle
 
 RESULTS = Path(__file__).parent / "results" / "doodle.json"
 OBJECTS = {"ball": caged_ball, "rings": linked_rings}

@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 import diff3ds as ds
 from diff3ds.library import CATEGORIES
-from diff3ds.tasks.prior_data import BuiltIn
+from diff3ds.tasks.small_prior.prior_data import BuiltIn
 
 # The seed of `diff3ds prior train`, and another one.
 SEEDS = {"training": 0, "other": 1}
@@ -37,7 +37,7 @@ def drawn(seed: int, first: int, count: int) -> list[tuple[str, np.ndarray]]:
     torch.set_num_threads(1)
     found = []
     for index in range(first, first + count):
-        # As diff3ds.tasks.prior_data.Examples draws them.
+        # As diff3ds.tasks.small_prior.prior_data.Examples draws them.
         (mixed,) = np.random.SeedSequence([seed, index]).generate_state(1)
         sketch, words = BuiltIn().draw(torch.Generator().manual_seed(int(mixed)))
         category = next(word for word in words if word in CATEGORIES)

@@ -5,8 +5,8 @@ import math
 import torch
 
 import diff3ds as ds
-from diff3ds.tasks.posed import PosedPictures
-from diff3ds.tasks.store import store_of
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.store import store_of
 
 COLORS = torch.tensor(
     [[0.86, 0.24, 0.2], [0.96, 0.66, 0.15], [0.25, 0.6, 0.35], [0.16, 0.45, 0.75], [0.5, 0.27, 0.6], [0.2, 0.2, 0.2]]

@@ -20,10 +20,10 @@ import torch
 from report import say, show
 
 from diff3ds.cli import main as diff3ds
-from diff3ds.tasks.distill import CHECKPOINT
-from diff3ds.tasks.evaluate import OWN, EvaluateOptions, evaluate, prompt_file, read_prompts
-from diff3ds.tasks.judges import JudgeOptions, load_judges, require_networks
-from diff3ds.tasks.score_table import Summary, columns_of, summaries
+from diff3ds.tasks.evaluate.evaluate import OWN, EvaluateOptions, evaluate, prompt_file, read_prompts
+from diff3ds.tasks.evaluate.judges import JudgeOptions, load_judges, require_networks
+from diff3ds.tasks.evaluate.score_table import Summary, columns_of, summaries
+from diff3ds.tasks.text_image.distillation import CHECKPOINT
 
 # Options of every method of a table; those of the paper, unless another one is compared. The prior is always named:
 # without a GPU another one would be taken, with another preset. DreamFusion draws timesteps from .02 to .98 all the

@@ -13,8 +13,8 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.tasks.posed import load_posed
-from diff3ds.tasks.pyramid import build_pyramid
+from diff3ds.pictures.dataset import load_posed
+from diff3ds.pictures.pyramid import build_pyramid
 
 # Views, (height, width), format, and the size they are reduced to.
 CASES = (

@@ -34,13 +34,13 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
-from diff3ds.tasks import recognise as recogniser
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.image import ImageOptions, image_to_sketch
-from diff3ds.tasks.lines import Lines, lines_of
-from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.recognise import DISTANCE, described, matches, recognise
+from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.tasks.recognition import recognise as recogniser
+from diff3ds.tasks.recognition.lines import Lines, lines_of
+from diff3ds.tasks.recognition.recognise import DISTANCE, described, matches, recognise
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.image import ImageOptions, image_to_sketch
+from diff3ds.tasks.text_image.priors import PriorOptions
 
 # Of the first member; the recogniser's tables and pools have seeds below 100.
 FIRST_SEED, SIZE = 1000, 512

@@ -32,9 +32,9 @@ from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.sketch import DEFAULT_WIDTH
-from diff3ds.tasks.distill import Commission, distill
-from diff3ds.tasks.distill_options import PRESETS, DistillOptions
 from diff3ds.tasks.progress import Progress
+from diff3ds.tasks.text_image.distill_options import PRESETS, DistillOptions
+from diff3ds.tasks.text_image.distillation import Commission, distill
 
 FACTOR, VIEWS, GUIDANCE = 8, 4, 50.0
 # Views of a step, their size, and the published seconds of a step.

@@ -11,8 +11,8 @@ import torch
 
 import diff3ds as ds
 from diff3ds.formats import save_png, tile_images
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.text import text_to_sketch
+from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.text import text_to_sketch
 
 PHRASES = {
     "a chair with armrests": 35,

@@ -11,9 +11,9 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.random_edges import plan_random_edges
-from diff3ds.tasks.views import demo_pictures
+from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.random_start import plan_random_edges
+from diff3ds.tasks.views.run import demo_pictures
 
 FRAMES, TURN = 45, 45
 folder = Path(*sys.argv[1:2])

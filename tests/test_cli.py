@@ -14,8 +14,8 @@ import diff3ds as ds
 from diff3ds import cli
 from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
-from diff3ds.tasks import views
 from diff3ds.tasks.progress import Progress
+from diff3ds.tasks.views import run as views
 
 COMMANDS = ["text", "image", "views", "eval", "prior", "fetch", "doctor"]
 

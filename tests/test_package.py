@@ -16,9 +16,9 @@ MODULES = {
     for path in sorted(SOURCE.glob("diff3ds/**/*.py"))
 }
 
-# What each part (a module or folder right under the package) may import: cli -> tasks -> {fit, guidance, losses,
-# formats, viewer}; fit -> render, refine, losses; render -> project -> {bezier, camera, sketch}. "diff3ds" stands for
-# the list of public names. A new part needs a line here.
+# What each part (a module or folder right under the package) may import: cli -> tasks -> everything below; edges and
+# pictures -> optimize, formats -> render -> project -> {bezier, camera, sketch}; guidance and metrics -> weights.
+# "diff3ds" stands for the list of public names. A new part needs a line here.
 HELPERS = {"_checks", "_files", "_shapes"}
 SCENE = {"bezier", "camera", "sketch"} | HELPERS
 ALLOWED = {
@@ -30,26 +30,26 @@ ALLOWED = {
     "_start": {"cli"},
     "bezier": {"_checks", "_shapes"},
     "camera": HELPERS,
-    "transforms": {"camera"} | HELPERS,
+    "frames": {"camera"} | HELPERS,
+    "transforms": {"camera", "frames"} | HELPERS,
     "sketch": {"bezier", "_checks", "_shapes"},
     "project": SCENE,
     "render": {"project"} | SCENE,
     "losses": SCENE,
-    "refine": {"project"} | SCENE,
-    "density": {"refine", "render", "project"} | SCENE,
     "library": SCENE,
-    "metrics": {"_clip_text"} | SCENE,
-    "checkpoint": {"refine"} | SCENE,
-    "edges": {"fit", "render", "project"} | SCENE,
-    "fit": {"render", "project", "refine", "losses", "checkpoint"} | SCENE,
+    "weights": HELPERS,
+    "metrics": {"weights", "_clip_text"} | SCENE,
+    "optimize": {"render", "project", "losses"} | SCENE,
     "formats": {"render", "project"} | SCENE,
-    "viewer": {"formats", "render", "project"} | SCENE,
+    "pictures": {"formats", "render", "transforms"} | SCENE,
+    "edges": {"optimize", "render", "project"} | SCENE,
+    "surfaces": {"edges"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
-    "guidance": {"camera", "_clip_text"} | HELPERS,
-    "diff3ds": {"fit", "formats", "losses", "refine", "render", "project", "transforms"} | SCENE,
-    "tasks": {"diff3ds", "edges", "fit", "guidance", "losses", "formats", "viewer", "metrics", "library", "checkpoint",
-              "refine", "density", "render", "project", "transforms", "_options"} | SCENE,
-    "cli": {"diff3ds", "tasks", "fit", "sketch", "_options"},
+    "guidance": {"camera", "weights", "_clip_text"} | HELPERS,
+    "diff3ds": {"optimize", "formats", "losses", "render", "project", "transforms"} | SCENE,
+    "tasks": {"diff3ds", "edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses", "formats",
+              "metrics", "library", "render", "project", "transforms", "_options"} | SCENE,
+    "cli": {"diff3ds", "tasks", "weights", "pictures", "optimize", "sketch", "_options"},
 }  # fmt: skip
 
 
@@ -101,7 +101,7 @@ print(json.dumps([sorted(after - before - set(sys.stdlib_module_names)), loaded]
 """
     added, loaded = json.loads(_run(script))
     assert added == ["diff3ds"]
-    assert not {"cli", "tasks", "guidance", "viewer"} & {_part(name) for name in loaded}
+    assert not {"cli", "tasks", "guidance", "edges"} & {_part(name) for name in loaded}
 
 
 def test_the_public_names_come_when_they_are_used():
@@ -110,7 +110,7 @@ import json, sys
 import diff3ds as ds
 early = "torch" in sys.modules
 listed = [name for name in ds.__all__ if name not in dir(ds)]
-import diff3ds.fit, diff3ds.project, diff3ds.render  # modules do not take the functions' places
+import diff3ds.optimize.fit, diff3ds.project, diff3ds.render  # modules do not take the functions' places
 missing = [name for name in ds.__all__ if not hasattr(ds, name)]
 print(json.dumps([early, listed, missing, callable(ds.fit), callable(ds.project), callable(ds.render)]))
 """
@@ -138,7 +138,7 @@ def test_no_module_imports_itself_in_a_circle():
 
 def _trusted_loads() -> list[ast.AST]:
     """torch.load in the one function that may have it: called once, and there with weights_only."""
-    module = _tree(MODULES["diff3ds.guidance.loading"])
+    module = _tree(MODULES["diff3ds.weights.read"])
     (function,) = (n for n in ast.walk(module) if isinstance(n, ast.FunctionDef) and n.name == "unpickle")
     (call,) = (n for n in ast.walk(function) if isinstance(n, ast.Call) and ast.unparse(n.func) == "torch.load")
     assert any(k.arg == "weights_only" and ast.unparse(k.value) == "True" for k in call.keywords)

@@ -26,7 +26,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["diff3ds.cli", "numpy", "diff3ds.tasks.views"])
+@pytest.mark.parametrize("module", ["diff3ds.cli", "numpy", "diff3ds.tasks.views.run"])
 def test_ctrl_c_while_it_loads_ends_it_without_a_word(module):
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, module, "doctor"], capture_output=True, text=True, timeout=300, check=False

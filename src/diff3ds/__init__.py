@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
     from diff3ds import bezier
     from diff3ds.camera import Cameras, look_at, orbit
-    from diff3ds.fit import FitConfig, Rates, Step, fit
     from diff3ds.formats import load, save
+    from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
+    from diff3ds.optimize.strokes import NoiseDeletion
     from diff3ds.project import Strokes2D, project
-    from diff3ds.refine import NoiseDeletion
     from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
     from diff3ds.sketch import Sketch
     from diff3ds.transforms import load_transforms, save_transforms
@@ -51,10 +51,10 @@ __all__ = [
 # In which module each public name is.
 _HOMES = {
     **dict.fromkeys(("Cameras", "look_at", "orbit"), "camera"),
-    **dict.fromkeys(("FitConfig", "Rates", "Step", "fit"), "fit"),
+    **dict.fromkeys(("FitConfig", "Rates", "Step", "fit"), "optimize.fit"),
     **dict.fromkeys(("load", "save"), "formats"),
     **dict.fromkeys(("Strokes2D", "project"), "project"),
-    "NoiseDeletion": "refine",
+    "NoiseDeletion": "optimize.strokes",
     **dict.fromkeys(
         ("Rendering", "available_backends", "get_num_threads", "rasterize", "render", "set_num_threads"), "render"
     ),

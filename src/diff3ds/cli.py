@@ -16,21 +16,21 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds import __version__
 from diff3ds._options import as_typed, read_options
+from diff3ds.pictures.reference_picture import PictureOptions
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.distill_options import DistillOptions
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
-from diff3ds.tasks.doodle import DoodleOptions, fit_doodle
-from diff3ds.tasks.evaluate import EvaluateOptions, evaluate
-from diff3ds.tasks.fetch import FetchOptions, Transfer, fetch, notice
-from diff3ds.tasks.image import ImageOptions, image_to_sketch
-from diff3ds.tasks.judges import JudgeOptions
-from diff3ds.tasks.picture import PictureOptions
-from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.prior_train import TrainOptions, train_prior
-from diff3ds.tasks.priors import PriorOptions
+from diff3ds.tasks.evaluate.evaluate import EvaluateOptions, evaluate
+from diff3ds.tasks.evaluate.judges import JudgeOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
-from diff3ds.tasks.text import TextOptions, text_to_sketch
-from diff3ds.tasks.views import fit_views
+from diff3ds.tasks.small_prior.prior_train import TrainOptions, train_prior
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.image import ImageOptions, image_to_sketch
+from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.text import TextOptions, text_to_sketch
+from diff3ds.tasks.views.doodle import DoodleOptions, fit_doodle
+from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.run import fit_views
+from diff3ds.weights.fetch import FetchOptions, Transfer, fetch, notice
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
 FAULT, STOPPED = 1, 130

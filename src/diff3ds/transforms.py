@@ -51,7 +51,7 @@ class View:
 
     Attributes:
         picture: file.
-        mask: file that is black where the picture does not count, or shows background (`tasks/masks.py`); or None.
+        mask: file that is black where the picture does not count, or shows background (`pictures/masks.py`); or None.
         size: (height, width) of the picture in pixels.
         world_to_camera: float64, OpenCV axes.
         intrinsics: float64, in pixels of the picture.

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from edge_scenes import around, box_edges, box_shown, lines_between, project, ridges_along, turned
 
-from diff3ds.edges.bias import Bias, corrected, estimate_bias, outline_sides
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.ridges import Ridges
+from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.ridges import Ridges
 
 CAMERAS = around(24, 160)
 HALF, ROTATION = np.array([0.55, 0.4, 0.6]), turned(2)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from edge_scenes import arc, segment
 
-from diff3ds.edges.chains import follow_chains, polyline_length, resampled
-from diff3ds.edges.triangulate import EdgePoints
+from diff3ds.edges.first.chains import follow_chains, polyline_length, resampled
+from diff3ds.edges.first.triangulate import EdgePoints
 
 
 def edge_points(*lines, scatter=0.0):

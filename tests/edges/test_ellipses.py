@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
-from diff3ds.edges.chains import resampled
-from diff3ds.edges.curves import Curves, curves_of
-from diff3ds.edges.ellipses import fit_ellipse, fit_elliptic_arcs
-from diff3ds.edges.primitives import Kind, Primitive, arc_control, bernstein
-from diff3ds.edges.segment import SCATTER, segmented
-from diff3ds.edges.simplify import concatenated, joined, sampled, simplest
+from diff3ds.edges.clean.simplify import concatenated, joined, sampled, simplest
+from diff3ds.edges.first.chains import resampled
+from diff3ds.edges.first.segment import SCATTER, segmented
+from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.ellipses import fit_ellipse, fit_elliptic_arcs
+from diff3ds.edges.shapes.primitives import Kind, Primitive, arc_control, bernstein
 
 CENTER, (U, V, N) = np.array([0.3, -0.2, 0.5]), turned().T
 T = torch.linspace(0, 1, 41, dtype=torch.float64)

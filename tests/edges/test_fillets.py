@@ -7,14 +7,14 @@ import pytest
 import torch
 from edge_scenes import arc, around, ridges_along, segment, turned
 
-from diff3ds.edges import placing
-from diff3ds.edges.curves import Curves
-from diff3ds.edges.fillets import with_fillets
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.placing import placed
-from diff3ds.edges.primitives import Kind, arc_control, fit_circle, line_control
-from diff3ds.edges.ridges import map_ridges
-from diff3ds.edges.simplify import sampled
+from diff3ds.edges.clean.simplify import sampled
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.ridges import map_ridges
+from diff3ds.edges.measure import fit_ridges
+from diff3ds.edges.measure.fillets import with_fillets
+from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.primitives import Kind, arc_control, fit_circle, line_control
 from diff3ds.render import render
 
 RADIUS, HALF = 0.2, 0.6
@@ -166,6 +166,6 @@ def test_corners_drawn_in_pictures_keep_their_radius(monkeypatch):
 
     assert np.abs(errors()).max() < 0.004
     assert abs(errors().mean()) < 0.0015
-    known = placing.circle_at
-    monkeypatch.setattr(placing, "circle_at", lambda *given, **flat: known(*given[:-1], **flat))
+    known = fit_ridges.circle_at
+    monkeypatch.setattr(fit_ridges, "circle_at", lambda *given, **flat: known(*given[:-1], **flat))
     assert errors().mean() < -0.0035

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from edge_scenes import arc, around, circular_arc, project, ridges_along, turned
 
-from diff3ds.edges.curves import curves_of
-from diff3ds.edges.holes import other_ends, seen_through
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.placing import placed
-from diff3ds.edges.primitives import Circle, fit_circle
-from diff3ds.edges.ridges import Ridges
-from diff3ds.edges.simplify import sampled
+from diff3ds.edges.clean.simplify import sampled
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.measure.holes import other_ends, seen_through
+from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.primitives import Circle, fit_circle
 
 CAMERAS = around(40, 200)
 U, V, _ = turned(6)

@@ -7,14 +7,14 @@ import pytest
 import torch
 from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned
 
-from diff3ds.edges import placing
-from diff3ds.edges.curves import curves_of
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.placing import placed
-from diff3ds.edges.planes import shared_planes
-from diff3ds.edges.primitives import fit_circle
-from diff3ds.edges.ridges import Ridges
-from diff3ds.edges.simplify import concatenated, sampled
+from diff3ds.edges.clean.simplify import concatenated, sampled
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.measure import fit_ridges
+from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.measure.planes import shared_planes
+from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.primitives import fit_circle
 
 PIXEL = 0.01
 TILT = turned(4)
@@ -102,7 +102,7 @@ def test_a_small_circle_is_placed_in_the_plane_of_its_face(monkeypatch):
         for way, found in errors.items():
             with monkeypatch.context() as patch:
                 if way == "alone":
-                    patch.setattr(placing, "shared_planes", lambda *given: {})
+                    patch.setattr(fit_ridges, "shared_planes", lambda *given: {})
                 x = sampled(placed(rough, views, 0.0))[4:].reshape(-1, 3) / views.pixel
             found.append([np.abs(x @ TILT[:, 2]).max(), np.linalg.norm(fit_circle(x).center)])
     face, alone = np.array(errors["face"]), np.array(errors["alone"])

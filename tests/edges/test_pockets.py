@@ -8,10 +8,10 @@ import torch
 from edge_scenes import around, circular_arc, lines_between, ridges_along, turned
 
 import diff3ds as ds
-from diff3ds.edges.curves import curves_of
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.pockets import with_pockets
-from diff3ds.edges.simplify import concatenated, joined, sampled, simplest
+from diff3ds.edges.clean.simplify import concatenated, joined, sampled, simplest
+from diff3ds.edges.complete.pockets import with_pockets
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.shapes.curve_set import curves_of
 from diff3ds.library import member
 
 CAMERAS = around(40, 160)

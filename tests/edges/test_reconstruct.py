@@ -10,8 +10,8 @@ from edge_scenes import arc, around, box_edges, circular_arc, lines_between, rid
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
-from diff3ds.edges.curves import curves_of
-from diff3ds.edges.primitives import Kind
+from diff3ds.edges.clean.simplify import sampled
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import (
     CALIBRATED,
     DONE,
@@ -25,8 +25,8 @@ from diff3ds.edges.reconstruct import (
     reconstruct,
 )
 from diff3ds.edges.refine import draw_ridges, refined
-from diff3ds.edges.ridges import Ridges
-from diff3ds.edges.simplify import sampled
+from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.primitives import Kind
 
 CAMERAS = around(20, 128)
 HALF, ROTATION = np.array([0.5, 0.4, 0.55]), turned(3)

@@ -6,7 +6,16 @@ import torch
 from edge_scenes import project
 
 import diff3ds as ds
-from diff3ds.edges.ridges import BORDER, Ridges, color_ridges, find_ridges, map_ridges, strongest, within, without_faint
+from diff3ds.edges.evidence.ridges import (
+    BORDER,
+    Ridges,
+    color_ridges,
+    find_ridges,
+    map_ridges,
+    strongest,
+    within,
+    without_faint,
+)
 
 SIZE = 96
 FRONT = ds.look_at(torch.tensor([[3.0, 0.0, 0.0]]), fov=60, size=SIZE)

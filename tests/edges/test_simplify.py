@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from edge_scenes import around, circular_arc, lines_between, segment, turned, views_of
 
-from diff3ds.edges.curves import Curves, curves_of
-from diff3ds.edges.primitives import Kind
-from diff3ds.edges.simplify import concatenated, joined, pruned, sampled, simplest
-from diff3ds.edges.weld import welded
+from diff3ds.edges.clean.simplify import concatenated, joined, pruned, sampled, simplest
+from diff3ds.edges.clean.weld import welded
+from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.primitives import Kind
 
 U, V, _ = turned(4)
 CENTER = np.array([0.1, 0.2, -0.1])

@@ -15,9 +15,9 @@ from edge_scenes import (
     views_of,
 )
 
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.support import PARTS, agreement, clear_support, crowded, headings, part_support, samples
-from diff3ds.edges.unexplained import unexplained
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.support import PARTS, agreement, clear_support, crowded, headings, part_support, samples
+from diff3ds.edges.evidence.unexplained import unexplained
 
 CAMERAS = around(24, 128)
 HALF, ROTATION = np.array([0.5, 0.4, 0.6]), turned()

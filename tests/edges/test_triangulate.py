@@ -5,10 +5,10 @@ import pytest
 from edge_scenes import around, distance_to_segment, ridges_along, segment, views_of
 from scipy.spatial import cKDTree
 
-from diff3ds.edges.carve import CELLS_A_PLACE, HALF_DIAGONAL, carve, most_cells
-from diff3ds.edges.lookup import edge_views
-from diff3ds.edges.ridges import Ridges
-from diff3ds.edges.triangulate import EdgePoints, thinned, triangulate
+from diff3ds.edges.evidence.edge_views import edge_views
+from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.first.carve import CELLS_A_PLACE, HALF_DIAGONAL, carve, most_cells
+from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
 
 CAMERAS = around(24, 96)
 ENDS = [

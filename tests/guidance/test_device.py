@@ -8,10 +8,10 @@ import tiny
 
 from diff3ds.guidance import device, latent
 from diff3ds.guidance.device import Work
-from diff3ds.guidance.known import KNOWN
 from diff3ds.guidance.latent import check_memory
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
-from diff3ds.guidance.weights import Source
+from diff3ds.weights.catalog import KNOWN
+from diff3ds.weights.locate import Source
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import gaussian
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.guidance.methods import Look, Method, judge
@@ -167,7 +167,7 @@ def test_sds_is_the_prediction_less_the_noise(prior, cameras):
     # Reconstruction without rescaling is the same, in latents (paper, with its misprint corrected).
     kept = look.alpha_bar(look.timesteps)
     again = judge("reconstruction", look_at(prior, cameras, 0, 700, seed=4, guidance=3.0, rescale=0.0))
-    assert torch.allclose(again.gradient, distill.weighted(kept, "ratio") * expected, atol=1e-3)
+    assert torch.allclose(again.gradient, formulas.weighted(kept, "ratio") * expected, atol=1e-3)
 
 
 def test_classifier_scores_are_what_the_phrase_adds(prior, cameras):

@@ -16,7 +16,7 @@ from diff3ds.guidance.device import Work
 from diff3ds.guidance.latent import Autoencoder, place_autoencoder, predict_noise, read_schedule, step_memory
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.weights import Checkpoint
+from diff3ds.weights.locate import Checkpoint
 
 SIZE = 16
 

@@ -17,7 +17,7 @@ from diff3ds.guidance.multiview_attention import JoinedViews, check_joined, join
 from diff3ds.guidance.mvdream import MVDream, camera_vectors, load_mvdream
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.weights import Source
+from diff3ds.weights.locate import Source
 
 LAYOUTS = ("stock", "ashawkey", "lzq49")
 CAMERAS = orbit([0.0, 90.0, 180.0, 270.0], 15.0, 1.9, size=64)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from diff3ds.guidance import prompts
-from diff3ds.guidance.weights import Checkpoint
+from diff3ds.weights.locate import Checkpoint
 
 pytest.importorskip("transformers")
 pytest.importorskip("ftfy")

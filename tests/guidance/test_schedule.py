@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from diff3ds.guidance.denoiser import draw_timesteps
-from diff3ds.guidance.distill import weighted
+from diff3ds.guidance.formulas import weighted
 from diff3ds.guidance.schedule import NoiseSchedule, TimeAnnealing
 
 # t, ᾱ, √ᾱ, √(1 - ᾱ), 1 - ᾱ, √ᾱ (1 - ᾱ), σ / α: of Stable Diffusion, MVDream and Zero-1-to-3.

@@ -8,7 +8,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 import diff3ds as ds
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.small import (
     SmallDenoiser,
@@ -119,7 +119,7 @@ def test_predictions_are_the_networks_v_as_noise(network, cameras):
     # bfloat16 has 8 bits: the network's own rounding.
     for found, words in ((conditional, torch.tensor([[1.0, 0, 0.3]])), (negative, torch.zeros(1, 3))):
         v = network(latents.reshape(1, 4, 16, 16), torch.tensor([0.6]), angles(cameras)[None], words)[0]
-        expected = distill.epsilon_from_v(v[:, None], latents, kept.expand(4, 1, 1, 1))
+        expected = formulas.epsilon_from_v(v[:, None], latents, kept.expand(4, 1, 1, 1))
         assert (found - expected).abs().max() < 0.05 * expected.abs().max()
     with pytest.raises(ValueError, match="multiple of 4"):
         denoiser.predict(latents[:3], timesteps[:3], cameras[torch.arange(3)], ("conditional",))

@@ -8,12 +8,12 @@ pytest.importorskip("ftfy")
 import tiny
 
 from diff3ds.camera import orbit
-from diff3ds.guidance import distill, prompts
+from diff3ds.guidance import formulas, prompts
 from diff3ds.guidance.latent import Autoencoder
 from diff3ds.guidance.prompts import BACK, FRONT, SIDE
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
-from diff3ds.guidance.weights import Source
+from diff3ds.weights.locate import Source
 
 CAMERAS = orbit([0.0, 90.0, 180.0], [10.0, 20.0, 30.0], 1.9, size=64)
 TIMES = torch.tensor([850, 500, 100])
@@ -100,7 +100,7 @@ def test_branches_are_what_the_network_says(made, texts, noisy, by_hand):
 
 
 def test_the_loaded_texts_are_the_phrases(prior, folder):
-    from diff3ds.guidance.weights import Checkpoint
+    from diff3ds.weights.locate import Checkpoint
 
     phrases = [*(f"a cat, {d} view" for d in ("front", "side", "back", "overhead")), "", "a dog"]
     assert torch.equal(prior._texts, prompts.encode_phrases(Checkpoint(folder), phrases, 32))
@@ -116,7 +116,7 @@ def test_v_prediction_is_the_epsilon_model_in_other_words(tmp_path, folder, nois
     )
     kept = NoiseSchedule.scaled_linear().alpha_bar(TIMES, noisy)
     for v, epsilon in zip(plain, velocity, strict=True):
-        assert torch.allclose(epsilon, distill.epsilon_from_v(v, noisy, kept), atol=1e-4)
+        assert torch.allclose(epsilon, formulas.epsilon_from_v(v, noisy, kept), atol=1e-4)
 
 
 def test_perpendicular_negatives_see_the_latents_of_their_own_view(made, texts, noisy, by_hand):
@@ -125,7 +125,7 @@ def test_perpendicular_negatives_see_the_latents_of_their_own_view(made, texts, 
     plan = prompts.turned(*(torch.tensor(a) for a in ([0.0, 90.0, 180.0], [10.0, 20.0, 30.0])))
     baseline = by_hand(texts[[5, 5, 5]])
     away = torch.stack([by_hand(texts[plan.negative[i]]) for i in range(2)])
-    expected = distill.perp_neg(by_hand(texts[[FRONT, SIDE, BACK]]), baseline, away, plan.weights)
+    expected = formulas.perp_neg(by_hand(texts[[FRONT, SIDE, BACK]]), baseline, away, plan.weights)
     assert torch.allclose(found[0], expected, atol=1e-4)
     assert torch.allclose(found[1], baseline, atol=1e-4)
     assert not torch.allclose(found[0], made().predict(noisy, TIMES, CAMERAS, ("conditional",))[0], atol=1e-2)
@@ -138,7 +138,7 @@ def test_perpendicular_negatives_interpolate_the_text(made, texts, noisy, by_han
         by_hand(c, noisy[:1], TIMES[:1]) for c in (halfway, texts[5:], texts[:1], texts[SIDE : SIDE + 1])
     )
     weights = prompts.turned(torch.tensor([45.0]), torch.tensor([10.0])).weights
-    assert torch.allclose(found, distill.perp_neg(plain, base, torch.stack([front, side]), weights), atol=1e-4)
+    assert torch.allclose(found, formulas.perp_neg(plain, base, torch.stack([front, side]), weights), atol=1e-4)
 
 
 def test_perpendicular_negatives_count_from_where_guidance_starts(made, texts, noisy, by_hand):
@@ -148,7 +148,7 @@ def test_perpendicular_negatives_count_from_where_guidance_starts(made, texts, n
     plan = prompts.turned(*(torch.tensor(a) for a in ([0.0, 90.0, 180.0], [10.0, 20.0, 30.0])))
     start = by_hand(texts[[4, 4, 4]])
     away = torch.stack([by_hand(texts[plan.negative[i]]) for i in range(2)])
-    expected = distill.perp_neg(by_hand(texts[[FRONT, SIDE, BACK]]), start, away, plan.weights)
+    expected = formulas.perp_neg(by_hand(texts[[FRONT, SIDE, BACK]]), start, away, plan.weights)
     assert torch.allclose(found[0], expected, atol=1e-4)
     assert torch.allclose(found[1], start, atol=1e-4)
     assert torch.allclose(found[2], by_hand(texts[[5, 5, 5]]), atol=1e-4)

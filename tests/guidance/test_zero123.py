@@ -10,12 +10,12 @@ from guidance.tiny import edit_json, save_stable_diffusion
 from guidance.tiny_zero123 import POSE, WIDTH, save_projection, save_zero123
 
 import diff3ds as ds
-from diff3ds.guidance import distill, zero123
-from diff3ds.guidance.known import KNOWN
+from diff3ds.guidance import formulas, zero123
 from diff3ds.guidance.objective import Recipe, ScoreDistillation
 from diff3ds.guidance.stable_zero123 import load_stable_zero123, stable_pose
-from diff3ds.guidance.weights import Source
 from diff3ds.guidance.zero123 import ReferencePose, clip_pixels, load_zero123, relative_pose
+from diff3ds.weights.catalog import KNOWN
+from diff3ds.weights.locate import Source
 
 SIZE = 64
 # Predictions are about 1; rounding of float32 grows in the attention of the tiny networks, which is sharpened.
@@ -179,7 +179,7 @@ def test_v_prediction_becomes_noise(folder, picture, generator, tmp_path):
     prior = load(folder, picture)
     (raw,) = prior.predict(noisy, timesteps, cameras, ["conditional"])
     (found,) = load(other, picture).predict(noisy, timesteps, cameras, ["conditional"])
-    expected = distill.epsilon_from_v(raw, noisy, prior.schedule.alpha_bar(timesteps, noisy))
+    expected = formulas.epsilon_from_v(raw, noisy, prior.schedule.alpha_bar(timesteps, noisy))
     torch.testing.assert_close(found, expected, rtol=0, atol=ROUNDING)
 
 

@@ -8,8 +8,8 @@ from diff3ds.guidance.small import read_network
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import COLORS, STRETCHES
-from diff3ds.tasks.prior_data import words
-from diff3ds.tasks.small_prior import SHIPPED
+from diff3ds.tasks.small_prior.prior_data import words
+from diff3ds.tasks.small_prior.small_prior import SHIPPED
 
 
 @pytest.mark.parametrize("name", CATEGORIES)

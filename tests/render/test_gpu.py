@@ -14,9 +14,9 @@ from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.render.cuda.gpu import Gpu
-from diff3ds.tasks.distill import Commission, distill
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.reference import Reference
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.distillation import Commission, distill
+from diff3ds.tasks.text_image.reference_view import Reference
 
 if not promised() and not torch.cuda.is_available():
     pytest.skip("no GPU here, and none promised by DIFF3DS_GPU", allow_module_level=True)

@@ -8,12 +8,12 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.fit import fit
-from diff3ds.tasks.color import FIRST, LEAST, MOST, color_scores, plan_color, strokes_on
-from diff3ds.tasks.hull import Hull
-from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.posed import PosedPictures
-from diff3ds.tasks.store import store_of
+from diff3ds.optimize.fit import fit
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.store import store_of
+from diff3ds.pictures.visual_hull import Hull
+from diff3ds.tasks.views.color_sketch import FIRST, LEAST, MOST, color_scores, plan_color, strokes_on
+from diff3ds.tasks.views.plan import ViewsOptions
 
 
 def truth():

@@ -10,14 +10,14 @@ import safetensors.torch
 import torch
 
 import diff3ds as ds
-from diff3ds.checkpoint import read_checkpoint
-from diff3ds.fit import FitConfig
 from diff3ds.formats import load_image
 from diff3ds.guidance.exemplar import ExemplarDenoiser
-from diff3ds.tasks import distill as task
-from diff3ds.tasks.distill import Commission, Reference, distill, turntable
-from diff3ds.tasks.distill_options import DistillOptions
+from diff3ds.optimize.checkpoint import read_checkpoint
+from diff3ds.optimize.fit import FitConfig
 from diff3ds.tasks.results import claim
+from diff3ds.tasks.text_image import distillation
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.distillation import Commission, Reference, distill, turntable
 
 SIZE = 16
 QUICK = DistillOptions(steps=12, strokes=6, width=0.1, rate=0.02, radius=0.7, sheet_every=0, delete_length=0.0)
@@ -52,7 +52,7 @@ def test_a_run_leaves_its_folder(prior, tmp_path):
     sketch = run(prior, tmp_path, replace(QUICK, sheet_every=5), report=seen.append)
     names = {path.name for path in tmp_path.iterdir()}
     written = {"sketch.json", "sketch.step", "sketch.svg", "preview.png", "run.json"}
-    assert names == written | {task.CHECKPOINT, task.SHEETS}
+    assert names == written | {distillation.CHECKPOINT, distillation.SHEETS}
     assert same(ds.load(tmp_path / "sketch.json"), sketch)
     info = json.loads((tmp_path / "run.json").read_text())
     assert info["options"]["phrase"] == "a bar"
@@ -85,7 +85,7 @@ def test_a_run_whose_disk_filled_up_goes_on_when_there_is_room(prior, tmp_path, 
     """The disk fills up after step 7; what is kept is the checkpoint of step 5."""
     options = replace(QUICK, sheet_every=0)
     whole = run(prior, tmp_path / "whole", options)
-    monkeypatch.setattr(task, "FitConfig", partial(FitConfig, checkpoint_every=5))
+    monkeypatch.setattr(distillation, "FitConfig", partial(FitConfig, checkpoint_every=5))
     write = safetensors.torch.save_file
 
     def fill(progress):
@@ -98,7 +98,7 @@ def test_a_run_whose_disk_filled_up_goes_on_when_there_is_room(prior, tmp_path, 
     with pytest.raises(OSError, match=r"make room.*--resume"):
         run(prior, tmp_path / "part", options, report=fill)
     monkeypatch.setattr("safetensors.torch.save_file", write)
-    assert read_checkpoint(tmp_path / "part" / task.CHECKPOINT).index == 5
+    assert read_checkpoint(tmp_path / "part" / distillation.CHECKPOINT).index == 5
     assert same(run(prior, tmp_path / "part", replace(options, resume=True)), whole)
 
 
@@ -123,7 +123,7 @@ def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path
         truth = bar(0.6, 0.4)
         return float((ds.bezier.closest_point(truth.points, truth.weights, points).distance < 0.15).float().mean())
 
-    assert share_near(task._start(options, options.values(), options.width)) < 0.1
+    assert share_near(distillation._start(options, options.values(), options.width)) < 0.1
     assert share_near(sketch) > 0.8
 
 
@@ -147,7 +147,7 @@ def test_short_strokes_are_deleted_from_half_way_on(prior, tmp_path):
 def test_only_the_chosen_parameters_move(prior, tmp_path, parameters, moved):
     options = replace(QUICK, optimize=parameters, steps=4)
     found = run(prior, tmp_path, options).tensors()
-    start = task._start(options, options.values(), options.width).tensors()
+    start = distillation._start(options, options.values(), options.width).tensors()
     assert {name for name in found if not torch.equal(found[name], start[name])} == moved
 
 
@@ -272,7 +272,7 @@ def test_priors_are_told_the_poses_as_they_were_drawn():
     """On the CPU and not copied back, which would wait for the device: another device gets copies to draw with."""
     told = []
     orbits = [ds.orbit([float(step)], size=8) for step in range(2)]
-    objective, cameras = task.placed(
+    objective, cameras = distillation.placed(
         lambda rendering, views, step: told.append(views), lambda step, generator: orbits[step], torch.device("meta")
     )
     for step in range(2):

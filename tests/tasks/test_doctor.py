@@ -16,12 +16,12 @@ from guidance.tiny_zero123 import save_zero123
 from huggingface_hub import constants
 from rich.console import Console
 
-from diff3ds.guidance.known import KNOWN
 from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
-from diff3ds.tasks.doodle import DoodleOptions
-from diff3ds.tasks.judges import JudgeOptions
-from diff3ds.tasks.priors import BUILT_IN
+from diff3ds.tasks.evaluate.judges import JudgeOptions
+from diff3ds.tasks.text_image.priors import BUILT_IN
+from diff3ds.tasks.views.doodle import DoodleOptions
+from diff3ds.weights.catalog import KNOWN
 
 REPOSITORY = KNOWN["zero123"].repositories[0].id
 COMMIT = 40 * "1"

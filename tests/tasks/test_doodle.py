@@ -8,11 +8,19 @@ import torch
 from metrics.tiny_networks import features, resnet, save
 
 import diff3ds as ds
-from diff3ds.fit import fit
 from diff3ds.formats import save_png
 from diff3ds.metrics import doodle_loss
-from diff3ds.tasks.doodle import DOT, DoodleOptions, far_apart, fit_doodle, load_doodle_loss, plan_doodle, without_dots
-from diff3ds.tasks.posed import load_posed
+from diff3ds.optimize.fit import fit
+from diff3ds.pictures.dataset import load_posed
+from diff3ds.tasks.views.doodle import (
+    DOT,
+    DoodleOptions,
+    far_apart,
+    fit_doodle,
+    load_doodle_loss,
+    plan_doodle,
+    without_dots,
+)
 
 VIEWS, SIZE = 12, 64
 

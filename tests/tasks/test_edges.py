@@ -6,10 +6,10 @@ import torch
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
-from diff3ds.tasks.edges import most_views
-from diff3ds.tasks.linewidth import line_width
-from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.store import store_of
+from diff3ds.pictures.line_width import line_width
+from diff3ds.pictures.store import store_of
+from diff3ds.tasks.views.edge_sketch import most_views
+from diff3ds.tasks.views.plan import ViewsOptions
 
 
 @pytest.fixture

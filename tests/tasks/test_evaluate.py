@@ -15,10 +15,10 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.lpips import Lpips
-from diff3ds.tasks.evaluate import EvaluateOptions, evaluate, find_runs, prompt_file, read_prompts
-from diff3ds.tasks.judges import JudgeOptions
-from diff3ds.tasks.resample import area_means
-from diff3ds.tasks.score_table import Row, markdown, summaries
+from diff3ds.pictures.resample import area_means
+from diff3ds.tasks.evaluate.evaluate import EvaluateOptions, evaluate, find_runs, prompt_file, read_prompts
+from diff3ds.tasks.evaluate.judges import JudgeOptions
+from diff3ds.tasks.evaluate.score_table import Row, markdown, summaries
 
 pytest.importorskip("transformers")
 pytest.importorskip("ftfy")
@@ -227,7 +227,7 @@ def test_missing_weights_are_found_before_anything_is_drawn(networks, phrases, t
     def never(*arguments, **options):
         raise AssertionError("drawn")
 
-    monkeypatch.setattr("diff3ds.tasks.evaluate.render", never)
+    monkeypatch.setattr("diff3ds.tasks.evaluate.evaluate.render", never)
     for changes, message in (
         ({"clip": ("openai/clip-vit-base-patch16",)}, "hf download openai/clip-vit-base-patch16"),
         ({"blip": str(tmp_path / "none")}, "BLIP: weights must be a folder or file that exists"),

@@ -13,11 +13,11 @@ from diff3ds.cli import FAULT, main
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
-from diff3ds.tasks import sharpen
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.exemplars import FITTING, exemplars_of, requested
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.text import text_to_sketch
+from diff3ds.tasks.exact_prior.exemplars import FITTING, exemplars_of, requested
+from diff3ds.tasks.text_image import sharpen
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.text import text_to_sketch
 
 
 def test_members_that_fit_and_all_the_others():

@@ -4,7 +4,7 @@ import pytest
 
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS, STRETCHES
-from diff3ds.tasks.folder_phrase import Name, asked_of, fits, named
+from diff3ds.tasks.exact_prior.folder_phrase import Name, asked_of, fits, named
 
 NAMES = [
     ("chair_01", Name("chair", (), "chair")),

@@ -18,11 +18,11 @@ from diff3ds.cli import main
 from diff3ds.guidance.small import angles, read_network, write_network
 from diff3ds.library import CATEGORIES, member
 from diff3ds.library.phrase import parse
-from diff3ds.tasks import prior_data, prior_train
-from diff3ds.tasks.prior_data import Examples, OwnSketches, combinations, draw_request, inked, said, words
-from diff3ds.tasks.prior_train import CHECKPOINT, LOG, NETWORK, TrainOptions, rate_share, train_prior
+from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Stopped
-from diff3ds.tasks.sketch_folder import read_sketches
+from diff3ds.tasks.small_prior import prior_data, prior_train
+from diff3ds.tasks.small_prior.prior_data import Examples, OwnSketches, combinations, draw_request, inked, said, words
+from diff3ds.tasks.small_prior.prior_train import CHECKPOINT, LOG, NETWORK, TrainOptions, rate_share, train_prior
 
 TINY = {"batch": 2, "depth": 1, "width": 16, "patch": 16, "workers": 0, "checkpoint_every": 100}
 
@@ -232,7 +232,7 @@ def test_the_command_trains_and_shows_samples(tmp_path, capsys):
 
 
 def test_sizes_agree_with_those_of_the_exemplars():
-    from diff3ds.tasks import exemplars
+    from diff3ds.tasks.exact_prior import exemplars
 
     assert prior_data.SIZE == exemplars.SIZE
     assert exemplars.GROUP == prior_data.GROUP

@@ -9,7 +9,7 @@ import torch
 from rich.console import Console
 
 from diff3ds.cli import _progress
-from diff3ds.fit import Step
+from diff3ds.optimize.fit import Step
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Lines, Progress, ShownLoss

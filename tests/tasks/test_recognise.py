@@ -14,11 +14,9 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
-from diff3ds.tasks import priors
-from diff3ds.tasks.image import inked
-from diff3ds.tasks.lines import Lines, lines_of
-from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.recognise import (
+from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.tasks.recognition.lines import Lines, lines_of
+from diff3ds.tasks.recognition.recognise import (
     Recognised,
     alike,
     cameras_at,
@@ -29,6 +27,8 @@ from diff3ds.tasks.recognise import (
     pieces,
     recognise,
 )
+from diff3ds.tasks.text_image import priors
+from diff3ds.tasks.text_image.image import inked
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 from other_drawings import solid_drawing

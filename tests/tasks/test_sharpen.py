@@ -13,10 +13,10 @@ from diff3ds.bezier import evaluate
 from diff3ds.cli import STOPPED, main
 from diff3ds.formats import load_image
 from diff3ds.library import member
-from diff3ds.tasks import sharpen
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.reference import Reference
-from diff3ds.tasks.sharpen import Sharpening, likely
+from diff3ds.tasks.text_image import sharpen
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.reference_view import Reference
+from diff3ds.tasks.text_image.sharpen import Sharpening, likely
 
 
 def drawn(name: str, seed: int = 0, width: float = 0.05) -> ds.Sketch:

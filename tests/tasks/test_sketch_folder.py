@@ -14,13 +14,13 @@ from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.library import member
 from diff3ds.library.vocabulary import COLORS
-from diff3ds.tasks import sketch_folder
-from diff3ds.tasks.exemplars import exemplars_in
-from diff3ds.tasks.folder_views import recognise_in
-from diff3ds.tasks.lines import lines_of
-from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.sketch_folder import read_sketches
+from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.tasks.exact_prior import sketch_folder
+from diff3ds.tasks.exact_prior.exemplars import exemplars_in
+from diff3ds.tasks.exact_prior.folder_views import recognise_in
+from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
+from diff3ds.tasks.recognition.lines import lines_of
+from diff3ds.tasks.text_image.priors import PriorOptions
 
 FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
 

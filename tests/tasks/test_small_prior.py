@@ -17,12 +17,13 @@ from diff3ds.guidance.small import SCHEDULE, Vocabulary, read_network, write_net
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.library import member
 from diff3ds.library.phrase import Request
-from diff3ds.tasks import distill, small_prior
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.prior_data import Examples, words
-from diff3ds.tasks.priors import PriorOptions
-from diff3ds.tasks.small_prior import trained
-from diff3ds.tasks.text import text_to_sketch
+from diff3ds.tasks.small_prior import small_prior
+from diff3ds.tasks.small_prior.prior_data import Examples, words
+from diff3ds.tasks.small_prior.small_prior import trained
+from diff3ds.tasks.text_image import distillation
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.text import text_to_sketch
 
 FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]
 
@@ -56,7 +57,7 @@ def test_a_phrase_becomes_strokes_of_its_colour_also_when_it_stops_half_way(weig
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(distill, "contact_sheet", interrupt)
+        patch.setattr(distillation, "contact_sheet", interrupt)
         with pytest.raises(SystemExit):
             command(part)
     assert json.loads((part / "run.json").read_text())["steps_done"] == 3

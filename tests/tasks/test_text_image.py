@@ -14,12 +14,11 @@ from safetensors.torch import load_file, save_file
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.guidance.device import USUAL, Work
-from diff3ds.guidance.known import KNOWN
-from diff3ds.guidance.weights import Source
-from diff3ds.tasks import distill as task
-from diff3ds.tasks import priors
-from diff3ds.tasks.picture import read_reference
-from diff3ds.tasks.priors import PriorOptions, load_for_phrase
+from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.tasks.text_image import distillation, priors
+from diff3ds.tasks.text_image.priors import PriorOptions, load_for_phrase
+from diff3ds.weights.catalog import KNOWN
+from diff3ds.weights.locate import Source
 
 pytest.importorskip("diffusers")
 pytest.importorskip("transformers")
@@ -100,7 +99,7 @@ def test_a_run_resumed_half_way_ends_as_one_without_a_break(
 
     with monkeypatch.context() as patch:
         # Comes after step 3.
-        patch.setattr(task, "contact_sheet", interrupt)
+        patch.setattr(distillation, "contact_sheet", interrupt)
         with pytest.raises(SystemExit) as ended:
             main(command(prior, checkpoints, drawing, part, *more))
     assert ended.value.code == STOPPED

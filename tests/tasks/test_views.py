@@ -15,11 +15,11 @@ from safetensors import safe_open
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
-from diff3ds.density import Observation, footprints
 from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
-from diff3ds.tasks.plan import ViewsOptions
-from diff3ds.tasks.views import fit_views
+from diff3ds.optimize.density import Observation, footprints
+from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.run import fit_views
 
 RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
 FILES, EDGE_FILES = ["checkpoint.safetensors", *RESULTS], ["edges.safetensors", *RESULTS]
@@ -181,7 +181,7 @@ def test_ctrl_c_while_pictures_are_judged_leaves_the_sketch(colored, monkeypatch
     def stopped(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("diff3ds.tasks.views.color_scores", stopped)
+    monkeypatch.setattr("diff3ds.tasks.views.run.color_scores", stopped)
     out = colored / "out"
     with pytest.raises(SystemExit) as end:
         main(["views", str(colored), "-o", str(out), "--strokes", "5", "--steps", "4", "--quiet"])
@@ -346,7 +346,7 @@ def test_ctrl_c_before_random_curves_are_cleaned_up_leaves_them(drawings, monkey
         raise KeyboardInterrupt
 
     folder, _ = drawings
-    monkeypatch.setattr("diff3ds.tasks.edges.reconstruct", stopped)
+    monkeypatch.setattr("diff3ds.tasks.views.edge_sketch.reconstruct", stopped)
     options = ["--init", "random", "--strokes", "5", "--steps", "3", "--quiet"]
     with pytest.raises(SystemExit) as end:
         main(["views", str(folder), "-o", str(folder / "out"), *options])

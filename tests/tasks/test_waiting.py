@@ -16,10 +16,10 @@ from diff3ds.guidance.small import SmallDenoiser, Vocabulary
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.guidance.upload import uploaded
 from diff3ds.render import Rendering
-from diff3ds.tasks import distill as task
-from diff3ds.tasks.distill import Commission, distill
-from diff3ds.tasks.distill_options import DistillOptions
-from diff3ds.tasks.reference import Reference
+from diff3ds.tasks.text_image import distillation
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.distillation import Commission, distill
+from diff3ds.tasks.text_image.reference_view import Reference
 
 THERE = torch.device(NAME)
 # Steps before the device is watched (a prior may keep things at first), and those that are.
@@ -34,8 +34,8 @@ class EnoughError(Exception):
 def device(monkeypatch):
     """Where strokes and networks are."""
     monkeypatch.setattr(upload, "QUEUED", (NAME,))
-    monkeypatch.setattr(task, "_place", lambda wanted: THERE)
-    loop = import_module("diff3ds.fit")
+    monkeypatch.setattr(distillation, "_place", lambda wanted: THERE)
+    loop = import_module("diff3ds.optimize.fit")
     monkeypatch.setattr(loop, "render", drawn)
     # Which waits, rightly: the run is left after a few steps.
     monkeypatch.setattr(loop, "write_checkpoint", lambda *arguments: None)

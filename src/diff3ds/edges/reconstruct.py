@@ -8,31 +8,31 @@ import numpy as np
 import torch
 
 from diff3ds.camera import Cameras
-from diff3ds.edges.bias import Bias, corrected, estimate_bias, outline_sides
-from diff3ds.edges.bridging import bridged
-from diff3ds.edges.carve import carve
-from diff3ds.edges.chains import follow_chains
-from diff3ds.edges.circles import find_circles
-from diff3ds.edges.closing import closed
-from diff3ds.edges.corners import with_corners
-from diff3ds.edges.curves import Curves, curves_of
-from diff3ds.edges.equal import with_equal_circles
-from diff3ds.edges.fillets import with_fillets
-from diff3ds.edges.lookup import EdgeViews, edge_views
-from diff3ds.edges.phantoms import without_phantoms
-from diff3ds.edges.placing import placed
-from diff3ds.edges.pockets import with_pockets
-from diff3ds.edges.primitives import Primitive
+from diff3ds.edges.clean.silhouettes import smooth_outlines
+from diff3ds.edges.clean.simplify import concatenated, joined, pruned
+from diff3ds.edges.clean.spurious import without_phantoms
+from diff3ds.edges.clean.weld import welded
+from diff3ds.edges.complete.corners import with_corners
+from diff3ds.edges.complete.missing_lines import bridged
+from diff3ds.edges.complete.pockets import with_pockets
+from diff3ds.edges.complete.whole_circles import closed
+from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
+from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
+from diff3ds.edges.evidence.ridges import Array, Ridges
+from diff3ds.edges.evidence.support import part_support
+from diff3ds.edges.evidence.unexplained import unexplained
+from diff3ds.edges.first.carve import carve
+from diff3ds.edges.first.chains import follow_chains
+from diff3ds.edges.first.circles import find_circles
+from diff3ds.edges.first.segment import segmented
+from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
+from diff3ds.edges.measure.equal_radii import with_equal_circles
+from diff3ds.edges.measure.fillets import with_fillets
+from diff3ds.edges.measure.fit_ridges import placed
 from diff3ds.edges.refine import refined
-from diff3ds.edges.ridges import Array, Ridges
-from diff3ds.edges.segment import segmented
-from diff3ds.edges.silhouettes import smooth_outlines
-from diff3ds.edges.simplify import concatenated, joined, pruned
-from diff3ds.edges.support import part_support
-from diff3ds.edges.triangulate import EdgePoints, thinned, triangulate
-from diff3ds.edges.unexplained import unexplained
+from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.primitives import Primitive
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, no_tick, not_said
-from diff3ds.edges.weld import welded
 
 # Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
 REACH = 1.1

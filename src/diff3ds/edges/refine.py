@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.camera import Cameras
-from diff3ds.edges.curves import Curves
-from diff3ds.edges.lookup import EdgeViews
-from diff3ds.edges.support import PARTS, clear_support
-from diff3ds.fit import FitConfig, Rates, fit
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.support import PARTS, clear_support
+from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.optimize.fit import FitConfig, Rates, fit
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch

@@ -7,7 +7,7 @@ import torch
 
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.camera import Cameras, orbit
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.schedule import NoiseSchedule
 
@@ -89,7 +89,7 @@ class ExemplarDenoiser:
         fitting = likely.masked_fill(~self._fitting, -torch.inf)
         shares = torch.stack([(fitting if branch == "conditional" else likely).softmax(1) for branch in branches])
         means = torch.einsum("rgm,mgd->rgd", shares, members.pixels).reshape(len(branches), *noisy.shape)
-        return torch.stack([distill.epsilon_from_clean(mean, noisy, kept) for mean in means])
+        return torch.stack([formulas.epsilon_from_clean(mean, noisy, kept) for mean in means])
 
     def likelihood(
         self, noisy: Float[Tensor, "B 3 h w"], kept: Float[Tensor, "B 1 1 1"], members: "Members"

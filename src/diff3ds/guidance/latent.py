@@ -7,13 +7,13 @@ from typing import Any, Literal
 import torch
 
 from diff3ds._shapes import Float, Int, Tensor
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import gaussian
 from diff3ds.guidance.device import Work, free_memory, require_memory
-from diff3ds.guidance.loading import load_part
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
-from diff3ds.guidance.weights import Checkpoint
+from diff3ds.weights.locate import Checkpoint
+from diff3ds.weights.read import load_part
 
 Prediction = Literal["epsilon", "v_prediction"]
 
@@ -222,4 +222,4 @@ def predicted_noise(
     """ε in float32 of what a network put out."""
     if prediction == "epsilon":
         return output.float()
-    return distill.epsilon_from_v(output.float(), noisy.float(), alpha_bar)
+    return formulas.epsilon_from_v(output.float(), noisy.float(), alpha_bar)

@@ -10,7 +10,7 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Branch, Denoiser, gaussian
 from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.vsd import Particles
@@ -40,7 +40,7 @@ class Look:
         low: lowest timestep that the run draws.
         cameras: of the renderings.
         guidance: weight λ of classifier-free guidance.
-        rescale: share of `distill.rescaled`, for reconstruction.
+        rescale: share of `formulas.rescaled`, for reconstruction.
         generator: of all noise.
         particles: what the renderings look like to the prior; for vsd, which trains it.
     """
@@ -74,7 +74,7 @@ class Look:
     ) -> Float[Tensor, "B C H W"]:
         """The prediction with classifier-free guidance; the negative phrase is its baseline."""
         conditional, baseline = self.predict(noisy, timesteps, "conditional", "negative")
-        return distill.guided(conditional, baseline, self.guidance if guidance is None else guidance)
+        return formulas.guided(conditional, baseline, self.guidance if guidance is None else guidance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def sds(look: Look) -> Verdict:
     noise = look.noise()
     noisy = look.denoiser.schedule.add_noise(look.latents, noise, look.timesteps)
     epsilon = look.guided(noisy, look.timesteps)
-    return Verdict(epsilon - noise, distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
+    return Verdict(epsilon - noise, formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
 
 
 def reconstruction(look: Look) -> Verdict:
@@ -126,10 +126,10 @@ def reconstruction(look: Look) -> Verdict:
     noisy = look.denoiser.schedule.add_noise(look.latents, noise, look.timesteps)
     conditional, baseline = look.predict(noisy, look.timesteps, "conditional", "negative")
     kept = look.alpha_bar(look.timesteps)
-    epsilon = distill.guided(conditional, baseline, look.guidance)
-    clean, plain = (distill.clean_from_epsilon(e, noisy, kept) for e in (epsilon, conditional))
+    epsilon = formulas.guided(conditional, baseline, look.guidance)
+    clean, plain = (formulas.clean_from_epsilon(e, noisy, kept) for e in (epsilon, conditional))
     if look.rescale:
-        clean = distill.rescaled(clean, plain, look.rescale, look.denoiser.group)
+        clean = formulas.rescaled(clean, plain, look.rescale, look.denoiser.group)
     return Verdict(look.latents - clean, clean, weighted=False)
 
 
@@ -137,8 +137,8 @@ def csd(look: Look) -> Verdict:
     """Classifier score distillation (Yu et al. 2024): only what the phrase adds."""
     noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
     conditional, unconditional = look.predict(noisy, look.timesteps, "conditional", "unconditional")
-    gradient = distill.classifier_score(conditional, unconditional)
-    return Verdict(gradient, distill.clean_from_epsilon(conditional, noisy, look.alpha_bar(look.timesteps)))
+    gradient = formulas.classifier_score(conditional, unconditional)
+    return Verdict(gradient, formulas.clean_from_epsilon(conditional, noisy, look.alpha_bar(look.timesteps)))
 
 
 def nfsd(look: Look) -> Verdict:
@@ -146,9 +146,9 @@ def nfsd(look: Look) -> Verdict:
     noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
     predictions = look.predict(noisy, look.timesteps, "conditional", "unconditional", "negative")
     late = uploaded((look.timesteps < LATE).to(noisy.dtype), noisy.device)
-    gradient = distill.noise_free(predictions[0], predictions[1], predictions[2], look.guidance, late)
-    epsilon = distill.guided(predictions[0], predictions[1], look.guidance)
-    return Verdict(gradient, distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
+    gradient = formulas.noise_free(predictions[0], predictions[1], predictions[2], look.guidance, late)
+    epsilon = formulas.guided(predictions[0], predictions[1], look.guidance)
+    return Verdict(gradient, formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
 
 
 def asd(look: Look) -> Verdict:
@@ -160,7 +160,7 @@ def asd(look: Look) -> Verdict:
     now, then = (look.denoiser.schedule.add_noise(look.latents, noise, t) for t in (look.timesteps, later))
     epsilon = look.guided(now, look.timesteps)
     (reference,) = look.predict(then, later, "conditional")
-    return Verdict(epsilon - reference, distill.clean_from_epsilon(epsilon, now, look.alpha_bar(look.timesteps)))
+    return Verdict(epsilon - reference, formulas.clean_from_epsilon(epsilon, now, look.alpha_bar(look.timesteps)))
 
 
 def ism(look: Look) -> Verdict:
@@ -175,9 +175,9 @@ def ism(look: Look) -> Verdict:
     epsilon = torch.zeros_like(noisy)
     for now, then in zip(grid, [*grid[1:], look.timesteps], strict=True):
         (epsilon,) = look.predict(noisy, now, "unconditional")
-        noisy = distill.ddim_step(noisy, epsilon, look.alpha_bar(now), look.alpha_bar(then))
+        noisy = formulas.ddim_step(noisy, epsilon, look.alpha_bar(now), look.alpha_bar(then))
     guided = look.guided(noisy, look.timesteps)
-    return Verdict(guided - epsilon, distill.clean_from_epsilon(guided, noisy, look.alpha_bar(look.timesteps)))
+    return Verdict(guided - epsilon, formulas.clean_from_epsilon(guided, noisy, look.alpha_bar(look.timesteps)))
 
 
 def sdi(look: Look) -> Verdict:
@@ -190,9 +190,9 @@ def sdi(look: Look) -> Verdict:
         start, end = look.alpha_bar(now), look.alpha_bar(then)
         # Song et al. 2021, equation 16, for a step from less to more noise.
         deviation = INVERTED_NOISE * ((1 - start) / (1 - end) * (1 - end / start)).clamp(min=0).sqrt()
-        noisy = distill.ddim_step(noisy, epsilon, start, end, deviation) + deviation * look.noise()
+        noisy = formulas.ddim_step(noisy, epsilon, start, end, deviation) + deviation * look.noise()
     epsilon = look.guided(noisy, look.timesteps)
-    clean = distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps))
+    clean = formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps))
     return Verdict(look.latents - clean, clean, weighted=False)
 
 
@@ -208,4 +208,4 @@ def vsd(look: Look) -> Verdict:
     epsilon = look.guided(noisy, look.timesteps)
     own = look.particles.predict(noisy, look.timesteps, look.cameras)
     look.particles.learn(look.latents, look.cameras, look.generator)
-    return Verdict(epsilon - own, distill.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
+    return Verdict(epsilon - own, formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))

@@ -7,7 +7,7 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import convert, prompts, single_file
+from diff3ds.guidance import prompts
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
 from diff3ds.guidance.latent import (
@@ -20,10 +20,11 @@ from diff3ds.guidance.latent import (
     read_schedule,
     vae_dtype,
 )
-from diff3ds.guidance.loading import read_tensors, require_trust
 from diff3ds.guidance.multiview_attention import check_joined, join_views
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.weights import Checkpoint, Source, find
+from diff3ds.weights import convert, single_file
+from diff3ds.weights.locate import Checkpoint, Source, find
+from diff3ds.weights.read import read_tensors, require_trust
 
 VIEWS = 4
 # Where a checkpoint does not say: latents of a side, and channels of an attention head.

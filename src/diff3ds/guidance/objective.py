@@ -8,7 +8,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Denoiser, check_groups, draw_timesteps
 from diff3ds.guidance.methods import Look, Method, judge
 from diff3ds.guidance.schedule import TimeAnnealing
@@ -31,12 +31,12 @@ class Recipe:
     method: Method = "reconstruction"
     guidance: float = 50.0
     rescale: float = 0.5
-    weighting: distill.Weighting = "sds"
+    weighting: formulas.Weighting = "sds"
     clip: float | None = None
     annealing: TimeAnnealing = field(default_factory=TimeAnnealing)
 
     def __post_init__(self) -> None:
-        for name, allowed in (("method", get_args(Method)), ("weighting", get_args(distill.Weighting))):
+        for name, allowed in (("method", get_args(Method)), ("weighting", get_args(formulas.Weighting))):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}")
         if not 0 <= self.rescale <= 1:
@@ -104,9 +104,9 @@ class ScoreDistillation:
             verdict = judge(self.recipe.method, look)
             gradient = verdict.gradient
             if verdict.weighted:
-                gradient = distill.weighted(look.alpha_bar(timesteps), self.recipe.weighting) * gradient
+                gradient = formulas.weighted(look.alpha_bar(timesteps), self.recipe.weighting) * gradient
         self.latest = verdict.clean
-        return distill.loss_of(latents, gradient, self.recipe.clip).to(rendering.color.device)
+        return formulas.loss_of(latents, gradient, self.recipe.clip).to(rendering.color.device)
 
 
 def step_generator(seed: int, step: int) -> torch.Generator:

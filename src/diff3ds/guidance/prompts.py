@@ -8,8 +8,8 @@ import torch
 
 from diff3ds._clip_text import cleaned, clip_tokens
 from diff3ds._shapes import Float, Int, Tensor
-from diff3ds.guidance.loading import load_part
-from diff3ds.guidance.weights import Checkpoint
+from diff3ds.weights.locate import Checkpoint
+from diff3ds.weights.read import load_part
 
 # Tokens that the text encoders here take, with one at each end.
 LENGTH = 77

@@ -13,7 +13,7 @@ import torch
 from diff3ds._files import write_tensors
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import distill
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import TIMESTEPS, NoiseSchedule
@@ -147,7 +147,7 @@ class SmallDenoiser:
         known: dict[bool, Tensor] = {}
         for asked in {branch == "conditional" for branch in branches}:
             v = self._v(groups, time, poses, asked).reshape(noisy.shape)
-            known[asked] = distill.epsilon_from_v(v, noisy, kept)
+            known[asked] = formulas.epsilon_from_v(v, noisy, kept)
         return torch.stack([known[branch == "conditional"] for branch in branches])
 
     def _v(

@@ -8,7 +8,7 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import distill, prompts
+from diff3ds.guidance import formulas, prompts
 from diff3ds.guidance.denoiser import Branch
 from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
 from diff3ds.guidance.latent import (
@@ -20,11 +20,11 @@ from diff3ds.guidance.latent import (
     predict_noise,
     read_schedule,
 )
-from diff3ds.guidance.loading import header, load_part
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
-from diff3ds.guidance.weights import Source, find
+from diff3ds.weights.locate import Source, find
+from diff3ds.weights.read import header, load_part
 
 # Directions that perpendicular negatives turn away from.
 AWAY = 2
@@ -107,7 +107,7 @@ class StableDiffusion:
         if self.perp_neg and "conditional" in asked:
             away = torch.stack([epsilon[f"away {i}"] for i in range(AWAY)])
             weights = uploaded(plan.weights, noisy.device).to(noisy)
-            epsilon["conditional"] = distill.perp_neg(epsilon["conditional"], epsilon[start], away, weights)
+            epsilon["conditional"] = formulas.perp_neg(epsilon["conditional"], epsilon[start], away, weights)
         return torch.stack([epsilon[branch] for branch in branches])
 
 

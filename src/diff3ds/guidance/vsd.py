@@ -15,7 +15,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.denoiser import Denoiser, draw_timesteps, gaussian
-from diff3ds.guidance.weights import require_extra
+from diff3ds.weights.locate import require_extra
 
 # Rank of the additions, and step size of their Adam (threestudio's, and the paper's).
 RANK, RATE = 4, 1e-4

@@ -22,8 +22,8 @@ from diff3ds.guidance.latent import (
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
-from diff3ds.guidance.weights import Checkpoint, Source, find
 from diff3ds.guidance.zero123_parts import Projection, read_parts
+from diff3ds.weights.locate import Checkpoint, Source, find
 
 # Mean and standard deviation of the pictures that CLIP was trained with.
 CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)

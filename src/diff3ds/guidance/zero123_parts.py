@@ -7,12 +7,12 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.guidance import convert, single_file
-from diff3ds.guidance.convert_clip import tower_config, tower_to_transformers
 from diff3ds.guidance.latent import Prediction, read_schedule
-from diff3ds.guidance.loading import header, load_part, load_tensors, read_tensors, require_trust
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.weights import Checkpoint
+from diff3ds.weights import convert, single_file
+from diff3ds.weights.convert_clip import tower_config, tower_to_transformers
+from diff3ds.weights.locate import Checkpoint
+from diff3ds.weights.read import header, load_part, load_tensors, read_tensors, require_trust
 
 # Channels of a latent; the UNet takes those of the picture as well.
 LATENT = 4

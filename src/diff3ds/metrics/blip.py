@@ -7,7 +7,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.metrics.preprocess import CLIP_MEAN, CLIP_STD, normalized, square
-from diff3ds.metrics.pretrained import load_pretrained, token_ids
+from diff3ds.weights.pretrained import load_pretrained, token_ids
 
 # BLIP was trained with phrases of so many tokens at most.
 MOST = 35

@@ -7,7 +7,7 @@ from torch import nn
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.metrics.preprocess import CLIP_MEAN, CLIP_STD, normalized
-from diff3ds.metrics.weights import load_weights
+from diff3ds.weights.assign import load_weights
 
 # Blocks widen their channels by this much; the image halves five times up to the last; heads have so many channels.
 EXPANSION, REDUCTION, HEAD = 4, 32, 64

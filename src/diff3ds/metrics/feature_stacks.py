@@ -10,7 +10,7 @@ from typing import Literal
 from torch import nn
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.metrics.weights import load_weights
+from diff3ds.weights.assign import load_weights
 
 Backbone = Literal["alex", "vgg"]
 

@@ -8,7 +8,7 @@ from torch import nn
 from diff3ds._shapes import Float, Tensor
 from diff3ds.metrics.feature_stacks import LEAST_SIZE, Backbone, feature_stack
 from diff3ds.metrics.preprocess import channels_first, normalized
-from diff3ds.metrics.weights import load_weights
+from diff3ds.weights.assign import load_weights
 
 # Layers whose outputs are compared, each the last ReLU before the image is halved (for AlexNet, every ReLU), and their
 # channels.

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from diff3ds.fit import Step
+from diff3ds.optimize.fit import Step
+from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.posed import PosedPictures
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Curves dropped that are weak, doubled, spurious or outlines; ends joined."""

@@ -1,0 +1,270 @@
+"""Fewer, longer, fairer curves: weak and doubled ones dropped, neighbours that are one curve joined."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from diff3ds._shapes import Float
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.ridges import Array
+from diff3ds.edges.evidence.support import part_support
+from diff3ds.edges.first.chains import resampled
+from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.ellipses import fit_elliptic_arcs
+from diff3ds.edges.shapes.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds.edges.watch import Tick, no_tick
+
+# Lengths in pixels; all empirical.
+SAMPLES = 64
+# A curve doubles longer ones if this share of it lies so near to them.
+DOUBLED, DOUBLED_SHARE = 1.2, 0.9
+# Ends at most so far apart may continue each other, if the tangents agree (cosine) and one curve fits both so well.
+GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
+# An arc that turns by more than this beside a line is a rounded corner.
+CORNER = np.deg2rad(60.0)
+# A narrow ellipse turns its tip within the gap, by up to a right angle.
+TIP = 0.0
+# Samples of a curve per pixel when curves are fitted again.
+DENSE = 1.0
+
+
+def pruned(curves: Curves, views: EdgeViews, enough: float, shortest: float) -> Curves:
+    """Without curves that too few views show, that are too short, or that lie along longer ones.
+
+    Args:
+        enough: so many views have to show a curve, mean over its parts.
+        shortest: pixels.
+    """
+    support = part_support(views, curves).double().sum(0).mean(1).numpy()
+    samples = sampled(curves)
+    length = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(1)
+    keep = (support >= enough) & (length >= shortest * views.pixel)
+    from scipy.spatial import cKDTree
+
+    order = [int(i) for i in np.argsort(-length, kind="stable") if keep[i]]
+    dense = [resampled(samples[i], 0.3 * views.pixel) for i in order]
+    if not dense:
+        return curves[torch.from_numpy(keep)]
+    rank = np.repeat(np.arange(len(order)), [len(line) for line in dense])
+    tree = cKDTree(np.concatenate(dense))
+    # Of longer curves those that stay: what doubles another goes, and doubles nothing itself.
+    longer = np.zeros(len(order), bool)
+    for place, i in enumerate(order):
+        near = tree.query_ball_point(samples[i], DOUBLED * views.pixel)
+        doubled = [longer[rank[np.asarray(places, np.int64)]].any() for places in near]
+        keep[i] = longer[place] = np.mean(doubled) < DOUBLED_SHARE
+    return curves[torch.from_numpy(keep)]
+
+
+def sampled(curves: Curves, count: int = SAMPLES) -> Float[Array, "N S 3"]:
+    """Points along every curve at even parameters, the ends included."""
+    return curves.at(torch.linspace(0, 1, count)).double().numpy()
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Points along an edge and the strokes that draw it: one, or two arcs of most of a circle or ellipse."""
+
+    strokes: list[Primitive]
+    points: Float[Array, "M 3"]
+
+    @property
+    def closed(self) -> bool:
+        """Whether this is a whole circle or ellipse."""
+        return len(self.strokes) == 2 and bool(np.allclose(self.strokes[0].control[0], self.strokes[1].control[3]))
+
+    @property
+    def price(self) -> int:
+        """Free numbers."""
+        return FREEDOM[self.strokes[0].kind]
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """Pieces that one curve fits; the best joints save most free numbers."""
+
+    price: float
+    members: tuple[int, ...]
+    piece: _Piece
+
+
+def joined(curves: Curves, pixel: float, tick: Tick = no_tick) -> Curves:
+    """Curves that continue each other become one, best fits first, until none does; arcs may close to circles."""
+    pieces = _pieces(curves, pixel)
+    alive = set(range(len(pieces)))
+    joints = [j for k, i in _neighbours(pieces, sorted(alive), pixel) if (j := _joint(pieces, i, k, pixel)) is not None]
+    tried: dict[tuple[int, ...], _Joint | None] = {}
+    while joints or (joints := _elliptic_joints(pieces, sorted(alive), pixel, tried)):
+        tick(len(pieces) - len(curves), len(curves))
+        best = min(joints, key=lambda joint: (joint.price, joint.members))
+        alive -= set(best.members)
+        joints = [j for j in joints if alive.issuperset(j.members)]
+        pieces.append(best.piece)
+        new = len(pieces) - 1
+        near = _near_ends(pieces, best.piece.points, sorted(alive), pixel)
+        joints += [j for k in near if (j := _joint(pieces, new, k, pixel)) is not None]
+        alive.add(new)
+    return _curves([pieces[i] for i in sorted(alive)])
+
+
+def _ends(pieces: list[_Piece], rows: list[int]) -> Float[Array, "M 3"]:
+    """First and last points, one piece after the other."""
+    return np.array([pieces[i].points[end] for i in rows for end in (0, -1)]).reshape(-1, 3)
+
+
+def _neighbours(pieces: list[_Piece], rows: list[int], pixel: float) -> list[tuple[int, int]]:
+    """Pairs of pieces with ends so near that one may continue the other, the smaller number first."""
+    from scipy.spatial import cKDTree
+
+    if not rows:
+        return []
+    near = cKDTree(_ends(pieces, rows)).query_pairs(GAP * pixel, output_type="ndarray") // 2
+    pairs = np.unique(np.sort(near[near[:, 0] != near[:, 1]], axis=1), axis=0)
+    return [(rows[i], rows[k]) for i, k in pairs]
+
+
+def _near_ends(pieces: list[_Piece], points: Float[Array, "M 3"], rows: list[int], pixel: float) -> list[int]:
+    """Pieces that end so near to an end of these points that one may continue the other."""
+    if not rows:
+        return []
+    off = np.linalg.norm(_ends(pieces, rows)[:, None] - points[[0, -1]], axis=2).min(1).reshape(-1, 2).min(1)
+    return [rows[i] for i in np.nonzero(off <= GAP * pixel)[0]]
+
+
+def _elliptic_joints(
+    pieces: list[_Piece], alive: list[int], pixel: float, tried: dict[tuple[int, ...], _Joint | None]
+) -> list[_Joint]:
+    """Pieces in a row that one ellipse fits: three where two say too little, or two that meet at a narrow tip.
+
+    At most one of them is straight: an arc between lines is a rounded corner.
+
+    Args:
+        tried: what came of the rows that were tried before; more are added.
+    """
+    kind = {i: pieces[i].strokes[0].kind for i in alive}
+    rows: list[tuple[tuple[int, ...], Array]] = []
+    for i, k in _neighbours(pieces, alive, pixel):
+        half = Kind.ELLIPSE in (kind[i], kind[k])
+        two = _continued(pieces[i], pieces[k], pixel, TIP if half else STRAIGHT_ON)
+        if two is None:
+            continue
+        if half:
+            rows.append(((i, k), two))
+        near = [m for m in _near_ends(pieces, two, alive, pixel) if m not in (i, k)]
+        third = ((m, _continued(_Piece([], two), pieces[m], pixel)) for m in near)
+        rows += [((i, k, m), three) for m, three in third if three is not None]
+    for members, points in rows:
+        if members not in tried:
+            straight = sum(kind[m] == Kind.LINE for m in members)
+            strokes = fit_elliptic_arcs(points, pixel) if straight < 2 else []
+            good = bool(strokes) and _near(strokes, pixel)
+            tried[members] = _joint_of(pieces, members, _Piece(strokes, points), pixel) if good else None
+    return [joint for members, _ in rows if (joint := tried[members]) is not None]
+
+
+def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
+    """One piece for every curve, as simple as it can be; the two halves of a circle are one, and stay so."""
+    control = curves.constrained(curves.points)[0].double().numpy()
+    strokes = [Primitive(Kind(int(k)), c, np.zeros(0)) for k, c in zip(curves.kind, control, strict=True)]
+    pieces = []
+    for i, samples in enumerate(sampled(curves)):
+        other = int(curves.other[i])
+        points = resampled(samples, DENSE * pixel)
+        if other < 0:
+            pieces.append(_Piece(simplest(points, pixel) or [strokes[i]], points))
+        elif i < other:
+            pieces.append(_Piece([strokes[i], strokes[other]], points))
+    return pieces
+
+
+def _curves(pieces: list[_Piece]) -> Curves:
+    """All strokes."""
+    single = [stroke for piece in pieces if not piece.closed for stroke in piece.strokes]
+    return curves_of(single, [piece.strokes for piece in pieces if piece.closed])
+
+
+def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
+    """The simplest curve within `JOINED` pixels of these points, in order along it; None if a cubic is too simple."""
+    if len(points) < 3:
+        return [fit_line(points)]
+    ways = (lambda p: [fit_line(p)], fit_arcs, lambda p: fit_elliptic_arcs(p, pixel), lambda p: [fit_cubic(p)])
+    for fit in ways:
+        found = fit(points)
+        if found and _near(found, pixel):
+            return found
+    return None
+
+
+def _near(strokes: list[Primitive], pixel: float) -> bool:
+    """Whether the points that strokes were fitted to lie near enough."""
+    return bool(np.percentile(strokes[0].distances, 98) < JOINED * pixel)
+
+
+def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:
+    """The joint of two pieces, if there is one."""
+    points = _continued(pieces[i], pieces[k], pixel)
+    strokes = None if points is None else simplest(points, pixel)
+    if points is None or strokes is None:
+        return None
+    if strokes[0].kind == Kind.FREE and _are_line_and_corner(pieces[i], pieces[k]):
+        return None
+    return _joint_of(pieces, (k, i), _Piece(strokes, points), pixel)
+
+
+def _are_line_and_corner(one: _Piece, other: _Piece) -> bool:
+    """Whether these are a line and an arc that rounds a corner: no cubic is simpler than they are."""
+    kinds = {piece.strokes[0].kind: piece for piece in (one, other)}
+    if set(kinds) != {Kind.LINE, Kind.ARC}:
+        return False
+    points = kinds[Kind.ARC].points
+    turn = _end_tangent(points) @ -_end_tangent(points[::-1])
+    return bool(turn < np.cos(CORNER))
+
+
+def _joint_of(pieces: list[_Piece], members: tuple[int, ...], piece: _Piece, pixel: float) -> _Joint:
+    saved = sum(pieces[i].price for i in members) - piece.price
+    return _Joint(float(np.mean(piece.strokes[0].distances)) / pixel - saved, members, piece)
+
+
+def _continued(one: _Piece, other: _Piece, pixel: float, straight: float = STRAIGHT_ON) -> Float[Array, "M 3"] | None:
+    """The points along two pieces that continue each other at their nearest ends; None if they do not.
+
+    Args:
+        straight: least cosine between them.
+    """
+    if one.closed or other.closed:
+        return None
+    a, b = one.points, other.points
+    flips = [(x, y) for x in (a, a[::-1]) for y in (b, b[::-1])]
+    gaps = [np.linalg.norm(x[-1] - y[0]) for x, y in flips]
+    first, second = flips[int(np.argmin(gaps))]
+    if min(gaps) > GAP * pixel:
+        return None
+    heading, onwards = -_end_tangent(first[::-1]), _end_tangent(second)
+    if heading @ onwards < straight:
+        return None
+    # Where ends overlap, the second must not turn back.
+    beyond = (second - first[-1]) @ heading > 0
+    start = int(np.argmax(beyond)) if beyond.any() else len(second)
+    return np.concatenate([first, second[start:]])
+
+
+def _end_tangent(points: Array) -> Float[Array, " 3"]:
+    """Unit tangent at the first point, pointing into the curve: that of the parabola through three points."""
+    half = min((len(points) - 1) // 2, 2)
+    step = 4 * (points[half] - points[0]) - (points[2 * half] - points[0])
+    step = step if half else points[-1] - points[0]
+    return step / (np.linalg.norm(step) + 1e-12)
+
+
+def concatenated(first: Curves, second: Curves) -> Curves:
+    """Both sets of curves."""
+    shift = int(first.vertex.max()) + 1 if len(first) else 0
+    other = torch.where(second.other >= 0, second.other + len(first), second.other)
+    return Curves(
+        torch.cat([first.points, second.points]),
+        torch.cat([first.kind, second.kind]),
+        torch.cat([first.vertex, second.vertex + shift]),
+        torch.cat([first.other, other]),
+    )

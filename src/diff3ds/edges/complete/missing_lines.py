@@ -1,0 +1,230 @@
+"""Straight edges between vertices that are there, where the views show one and no curve explains it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float, Int
+from diff3ds.camera import Cameras
+from diff3ds.edges.clean.simplify import concatenated, sampled
+from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
+from diff3ds.edges.evidence.ridges import Array, Ridges
+from diff3ds.edges.evidence.support import agreement
+from diff3ds.edges.evidence.unexplained import unexplained
+from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
+from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+# Lengths in pixels, all empirical: samples of a line; a place farther than this from all curves is open; so near lies
+# a ridge that shows it; the shortest open part.
+SAMPLES, OPEN, SEEN, SHORTEST = 24, 3.0, 1.2, 6.0
+# So many views have to show every open place but some, relative to those that confirm an edge: the ends are known.
+SHOWN, MOST = 0.7, 0.9
+# Cosine of the angle at which curves meet smoothly. Empirical.
+SMOOTH = 0.94
+# Samples looked at first, to pass over most pairs quickly.
+GLANCE = 4
+# Of so many pairs of vertices, the shortest, each is looked at: all those of 630 vertices, while CAD models have some
+# dozens to hundreds. Between those of thousands a long line is more likely chance.
+MOST_PAIRS = 200_000
+# So many places in views at once.
+BLOCK = 4_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """Curves, and what all pairs of vertices are looked up in.
+
+    Attributes:
+        names, places, degree: numbers of the vertices (increasing), where they are, how many curves end there.
+        lines, ends: which of the curves are lines, and their ends.
+        tree: of points along all curves.
+    """
+
+    curves: Curves
+    names: Int[NDArray[np.int64], " N"]
+    places: Float[Array, "N 3"]
+    degree: Int[NDArray[np.int64], " N"]
+    lines: Int[NDArray[np.int64], " L"]
+    ends: Float[Array, "L 2 3"]
+    tree: "cKDTree"
+
+
+@dataclass(frozen=True)
+class _Bridge:
+    """A line between two vertices, and the pieces of it that were found already."""
+
+    vertices: tuple[int, int]
+    pieces: tuple[int, ...]
+    views: float
+
+
+def bridged(
+    curves: Curves,
+    cameras: Cameras,
+    views: EdgeViews,
+    ridges: Sequence[Ridges],
+    enough: float,
+    tick: Tick = no_tick,
+    capped: Capped = not_said,
+) -> Curves:
+    """The curves with a line wherever the views show one between two vertices; a line with a gap becomes whole.
+
+    Args:
+        ridges: of the views.
+        enough: so many views confirm an edge.
+        tick, capped: see `watch`.
+    """
+    if not len(curves):
+        return curves
+    likely = _likely(curves, views, SHOWN * enough, capped)
+    rest = edge_views(cameras, unexplained(views, ridges, curves)) if likely else views
+    found: dict[tuple[int, int], _Bridge | None] = {}
+    again = likely
+    while True:
+        drawing = _drawing(curves)
+        for done, pair in enumerate(again):
+            tick(done, len(again))
+            found[pair] = _bridge(drawing, pair, views, rest, SHOWN * enough)
+        # The bridge that joins most pieces, of these the one that most views show.
+        bridges = [bridge for pair in likely if (bridge := found[pair]) is not None]
+        best = max(bridges, key=lambda bridge: (len(bridge.pieces), bridge.views), default=None)
+        if best is None:
+            return curves
+        curves, place = _with(curves, best)
+        known = set(_vertices(curves)[0].tolist())
+        likely = [pair for pair in likely if known.issuperset(pair)]
+        again = [pair for pair in likely if _touches(drawing, pair, best, views.pixel)]
+        found = {pair: _renumbered(found[pair], place) for pair in likely}
+
+
+def _likely(curves: Curves, views: EdgeViews, enough: float, capped: Capped) -> list[tuple[int, int]]:
+    """Pairs of vertices with ridges in enough views at a few places between them."""
+    names, places, _ = _vertices(curves)
+    pairs = np.stack(np.triu_indices(len(names), 1), 1)
+    length = np.linalg.norm(places[pairs[:, 1]] - places[pairs[:, 0]], axis=1)
+    pairs, length = pairs[length > SHORTEST * views.pixel], length[length > SHORTEST * views.pixel]
+    if len(pairs) > MOST_PAIRS:
+        capped("pairs of vertices", MOST_PAIRS, len(pairs))
+        pairs = pairs[np.sort(np.argsort(length, kind="stable")[:MOST_PAIRS])]
+    for share in (np.arange(GLANCE) + 0.5) / GLANCE:
+        # In pieces, so that memory is bounded.
+        blocks = [b for b in np.array_split(pairs, len(pairs) * len(views) // BLOCK + 1) if len(b)]
+        shown = [_counts(places[block], np.array([share]), views)[:, 0] >= enough for block in blocks]
+        pairs = pairs[np.concatenate(shown)] if shown else pairs
+    return [(int(names[a]), int(names[b])) for a, b in pairs]
+
+
+def _drawing(curves: Curves) -> _Drawing:
+    from scipy.spatial import cKDTree
+
+    lines = np.nonzero((curves.kind == Kind.LINE).numpy())[0]
+    ends = curves.points.double().numpy()[lines][:, [0, 3]]
+    return _Drawing(curves, *_vertices(curves), lines, ends, cKDTree(sampled(curves, 4 * SAMPLES).reshape(-1, 3)))
+
+
+def _touches(drawing: _Drawing, vertices: tuple[int, int], bridge: _Bridge, pixel: float) -> bool:
+    """Whether a line between two vertices passes a bridge so close that one of them says something of the other."""
+    ends = drawing.places[np.searchsorted(drawing.names, [*vertices, *bridge.vertices])]
+    x = ends[0] + np.linspace(0, 1, 2 * SAMPLES)[:, None] * (ends[1] - ends[0])
+    spacing = float(np.linalg.norm(ends[1] - ends[0])) / SAMPLES
+    return bool((_off(x, ends[2], ends[3]) < (OPEN + SEEN) * pixel + spacing).any())
+
+
+def _renumbered(bridge: _Bridge | None, place: NDArray[np.int64]) -> _Bridge | None:
+    """The bridge with the numbers that its pieces have now."""
+    return None if bridge is None else replace(bridge, pieces=tuple(int(place[i]) for i in bridge.pieces))
+
+
+def _vertices(curves: Curves) -> tuple[NDArray[np.int64], Float[Array, "N 3"], NDArray[np.int64]]:
+    """Numbers of all vertices but those of whole circles, where they are, and how many curves end there."""
+    single = (curves.other < 0).numpy()
+    points = curves.constrained(curves.points)[0].double().numpy()[single][:, [0, 3]].reshape(-1, 3)
+    names, first, degree = np.unique(curves.vertex.numpy()[single].reshape(-1), return_index=True, return_counts=True)
+    return names, points[first], degree
+
+
+def _counts(ends: Float[Array, "P 2 3"], share: Float[Array, " S"], rest: EdgeViews) -> Float[Array, "P S"]:
+    """How many views show each place of each line."""
+    x = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
+    along = np.repeat(ends[:, 1] - ends[:, 0], len(share), axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-12
+    x = x.reshape(-1, 3)
+    shown = agreement(rest, x, along) & (rest.match(x).distance < SEEN)
+    return shown.sum(0).reshape(len(ends), -1).astype(np.float64)
+
+
+def _bridge(
+    drawing: _Drawing, vertices: tuple[int, int], views: EdgeViews, rest: EdgeViews, enough: float
+) -> _Bridge | None:
+    """The bridge between a pair of vertices, if the views show it wherever it is open."""
+    curves, names, places = drawing.curves, drawing.names, drawing.places
+    pair = np.searchsorted(names, vertices)
+    pixel = views.pixel
+    start, stop = places[pair]
+    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    # Lines that lie along it.
+    along = _beside(drawing.ends.reshape(-1, 3), start, stop, pixel).reshape(-1, 2).all(1)
+    pieces = tuple(drawing.lines[along].tolist())
+    inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
+    ends = curves.vertex.numpy()[list(pieces)].reshape(-1)
+    # It may pass the loose ends of its own pieces, no other vertex.
+    if not np.isin(inner, ends).all() or (drawing.degree[np.isin(names, inner)] > 1).any():
+        return None
+    # A line with a gap: its own ridges run on.
+    whole = len(pieces) > 1
+    if not whole and any(_smooth(curves, name) for name in vertices):
+        return None
+    open_ = drawing.tree.query(start + share[:, None] * (stop - start))[0] > OPEN * pixel
+    if open_.sum() * np.linalg.norm(stop - start) / SAMPLES < (0 if whole else SHORTEST) * pixel:
+        return None
+    counts = _counts(np.stack([start, stop])[None], share, views if whole else rest)[0]
+    counts = counts if whole else counts[open_]
+    if (counts >= enough).mean() < MOST:
+        return None
+    return _Bridge(vertices, pieces, float(counts.mean()))
+
+
+def _smooth(curves: Curves, name: int) -> bool:
+    """Whether two curves meet smoothly at the vertex, and no third: outlines of a rounded edge start there, no edge."""
+    points = curves.points.double().numpy()
+    at = np.argwhere(curves.vertex.numpy() == name)
+    if len(at) != 2:
+        return False
+    steps = [points[i, 1] - points[i, 0] if end == 0 else points[i, 2] - points[i, 3] for i, end in at]
+    first, second = (step / (np.linalg.norm(step) + 1e-12) for step in steps)
+    return bool(first @ second < -SMOOTH)
+
+
+def _beside(
+    x: Float[Array, "M 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"], pixel: float
+) -> Bool[NDArray[np.bool_], " M"]:
+    """Which points lie on the segment, but for a pixel or so."""
+    return np.asarray(_off(x, start, stop) < SEEN * pixel)
+
+
+def _off(x: Float[Array, "M 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, " M"]:
+    """Distances from a segment."""
+    along = stop - start
+    share = np.clip((x - start) @ along / (along @ along), 0, 1)[:, None]
+    return np.asarray(np.linalg.norm(x - start - share * along, axis=1))
+
+
+def _with(curves: Curves, bridge: _Bridge) -> tuple[Curves, NDArray[np.int64]]:
+    """The curves with the bridge instead of its pieces, and the new numbers of the old curves."""
+    names, places, _ = _vertices(curves)
+    ends = [places[names == name][0] for name in bridge.vertices]
+    line = curves_of([Primitive(Kind.LINE, line_control(*ends), np.zeros(0))])
+    keep = torch.ones(len(curves), dtype=torch.bool)
+    keep[list(bridge.pieces)] = False
+    joined = concatenated(curves[keep], line)
+    vertex = joined.vertex.clone()
+    vertex[-1] = torch.tensor(bridge.vertices)
+    return replace(joined, vertex=vertex), (keep.cumsum(0) - 1).numpy()

@@ -1,0 +1,189 @@
+"""Arcs closed to whole circles where the views show the rest, each a part of it: a shaft hides half of its own rim."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float
+from diff3ds.edges.clean.simplify import concatenated, sampled
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.ridges import Array
+from diff3ds.edges.evidence.support import agreement
+from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of
+from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, arc_control, fit_circle
+from diff3ds.edges.watch import Tick, no_tick
+
+# Samples of a circle; the share of them that enough views have to show, and how many views those are, relative to the
+# views that confirm an edge. Of 12 whole circles in parts all had .87 or more, of 25 arcs of generated objects that
+# end where they should all .82 or less.
+SAMPLES, COVERED, SHOWN = 60, 0.85, 0.7
+# An arc of less says too little about its circle. Empirical.
+LEAST_SWEEP = np.deg2rad(75.0)
+# All around about as many views pass a circle: so many, relative to the median. Of true circles at .95 of the places or
+# more, of squares of 10 to 25 pixels across at .57 to .78.
+EVEN = 0.5
+# Of the views with a ridge nearby this share passes the circle itself: of 23 true circles .55 or more at .85 of the
+# places, of 9 that were none .46 or less but for one.
+PASSED = 0.52
+# A view shows a place of a circle that its ridge passes this closely, pixels: twice the scatter.
+SEEN_WITHIN = 0.4
+# Rounds of placing and looking again what the views show.
+ROUNDS = 4
+# Pieces of a small circle are at most so long, follow each other within a gap, and lie loosely on it, pixels; all
+# empirical.
+LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
+# The other end of a hole is looked for along its axis in such steps, pixels, by so many samples, and tried at so many
+# places; by this share of the views that confirm an edge, as its radius and axis are known already. Less deep holes
+# cannot be told from rims seen badly, pixels; radii that differ by a larger share are no twins'. Empirical.
+STEP, COARSE, TRIES, FEWER, SHALLOWEST, ALIKE = 2.0, 24, 2, 0.55, 6.0, 0.03
+# Curves that lie so near to a circle belong to it, pixels, if this share of them does.
+NEAR, SHARE = 1.5, 0.8
+
+
+def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick: Tick = no_tick) -> Curves:
+    """The curves with whole circles instead of the arcs and pieces along them.
+
+    Args:
+        enough: so many views confirm an edge.
+        outward: the offset of outlines in these views, pixels.
+        tick: see `watch`.
+    """
+    free = (curves.other < 0).numpy().copy()
+    points = sampled(curves)
+    found: list[Circle] = []
+    starts = list(_starts(curves, points, views.pixel))
+    for done, (start, members) in enumerate(starts):
+        tick(done, len(starts))
+        if not free[list(members)].all() or not _promising(start, views, enough):
+            continue
+        circle = _whole(start, views, enough, outward)
+        if circle is not None:
+            free &= ~_on(circle, points, views.pixel)
+            found.append(circle)
+    for twin in _twins([*_whole_ones(curves, points), *found], views, enough, outward):
+        free &= ~_on(twin, points, views.pixel)
+        found.append(twin)
+    keep = torch.from_numpy(free) | (curves.other >= 0)
+    halves = [[_half(c, 0.0), _half(c, np.pi)] for c in found]
+    return concatenated(curves[keep], curves_of([], halves)) if found else curves
+
+
+def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iterator[tuple[Circle, tuple[int, ...]]]:
+    """Circles through arcs, the longest first, then through two pieces in a row; and what they go through.
+
+    Chains of points break up where a small circle turns fast: it comes as lines.
+    """
+    length = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1)
+    alone = (curves.other < 0).numpy()
+    for i in np.argsort(-length, kind="stable"):
+        circle = fit_circle(points[i]) if alone[i] and int(curves.kind[i]) == Kind.ARC else None
+        if circle is not None and length[i] >= LEAST_SWEEP * circle.radius:
+            yield circle, (int(i),)
+    short = np.nonzero(alone & (length < LONGEST_SIDE * pixel))[0]
+    ends = points[:, [0, -1]]
+    for i, k in _pairs_in_a_row(short, ends[short], pixel):
+        circle = fit_circle(np.concatenate([points[i], points[k]]))
+        if circle is not None and circle.distances.max() < LOOSE * pixel and circle.radius < LONGEST_SIDE * pixel:
+            yield circle, (i, k)
+
+
+def _pairs_in_a_row(rows: NDArray[np.int64], ends: Float[Array, "M 2 3"], pixel: float) -> list[tuple[int, int]]:
+    """Pairs of these curves, of which the ends are given, that follow each other within a gap."""
+    from scipy.spatial import cKDTree
+
+    if not len(rows):
+        return []
+    near = cKDTree(ends.reshape(-1, 3)).query_pairs(GAP * pixel, output_type="ndarray") // 2
+    pairs = np.unique(np.sort(near[near[:, 0] != near[:, 1]], axis=1), axis=0)
+    return [(int(rows[i]), int(rows[k])) for i, k in pairs]
+
+
+def _whole_ones(curves: Curves, points: Float[Array, "N S 3"]) -> list[Circle]:
+    """The circles that are whole already."""
+    pairs = [(i, int(k)) for i, k in enumerate(curves.other) if i < int(k) and int(curves.kind[i]) == Kind.ARC]
+    circles = [fit_circle(np.concatenate([points[i], points[k]])) for i, k in pairs]
+    return [circle for circle in circles if circle is not None]
+
+
+def _twins(circles: list[Circle], views: EdgeViews, enough: float, outward: float) -> list[Circle]:
+    """Circles of the same radius and axis: the other end of a hole or shaft, which fewer views show."""
+    known = list(circles)
+    fewer = FEWER * enough
+    for circle in circles:
+        at = _along_axis(circle, views.pixel)
+        shares = _shares(at, views, SHOWN * fewer)
+        around = np.concatenate([[0.0], shares, [0.0]])
+        tops = np.nonzero((shares >= COVERED) & (shares >= around[:-2]) & (shares > around[2:]))[0]
+        far = [k for k in tops if not any(_is_near(at[k], other, views.pixel) for other in known)]
+        for k in sorted(far, key=lambda k: -shares[k])[:TRIES]:
+            twin = _whole(at[k], views, fewer, outward)
+            if twin is None or abs(twin.radius - circle.radius) > ALIKE * circle.radius:
+                continue
+            if not any(_is_near(twin, other, views.pixel) for other in known):
+                known.append(twin)
+    return known[len(circles) :]
+
+
+def _along_axis(circle: Circle, pixel: float) -> list[Circle]:
+    """The circle moved along its axis, within the unit ball."""
+    axis = np.cross(circle.u, circle.v)
+    heights = np.arange(-1, 1, STEP * pixel)[:, None]
+    centers = circle.center + (heights - circle.center @ axis) * axis
+    return [circle._replace(center=c) for c in centers if np.linalg.norm(c) < 1]
+
+
+def _shares(circles: list[Circle], views: EdgeViews, enough: float) -> Float[Array, " C"]:
+    """The share of each circle's places that enough views show."""
+    if not circles:
+        return np.zeros(0)
+    angle = 2 * np.pi * np.arange(COARSE) / COARSE
+    x = np.concatenate([points_on(circle, angle) for circle in circles])
+    tangents = np.concatenate([(points_on(c, angle + np.pi / 2) - c.center) / c.radius for c in circles])
+    return np.asarray((agreement(views, x, tangents).sum(0) >= enough).reshape(-1, COARSE).mean(1))
+
+
+def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
+    """Whether two circles are one, seen badly."""
+    off = np.linalg.norm(one.center - other.center) + abs(one.radius - other.radius)
+    return bool(off < SHALLOWEST * pixel)
+
+
+def _promising(circle: Circle, views: EdgeViews, enough: float) -> bool:
+    """Whether enough views show something like half of the circle, before it is placed."""
+    angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    return bool((shown_of(circle, angle, views).sum(0) >= SHOWN * enough).mean() >= 0.5)
+
+
+def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> Circle | None:
+    """The circle placed by all that the views show of it; None if that is not all around."""
+    angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    for _ in range(ROUNDS):
+        moved = circle_at(circle, angle, shown_of(circle, angle, views), views, outward)
+        if moved is None or not _promising(moved, views, enough):
+            return None
+        still = apart(points_on(moved, angle), points_on(circle, angle)) < STILL * views.pixel
+        circle = moved
+        if still:
+            break
+    shown = shown_of(circle, angle, views)
+    counts = (shown & (circle_residuals(circle, angle, views, outward) < SEEN_WITHIN)).sum(0)
+    # A square passes its inscribed circle in many views, but seldom at its corners; other lines pass by here and there.
+    least = np.maximum(max(SHOWN * enough, EVEN * float(np.median(counts))), PASSED * shown.sum(0))
+    return circle if (counts >= least).mean() >= COVERED else None
+
+
+def _on(circle: Circle, points: Float[Array, "N S 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
+    """Which curves lie along the circle."""
+    offset = points - circle.center
+    up = np.cross(circle.u, circle.v)
+    rise = offset @ up
+    flat = np.hypot(offset @ circle.u, offset @ circle.v)
+    return np.asarray((np.hypot(flat - circle.radius, rise) < NEAR * pixel).mean(1) >= SHARE)
+
+
+def _half(circle: Circle, start: float) -> Primitive:
+    control = arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, start, start + np.pi)
+    return Primitive(Kind.ARC, control, np.zeros(0))

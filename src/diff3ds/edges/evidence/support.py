@@ -1,0 +1,109 @@
+"""Which parts of which curves a view shows: those that lie on its ridges, running the same way."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.ridges import Array
+from diff3ds.edges.shapes.curve_set import Curves
+
+PARTS = 6
+# Samples of a part, and the share of them that has to agree.
+SAMPLES, AGREEING = 5, 0.6
+# Distance from a ridge in pixels, and sine of the angle to it (25 degrees), that still agree. Empirical.
+NEAR, SLANT = 2.5, 0.436
+# Lines closer than this in the image, pixels, pull each other's ridges; if they are farther apart in space than that,
+# they are two lines.
+CROWDED, APART = 3.5, 5.0
+# Share of its views that a part may lose for that; with less left it keeps them all.
+CLEAR = 0.3
+# Step along the tangent, relative to the size of a pixel, that shows its direction in the image.
+STEP = 0.1
+
+Flags = Bool[NDArray[np.bool_], "V M"]
+
+
+def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
+    """Whether each of the `PARTS` equal parts of each curve lies on an edge in each view."""
+    x, tangents = samples(curves)
+    return torch.from_numpy(_by_parts(agreement(views, x, tangents), len(curves)))
+
+
+def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
+    """As `part_support`, without the views where another line runs so close that neither can be placed."""
+    x, tangents = samples(curves)
+    shown = agreement(views, x, tangents)
+    clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown), len(curves))
+    shown = _by_parts(shown, len(curves))
+    return torch.from_numpy(np.where(clear.sum(0) >= CLEAR * shown.sum(0), clear, shown))
+
+
+def samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
+    """Points in the middle of even steps along the curves, one curve after the other, and unit tangents."""
+    count = PARTS * SAMPLES
+    x = curves.at((torch.arange(count) + 0.5) / count).double().numpy()
+    tangents = np.gradient(x, axis=1)
+    tangents /= np.linalg.norm(tangents, axis=2, keepdims=True) + 1e-12
+    return x.reshape(-1, 3), tangents.reshape(-1, 3)
+
+
+def _by_parts(agree: Flags, curves: int) -> Bool[NDArray[np.bool_], "V N P"]:
+    share = agree.reshape(len(agree), curves, PARTS, SAMPLES).mean(-1)
+    return np.asarray(share >= AGREEING)
+
+
+def agreement(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]) -> Flags:
+    """Whether points on a curve lie on ridges that run along it."""
+    match = views.match(x)
+    heading = headings(views, x, tangents, match.pixel)
+    across = np.abs((heading * views.normals[match.ridge]).sum(-1))
+    return np.asarray((match.distance < NEAR) & (across < SLANT))
+
+
+def headings(
+    views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: Float[Array, "V M 2"]
+) -> Float[Array, "V M 2"]:
+    """Directions of tangents in the images, unit vectors; `pixel` is where the points are."""
+    ahead = views.project(x + STEP * views.pixel * tangents)[0] - pixel
+    return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
+
+
+def crowded(
+    views: EdgeViews,
+    x: Float[Array, "M 3"],
+    tangents: Float[Array, "M 3"],
+    by: Bool[NDArray[np.bool_], " M"] | None = None,
+    *,
+    at: Flags | None = None,
+    within: float = CROWDED,
+) -> Flags:
+    """Where another of the points, on another line of space, appears beside a point, running the same way.
+
+    Args:
+        by: which points count as the other; default all.
+        at: which points are asked about in which views; default all.
+        within: how far beside it, pixels.
+    """
+    from scipy.spatial import cKDTree
+
+    by = np.ones(len(x), bool) if by is None else by
+    pixel = views.project(x)[0]
+    heading = headings(views, x, tangents, pixel)
+    found = np.zeros(pixel.shape[:2], bool)
+    for view in range(len(views)):
+        seen = np.abs(pixel[view]).max(1) < 1e6
+        asked, others = (np.nonzero(seen & which)[0] for which in (True if at is None else at[view], by))
+        own, other = (cKDTree(pixel[view][rows]) for rows in (asked, others))
+        pairs = own.sparse_distance_matrix(other, within, output_type="ndarray")
+        here, beside = asked[pairs["i"]], others[pairs["j"]]
+        # Which of the two comes first says along which of them they are apart.
+        first, second = np.minimum(here, beside), np.maximum(here, beside)
+        turned = heading[view, first, 0] * heading[view, second, 1] - heading[view, first, 1] * heading[view, second, 0]
+        # Across the line: a line seen from its end is no other line.
+        step = x[first] - x[second]
+        step = step - (step * tangents[first]).sum(1, keepdims=True) * tangents[first]
+        two = np.linalg.norm(step, axis=1) > APART * views.pixel
+        found[view, here[(np.abs(turned) < SLANT) & two]] = True
+    return found

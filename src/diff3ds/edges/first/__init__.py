@@ -1,0 +1,1 @@
+"""First curves: space carved, points triangulated, chained and cut into primitives."""

@@ -1,0 +1,112 @@
+"""Chains of edge points: followed from the best points along their directions, one chain an edge."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Float
+from diff3ds.edges.evidence.ridges import Array
+from diff3ds.edges.first.triangulate import EdgePoints
+
+# Lengths are in units of a pixel. All values are empirical.
+# The next point of a chain is at most so far away, ahead (cosine to the direction at least AHEAD), beside the tangent
+# by at most SIDEWAYS plus a share of the way, and runs the same way (cosine).
+REACH, NEAREST, AHEAD, SIDEWAYS, SIDEWAYS_SHARE, SAME_WAY = 3.1, 0.3, 0.35, 0.57, 0.15, 0.94
+# Between candidates, a pixel to the side counts as much as so many ahead.
+SIDE_COST = 4.0
+# Of the direction of a chain, the share that the newest point gives.
+TURN = 0.5
+# Points within this distance of a finished chain that run along it (cosine) belong to it.
+TAKEN, TAKEN_COSINE = 1.3, 0.8
+# Chains are sampled so densely for that.
+SAMPLED = 0.4
+LEAST_POINTS = 4
+
+
+def follow_chains(found: EdgePoints, pixel: float, shortest: float) -> list[Float[Array, "_ 3"]]:
+    """Polylines along the edges; every point is used once.
+
+    Args:
+        pixel: world units of a pixel.
+        shortest: length of a chain to stay, world units.
+    """
+    from scipy.spatial import cKDTree
+
+    if not len(found):
+        return []
+    tree = cKDTree(found.points)
+    used = np.zeros(len(found), bool)
+    chains = []
+    for start in np.argsort(-found.scores, kind="stable"):
+        if used[start]:
+            continue
+        ahead = _followed(found, tree, used, int(start), 1.0, pixel, {int(start)})
+        back = _followed(found, tree, used, int(start), -1.0, pixel, {int(start), *ahead})
+        chain = [*back[::-1], int(start), *ahead]
+        used[start] = True
+        line = found.points[chain]
+        if len(chain) < LEAST_POINTS or polyline_length(line) < shortest:
+            continue
+        used[chain] = True
+        used[_beside(found, tree, line, pixel)] = True
+        chains.append(line)
+    return chains
+
+
+def _followed(
+    found: EdgePoints, tree: object, used: NDArray[np.bool_], start: int, sign: float, pixel: float, seen: set[int]
+) -> list[int]:
+    """Indices of the points after `start` in one direction."""
+    part: list[int] = []
+    taken = set(seen)
+    at, heading = start, found.directions[start] * sign
+    while True:
+        near = tree.query_ball_point(found.points[at], REACH * pixel)  # type: ignore[attr-defined]
+        candidates = np.array([j for j in near if j not in taken and not used[j]], int)
+        following = _next(found, at, heading, candidates, pixel)
+        if following is None:
+            return part
+        direction = found.directions[following]
+        direction = direction * np.sign(direction @ heading)
+        heading = (1 - TURN) * heading + TURN * direction
+        heading /= np.linalg.norm(heading)
+        at = following
+        taken.add(at)
+        part.append(at)
+
+
+def _next(found: EdgePoints, at: int, heading: Array, candidates: NDArray[np.int64], pixel: float) -> int | None:
+    step = (found.points[candidates] - found.points[at]) / pixel
+    length = np.linalg.norm(step, axis=1)
+    ahead = step @ heading
+    aside = np.sqrt(np.maximum(length**2 - ahead**2, 0))
+    good = (ahead > AHEAD * length) & (ahead > NEAREST) & (aside < SIDEWAYS + SIDEWAYS_SHARE * ahead)
+    good &= np.abs(found.directions[candidates] @ heading) > SAME_WAY
+    if not good.any():
+        return None
+    return int(candidates[good][np.argmin((ahead + SIDE_COST * aside)[good])])
+
+
+def _beside(found: EdgePoints, tree: object, line: Array, pixel: float) -> NDArray[np.int64]:
+    """Points that lie along a chain."""
+    from scipy.spatial import cKDTree
+
+    dense = resampled(line, SAMPLED * pixel)
+    near = tree.query_ball_point(dense, TAKEN * pixel)  # type: ignore[attr-defined]
+    others = np.unique(np.concatenate([np.asarray(n, np.int64) for n in near]))
+    tangents = np.gradient(dense, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True) + 1e-12
+    closest = cKDTree(dense).query(found.points[others])[1]
+    along = np.abs((found.directions[others] * tangents[closest]).sum(1))
+    return others[along > TAKEN_COSINE]
+
+
+def polyline_length(line: Float[Array, "M 3"]) -> float:
+    """Length of a polyline."""
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def resampled(line: Float[Array, "M 3"], step: float) -> Float[Array, "K 3"]:
+    """Points at even distances along a polyline, about `step` apart, the ends included."""
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    even = np.linspace(0, at[-1], max(2, round(at[-1] / step) + 1))
+    return np.stack([np.interp(even, at, line[:, k]) for k in range(3)], 1)

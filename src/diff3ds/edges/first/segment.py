@@ -1,0 +1,85 @@
+"""Chains of points cut into the fewest lines, arcs and cubics that fit."""
+
+import numpy as np
+
+from diff3ds._shapes import Float
+from diff3ds.edges.evidence.ridges import Array
+from diff3ds.edges.first.chains import resampled
+from diff3ds.edges.shapes.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+
+# Lengths in pixels. Scatter of points on a chain, at which one counts fully, and beyond which it counts no more: a
+# stray point is no reason for another stroke. Empirical.
+SCATTER, STRAY = 0.45, 3.0
+# Price of a free number in the same units as a point's squared distance over scatter.
+PRICE = 1.0
+# A fit is good if 95 % of the points lie within this.
+GOOD = 1.0
+# An arc rises over its chord by at least this: less may be scatter of a line.
+RISE = 1.2
+# Points evenly spaced along a chain, and the most places at which it may be cut.
+SPACING, CUTS = 1.0, 32
+
+
+def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
+    """The strokes of one chain, in order."""
+    points = resampled(chain, SPACING * pixel)
+    if len(points) < 4:
+        return [fit_line(points)]
+    arcs = fit_arcs(points, RISE * pixel)
+    if len(arcs) == 2 and np.percentile(arcs[0].distances, 95) < GOOD * pixel:
+        return arcs
+    best, cost = _best(points, pixel)
+    # One stroke that fits needs no search.
+    if best.kind < 2 and np.percentile(best.distances, 95) < GOOD * pixel and cost < FREEDOM[best.kind] + len(points):
+        return [best]
+    return _cut(points, pixel)
+
+
+def _best(points: Float[Array, "M 3"], pixel: float, below: float = np.inf) -> tuple[Primitive, float]:
+    """The cheapest single stroke and its cost; those of which the free numbers alone cost more are not fitted.
+
+    Args:
+        below: a higher cost is of no interest.
+    """
+    best = fit_line(points)
+    cost = _cost(best, pixel)
+    for kind in (Kind.ARC, Kind.FREE):
+        if PRICE * FREEDOM[kind] >= min(cost, below):
+            break
+        found = fit_arcs(points, RISE * pixel) if kind == Kind.ARC else [fit_cubic(points)]
+        if len(found) == 1 and _cost(found[0], pixel) < cost:
+            best, cost = found[0], _cost(found[0], pixel)
+    return best, cost
+
+
+def _cost(primitive: Primitive, pixel: float) -> float:
+    off = np.minimum(primitive.distances / (SCATTER * pixel), STRAY)
+    return float((off**2).sum() + PRICE * FREEDOM[primitive.kind])
+
+
+def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
+    """The cheapest sequence of strokes, by dynamic programming over the places of cuts."""
+    places = np.unique(np.linspace(0, len(points) - 1, min(CUTS, len(points))).round().astype(int))
+    cost = np.full(len(places), np.inf)
+    cost[0] = 0.0
+    last: list[tuple[int, Primitive] | None] = [None] * len(places)
+    for stop in range(1, len(places)):
+        for start in range(stop):
+            part = points[places[start] : places[stop] + 1]
+            left = cost[stop] - cost[start]
+            # Many starts cost too much already with the cheapest stroke from there.
+            if (len(part) < 3 and start > 0) or left <= PRICE * FREEDOM[Kind.LINE]:
+                continue
+            whole = len(part) >= 4
+            primitive, price = _best(part, pixel, left) if whole else (fit_line(part), float(FREEDOM[Kind.LINE]))
+            if cost[start] + price < cost[stop]:
+                cost[stop] = cost[start] + price
+                last[stop] = (start, primitive)
+    found: list[Primitive] = []
+    at = len(places) - 1
+    while at > 0:
+        step = last[at]
+        assert step is not None
+        at, primitive = step
+        found.insert(0, primitive)
+    return found

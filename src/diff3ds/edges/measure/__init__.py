@@ -1,0 +1,1 @@
+"""Curves placed where the ridges are, and what several of them share: planes, radii, vertices, tangents."""

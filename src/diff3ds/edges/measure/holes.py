@@ -1,0 +1,56 @@
+"""Holes through an object: which circles are the two ends of one, and where the background shows through it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Bool, Float
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.ridges import Array
+from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle
+
+# The two ends of a hole: radii to this share, axes to this cosine, centres so many pixels beside the axis. Empirical.
+ALIKE, PARALLEL, BESIDE = 0.03, np.cos(np.deg2rad(4.0)), 2.0
+# What lies beside an edge in the picture is looked at so many pixels from it.
+INSIDE = 2.0
+
+
+def other_ends(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> dict[int, Circle]:
+    """For the first half of each whole circle the nearest other circle of its radius on its axis, if there is one."""
+    whole = [(i, int(k)) for i, k in enumerate(curves.other) if i < int(k) and int(curves.kind[i]) == Kind.ARC]
+    circles = {i: circle for i, k in whole if (circle := fit_circle(np.concatenate([points[i], points[k]])))}
+    found = {}
+    for i, one in circles.items():
+        ends = [other for k, other in circles.items() if k != i and _ends(one, other, pixel)]
+        if ends:
+            found[i] = min(ends, key=lambda other: float(np.linalg.norm(other.center - one.center)))
+    return found
+
+
+def _ends(one: Circle, other: Circle, pixel: float) -> bool:
+    """Whether two circles may be the ends of one cylinder."""
+    axis = np.cross(one.u, one.v)
+    step = other.center - one.center
+    beside = float(np.linalg.norm(step - (step @ axis) * axis))
+    alike = abs(one.radius - other.radius) < ALIKE * one.radius
+    return bool(alike and abs(axis @ np.cross(other.u, other.v)) > PARALLEL and beside < BESIDE * pixel)
+
+
+def seen_through(
+    circle: Circle, end: Circle, angle: Float[Array, " S"], views: EdgeViews
+) -> Bool[NDArray[np.bool_], "V S"]:
+    """Where each view sees the background on the inner side of the circle, if it is an end of a hole through.
+
+    Looking into the hole, it does where the line of sight beside the rim leaves by the other end; looking at the
+    circle through the hole, everywhere.
+    """
+    out = circle.center - end.center
+    out = out / np.linalg.norm(out)
+    ray = np.cos(angle)[:, None] * circle.u + np.sin(angle)[:, None] * circle.v
+    beside = circle.center + max(circle.radius - INSIDE * views.pixel, 0.0) * ray
+    eye = views.centers[:, None]
+    sight = beside - eye
+    reach = ((end.center - eye) @ out) / np.where(np.abs(sight @ out) < 1e-12, 1e-12, sight @ out)
+    leaves = np.linalg.norm(eye + reach[..., None] * sight - end.center, axis=-1) < end.radius
+    front = (eye - circle.center) @ out > 0
+    return np.asarray(~front | (leaves & (reach > 1)))

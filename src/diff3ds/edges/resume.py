@@ -1,0 +1,79 @@
+"""The file that keeps what a reconstruction has reached: safetensors, so that reading one runs no code."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._files import write_tensors
+from diff3ds.edges.evidence.bias import Bias
+from diff3ds.edges.reconstruct import DONE, Result
+from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.primitives import Kind
+
+VERSION = 3
+MAX_BYTES = 1 << 28
+FIELDS = ("points", "kind", "vertex", "other")
+
+
+def write_result(path: Path, result: Result, losses: Sequence[float], settings: dict[str, Any]) -> None:
+    """Writes a result and all losses so far, whole or not at all; `settings` are what a resumed run must share."""
+    about = {"version": VERSION, "stage": result.stage, "bias": asdict(result.bias), "settings": settings}
+    tensors = {name: getattr(result.curves, name) for name in FIELDS}
+    # Curves that were taken out have left gaps between the numbers of vertices.
+    tensors["vertex"] = torch.unique(result.curves.vertex, return_inverse=True)[1]
+    tensors["losses"] = torch.tensor(losses, dtype=torch.float64)
+    write_tensors(path, tensors, {"diff3ds edges": json.dumps(about)})
+
+
+def read_result(path: Path, settings: dict[str, Any]) -> tuple[Result, list[float]]:
+    """The result in a file, and the losses of the steps that led to it.
+
+    Raises:
+        FileNotFoundError: it is missing.
+        ValueError: it is no such file of this version, is damaged, or belongs to a run with other settings.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path}: larger than any checkpoint ({MAX_BYTES} bytes)")
+    try:
+        with safe_open(path, "pt") as file:
+            about = json.loads((file.metadata() or {})["diff3ds edges"])
+            tensors = {name: file.get_tensor(name) for name in FIELDS}
+            losses = file.get_tensor("losses").reshape(-1).tolist()
+        if about["version"] != VERSION:
+            raise ValueError(f"version {about['version']}")
+        curves = _checked(Curves(**tensors))
+        result = Result(int(about["stage"]), curves, Bias(**{k: float(v) for k, v in about["bias"].items()}))
+        if not 0 <= result.stage <= DONE:
+            raise ValueError(f"stage {result.stage}")
+        theirs = dict(about["settings"])
+    except (SafetensorError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"{path}: not a checkpoint of this version ({error}); delete it to start anew") from error
+    for name, value in settings.items():
+        if theirs.get(name) != value:
+            was = theirs.get(name)
+            raise ValueError(
+                f"{path}: the run to resume had {name}={was}, not {value}: give the same, or start a new run"
+            )
+    return result, losses
+
+
+def _checked(curves: Curves) -> Curves:
+    """The curves, if their tensors fit together."""
+    count = len(curves)
+    shapes = {"points": (count, 4, 3), "kind": (count,), "vertex": (count, 2), "other": (count,)}
+    for name, shape in shapes.items():
+        value = getattr(curves, name)
+        if value.shape != shape or value.dtype != (torch.float32 if name == "points" else torch.int64):
+            raise ValueError(f"{name} has shape {tuple(value.shape)} and dtype {value.dtype}")
+    inside = (curves.vertex >= 0) & (curves.vertex < 2 * count)
+    paired = (curves.other >= -1) & (curves.other < count)
+    known = (curves.kind >= min(Kind)) & (curves.kind <= max(Kind))
+    if not bool(curves.points.isfinite().all() & known.all() & inside.all() & paired.all()):
+        raise ValueError("values out of range")
+    return curves

@@ -1,0 +1,200 @@
+"""Lines, circular arcs and cubics fitted to points in space, as control points of cubics."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from diff3ds._shapes import Float
+from diff3ds.edges.evidence.ridges import Array
+
+# Iterations of the geometric circle fit, and of the parameters of a cubic's points.
+CIRCLE_ROUNDS, CUBIC_ROUNDS = 10, 4
+# Relative to the radius, a step that changes nothing any more: some roundings.
+SETTLED = 1e-12
+# Pull of a cubic's inner points towards even spacing, relative to the number of points: decides where the points
+# leave the parametrisation open.
+EVEN = 1e-3
+# The largest sweep of an arc that one rational cubic can draw is 240 degrees (its inner weights vanish there).
+MOST_SWEEP = np.deg2rad(200.0)
+# Arcs of more than this are whole circles: a gap this short is a lack of points.
+CLOSED = np.deg2rad(320.0)
+
+
+class Kind(IntEnum):
+    """What a stroke is."""
+
+    LINE = 0
+    ARC = 1
+    FREE = 2
+    ELLIPSE = 3
+
+
+# Free numbers of each kind: the price of a stroke when several kinds fit.
+FREEDOM = {Kind.LINE: 6, Kind.ARC: 8, Kind.FREE: 12, Kind.ELLIPSE: 10}
+
+
+@dataclass(frozen=True, eq=False)
+class Primitive:
+    """A curve fitted to points.
+
+    Attributes:
+        kind: what it is.
+        control: control points of a cubic; of an arc of a circle or an ellipse, those of the rational cubic (see
+            `arc_control`).
+        distances: of the fitted points, world units.
+    """
+
+    kind: Kind
+    control: Float[Array, "4 3"]
+    distances: Float[Array, " M"]
+
+
+def fit_line(points: Float[Array, "M 3"]) -> Primitive:
+    """The line of least squares, between the projections of the first and the last point."""
+    middle = points.mean(0)
+    axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]
+    along = (points - middle) @ axis
+    ends = middle + np.outer(along[[0, -1]], axis)
+    off = points - middle - np.outer(along, axis)
+    return Primitive(Kind.LINE, line_control(ends[0], ends[1]), np.linalg.norm(off, axis=1))
+
+
+def line_control(start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, "4 3"]:
+    """Control points of a straight cubic with even speed."""
+    return start + np.linspace(0, 1, 4)[:, None] * (stop - start)
+
+
+def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primitive]:
+    """The circle of least squares, from the first to the last point: one arc, two where it is long, or two halves.
+
+    Nothing if the points do not run around a circle in one direction, or rise over their chord by less than
+    `least_rise`, world units.
+    """
+    fitted = fit_circle(points)
+    if fitted is None:
+        return []
+    center, u, v, radius, distances = fitted
+    flat = points - center
+    angle = np.unwrap(np.arctan2(flat @ v, flat @ u))
+    sweep = abs(angle[-1] - angle[0])
+    if radius * (1 - np.cos(min(sweep, np.pi) / 2)) < max(least_rise, 1e-6):
+        return []
+    return arcs_along(Kind.ARC, center, radius * u, radius * v, angle, distances)
+
+
+def arcs_along(
+    kind: Kind, center: Array, u: Array, v: Array, angle: Float[Array, " M"], distances: Float[Array, " M"]
+) -> list[Primitive]:
+    """Of center + u cos(angle) + v sin(angle), from the first to the last angle: one arc, two if long, or two halves.
+
+    Nothing if the angles do not go in one direction.
+    """
+    start, stop = angle[0], angle[-1]
+    sweep = stop - start
+    if np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
+        return []
+    if abs(sweep) > CLOSED:
+        stop = start + np.copysign(2 * np.pi, sweep)
+    strokes = 1 if abs(stop - start) <= MOST_SWEEP else 2
+    cuts = np.linspace(start, stop, strokes + 1)
+    return [Primitive(kind, arc_control(center, u, v, a, b), distances) for a, b in pairwise(cuts)]
+
+
+class Circle(NamedTuple):
+    """A circle fitted to points: centre, two orthogonal unit vectors of its plane, radius, distances of the points."""
+
+    center: Float[Array, " 3"]
+    u: Float[Array, " 3"]
+    v: Float[Array, " 3"]
+    radius: float
+    distances: Float[Array, " M"]
+
+
+def angles_of(circle: Circle, x: Float[Array, "S 3"]) -> Float[Array, " S"]:
+    """Angles of points around a circle, from its vector u to v."""
+    return np.asarray(np.arctan2((x - circle.center) @ circle.v, (x - circle.center) @ circle.u))
+
+
+def turned(angle: float) -> float:
+    """The same angle between -π and π."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def fit_circle(points: Float[Array, "M 3"]) -> Circle | None:
+    """The circle of least squares; None if the points lie on a line."""
+    middle = points.mean(0)
+    axes = np.linalg.svd(points - middle, full_matrices=False)[2]
+    if len(axes) < 3:
+        return None
+    u, v, normal = axes
+    x, y, z = (points - middle) @ u, (points - middle) @ v, (points - middle) @ normal
+    # Kåsa's algebraic fit, then Gauss and Newton on the distances.
+    design = np.stack([x, y, np.ones_like(x)], 1)
+    a, b, c = np.linalg.lstsq(design, x**2 + y**2, rcond=None)[0]
+    cx, cy, square = a / 2, b / 2, c + (a**2 + b**2) / 4
+    if not 0 < square < 1e12:
+        return None
+    radius = np.sqrt(square)
+    for _ in range(CIRCLE_ROUNDS):
+        dx, dy = x - cx, y - cy
+        rho = np.hypot(dx, dy) + 1e-12
+        jacobian = np.stack([-dx / rho, -dy / rho, -np.ones_like(rho)], 1)
+        step = np.linalg.lstsq(jacobian, -(rho - radius), rcond=None)[0]
+        cx, cy, radius = cx + step[0], cy + step[1], radius + step[2]
+        if np.abs(step).max() < SETTLED * radius:
+            break
+    if not (np.isfinite(radius) and radius > 0):
+        return None
+    distances = np.hypot(np.hypot(x - cx, y - cy) - radius, z)
+    return Circle(middle + cx * u + cy * v, u, v, float(radius), distances)
+
+
+def arc_control(center: Array, u: Array, v: Array, start: float, stop: float) -> Float[Array, "4 3"]:
+    """Control points of the rational cubic for center + u cos(angle) + v sin(angle); the weights follow from them.
+
+    With half the sweep θ and w = cos θ, the quadratic arc P0, P1, P2 with weights 1, w, 1 is the cubic with inner
+    points (P0 + 2 w P1) / (1 + 2 w) and (2 w P1 + P2) / (1 + 2 w), inner weights (1 + 2 w) / 3. Since w P1 stays finite
+    where the tangents are parallel, so does the cubic, up to a sweep of 240 degrees.
+    """
+    half, middle = (stop - start) / 2, (start + stop) / 2
+    first, last = (center + u * np.cos(a) + v * np.sin(a) for a in (start, stop))
+    w = np.cos(half)
+    # P1 = center + radial / w: w P1 = w center + radial.
+    corner = w * center + u * np.cos(middle) + v * np.sin(middle)
+    inner = [(first + 2 * corner) / (1 + 2 * w), (2 * corner + last) / (1 + 2 * w)]
+    return np.stack([first, inner[0], inner[1], last])
+
+
+def fit_cubic(points: Float[Array, "M 3"]) -> Primitive:
+    """A cubic through the first and last region of the points, by least squares with improved parameters."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    t = length / max(length[-1], 1e-12)
+    even = line_control(points[0], points[-1])
+    pull = EVEN * len(points)
+    control = even
+    for _ in range(CUBIC_ROUNDS):
+        basis = bernstein(t)
+        solved = np.linalg.solve(basis.T @ basis + pull * np.eye(4), basis.T @ points + pull * even)
+        control = np.asarray(solved, np.float64)
+        t = np.clip(_newton(control, points, t), 0, 1)
+        t[0], t[-1] = 0, 1
+    return Primitive(Kind.FREE, control, np.linalg.norm(bernstein(t) @ control - points, axis=1))
+
+
+def bernstein(t: Float[Array, " M"]) -> Float[Array, "M 4"]:
+    """Values of the four cubic Bernstein polynomials."""
+    s = 1 - t
+    return np.stack([s**3, 3 * s * s * t, 3 * s * t * t, t**3], -1)
+
+
+def _newton(control: Float[Array, "4 3"], points: Float[Array, "M 3"], t: Float[Array, " M"]) -> Float[Array, " M"]:
+    """One Gauss-Newton step of each parameter towards the closest point."""
+    first = np.diff(control, axis=0)
+    s = 1 - t
+    basis = np.stack([s * s, 2 * s * t, t * t], -1)
+    tangent = 3 * basis @ first
+    residual = points - bernstein(t) @ control
+    return t + (residual * tangent).sum(1) / np.maximum((tangent**2).sum(1), 1e-12)

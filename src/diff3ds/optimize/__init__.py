@@ -1,0 +1,1 @@
+"""The optimisation loop, and which strokes a running fit drops, adds and splits."""

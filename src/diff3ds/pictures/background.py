@@ -1,0 +1,150 @@
+"""What lies behind the objects of coloured pictures: known from their alpha, given, or found at the borders."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds.pictures.clean_plates import Plates
+from diff3ds.pictures.dataset import SAME, PosedPictures
+from diff3ds.pictures.store import byte_array, opaque_views
+
+NAMED = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0)}
+# A colour that takes this share of the pixels along the borders is a background; photographs have none.
+PLAIN = 0.95
+# Pictures named in an error.
+NAMES = 5
+# Noise is told from content by means over this many pixels: they lessen noise of .1 to .014, and leave .14 of a black
+# line of one pixel.
+WINDOW = 7
+
+
+def parse_background(text: str) -> Float[Tensor, " 3"]:
+    """The colour that `white`, `black` or `R,G,B` (each from 0 to 1) names.
+
+    Raises:
+        ValueError: the text names no colour.
+    """
+    try:
+        values = NAMED[text] if text in NAMED else tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(0 <= value <= 1 for value in values):
+        raise ValueError(f"background must be white, black or R,G,B with numbers from 0 to 1, got {text!r}")
+    return torch.tensor(values)
+
+
+def color_or_path(text: str) -> Float[Tensor, " 3"] | Path:
+    """The colour that `parse_background` finds in a text, or else the file or folder of this name.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    try:
+        return parse_background(text)
+    except ValueError as error:
+        if text and Path(text).exists():
+            return Path(text)
+        raise ValueError(f"{error}; nor is there a picture or folder of this name") from None
+
+
+def with_alpha(
+    pictures: PosedPictures, background: Float[Tensor, " 3"] | Plates | None
+) -> tuple[PosedPictures, Tensor | Plates | None]:
+    """Coloured pictures whose alpha tells the object, and what lies behind it, None where alpha tells.
+
+    Pictures with an alpha of their own stay as they are. Others get alpha 0 in pixels that show the background: the one
+    given, else the colour that their borders have. Without either they stay opaque.
+
+    Args:
+        background: its colour, or pictures of it, if it is known.
+
+    Raises:
+        ValueError: some pictures have alpha, and of the others the background is not known.
+    """
+    opaque = opaque_views(pictures.store)
+    if not opaque.any():
+        return pictures, background
+    background = _border_color(pictures, opaque) if background is None else background
+    if background is None and opaque.all():
+        return pictures, None
+    if background is None:
+        names = [pictures.names[view] for view in opaque.nonzero().flatten().tolist()]
+        raise ValueError(
+            f"{len(names)} of {len(opaque)} pictures have no transparent areas, as the others do, nor borders of one "
+            f"colour: {', '.join(names[:NAMES])}{', ...' if len(names) > NAMES else ''}. Cut their object out, say "
+            "what lies behind it with --background, or leave them out"
+        )
+    pixels = byte_array(tuple(pictures.store.pixels.shape), pictures.store.scratch)
+    for views in pictures.store.chunks():
+        batch = pictures.batch(views)
+        difference = batch.pixels[..., :3] - behind(background, views)
+        kept = _large(difference) & _large(_smooth(difference, batch.known)) | ~opaque[views, None, None]
+        pixels[views] = pictures.store.pixels[views] * kept[..., None]
+    return replace(pictures, store=replace(pictures.store, pixels=pixels)), background
+
+
+def behind(
+    background: Float[Tensor, " 3"] | Plates, views: Sequence[int] | Int[Tensor, " B"]
+) -> Float[Tensor, " 3"] | Float[Tensor, "B H W 3"]:
+    """What lies behind the objects of these views."""
+    return background.store.batch(views).pixels[..., :3] if isinstance(background, Plates) else background
+
+
+def described(background: Float[Tensor, " 3"] | Plates | None) -> list[float] | str | None:
+    """A background as JSON knows it: its colour, or a digest of its pictures."""
+    if isinstance(background, Plates):
+        return f"pictures with SHA-256 {background.digest()}"
+    return None if background is None else background.tolist()
+
+
+def _border_color(pictures: PosedPictures, some: Bool[Tensor, " V"]) -> Float[Tensor, " 3"] | None:
+    """The colour of nearly all known pixels along the borders of some pictures, if they have one."""
+    borders, rims = [], []
+    for views in pictures.store.chunks():
+        batch = pictures.batch(views[some[views]])
+        borders.append(_smooth_sides(batch.pixels[..., :3], batch.known)[_sides(batch.known)])
+        # Masks, or lens distortion, may leave nothing of the borders: then what is known has a rim of its own.
+        lost = not len(borders[-1])
+        rims.append(_smooth(batch.pixels[..., :3], batch.known)[_rim(batch.known)] if lost else borders[-1][:0])
+    border = torch.cat(borders)
+    border = border if len(border) else torch.cat(rims)
+    if not len(border):
+        return None
+    color = border.median(0).values
+    return None if float(_large(border - color).float().mean()) > 1 - PLAIN else color
+
+
+def _large(difference: Float[Tensor, "*S 3"]) -> Bool[Tensor, "*S"]:
+    return difference.abs().amax(-1) > SAME
+
+
+def _smooth(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> Float[Tensor, "B H W 3"]:
+    """Means over the known pixels of windows around each pixel."""
+    share = known[..., None].float()
+    sums = torch.cat([values * share, share], -1).movedim(-1, 1)
+    means = torch.nn.functional.avg_pool2d(sums, WINDOW, 1, WINDOW // 2).movedim(1, -1)
+    return means[..., :3] / means[..., 3:].clamp(min=1e-6)
+
+
+def _smooth_sides(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> Float[Tensor, "B M 3"]:
+    """`_sides` of `_smooth`, from what lies near them."""
+    near = WINDOW // 2 + 1
+    top, left = _smooth(values[:, :near], known[:, :near]), _smooth(values[:, :, :near], known[:, :, :near])
+    bottom, right = _smooth(values[:, -near:], known[:, -near:]), _smooth(values[:, :, -near:], known[:, :, -near:])
+    return torch.cat([top[:, 0], bottom[:, -1], left[:, 1:-1, 0], right[:, 1:-1, -1]], 1)
+
+
+def _rim(known: Bool[Tensor, "B H W"]) -> Bool[Tensor, "B H W"]:
+    """The first and the last known pixels of each row and column."""
+    rim = torch.zeros_like(known)
+    for dim in (1, 2):
+        rim |= (known.cumsum(dim) == 1) | (known.flip(dim).cumsum(dim) == 1).flip(dim)
+    return rim & known
+
+
+def _sides(images: Float[Tensor, "B H W 3"] | Bool[Tensor, "B H W"]) -> Tensor:
+    """The pixels along the borders, (B, 2 H + 2 W - 4, ...)."""
+    return torch.cat([images[:, 0], images[:, -1], images[:, 1:-1, 0], images[:, 1:-1, -1]], 1)

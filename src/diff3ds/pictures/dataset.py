@@ -1,0 +1,225 @@
+"""Posed pictures: found in a folder, brought onto one canvas, told apart into drawings and coloured pictures."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+
+from diff3ds._shapes import Int, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.pictures.load_views import Told, canvas_of, load_some, load_views
+from diff3ds.pictures.masks import Masks, has_left_out
+from diff3ds.pictures.read import decode, shown
+from diff3ds.pictures.sight import check_sight
+from diff3ds.pictures.store import Batch, Store
+from diff3ds.transforms import View, near_of, present_views, require_files
+
+# Edge maps and line drawings; coloured pictures; coloured pictures of which the edges are wanted.
+Target = Literal["edges", "color", "color-edges"]
+
+# Gray pictures whose background takes more than this share of the pixels are edge maps or line drawings. A drawing's
+# lines rarely cover a third; photographs have no single background value.
+DRAWING_BACKGROUND = 0.65
+# How far channels, or background pixels, may lie apart: 5 % hides the noise of JPEG files.
+SAME = 0.05
+# What pictures are is told from some of them, evenly spread, at a reduced size. Enough for a median.
+LOOKED_AT, LOOKED_SIZE = 16, 512
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPictures:
+    """V pictures with their cameras, on one canvas: pictures smaller than it lie at its top left.
+
+    Attributes:
+        cameras: in the world of the file, float64, without lens distortion, of the canvas's size.
+        target: what the pictures are.
+        store: ink (C = 1) of edge maps, whatever their polarity; else colour with alpha (C = 4), alpha 1 in pictures
+            that have none.
+        names: file names.
+        masked: how many of them have a `mask_path`.
+    """
+
+    cameras: Cameras
+    target: Target
+    store: Store
+    names: tuple[str, ...]
+    masked: int = 0
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def digest(self) -> str:
+        """Of the pictures and their cameras: a run of others is another run."""
+        matrices = (self.cameras.world_to_camera, self.cameras.intrinsics)
+        posed = b"".join(m.detach().cpu().contiguous().numpy().tobytes() for m in matrices)
+        return hashlib.sha256(posed + self.store.digest().encode()).hexdigest()
+
+    def batch(self, views: Sequence[int] | Int[Tensor, " B"]) -> Batch:
+        """These views as floating point numbers."""
+        return self.store.batch(views)
+
+
+def find_transforms(path: Path, target: Target | None) -> Path:
+    """The transforms file of a folder: `transforms.json`, `transforms_train.json`, or the one of the target.
+
+    Raises:
+        FileNotFoundError: there is none.
+        ValueError: there are several, and none of these names.
+    """
+    if not path.is_dir():
+        if not path.exists():
+            raise FileNotFoundError(f"{path}: no such file or folder")
+        return path
+    kinds = {None: ["edges", "color"], "edges": ["edges"]}.get(target, ["color"])
+    for name in ("transforms.json", "transforms_train.json", *(f"transforms_{kind}.json" for kind in kinds)):
+        if (path / name).is_file():
+            return path / name
+    found = sorted(p.name for p in path.glob("transforms*.json"))
+    if not found:
+        raise FileNotFoundError(
+            f"{path}: no transforms.json, which says where each picture was taken from, in this folder"
+        )
+    if len(found) > 1:
+        raise ValueError(f"{path}: which of {', '.join(found)}? Name the file instead of the folder")
+    return path / found[0]
+
+
+def load_posed(
+    path: Path,
+    target: Target | None = None,
+    size: int = 512,
+    scratch: Path | None = None,
+    masks: Masks = "ignore",
+    told: Told = lambda done, total: None,
+) -> PosedPictures:
+    """The pictures and cameras of a transforms file; frames whose pictures are missing are left out with a warning.
+
+    Each picture is decoded once, several at a time on as many threads as torch has. They are kept with 8 bits a
+    channel, in memory or, if they and their pyramid take more than 1 GiB, in a file without a name that goes with them.
+
+    Args:
+        path: a transforms.json (see `present_views`).
+        target: what the pictures are; None looks at them and finds edges or colour.
+        size: each picture is reduced to at most this many pixels along its longer side.
+        scratch: folder for such a file, existing or to be made; default the system's for temporary files.
+        masks: what black pixels of a `mask_path` mean: ignore leaves them out of all losses and scores, object takes
+            them for background.
+        told: called with the number of pictures that have been read, and of all.
+
+    Raises:
+        FileNotFoundError, ValueError: a missing or unreadable file; cameras that look at nothing in common, before any
+            picture is read (see `check_sight`); pictures whose size is not that of the cameras, or that all show
+            nothing.
+        OSError: no room in the folder.
+    """
+    views = present_views(path)
+    require_files(path, [view.mask for view in views if view.mask], "masks")
+    sizes = [reduced(view.size, size) for view in views]
+    cameras = _cameras(path, views, sizes)
+    check_sight(path, cameras, sizes)
+    background, first = None, None
+    if target not in ("color", "color-edges"):
+        some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
+        looks = _Looks()
+        first = load_some(views, sizes, some, looks, scratch, masks, told)
+        background = _background([views[i] for i in some], looks.pixels, target == "edges", masks)
+    store = load_views(views, sizes, background, scratch, masks, told, first)
+    if not _shows(store):
+        raise ValueError(f"{path}: the pictures show nothing: {_nothing(store, views, masks)}")
+    found: Target = target or ("color" if background is None else "edges")
+    names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
+    return PosedPictures(cameras, found, store, names, masked)
+
+
+def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:
+    """(height, width) of a picture reduced to at most this many pixels along its longer side."""
+    scale = min(1.0, size / max(full))
+    return max(1, round(full[0] * scale)), max(1, round(full[1] * scale))
+
+
+def _cameras(path: Path, views: list[View], sizes: list[tuple[int, int]]) -> Cameras:
+    """Cameras of the canvas that holds all the reduced pictures."""
+    intrinsics = []
+    for view, (height, width) in zip(views, sizes, strict=True):
+        scale = view.intrinsics.new_tensor([width / view.size[1], height / view.size[0], 1.0])
+        intrinsics.append(view.intrinsics * scale[:, None])
+    poses = torch.stack([view.world_to_camera for view in views])
+    try:
+        return Cameras(poses, torch.stack(intrinsics), canvas_of(sizes), near_of(poses))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _shows(store: Store) -> bool:
+    """Whether the pictures have more than one colour."""
+    low, high = torch.ones(store.pixels.shape[3]), torch.zeros(store.pixels.shape[3])
+    for views in store.chunks():
+        batch = store.batch(views)
+        values = batch.pixels[batch.known]
+        if len(values):
+            low, high = torch.minimum(low, values.amin(0)), torch.maximum(high, values.amax(0))
+        if bool((high - low > SAME).any()):
+            return True
+    return False
+
+
+def _nothing(store: Store, views: list[View], masks: Masks) -> str:
+    """Why pictures show nothing."""
+    seen = [store.batch([view]) for view in range(len(store))]
+    values = torch.cat([batch.pixels[batch.known] for batch in seen])
+    if not len(values):
+        return _left_nothing(views, masks)
+    if values.shape[1] == 4 and float(values[:, 3].max()) == 0:
+        return f"all {len(views)} are transparent everywhere" + (", by their masks" if views[0].mask else "")
+    spread = float((values.amax(0) - values.amin(0)).max())
+    if spread == 0:
+        return f"all pixels of all {len(views)} have one colour"
+    return (
+        f"all pixels of all {len(views)} have one colour, but for {spread:.1g} of the range from black to white"
+        " (were numbers of 8 bits saved as 16 bits?)"
+    )
+
+
+def _left_nothing(views: list[View], masks: Masks) -> str:
+    """What leaves no pixel of these views known."""
+    if any(has_left_out(view, masks) for view in views):
+        return "masks leave out everything: black pixels do not count, or the others of a dynamic_mask_*.png"
+    return "lens distortion leaves nothing: check k1 to k3"
+
+
+class _Looks:
+    """Reads views, and looks at what they are: colours with alpha, at a reduced size."""
+
+    def __init__(self) -> None:
+        self.pixels: list[Tensor] = []
+
+    def __call__(self, view: View, size: tuple[int, int], masks: Masks) -> tuple[Tensor, Tensor]:
+        """As `read_view`."""
+        small = reduced(view.size, LOOKED_SIZE)
+        picture = decode(view, max(small, size), masks)
+        # What a mask of the object hides has the background's value, which is not known yet.
+        rgba, known = shown(picture, view, small, cut=False)
+        self.pixels.append(rgba[known])
+        return shown(picture, view, size)
+
+
+def _background(views: list[View], looked_at: list[Tensor], drawn: bool, masks: Masks) -> float | None:
+    """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None.
+
+    Args:
+        looked_at: of known pixels of these views, (M, 4) each: RGB times alpha, and alpha.
+        drawn: whether they are drawings is known.
+        masks: as for `load_posed`.
+    """
+    pixels = torch.cat(looked_at)
+    gray, tint = pixels[:, :3].mean(1) + 1 - pixels[:, 3], pixels[:, :3].amax(1) - pixels[:, :3].amin(1)
+    if not len(gray):
+        raise ValueError(f"{views[0].picture}: of this and other pictures {_left_nothing(views, masks)}")
+    middle = float(gray.median())
+    colorless = float((tint < SAME).float().mean()) > 0.999
+    plain = float(((gray - middle).abs() < SAME).float().mean()) > DRAWING_BACKGROUND
+    extreme = min(middle, 1 - middle) < SAME
+    return float(middle >= 0.5) if drawn or (colorless and plain and extreme) else None

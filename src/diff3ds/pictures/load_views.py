@@ -1,0 +1,151 @@
+"""The pictures of many views, read side by side and put on one canvas."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds.pictures.masks import Masks, has_left_out
+from diff3ds.pictures.read import read_view
+from diff3ds.pictures.store import MEMORY, Store, all_known, as_bytes, byte_array
+from diff3ds.render.backends import get_num_threads, torch_on_one_thread
+from diff3ds.transforms import View
+
+# The sizes of a pyramid, each half the last, take a third more than the first.
+PYRAMID = 4 / 3
+# Bytes that pictures take while they are read, and what each pixel of one takes then: its floating point numbers and
+# as many again.
+READING, PER_PIXEL = 1 << 29, 40
+
+# Called with the number of pictures that have been read, and of all.
+Told = Callable[[int, int], None]
+# Makes RGB times alpha, and alpha, of a view, and where they are known.
+Read = Callable[[View, tuple[int, int], Masks], tuple[Float[Tensor, "h w 4"], Bool[Tensor, "h w"]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Some:
+    """Colours of some of the views.
+
+    Attributes:
+        places: in the store, by the view's index.
+        store: of C = 4.
+    """
+
+    places: dict[int, int]
+    store: Store
+
+
+def canvas_of(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """(height, width) of the canvas that holds pictures of all these sizes."""
+    return max(height for height, _ in sizes), max(width for _, width in sizes)
+
+
+def load_some(
+    views: list[View],
+    sizes: list[tuple[int, int]],
+    chosen: list[int],
+    read: Read,
+    scratch: Path | None = None,
+    masks: Masks = "ignore",
+    told: Told = lambda done, total: None,
+) -> Some:
+    """The colours of the chosen views, for `load_views`, which then need not be read again.
+
+    Args:
+        read: makes the pictures.
+    """
+    store = _room([views[i] for i in chosen], canvas_of(sizes), 4, scratch, whole=False)
+
+    def put(place: int) -> None:
+        height, width = size = sizes[chosen[place]]
+        rgba, seen = read(views[chosen[place]], size, masks)
+        store.pixels[place, :height, :width], store.known[place, :height, :width] = as_bytes(rgba), seen
+
+    _side_by_side(put, views, list(range(len(chosen))), lambda done: told(done, len(views)))
+    return Some({index: place for place, index in enumerate(chosen)}, store)
+
+
+def load_views(
+    views: list[View],
+    sizes: list[tuple[int, int]],
+    background: float | None,
+    scratch: Path | None = None,
+    masks: Masks = "ignore",
+    told: Told = lambda done, total: None,
+    there: Some | None = None,
+    read: Read = read_view,
+) -> Store:
+    """The pictures of these views, each in its (height, width), at the top left of a canvas that holds all.
+
+    Args:
+        background: value behind ink, 0 or 1; None for colour.
+        scratch: as for `load_posed`.
+        masks: as for `load_posed`.
+        told: called after each picture.
+        there: those that have been read.
+        read: makes the others.
+
+    Raises:
+        ValueError, OSError: as `read_view` and `byte_array`.
+    """
+    canvas = canvas_of(sizes)
+    whole = all(size == canvas for size in sizes)
+    whole = whole and not any(any(view.distortion) or has_left_out(view, masks) for view in views)
+    store = _room(views, canvas, 4 if background is None else 1, scratch, whole)
+
+    def put(i: int) -> None:
+        height, width = sizes[i]
+        if there is not None and i in there.places:
+            batch = there.store.batch([there.places[i]])
+            rgba, seen = batch.pixels[0, :height, :width], batch.known[0, :height, :width]
+        else:
+            rgba, seen = read(views[i], sizes[i], masks)
+        values = rgba if background is None else _ink(rgba, background)[..., None]
+        store.pixels[i, :height, :width] = as_bytes(values)
+        if not whole:
+            store.known[i, :height, :width] = seen
+
+    _side_by_side(put, views, list(range(len(views))), lambda done: told(done, len(views)))
+    return store
+
+
+def _side_by_side(put: Callable[[int], None], views: list[View], jobs: list[int], told: Callable[[int], None]) -> None:
+    """Does these jobs on several threads, with torch on one in each: what decodes a file lets others work.
+
+    An error is that of the first job that fails in their order, whatever the threads do.
+    """
+    largest = max(view.size[0] * view.size[1] for view in views)
+    with torch_on_one_thread():
+        threads = max(1, min(get_num_threads(), READING // (PER_PIXEL * largest)))
+        pool = ThreadPoolExecutor(threads)
+        try:
+            told(0)
+            for done, _ in enumerate(pool.map(put, jobs)):
+                told(done + 1)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _room(views: list[View], canvas: tuple[int, int], channels: int, scratch: Path | None, whole: bool) -> Store:
+    """An empty store, in memory or, if that is much, in a file."""
+    count = len(views) * canvas[0] * canvas[1] * (channels + (not whole))
+    folder = None if count * PYRAMID <= MEMORY else _existing(scratch)
+    known = all_known(len(views), canvas) if whole else byte_array((len(views), *canvas), folder).view(torch.bool)
+    return Store(byte_array((len(views), *canvas, channels), folder), known, folder)
+
+
+def _existing(folder: Path | None) -> Path:
+    """The folder, or the nearest one above it that is there."""
+    folder = Path(tempfile.gettempdir()) if folder is None else folder.absolute()
+    return next(f for f in (folder, *folder.parents) if f.is_dir())
+
+
+def _ink(rgba: Float[Tensor, "h w 4"], background: float) -> Float[Tensor, "h w"]:
+    """Distance from the background's value, which transparent and unknown pixels have."""
+    gray = rgba[..., :3].mean(-1) + (1 - rgba[..., 3]) * background
+    return (gray - background).abs()

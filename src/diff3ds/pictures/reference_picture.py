@@ -1,0 +1,188 @@
+"""The reference picture of `diff3ds image`: read, its object cut out, squared, over white."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import orbit
+from diff3ds.formats.orientation import load_upright
+from diff3ds.pictures.background import parse_background, with_alpha
+from diff3ds.pictures.cutout import is_inverted, premultiplied
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.ink import ink_on_paper
+from diff3ds.pictures.masks import mask_of
+from diff3ds.pictures.resample import area_means
+from diff3ds.pictures.store import store_of
+
+# The longer side of the object in pixels of a reference of 256, as in the demonstration of Zero-1-to-3.
+OBJECT, OF = 200, 256
+# Fainter pixels do not tell where the object is.
+FAINT = 0.05
+# An object of fewer pixels along its longer side shows too little: it would be enlarged over six times. Empirical.
+LEAST = 32
+
+Frame = Literal["object", "picture"]
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """Where the object of a picture is, and how it is framed.
+
+    Attributes:
+        mask: a picture of the same size, white where the object is; otherwise the picture's own alpha, or else a plain
+            background, tells.
+        background: a plain background's colour: white, black or R,G,B, each from 0 to 1. By default the one along the
+            borders.
+        frame: object brings the object to the middle, its longer side 200 / 256 of the reference; picture keeps its
+            place and size, and makes the picture square.
+    """
+
+    mask: Path | None = None
+    background: str | None = None
+    frame: Frame = "object"
+
+    def __post_init__(self) -> None:
+        if self.background is not None:
+            parse_background(self.background)
+            if self.mask is not None:
+                raise ValueError("give either a mask or a background: both tell where the object is")
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePicture:
+    """A square picture of one object.
+
+    Attributes:
+        pixels: RGB times alpha, and alpha, in [0, 1].
+    """
+
+    pixels: Float[Tensor, "S S 4"]
+
+    @property
+    def image(self) -> Float[Tensor, "S S 3"]:
+        """RGB over white."""
+        return self.pixels[..., :3] + (1 - self.pixels[..., 3:])
+
+    @property
+    def alpha(self) -> Float[Tensor, "S S"]:
+        """Share of each pixel that is object."""
+        return self.pixels[..., 3]
+
+
+def read_reference(path: Path, size: int = OF, options: PictureOptions | None = None) -> ReferencePicture:
+    """Reads a reference picture: RGBA, or one with a mask, or one with a plain background, or a drawing on paper.
+
+    Pixels are area means where the picture is reduced, bilinear where it is enlarged. A rotation in EXIF is heeded.
+
+    Args:
+        size: height and width of the result in pixels.
+        options: default `PictureOptions()`.
+
+    Raises:
+        ValueError: a file that is no picture, or one of more than 2^27 pixels; a mask of another size; nothing visible;
+            neither a plain background nor lines on paper; an object of fewer than 32 pixels.
+        OSError: a file cannot be read.
+    """
+    options = options or PictureOptions()
+    _require_file(path, "a picture of one object, a file such as mug.png")
+    if options.mask is not None:
+        _require_file(options.mask, "a mask, a picture that is white where the object is")
+    pixels = _cut_out(path, load_upright(path), options)
+    top, bottom, left, right = box = _object_box(path, pixels[..., 3], options)
+    if max(bottom - top, right - left) < LEAST:
+        raise ValueError(
+            f"{path}: the object has {right - left} x {bottom - top} pixels; "
+            f"give a picture in which its longer side has {LEAST} or more"
+        )
+    if options.frame == "picture":
+        box = (0, pixels.shape[0], 0, pixels.shape[1])
+    return ReferencePicture(_squared(pixels, box, size, size if options.frame == "picture" else size * OBJECT / OF))
+
+
+def _require_file(path: Path, wanted: str) -> None:
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder: give {wanted}")
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is not there: give {wanted}")
+
+
+def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions) -> Float[Tensor, "H W 4"]:
+    """RGB times alpha, and alpha, of the object."""
+    pixels = premultiplied(image)
+    size = (image.shape[0], image.shape[1])
+    if options.mask is not None:
+        return pixels * _mask(path, options.mask, size)
+    color = parse_background(options.background) if options.background else None
+    if bool((pixels[..., 3] < 1).any()):
+        if is_inverted(pixels[..., 3]):
+            raise ValueError(
+                f"{path}: opaque all along its borders, and transparent inside, as if its alpha were inverted: invert "
+                "it, or give --mask, a picture that is white where the object is"
+            )
+        highest = float(pixels[..., 3].max())
+        if highest <= FAINT:
+            raise ValueError(f"{path}: transparent everywhere (alpha is at most {highest:.2g}): it shows no object")
+        return pixels
+    # The camera says the size and nothing else.
+    opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (path.name,))
+    cut, found = with_alpha(opaque, color)
+    if found is None:
+        ink = ink_on_paper(image[..., :3].numpy())
+        if ink is not None:
+            pixels[..., :3], pixels[..., 3] = 0, torch.from_numpy(ink)
+            return pixels
+        tells = "the picture has no transparency" if image.shape[2] < 4 else "no area of the picture is transparent"
+        raise ValueError(
+            f"{path}: cannot tell the object from what is behind it: {tells}, and its borders "
+            "no single colour. Cut the object out in an image editor and save it as PNG with transparency, or give "
+            "--mask, a picture that is white where the object is"
+        )
+    return cut.batch([0]).pixels[0]
+
+
+def _mask(path: Path, mask: Path, size: tuple[int, int]) -> Float[Tensor, "H W 1"]:
+    image = load_upright(mask)
+    if image.shape[:2] != size:
+        raise ValueError(
+            f"{mask}: {image.shape[0]} x {image.shape[1]} (height x width) pixels, but {path} has {size[0]} x {size[1]}"
+        )
+    return mask_of(image)[..., None]
+
+
+def _object_box(path: Path, alpha: Float[Tensor, "H W"], options: PictureOptions) -> tuple[int, int, int, int]:
+    """First row, end of rows, first column and end of columns of what is visible."""
+    seen = alpha > FAINT
+    rows, columns = seen.any(1).nonzero(), seen.any(0).nonzero()
+    if not len(rows):
+        what = (
+            f"all black where {path} is visible"
+            if options.mask
+            else "nothing differs from the background by more than 5 %"
+        )
+        raise ValueError(f"{options.mask or path}: {what}: there is no object to make a sketch of")
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
+def _squared(
+    pixels: Float[Tensor, "H W 4"], box: tuple[int, int, int, int], size: int, longer: float
+) -> Float[Tensor, "S S 4"]:
+    """A box of a picture in the middle of a transparent square, its longer side this many pixels."""
+    top, bottom, left, right = box
+    scale = longer / max(bottom - top, right - left)
+    height, width = (max(1, round(scale * side)) for side in (bottom - top, right - left))
+    inside = _resized(pixels[top:bottom, left:right], (height, width))
+    square = torch.zeros(size, size, 4)
+    row, column = (size - height) // 2, (size - width) // 2
+    square[row : row + height, column : column + width] = inside
+    return square
+
+
+def _resized(pixels: Float[Tensor, "H W 4"], size: tuple[int, int]) -> Float[Tensor, "h w 4"]:
+    if size[0] <= pixels.shape[0] and size[1] <= pixels.shape[1]:
+        return area_means(pixels[None], size)[0]
+    channels = pixels.movedim(-1, 0)[None]
+    enlarged = torch.nn.functional.interpolate(channels, size, mode="bilinear", align_corners=False)
+    return enlarged[0].movedim(0, -1)

@@ -1,0 +1,1 @@
+"""What casts contours and hides lines."""

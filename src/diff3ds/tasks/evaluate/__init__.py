@@ -1,0 +1,1 @@
+"""`diff3ds eval`: scores of runs."""

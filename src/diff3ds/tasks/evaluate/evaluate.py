@@ -1,0 +1,244 @@
+"""A folder of runs to one table of scores: what `diff3ds eval` does."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import torch
+
+import diff3ds
+from diff3ds._files import read_json, read_text
+from diff3ds._options import require_finite
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras, orbit
+from diff3ds.formats import load, load_image
+from diff3ds.guidance.device import pick_device
+from diff3ds.pictures.reference_picture import PictureOptions, read_reference
+from diff3ds.render import render
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.evaluate.judges import JudgeOptions, Judges, load_judges, require_networks
+from diff3ds.tasks.evaluate.score_table import Row, columns_of, write_tables
+from diff3ds.tasks.text_image.image import DISTANCE
+
+VIEWS = 8
+# Names a list of phrases that comes with the package, in place of a file.
+OWN = "own"
+
+
+@dataclass(frozen=True)
+class EvaluateOptions:
+    """Options of `diff3ds eval`.
+
+    Attributes:
+        prompts: a file with a phrase on each line: of every method, exactly these are compared; own is a list of 35
+            that comes with diff3ds, which is not the paper's. By default all runs.
+        elevation: of the eight views all round, degrees.
+        distance: of the views from the middle.
+        fov: of the views, degrees.
+        size: of the views, pixels.
+    """
+
+    prompts: str | None = None
+    elevation: float = 15.0
+    distance: float = 2.0
+    fov: float = 60.0
+    size: int = 512
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+
+    def views(self) -> Cameras:
+        """The eight views: azimuth 0, 45, ... 315 degrees."""
+        around = [360 * i / VIEWS for i in range(VIEWS)]
+        return orbit(around, self.elevation, self.distance, fov=self.fov, size=self.size)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run.
+
+    Attributes:
+        folder: with sketch.json and run.json.
+        method: the folders between the evaluated folder and this one; the former's name where there are none.
+        phrase: that it was made of, or None.
+        options: as in run.json.
+    """
+
+    folder: Path
+    method: str
+    phrase: str | None
+    options: dict[str, Any]
+
+    @property
+    def subject(self) -> str:
+        """The phrase, or the name of the picture."""
+        return self.phrase or Path(str(self.options.get("picture") or self.folder)).stem
+
+
+def evaluate(
+    folder: Path,
+    out: Path,
+    networks: JudgeOptions,
+    options: EvaluateOptions | None = None,
+    report: Callable[[int, int, str], None] = lambda done, total, name: None,
+) -> list[Row]:
+    """Scores all runs below a folder; writes evaluation.csv, evaluation.md and evaluation.json.
+
+    Runs lie in FOLDER/METHOD/NAME, or in FOLDER/NAME if there is one method. Those of phrases and those of pictures
+    have scores of their own. Everything is loaded and checked before the first sketch is drawn.
+
+    Args:
+        out: folder of the tables.
+        networks: what scores; each metric needs weights.
+        options: default `EvaluateOptions()`.
+        report: called with the number of runs done, of all, and the next one's folder.
+
+    Raises:
+        ImportError, FileNotFoundError, ValueError: weights that are missing; no runs, damaged ones, or none that these
+            networks can score; phrases of the list that a method has no run of.
+    """
+    options = options or EvaluateOptions()
+    require_networks(networks)
+    views, device = options.views(), pick_device(networks.device)
+    runs = find_runs(folder)
+    if options.prompts is not None:
+        runs = _chosen(runs, read_prompts(prompt_file(options.prompts)))
+    _check_fit(runs, networks)
+    subjects = [(run, load(run.folder / "sketch.json"), reference_of(run)) for run in runs]
+    judges = load_judges(networks, device)
+    rows = []
+    for i, (run, sketch, picture) in enumerate(subjects):
+        report(i, len(runs), str(run.folder))
+        with torch.no_grad():
+            scores = _scores(run, sketch, picture, views, judges)
+        rows.append(Row(run.method, str(run.folder.relative_to(folder)), run.subject, len(sketch), scores))
+    report(len(runs), len(runs), "")
+    write_tables(out, rows, _about(options, networks, rows))
+    return rows
+
+
+def find_runs(folder: Path) -> list[Run]:
+    """All runs of a phrase or a picture below a folder, by their path; others are left out.
+
+    Raises:
+        FileNotFoundError: no such folder.
+        ValueError: no runs in it; a run.json that is none.
+    """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder; one with finished runs is needed")
+    runs = []
+    for path in sorted(folder.rglob("run.json")):
+        content = read_json(path)
+        given = content.get("options") if isinstance(content, dict) else None
+        if not isinstance(given, dict):
+            raise ValueError(f"{path}: not the run.json of a run: it has no options")
+        place = path.parent
+        if not (given.get("phrase") or given.get("picture") or (place / "reference.png").is_file()):
+            continue
+        if not (place / "sketch.json").is_file():
+            raise ValueError(f"{place}: has a run.json but no sketch.json: finish the run, or take it away")
+        between = place.relative_to(folder).parent if place != folder else Path()
+        method = folder.resolve().name if between == Path() else between.as_posix()
+        runs.append(Run(place, method, given.get("phrase"), given))
+    if not runs:
+        raise ValueError(f"{folder}: no run of a phrase or a picture (folders with sketch.json and run.json) in it")
+    return runs
+
+
+def prompt_file(text: str) -> Path:
+    """The file that the option names."""
+    return Path(str(resources.files("diff3ds.tasks.evaluate.evaluate") / "prompts.txt")) if text == OWN else Path(text)
+
+
+def read_prompts(path: Path) -> list[str]:
+    """The phrases of a list: one on each line; empty lines and those that begin with # say nothing.
+
+    Raises:
+        FileNotFoundError, ValueError: no such file; no phrases in it, or one twice.
+    """
+    lines = [line.strip() for line in read_text(path).splitlines()]
+    phrases = [line for line in lines if line and not line.startswith("#")]
+    if not phrases:
+        raise ValueError(f"{path}: no phrases in it; write one on each line")
+    twice = sorted({phrase for phrase in phrases if phrases.count(phrase) > 1})
+    if twice:
+        raise ValueError(f"{path}: {twice[0]!r} is there twice")
+    return phrases
+
+
+def reference_of(run: Run) -> Float[Tensor, "S S 3"] | None:
+    """The picture of a run on white, as the run saw it; None for a phrase.
+
+    Raises:
+        ValueError, OSError: as `load_image` and `read_reference`.
+    """
+    if run.phrase:
+        return None
+    kept = run.folder / "reference.png"
+    if kept.is_file():
+        image = load_image(kept)
+        return image[..., :3] * image[..., 3:] + 1 - image[..., 3:] if image.shape[2] == 4 else image
+    mask = run.options.get("mask")
+    cut = PictureOptions(Path(mask) if mask else None, run.options.get("background"))
+    return read_reference(Path(run.options["picture"]), options=cut).image
+
+
+def _chosen(runs: Sequence[Run], phrases: Sequence[str]) -> list[Run]:
+    """The runs of these phrases; every method must have each of them."""
+    kept = [run for run in runs if run.phrase in phrases]
+    for method in dict.fromkeys(run.method for run in runs if run.phrase):
+        missing = [p for p in phrases if p not in {run.phrase for run in kept if run.method == method}]
+        if missing:
+            raise ValueError(
+                f"{method} has no run of {missing[0]!r}"
+                + (f" and {len(missing) - 1} more of the list" if len(missing) > 1 else "")
+                + ": make them, or leave --prompts out to compare what there is"
+            )
+    if not kept:
+        raise ValueError("none of the runs is of a phrase of the list")
+    return kept
+
+
+def _check_fit(runs: Sequence[Run], networks: JudgeOptions) -> None:
+    """There is something to score, by what is asked for, in any run."""
+    for_phrases, for_pictures = bool(networks.clip or networks.blip), bool(networks.clip or networks.lpips_alex)
+    for_pictures = for_pictures or bool(networks.lpips_vgg)
+    if not any(for_phrases if run.phrase else for_pictures for run in runs):
+        kind, needed = ("phrases", "--clip or --blip") if runs[0].phrase else ("pictures", "--clip, or those of LPIPS")
+        raise ValueError(f"the runs are of {kind}, which these networks cannot score: give {needed}")
+
+
+def _scores(
+    run: Run, sketch: Sketch, picture: Float[Tensor, "S S 3"] | None, views: Cameras, judges: Judges
+) -> dict[str, float]:
+    drawn = render(sketch, views).color.clamp(0, 1)
+    if run.phrase:
+        return judges.of_phrase(drawn, run.phrase)
+    assert picture is not None
+    # A picture that was recognised shows the thing from where it was found to be seen.
+    found = run.options.get("recognised") or {}
+    azimuth = float(found.get("azimuth", 0))
+    elevation = float(found.get("elevation", run.options.get("view_elevation", 0)))
+    camera = orbit(azimuth, elevation, DISTANCE, fov=float(run.options.get("fov", 60)), size=views.size)
+    return judges.of_picture(drawn, render(sketch, camera).color[0].clamp(0, 1), picture)
+
+
+def _about(options: EvaluateOptions, networks: JudgeOptions, rows: Sequence[Row]) -> dict[str, Any]:
+    """How the scores came about."""
+    views = (
+        f"{VIEWS}, azimuth 0 to 315 degrees, elevation {options.elevation:g}, distance {options.distance:g}, field of "
+        f"view {options.fov:g}, {options.size} pixels, on white"
+    )
+    notes = {
+        "CLIP-T": "mean cosine of the views with the phrase, without suffixes",
+        "CLIP-I": "mean cosine of the views with the picture",
+        "BLIP-ITC": "mean cosine of image-text contrast; comparable for this checkpoint only",
+        "LPIPS": "version 0.1, of the view from where the picture was taken and the picture, at 224 pixels",
+    }
+    used = {name: text for name, text in notes.items() if any(c.startswith(name) for c in columns_of(rows))}
+    prompts = {None: "all runs", OWN: "35 phrases that come with diff3ds, not the paper's"}
+    versions = f"diff3ds {diff3ds.__version__}, torch {torch.__version__}"
+    chosen = prompts.get(options.prompts, Path(options.prompts or "").name)
+    return {"views": views, **used, "prompts": chosen, "versions": versions}

@@ -1,0 +1,1 @@
+"""The built-in prior: the members of a library, known exactly."""

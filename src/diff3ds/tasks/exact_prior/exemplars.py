@@ -1,0 +1,176 @@
+"""The built-in prior: it has seen members of a library, and knows which of them the phrase or picture means."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier import evaluate
+from diff3ds.camera import Cameras
+from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.members import RADIUS, member
+from diff3ds.library.phrase import Request, parse
+from diff3ds.render import render
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.tasks.exact_prior.folder_phrase import asked_of, fits
+from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
+from diff3ds.tasks.text_image.distill_options import DistillOptions
+from diff3ds.tasks.text_image.join_ends import close_gaps
+
+# Members that the phrase means, and members of every other kind. More of the latter cost time and change little.
+FITTING, OTHERS = 6, 1
+SIZE, GROUP = 64, 4
+# Of the strokes, as a fraction of the image height: 3 pixels. Thinner ones are found less often. Empirical.
+WIDTH = 0.05
+# Space between several things in a row, in their widths. Empirical.
+GAP = 0.25
+# Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
+HIDDEN = 0.02
+# Points on a stroke when extents are measured.
+SAMPLES = 33
+
+
+@dataclass(frozen=True, eq=False)
+class Exemplars:
+    """Members that a prior has seen.
+
+    Attributes:
+        members: their sketches, in the unit ball.
+        fitting: one bool a member: whether the phrase means it.
+        color: straight RGB of what it means, or None.
+        ignored: words of the phrase without effect, as `Request`.
+    """
+
+    members: tuple[Sketch, ...]
+    fitting: tuple[bool, ...]
+    color: tuple[float, float, float] | None
+    ignored: tuple[str, ...] = ()
+
+    @property
+    def meant(self) -> list[Sketch]:
+        """The members that the phrase means."""
+        return [member for member, fits in zip(self.members, self.fitting, strict=True) if fits]
+
+    def prior(self, width: float) -> ExemplarDenoiser:
+        """The denoiser that knows them, drawn with strokes of this width."""
+        drawn = [replace(sketch, width=torch.full_like(sketch.width, width)) for sketch in self.members]
+
+        def draw(cameras: Cameras) -> Float[Tensor, "M V H W 3"]:
+            return torch.stack([render(sketch, cameras).color for sketch in drawn])
+
+        return ExemplarDenoiser(draw, torch.tensor(self.fitting), SIZE, GROUP)
+
+
+def exemplars_of(phrase: str, seed: int) -> Exemplars:
+    """Members for a phrase: some that it means, and some of everything else.
+
+    Args:
+        seed: of the members' proportions.
+
+    Raises:
+        ValueError: the phrase is not understood (`diff3ds.library.phrase.parse`).
+    """
+    request = parse(phrase)
+    generator = torch.Generator().manual_seed(seed)
+    wanted = [requested(request, generator) for _ in range(FITTING)]
+    known = _among_others(wanted, request.category, generator, request.color)
+    return replace(known, ignored=request.ignored)
+
+
+def exemplars_like(
+    wanted: Sequence[Sketch], category: str, seed: int, color: tuple[float, float, float] | None = None
+) -> Exemplars:
+    """Members that are given, of one category, and some of everything else.
+
+    Args:
+        seed: of the others' proportions.
+        color: straight RGB of what is given, or None.
+    """
+    return _among_others(
+        [painted(sketch, color) for sketch in wanted], category, torch.Generator().manual_seed(seed), color
+    )
+
+
+def exemplars_in(folder: SketchFolder, phrase: str) -> Exemplars:
+    """The members of a folder that a phrase means, and all others there.
+
+    Raises:
+        ValueError: the phrase is not understood (`diff3ds.tasks.exact_prior.folder_phrase.asked_of`).
+    """
+    request = asked_of(folder.names, phrase, str(folder.path))
+    chosen = [i for i, name in enumerate(folder.names) if fits(name, request)]
+    wanted = {i: arranged(folder.members[i].sketch, request) for i in chosen}
+    return replace(exemplars_among(folder, wanted, request.color), ignored=request.ignored)
+
+
+def exemplars_among(
+    folder: SketchFolder, wanted: Mapping[int, Sketch], color: tuple[float, float, float] | None = None
+) -> Exemplars:
+    """Members that are given, by their places in a folder, and all others there.
+
+    Args:
+        color: straight RGB of what is given, or None.
+    """
+    given = [painted(sketch, color) for sketch in wanted.values()]
+    others = [member.sketch for i, member in enumerate(folder.members) if i not in wanted]
+    return Exemplars((*given, *others), (True,) * len(given) + (False,) * len(others), color)
+
+
+def _among_others(
+    wanted: Sequence[Sketch], category: str, generator: torch.Generator, color: tuple[float, float, float] | None
+) -> Exemplars:
+    others = [member(name, generator).sketch for name in CATEGORIES if name != category for _ in range(OTHERS)]
+    return Exemplars((*wanted, *others), (True,) * len(wanted) + (False,) * len(others), color)
+
+
+def requested(request: Request, generator: torch.Generator) -> Sketch:
+    """A sketch of what a phrase asks for, in the unit ball."""
+    return arranged(member(request.category, generator, request.attributes).sketch, request)
+
+
+def arranged(sketch: Sketch, request: Request) -> Sketch:
+    """A member in the proportions, number and colour that a phrase asks for, in the unit ball."""
+    several = _in_a_row(_stretched(sketch, request.stretch), request.count)
+    return painted(_fitted(Sketch.concatenate(several)), request.color)
+
+
+def painted(sketch: Sketch, color: tuple[float, float, float] | None) -> Sketch:
+    """With strokes of this colour, straight RGB; None leaves them."""
+    if color is None:
+        return sketch
+    return replace(sketch, color=sketch.color.new_tensor(color).expand(len(sketch), 3).contiguous())
+
+
+def _stretched(sketch: Sketch, factors: tuple[float, float, float]) -> Sketch:
+    """Affine maps of control points are those of the curves."""
+    return replace(sketch, points=sketch.points * sketch.points.new_tensor(factors))
+
+
+def _in_a_row(sketch: Sketch, count: int) -> list[Sketch]:
+    """Copies from left to right."""
+    across = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES))[..., 1]
+    low, high = across.min(), across.max()
+    step = (1 + GAP) * (high - low).clamp(min=GAP)
+    offsets = [(i - (count - 1) / 2) * step * sketch.points.new_tensor([0.0, 1.0, 0.0]) for i in range(count)]
+    return [replace(sketch, points=sketch.points + offset) for offset in offsets]
+
+
+def _fitted(sketch: Sketch) -> Sketch:
+    """In the middle of the unit ball, and as large as it allows."""
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
+    middle = (points.amin(0) + points.amax(0)) / 2
+    scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
+    return replace(sketch, points=(sketch.points - middle) * scale)
+
+
+def thin_lines(sketch: Sketch, settings: DistillOptions) -> Sketch:
+    """Strokes as thin as others, and without the gaps that thick ones hide."""
+    away = sum(settings.distance) / 2
+    image_height = 2 * away * math.tan(math.radians(settings.fov / 2))
+    met = close_gaps(sketch, min(float(sketch.width.median()), HIDDEN) * image_height)
+    if settings.width is not None or "width" in settings.optimize:
+        return met
+    return replace(met, width=torch.full_like(met.width, DEFAULT_WIDTH))

@@ -1,0 +1,188 @@
+"""A folder of the user's own sketches and meshes as a library: its files are members, their names say what of."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds.bezier import MAX_DEGREE, elevate
+from diff3ds.formats import load
+from diff3ds.formats.mesh import MESHES, load_mesh
+from diff3ds.library.members import fill_ball
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.surfaces.mesh_lines import mesh_lines
+from diff3ds.tasks.exact_prior.folder_phrase import Name, listed, named
+
+SKETCHES = (".json", ".step", ".stp")
+READ = (*SKETCHES, *MESHES)
+# What a folder of results holds beside its sketch.
+RUN = "run.json"
+# Of meshes that are not read.
+OTHER_MESHES = (".3ds", ".3mf", ".blend", ".dae", ".fbx", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
+# Bounds: every step draws all members four times. 480 members with 11,700 strokes took half a second of two cores.
+MOST_FILES, MOST_BYTES, MOST_STROKES, MOST_STROKES_IN_ALL = 500, 1 << 24, 2000, 20_000
+# Of a sketch, relative to its farthest coordinate: some steps of float32.
+LEAST_EXTENT = 1e-6
+# So many names of files that are passed over are said.
+SAID = 3
+
+
+@dataclass(frozen=True, eq=False)
+class FolderMember:
+    """A sketch of a folder.
+
+    Attributes:
+        sketch: its shape and opacities, as a member of the library: float32 cubics, black, of the default width, in the
+            unit ball.
+        name: what it is.
+    """
+
+    sketch: Sketch
+    name: Name
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For another process, as arrays: torch hands over each tensor as an open file, and a thousand are allowed."""
+        arrays = {name: value.numpy() for name, value in self.sketch.tensors().items()}
+        return _unpacked, (arrays, self.name)
+
+
+def _unpacked(arrays: dict[str, Any], name: Name) -> FolderMember:
+    tensors: dict[str, Any] = {field: torch.from_numpy(array) for field, array in arrays.items()}
+    return FolderMember(Sketch(**tensors), name)
+
+
+@dataclass(frozen=True, eq=False)
+class SketchFolder:
+    """What a folder holds.
+
+    Attributes:
+        path: as it was given.
+        members: in the order of their files' names.
+        passed: names of files that are neither sketches nor meshes by their suffix.
+        digest: SHA-256 of the members' places and bytes.
+    """
+
+    path: Path
+    members: tuple[FolderMember, ...]
+    passed: tuple[str, ...]
+    digest: str
+
+    @property
+    def names(self) -> tuple[Name, ...]:
+        """What the members are."""
+        return tuple(member.name for member in self.members)
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What a resumed run must share, in the types of JSON."""
+        return {"library": str(self.path), "library_sha256": self.digest}
+
+    def __str__(self) -> str:
+        """In words."""
+        counts = Counter(name.noun for name in self.names)
+        kinds = listed(f"{noun} ({count})" for noun, count in counts.items())
+        rest = [*self.passed[:SAID], *(["..."] if len(self.passed) > SAID else [])]
+        passed = f"; passed over, for they are no sketches: {', '.join(rest)}" if rest else ""
+        return f"{len(self.members)} members in {self.path}: {kinds}{passed}"
+
+
+def identity_of(folder: SketchFolder | None) -> dict[str, object]:
+    """What a resumed run must share: the folder and its members, or that there is none."""
+    return {"library": None, "library_sha256": None} if folder is None else folder.identity
+
+
+def read_sketches(path: Path) -> SketchFolder:
+    """Reads the sketches and meshes in a folder and in its sub-folders; hidden files are left alone.
+
+    Raises:
+        ValueError: no folder, no members or too many, a sub-folder in a sub-folder, a file without a name, one that is
+            too large, broken or no sketch, a mesh without feature lines; the message names the file.
+        OSError: a file cannot be read.
+        ImportError: there are STEP files or meshes, and not the extra that reads them.
+    """
+    if not path.is_dir():
+        raise ValueError(f"a library is a folder of sketches or meshes ({', '.join(READ)}), and {path} is none")
+    files = list(_files(path))
+    for file in files:
+        if file.suffix.lower() in OTHER_MESHES:
+            raise ValueError(f"{file}: not a kind of mesh that is read: save it as one of {', '.join(MESHES)}")
+    read = [file for file in files if file.suffix.lower() in READ and file.name != RUN]
+    if not 0 < len(read) <= MOST_FILES:
+        raise ValueError(
+            f"{path} holds {len(read) or 'no'} sketches or meshes ({', '.join(READ)}): a library has 1 to {MOST_FILES}"
+        )
+    names = [_named(file, path) for file in read]
+    digest, members, strokes = hashlib.sha256(), [], 0
+    for file, name in zip(read, names, strict=True):
+        sketch = _member(file)
+        strokes += len(sketch)
+        if strokes > MOST_STROKES_IN_ALL:
+            raise ValueError(f"{path}: more than {MOST_STROKES_IN_ALL} strokes in all: take some sketches out")
+        members.append(FolderMember(sketch, name))
+        digest.update(
+            f"{file.relative_to(path).as_posix()}\0{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode()
+        )
+    passed = tuple(file.name for file in files if file.suffix.lower() not in READ or file.name == RUN)
+    return SketchFolder(path, tuple(members), passed, digest.hexdigest())
+
+
+def _files(folder: Path, deep: bool = False) -> Iterator[Path]:
+    """Files of a folder, then of its sub-folders, each in the order of their names."""
+    entries = sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    folders = [entry for entry in entries if entry.is_dir()]
+    yield from (entry for entry in entries if not entry.is_dir())
+    for inner in folders:
+        if deep:
+            raise ValueError(f"{inner}: a library has sub-folders of sketches, and no folders in them: move it up")
+        yield from _files(inner, deep=True)
+
+
+def _named(file: Path, root: Path) -> Name:
+    """What a file is: the name of its sub-folder, or its own."""
+    said = file.stem if file.parent == root else file.parent.name
+    name = named(said)
+    if name is None:
+        raise ValueError(
+            f"{file}: {said!r} does not say what it is: name it so (chair_01{file.suffix}, or chair/01{file.suffix})"
+        )
+    return name
+
+
+def _member(file: Path) -> Sketch:
+    """A sketch in the unit ball."""
+    size = file.stat().st_size
+    if size > MOST_BYTES:
+        raise ValueError(f"{file}: {size} bytes are more than the {MOST_BYTES} that a member of a library may have")
+    sketch = _feature_lines(file) if file.suffix.lower() in MESHES else _loaded(file)
+    if not 0 < len(sketch) <= MOST_STROKES:
+        raise ValueError(f"{file}: {len(sketch)} strokes; a member of a library has 1 to {MOST_STROKES}")
+    points = sketch.detach().points.double()
+    # Of any size: squares of large numbers are none.
+    points = points / points.abs().max().clamp(min=torch.finfo(torch.float64).tiny)
+    if not (points.amax((0, 1)) - points.amin((0, 1))).max() > LEAST_EXTENT:
+        raise ValueError(f"{file}: all strokes are one point, and cannot be brought to the size of the unit ball")
+    points, weights = elevate(points, sketch.weights.double(), MAX_DEGREE)
+    try:
+        filled = fill_ball(torch.cat([points * weights[..., None], weights[..., None]], -1))
+    except ValueError as error:
+        raise ValueError(f"{file}: its numbers leave the range of float32 ({error})") from error
+    return replace(filled, opacity=sketch.opacity.float())
+
+
+def _loaded(file: Path) -> Sketch:
+    try:
+        return load(file)
+    except ImportError as error:
+        raise ImportError(f"{file}: {error}") from error
+
+
+def _feature_lines(file: Path) -> Sketch:
+    vertices, faces = load_mesh(file)
+    try:
+        return mesh_lines(vertices, faces, MOST_STROKES).sketch(DEFAULT_WIDTH)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error

@@ -1,0 +1,90 @@
+"""The small prior for a phrase or a picture: its weights, and what it is asked for."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.guidance import small
+from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.small import SmallDenoiser, View, Vocabulary, half_is_fast, ink, read_network
+from diff3ds.guidance.small_network import SmallNetwork
+from diff3ds.library.phrase import Request, parse
+from diff3ds.tasks.exact_prior.folder_phrase import Name, asked_of
+from diff3ds.tasks.small_prior.prior_data import AXES, said, words
+from diff3ds.tasks.text_image.priors import PriorOptions
+
+# Where the weights lie in a package that has them.
+SHIPPED = Path(small.__file__).with_name("small.safetensors")
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """A network that was trained, and where it computes.
+
+    Attributes:
+        network: its weights.
+        vocabulary: what it can be asked for.
+        device: of the computation.
+        source: the file it came from, for messages.
+        digest: SHA-256 of that file.
+    """
+
+    network: SmallNetwork
+    vocabulary: Vocabulary
+    device: torch.device
+    source: str
+    digest: str
+
+    @property
+    def about(self) -> dict[str, object]:
+        """What run.json says of it; a resumed run must have the same, on any device."""
+        precision = "bfloat16" if half_is_fast(self.device) else "float32"
+        return {"weights_sha256": self.digest, "device": str(self.device), "precision": precision}
+
+    def understood(self, phrase: str) -> Request:
+        """What a phrase asks for: by the library's grammar, or that of the folder that it was trained on.
+
+        Raises:
+            ValueError: the phrase is not understood.
+        """
+        known = self.vocabulary.words
+        if known == words():
+            return parse(phrase)
+        kinds: dict[str, list[str]] = {word: [] for word in known if ": " not in word and word not in AXES}
+        for noun, _, rest in (word.partition(": ") for word in known if ": " in word):
+            kinds.setdefault(noun, []).append(rest)
+        return asked_of([Name(noun, tuple(rest), noun) for noun, rest in kinds.items()], phrase, self.source)
+
+    def asked(
+        self, request: Request, seen: Float[Tensor, "1 S S 3"] | None = None, camera: Cameras | None = None
+    ) -> SmallDenoiser:
+        """The prior for one thing.
+
+        Args:
+            request: its category, attributes and proportions; the colour is the strokes' business.
+            seen: a picture of the thing in the strokes of the built-in priors, black on white, of the network's size.
+            camera: from where it was seen.
+
+        Raises:
+            ValueError: the request is for what it was not trained on.
+        """
+        given = self.vocabulary.said(said(request))
+        view = None if seen is None or camera is None else View(ink(seen), camera)
+        return SmallDenoiser(self.network, self.vocabulary, given, view, self.device)
+
+
+def trained(options: PriorOptions) -> Trained:
+    """The network that the options name, or the one of the package.
+
+    Raises:
+        FileNotFoundError: there are no weights.
+        ValueError: they are no weights of a small prior; no such device.
+    """
+    path = Path(options.weights).expanduser() if options.weights else SHIPPED
+    network, vocabulary = read_network(path)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Trained(network, vocabulary, pick_device(options.device), str(path), digest)

@@ -1,0 +1,202 @@
+"""Which prior a run has: known ones by name, others by what their weights are."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.guidance.device import Precision, Work, pick_device
+from diff3ds.guidance.mvdream import NEGATIVE, VIEWS, MVDream, find_words, load_mvdream
+from diff3ds.guidance.prompts import check_phrase
+from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
+from diff3ds.guidance.stable_zero123 import load_stable_zero123
+from diff3ds.guidance.zero123 import ReferencePose, Zero123, load_zero123
+from diff3ds.weights import single_file
+from diff3ds.weights.catalog import KNOWN
+from diff3ds.weights.locate import Source, find, locate
+
+BUILT_IN = ("exemplar", "small")
+FOR_PHRASES = ("mvdream", "stable-diffusion", "stable-diffusion-768")
+FOR_PICTURES = ("zero123", "stable-zero123")
+# Channels of the UNet of a prior that takes the picture's latents beside the noisy ones.
+PICTURE_CHANNELS = 8
+
+
+@dataclass(frozen=True)
+class PriorOptions:
+    """Which prior looks at the sketch, and where it computes.
+
+    Attributes:
+        prior: a name (see the command's help), or weights: a folder in the layout of diffusers, or a repository of the
+            Hugging Face hub that was fetched, owner/name or owner/name@revision.
+        library: a folder of sketches (sketch.json, STEP) or meshes for exemplar to know instead of the built-in
+            library; files are named after what they are: chair_01.json, or chair/01.json.
+        weights: other weights for the prior of that name.
+        variant: of the network's file of weights, such as fp16 or fp16_ema.
+        allow_pickle: read the weights from this single file although it is a pickle. Pickles can run code of whoever
+            made them; it is read in a mode that admits tensors only.
+        device: auto (the first of cuda, mps, cpu), cpu, cuda, cuda:1, mps.
+        precision: of the network: auto, float16, bfloat16, float32.
+    """
+
+    prior: str | None = None
+    library: Path | None = None
+    weights: str | None = None
+    variant: str | None = None
+    allow_pickle: bool = False
+    device: str = "auto"
+    precision: Precision = "auto"
+
+    def __post_init__(self) -> None:
+        if self.library is not None and self.prior is None:
+            object.__setattr__(self, "prior", "exemplar")
+        if self.library is not None and self.prior != "exemplar":
+            raise ValueError(f"a library is for the prior exemplar, and {self.prior} has none: leave one of them out")
+        if self.weights and self.prior is None:
+            raise ValueError(
+                f"weights are of a prior: name it (--prior mvdream --weights {self.weights}), or --prior {self.weights}"
+            )
+        if self.weights and self.prior == "exemplar":
+            raise ValueError("exemplar is built in and takes no weights: name another prior, or leave them out")
+        if (self.variant or self.allow_pickle) and not (self.weights or _is_place(self.prior or "")):
+            raise ValueError("--variant and --allow-pickle are for weights that are named: add --weights")
+        for name in ("variant", "allow_pickle", "precision"):
+            if self.prior in BUILT_IN and getattr(self, name) != getattr(PriorOptions, name):
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} is for networks of diffusers, and {self.prior} is none: leave it out")
+
+    def source(self) -> Source | None:
+        """The weights that are named, or None for those that are known."""
+        place = self.weights or (self.prior if self.prior and _is_place(self.prior) else None)
+        return Source.parse(place, self.variant, self.allow_pickle) if place else None
+
+
+def named_prior(options: PriorOptions, names: tuple[str, ...]) -> str:
+    """The name of the prior, of `names`; of weights that are named alone, what they are.
+
+    Raises:
+        ValueError: no such prior, or one of another kind; weights that are none of them.
+        FileNotFoundError: weights that are not on this disk.
+    """
+    assert options.prior is not None
+    name = kind_of(options) if _is_place(options.prior) else options.prior
+    if name not in names:
+        other = "this command needs" if name in (*KNOWN, *BUILT_IN) else "prior must be"
+        raise ValueError(
+            f"{other} one of {', '.join(names)}, or a folder or fetched repository with weights of one; got {name!r}"
+        )
+    return name
+
+
+def kind_of(options: PriorOptions) -> str:
+    """Which prior weights belong to, by their configuration, or by the names in a single file.
+
+    Stable-Zero123 has the weights' shapes of Zero123, but other poses and another licence: its name must say so.
+    """
+    source = options.source()
+    assert source is not None
+    found = locate(source)
+    if found is None:
+        raise FileNotFoundError(
+            f"{source} is not on this disk. Get it: diff3ds fetch PRIOR --weights {source}, where PRIOR is what it is: "
+            f"{', '.join(KNOWN)}"
+        )
+    if found.path.is_file():
+        names = single_file.names_in(found.path, found.trust_pickle)
+        pictures = any(name.startswith(single_file.PROJECTION) for name in names)
+        return _of_pictures(source) if pictures else "mvdream"
+    if not (found.path / "unet").is_dir():
+        raise FileNotFoundError(f"{source} has no folder unet: weights are read in the layout of diffusers")
+    config = found.config("unet")
+    if config.get("in_channels") == PICTURE_CHANNELS:
+        return _of_pictures(source)
+    camera = config.get("_class_name") != "UNet2DConditionModel" or config.get("class_embed_type")
+    return "mvdream" if camera or (found.path / "camera_proj").is_dir() else "stable-diffusion"
+
+
+def _of_pictures(source: Source) -> str:
+    return "stable-zero123" if "stable" in str(source).lower() else "zero123"
+
+
+def has_weights(name: str) -> bool:
+    """Whether the known weights of a prior are on this disk and can be loaded."""
+    try:
+        find(name)
+    except (ImportError, FileNotFoundError):
+        return False
+    return True
+
+
+def best_for_phrases(device: str) -> tuple[str, str]:
+    """The prior of a phrase for which none was named, and why it is this one."""
+    return _best("mvdream", "MVDream", device)
+
+
+def best_for_pictures(device: str) -> tuple[str, str]:
+    """The prior of a picture for which none was named, and why it is this one."""
+    return _best("zero123", "Zero123-XL", device)
+
+
+def _best(name: str, called: str, device: str) -> tuple[str, str]:
+    """A network where it can work, else the built-in prior."""
+    if pick_device(device).type == "cpu":
+        return "exemplar", f"the built-in prior, because {called} has no GPU here"
+    if not has_weights(name):
+        return "exemplar", f"the built-in prior, because {called}'s weights are not here (diff3ds fetch {name})"
+    return name, f"{called}, whose weights and a GPU are here"
+
+
+def load_for_phrase(
+    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, work: Work, suffix: str = ""
+) -> MVDream | StableDiffusion:
+    """A network that knows phrases.
+
+    Args:
+        suffix: appended to the phrase.
+
+    Raises:
+        ImportError, FileNotFoundError, ValueError: as its loader.
+    """
+    source, device, precision = options.source(), options.device, options.precision
+    phrase = check_phrase(phrase) + suffix
+    if name == "mvdream":
+        if perp_neg:
+            raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
+        if work.views % VIEWS:
+            said = f"the views that MVDream sees at once, got {work.views}"
+            raise ValueError(f"batch must be a multiple of {VIEWS}, {said}")
+        negative = NEGATIVE if negative is None else negative
+        return load_mvdream(phrase, negative, source, device=device, precision=precision, work=work)
+    return load_stable_diffusion(
+        phrase, negative or "", source, prior=name, perp_neg=perp_neg, device=device, precision=precision, work=work
+    )
+
+
+def load_for_picture(
+    name: str, picture: Float[Tensor, "S S 3"], pose: ReferencePose, options: PriorOptions, work: Work
+) -> Zero123:
+    """A network that knows how a picture looks from elsewhere.
+
+    Raises:
+        ImportError, FileNotFoundError, ValueError: as its loader.
+    """
+    load = load_stable_zero123 if name == "stable-zero123" else load_zero123
+    picture = picture.to(torch.float32)
+    return load(picture, pose, options.source(), device=options.device, precision=options.precision, work=work)
+
+
+def loaded(name: str, options: PriorOptions, unet: Any) -> dict[str, object]:
+    """What run.json says of a network: which weights, of which a single file lacks the text's, device and precision."""
+    checkpoint = find(name, options.source())
+    words = {}
+    if checkpoint.path.is_file() and name == "mvdream":
+        words = {"text_encoder": find_words(checkpoint).origin()}
+    precision = str(unet.dtype).removeprefix("torch.")
+    return {"weights": checkpoint.origin(), **words, "device": str(unet.device), "precision": precision}
+
+
+def _is_place(text: str) -> bool:
+    """Whether it says where weights are. A name is a name, though the folder of an earlier run be called so."""
+    return text not in ("", *KNOWN, *BUILT_IN) and ("/" in text or Path(text).exists())

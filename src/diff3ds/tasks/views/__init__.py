@@ -1,0 +1,1 @@
+"""`diff3ds views`: posed pictures to a sketch."""

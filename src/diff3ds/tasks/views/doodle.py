@@ -1,0 +1,254 @@
+"""Posed pictures to a black sketch by the losses of 3Doodle (Choi et al. 2024): `diff3ds views --recipe 3doodle`."""
+
+import dataclasses
+import math
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import torch
+
+from diff3ds._options import require_finite
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.objective import step_generator
+from diff3ds.metrics.clip_resnet import clip_resnet
+from diff3ds.metrics.doodle_loss import DoodleLoss
+from diff3ds.metrics.vgg_distance import Variant, VggDistance
+from diff3ds.optimize.checkpoint import read_checkpoint
+from diff3ds.optimize.fit import FitConfig, Objective, Rates, fit
+from diff3ds.pictures.background import parse_background, with_alpha
+from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
+from diff3ds.pictures.frame import frame_of
+from diff3ds.pictures.masks import Masks
+from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
+from diff3ds.pictures.store import Store, is_all_known
+from diff3ds.pictures.visual_hull import visual_hull
+from diff3ds.render import Rendering, render
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
+from diff3ds.tasks.results import RunInfo, claim, spread, write_results
+from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
+from diff3ds.tasks.views.plan import Plan
+from diff3ds.tasks.views.run import CHECKPOINT, preview
+from diff3ds.weights.judge_files import find_file, read_network
+
+# Control points of a new stroke follow one another by this, plus up to ten times as much at random, along each axis;
+# strokes that end within DOT (the norm of their control points around their mean) show nothing. In radii of the scene.
+NEXT, JITTER, DOT = 0.001, 0.01, 0.015
+# Scores are means over so many of the pictures.
+SCORED = 24
+
+
+@dataclass(frozen=True)
+class DoodleOptions:
+    """Options of `diff3ds views --recipe 3doodle`. The defaults are those that 3Doodle published for its curves.
+
+    Attributes:
+        clip_rn101: weights of CLIP's RN101 by OpenAI's names: a safetensors file, or a folder or repository of the hub
+            with open_clip_model.safetensors.
+        vgg16: weights of torchvision's VGG16: a safetensors file, or a folder or repository with model.safetensors.
+        vgg: 3doodle, whose code has ImageNet's mean and deviation exchanged; or standard.
+        clip_weight: of 1 - cosine of CLIP's embeddings.
+        vgg_weight: of the distance of VGG16's features.
+        augmentations: random warps of both images that are compared beside the images themselves.
+        strokes: black cubics.
+        steps: gradient steps.
+        batch: views a step.
+        size: larger pictures are reduced to this many pixels along the longer side.
+        width: of the strokes, pixels of the reduced pictures.
+        rate: learning rate of control points, in radii of the scene a step.
+        background: what lies behind the object in pictures without alpha: white, black or R,G,B, each from 0 to 1.
+        masks: what the black pixels of a mask_path are: ignore leaves them out of the loss, as nerfstudio does; object
+            takes them for background, so that masks cut the object out.
+        device: of the networks: cpu, cuda, mps, or auto.
+        allow_pickle: these files of weights are read although they are pickles, which can run code of whoever made
+            them; only their tensors are.
+        seed: of all random draws.
+        resume: go on from the checkpoint in the output folder.
+        overwrite: the run in the output folder may be lost.
+    """
+
+    clip_rn101: str = "timm/resnet101_clip.openai"
+    vgg16: str = "timm/vgg16.tv_in1k"
+    vgg: Variant = "3doodle"
+    clip_weight: float = 75.0
+    vgg_weight: float = 1.0
+    augmentations: int = 4
+    strokes: int = 32
+    steps: int = 20_000
+    batch: int = 1
+    size: int = 400
+    width: float = 3.0
+    rate: float = 0.001
+    background: str | None = None
+    masks: Masks = "ignore"
+    device: str = "auto"
+    allow_pickle: tuple[Path, ...] = ()
+    seed: int = 0
+    resume: bool = False
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+        for name in ("strokes", "steps", "batch", "size", "width", "rate"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if self.augmentations < 0:
+            raise ValueError(f"augmentations must not be negative, got {self.augmentations}")
+        if not (min(self.clip_weight, self.vgg_weight) >= 0 < max(self.clip_weight, self.vgg_weight)):
+            raise ValueError("clip_weight and vgg_weight must not be negative, and one of them positive")
+        if self.vgg not in get_args(Variant):
+            raise ValueError(f"vgg must be one of {', '.join(get_args(Variant))}, got {self.vgg!r}")
+        if self.background is not None:
+            parse_background(self.background)
+
+
+def fit_doodle(
+    source: Path,
+    out: Path,
+    options: DoodleOptions | None = None,
+    report: Report = lambda progress: None,
+) -> Sketch:
+    """Fits black strokes to posed coloured pictures and writes sketch.json, .svg, .step, preview.png and run.json.
+
+    Ctrl-C ends the fit early; what was reached is written, then `Stopped` is raised, a KeyboardInterrupt.
+
+    Args:
+        source: a transforms.json or a folder with one.
+        out: folder of the results and of the checkpoint.
+        options: default `DoodleOptions()`.
+        report: called after every step.
+
+    Returns:
+        The sketch in the world of the cameras.
+
+    Raises:
+        FileNotFoundError, ValueError: weights that are missing or of another network; as `find_transforms`,
+            `load_posed`, `claim`, `frame_of` and `fit`.
+    """
+    options = options or DoodleOptions()
+    begun = time.perf_counter()
+    path = find_transforms(source, "color")
+    loss = load_doodle_loss(options)
+    claim(out, out / CHECKPOINT, options.resume, options.overwrite)
+    plan = plan_doodle(load_posed(path, "color", options.size, out, options.masks), options, loss, out / CHECKPOINT)
+    read = time.perf_counter()
+    stopped, shown = False, ShownLoss()
+    with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
+        try:
+            for step in steps:
+                report(Progress("3doodle", step.index + 1, options.steps, shown.of(step), len(step.sketch)))
+        except KeyboardInterrupt:
+            stopped = True
+    state = read_checkpoint(out / CHECKPOINT)
+    sketch = plan.frame.to_world(without_dots(state.sketch))
+    seconds = {"read": read - begun, "fit": time.perf_counter() - read}
+    scores = doodle_scores(sketch, plan.pictures, loss)
+    about = {"recipe": "3doodle", "source": str(source), **dataclasses.asdict(options)}
+    info = RunInfo(about, {"target": "color"}, seconds, list(state.losses), scores, stopped)
+    write_results(out, sketch, plan.pictures.cameras, preview(sketch, plan.pictures), info)
+    if stopped:
+        raise Stopped
+    return sketch
+
+
+def load_doodle_loss(options: DoodleOptions) -> DoodleLoss:
+    """The networks of the loss, with their weights.
+
+    Raises:
+        FileNotFoundError, ValueError: as `find_file`, `read_network`, `clip_resnet` and `VggDistance`.
+    """
+    device = pick_device(options.device)
+    tower_file = find_file(options.clip_rn101, "CLIP RN101", "open_clip_model.safetensors")
+    vgg_file = find_file(options.vgg16, "VGG16", "model.safetensors")
+    tower = clip_resnet(read_network(tower_file, options.allow_pickle), str(tower_file)).to(device)
+    vgg = VggDistance(read_network(vgg_file, options.allow_pickle), options.vgg, str(vgg_file), device)
+    return DoodleLoss(tower, vgg, options.clip_weight, options.vgg_weight, options.augmentations)
+
+
+def plan_doodle(
+    pictures: PosedPictures, options: DoodleOptions, loss: DoodleLoss, checkpoint: Path | None = None
+) -> Plan:
+    """How 3Doodle fits coloured pictures.
+
+    Raises:
+        ValueError: as `parse_background` and `frame_of`.
+    """
+    wanted = None if options.background is None else parse_background(options.background)
+    pictures, background = with_alpha(pictures, wanted)
+    frame = frame_of(pictures.cameras, pictures.store)
+    cameras = frame.cameras(pictures.cameras)
+    pyramid = Pyramid((Level(cameras, pictures.store, 0.0),), options.steps, options.batch, options.seed)
+    names = ("clip_weight", "vgg_weight", "vgg", "augmentations", "strokes", "batch", "size", "width")
+    config = FitConfig(
+        steps=options.steps,
+        rates=Rates(points=options.rate),
+        final_rate=1.0,
+        seed=options.seed,
+        checkpoint=checkpoint,
+        resume=options.resume,
+        identity={**{name: getattr(options, name) for name in names}, "pictures": pictures.digest()},
+    )
+    objective = _objective(pyramid, loss, options.seed)
+    return Plan(pictures, frame, _start(cameras, pictures.store, options), objective, pyramid, config, background)
+
+
+def without_dots(sketch: Sketch) -> Sketch:
+    """The strokes that are more than dots; the largest stays in any case."""
+    spread_out = (sketch.points - sketch.points.mean(1, keepdim=True)).norm(dim=(1, 2))
+    return sketch[spread_out >= min(DOT, float(spread_out.max()))]
+
+
+def doodle_scores(sketch: Sketch, pictures: PosedPictures, loss: DoodleLoss) -> dict[str, float]:
+    """Cosine of CLIP's embeddings and distance of VGG16's features, means over some of the pictures.
+
+    Args:
+        sketch: in the world of the cameras.
+    """
+    values = []
+    with torch.no_grad():
+        for view in spread(len(pictures), SCORED).tolist():
+            drawn = render(sketch, pictures.cameras[view]).color
+            target = pictures.batch([view])
+            wanted = torch.where(target.known[..., None], target.images, drawn)
+            values.append([float(x) for x in loss.plain(drawn, wanted)])
+    cosine, distance = torch.tensor(values).mean(0).tolist()
+    return {"clip_rn101": cosine, f"vgg_{loss.vgg.variant}": distance}
+
+
+def _objective(pyramid: Pyramid, loss: DoodleLoss, seed: int) -> Objective:
+    def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
+        target = pyramid.targets(step)
+        # Where nothing is known, the picture shows what the rendering does.
+        wanted = torch.where(target.known[..., None], target.images, rendering.color.detach())
+        return loss(rendering.color, wanted, step_generator(seed, step))
+
+    return objective
+
+
+def _start(cameras: Cameras, store: Store, options: DoodleOptions) -> Sketch:
+    """Short strokes at points of the visual hull, far apart; 3Doodle has points of structure from motion."""
+    levels = build_pyramid(cameras, store, 1, 1, 0).levels
+    level = min(levels, key=lambda x: abs(math.log(max(x.cameras.size) / HULL_SIZE)))
+    views = spread(len(cameras), HULL_VIEWS)
+    known = level.store.known if is_all_known(level.store.known) else level.store.known[views]
+    hull = visual_hull(level.cameras[views], Store(level.store.pixels[views], known[: len(views)]))
+    generator = torch.Generator().manual_seed(options.seed)
+    first = hull.points[far_apart(hull.points, options.strokes, generator)]
+    steps = NEXT + JITTER * torch.rand(options.strokes, 3, 3, generator=generator)
+    points = torch.cat([first[:, None], first[:, None] + steps.cumsum(1)], 1)
+    return Sketch(points, width=options.width / cameras.size[0])
+
+
+def far_apart(points: Float[Tensor, "M 3"], count: int, generator: torch.Generator) -> Tensor:
+    """Indices of points that lie far apart: a random one, then always the farthest from those before."""
+    chosen = [int(torch.randint(len(points), (1,), generator=generator))]
+    nearest = torch.full((len(points),), torch.inf)
+    while len(chosen) < count:
+        nearest = torch.minimum(nearest, (points - points[chosen[-1]]).norm(dim=1))
+        chosen.append(int(nearest.argmax()))
+    return torch.tensor(chosen)

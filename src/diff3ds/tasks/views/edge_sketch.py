@@ -1,0 +1,181 @@
+"""Edge maps, line drawings, or the edges of coloured pictures to a sketch of lines, arcs and cubics."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Int, Tensor
+from diff3ds.edges.evidence.ridges import MOST_INK, Ridges, color_ridges, map_ridges, strongest, within, without_faint
+from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
+from diff3ds.edges.resume import read_result, write_result
+from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.edges.watch import Capped, no_report
+from diff3ds.edges.watch import Report as Tell
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.frame import Frame, frame_of
+from diff3ds.pictures.line_width import line_width
+from diff3ds.pictures.store import is_all_known
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.tasks.progress import Fitted, Progress, Report
+from diff3ds.tasks.results import spread
+from diff3ds.tasks.views.plan import ViewsOptions
+
+# Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
+# kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.
+MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
+# Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
+# cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
+FEW_VIEWS, MOST_RIDGES = 50, 400_000
+
+
+def fit_edges(
+    pictures: PosedPictures,
+    options: ViewsOptions,
+    checkpoint: Path,
+    report: Report,
+    start: Sketch | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Fitted:
+    """The sketch of what the views' edges agree on.
+
+    Args:
+        checkpoint: file that keeps what is reached after each stage.
+        report: called as it goes on.
+        start: curves in the frame of the views, to refine instead of those found by carving.
+        say: called with what there was too much of to look at all.
+
+    Raises:
+        ValueError: as `frame_of`, `reconstruct` and `read_result`.
+        KeyboardInterrupt: before the first curves were found.
+    """
+    frame = frame_of(pictures.cameras, pictures.store)
+    settings = _settings(pictures, options)
+    results: list[Result] = []
+    losses: list[float] = []
+    if options.resume and checkpoint.exists():
+        reached, losses = read_result(checkpoint, settings)
+        results.append(reached)
+
+    def save(result: Result) -> None:
+        results.append(result)
+        write_result(checkpoint, result, losses, settings)
+
+    limited: dict[str, tuple[int, int]] = {}
+
+    def tell(stage: str, done: int, total: int | None, loss: float | None, strokes: int) -> None:
+        losses.extend([] if loss is None else [loss])
+        report(Progress(stage, done, total, loss, strokes))
+
+    def capped(what: str, kept: int, found: int) -> None:
+        if what not in limited:
+            say(f"full of edges: of {found} {what} {kept} are looked at")
+        limited[what] = kept, found
+
+    if not results:
+        # From here on there is something to resume.
+        save(nothing_yet())
+    stopped = False
+    try:
+        views, ridges = _found(pictures, tell, capped)
+        reconstruct(
+            frame.cameras(pictures.cameras[views]),
+            ridges,
+            start=None if start is None else _free(start),
+            reached=results[-1],
+            save=save,
+            report=tell,
+            capped=capped,
+            seed=options.seed,
+        )
+    except KeyboardInterrupt:
+        if not results[-1].stage:
+            raise
+        stopped = True
+    chosen = {"capped": {what: {"used": k, "of": n} for what, (k, n) in limited.items()}}
+    return _fitted(pictures, frame, results[-1], losses, stopped, chosen)
+
+
+def most_views(size: tuple[int, int]) -> int:
+    """How many views of this size are looked at."""
+    return max(FEWEST_VIEWS, min(MOST_VIEWS, MOST_PIXELS // (size[0] * size[1])))
+
+
+def _settings(pictures: PosedPictures, options: ViewsOptions) -> dict[str, object]:
+    """What must be the same for a run to go on."""
+    names = ["init", "seed", *(["strokes", "steps", "batch"] if options.init == "random" else [])]
+    about = {"target": pictures.target, "size": list(pictures.cameras.size), "pictures": pictures.digest()}
+    return {**about, **{name: getattr(options, name) for name in names}}
+
+
+def _found(pictures: PosedPictures, tell: Tell, capped: Capped) -> tuple[Int[Tensor, " B"], list[Ridges]]:
+    """Views that together are not too full of edges, and the edges that all that follows looks at."""
+    most = min(len(pictures), most_views(pictures.cameras.size))
+    views = spread(len(pictures), min(most, FEW_VIEWS))
+    known: dict[int, Ridges] = {}
+    ridges = ridges_of(pictures, views, tell, known)
+    height, width = pictures.cameras.size
+    full = int(MOST_INK * height * width)
+    if most > len(views):
+        ink = min(full, sum(map(len, ridges)) // len(views))
+        wanted = min(most, max(FEW_VIEWS, MOST_RIDGES // max(1, ink)))
+        if wanted < most:
+            capped("views", wanted, most)
+        views = spread(len(pictures), wanted)
+        ridges = ridges_of(pictures, views, tell, known)
+    room = min(full * len(views), MOST_RIDGES)
+    count = sum(map(len, ridges))
+    if count > room:
+        capped("ridge points", room, count)
+    return views, strongest(ridges, room)
+
+
+def ridges_of(
+    pictures: PosedPictures,
+    views: Int[Tensor, " B"],
+    tell: Tell = no_report,
+    known: dict[int, Ridges] | None = None,
+) -> list[Ridges]:
+    """The edges of these views, at subpixel precision.
+
+    Args:
+        tell: called with how many views are done.
+        known: those of views that were looked at before; the others are added.
+    """
+    known = {} if known is None else known
+    for done, view in enumerate(views.tolist()):
+        tell("edges of the pictures", done, len(views), None, 0)
+        if view in known:
+            continue
+        batch = pictures.batch([view])
+        pixels = batch.pixels[0].numpy()
+        ridges = map_ridges(pixels[..., 0]) if pixels.shape[-1] == 1 else color_ridges(pixels)
+        known[view] = ridges if is_all_known(pictures.store.known) else within(ridges, batch.known[0].numpy())
+    found = [known[view] for view in views.tolist()]
+    # The logarithm of a gradient says nothing about doubt.
+    return without_faint(found) if pictures.target == "edges" else found
+
+
+def _free(start: Sketch) -> Curves:
+    """The strokes as cubics that are nothing else yet."""
+    count = len(start)
+    kind = torch.full((count,), int(Kind.FREE))
+    return Curves(start.elevate(3).points, kind, torch.arange(2 * count).reshape(count, 2), torch.full((count,), -1))
+
+
+def _fitted(
+    pictures: PosedPictures, frame: Frame, result: Result, losses: list[float], stopped: bool, about: dict[str, Any]
+) -> Fitted:
+    drawn = pictures.target == "edges"
+    sketch = result.curves.sketch(line_width(pictures.store) if drawn else DEFAULT_WIDTH)
+    kinds = {kind.name.lower(): int((result.curves.kind == kind).sum()) for kind in Kind}
+    bias = result.bias
+    chosen = {
+        "curves": kinds,
+        "vertices": len(set(result.curves.vertex.flatten().tolist())),
+        "bias_pixels": {"dx": bias.dx, "dy": bias.dy, "outward": bias.outward},
+        **about,
+    }
+    return Fitted(frame.to_world(sketch), pictures, chosen, losses, {}, stopped)

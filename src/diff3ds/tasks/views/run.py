@@ -1,0 +1,239 @@
+"""Posed pictures to a 3D sketch: what `diff3ds views` does."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.formats import tile_images
+from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
+from diff3ds.optimize.checkpoint import read_checkpoint
+from diff3ds.optimize.fit import fit
+from diff3ds.pictures.background import color_or_path, described
+from diff3ds.pictures.clean_plates import Plates, load_plates
+from diff3ds.pictures.cutout import is_inverted
+from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
+from diff3ds.pictures.load_views import Told
+from diff3ds.pictures.store import opaque_views, store_of
+from diff3ds.render import render
+from diff3ds.render.backends import torch_on_one_thread
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.progress import Fitted, Progress, Report, StageTimes, Stopped
+from diff3ds.tasks.results import RunInfo, claim, folder_of, spread, write_results
+from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
+from diff3ds.tasks.views.edge_sketch import fit_edges
+from diff3ds.tasks.views.plan import Plan, ViewsOptions
+from diff3ds.tasks.views.random_start import plan_random_edges
+
+# The state of a gradient descent, and what a reconstruction of edges has reached.
+CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
+PREVIEWS = 8
+# Gray of what masks leave out, lens distortion takes away, or smaller pictures do not have.
+UNKNOWN = 0.5
+
+
+def fit_views(
+    source: Path | None,
+    out: Path,
+    options: ViewsOptions | None = None,
+    report: Report = lambda progress: None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Sketch:
+    """Fits a sketch to posed pictures and writes sketch.json, .svg, .step, preview.png and run.json.
+
+    Ctrl-C ends the fit early; what was reached is written, then `Stopped` is raised, a KeyboardInterrupt.
+
+    Args:
+        source: a transforms.json or a folder with one; None is the scene that the package generates.
+        out: folder of the results and of the checkpoint.
+        options: default `ViewsOptions()`.
+        report: called after every step and stage.
+        say: called with what a user should know before the fit: options that change nothing.
+
+    Returns:
+        The sketch in the world of the cameras.
+
+    Raises:
+        FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `load_plates`, `frame_of`, `fit` and
+            `reconstruct`; a background picture for what has no colours; a folder that holds another run.
+        OSError: the folder cannot be made, or there is no room.
+    """
+    options = options or ViewsOptions()
+    if not options.resume:
+        for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
+            claim(out, out / checkpoint, resume=False, overwrite=options.overwrite)
+    if source is None and options.target not in (None, "edges"):
+        raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
+    times = StageTimes()
+
+    def timed(progress: Progress) -> None:
+        times.begin(progress.stage)
+        report(progress)
+
+    with folder_of(out):
+        fitted = _run(source, out, options, timed, say, times)
+    if fitted.stopped:
+        raise Stopped
+    return fitted.sketch
+
+
+def _run(
+    source: Path | None,
+    out: Path,
+    options: ViewsOptions,
+    report: Report,
+    say: Callable[[str], None],
+    times: StageTimes,
+) -> Fitted:
+    """Reads, fits and writes."""
+    begun = time.perf_counter()
+    path = find_transforms(source, options.target) if source is not None else None
+    pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report)
+    plates = _plates(pictures, path, options, out, report)
+    _say_before(options, pictures, say)
+    read = time.perf_counter()
+    if options.overwrite and not options.resume:
+        # Killed before its first checkpoint, the new run must not go on from the old one's.
+        for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
+            (out / checkpoint).unlink(missing_ok=True)
+    fitted = _fitted(pictures, plates, path, options, out, report, say)
+    shown = preview(fitted.sketch, fitted.pictures)
+    info = RunInfo(
+        {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
+        {"target": pictures.target, **fitted.chosen, "stages": times.seconds()},
+        {"read": read - begun, "fit": time.perf_counter() - read},
+        fitted.losses,
+        fitted.scores,
+        fitted.stopped,
+    )
+    write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
+    return fitted
+
+
+def _pictures(path: Path, out: Path, options: ViewsOptions, report: Report) -> PosedPictures:
+    return load_posed(path, options.target, options.size, out, options.masks, _counted("read", report))
+
+
+def _counted(stage: str, report: Report) -> Told:
+    """Reports of a stage that counts."""
+    return lambda done, total: report(Progress(stage, done, total, None, 0))
+
+
+def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[str], None]) -> None:
+    """Says which options change nothing, and which pictures are treated in another way than the rest."""
+    target = pictures.target
+    if idle := options.idle(target):
+        how = target if target == "color" else f"{target} --init {options.init}"
+        say(f"{', '.join(idle)}: no effect with --target {how}")
+    if pictures.masked and options.masks == "ignore":
+        some = f"{pictures.masked} of {len(pictures)} pictures" if pictures.masked < len(pictures) else "the pictures"
+        say(f"masks: what is black in the masks of {some} counts nowhere; if white is the object, say --masks object")
+    if target != "edges" and is_inverted(pictures.batch(spread(len(pictures), PREVIEWS)).alpha):
+        say("the pictures are opaque all along their borders, and transparent inside: are alpha or masks inverted?")
+    if target == "color" and 0 < (opaque := int(opaque_views(pictures.store).sum())) < len(pictures):
+        behind = options.background or "the colour along their borders"
+        say(f"{opaque} of {len(pictures)} pictures have no transparent areas: {behind} is taken for their background")
+
+
+def _fitted(
+    pictures: PosedPictures,
+    plates: Plates | None,
+    path: Path | None,
+    options: ViewsOptions,
+    out: Path,
+    report: Report,
+    say: Callable[[str], None],
+) -> Fitted:
+    """What is reached, in the way that suits the pictures."""
+    if pictures.target == "color":
+        return _fit_color(pictures, plates, path, options, out, report)
+    if options.init == "random":
+        return _fit_random_edges(pictures, options, out, report, say)
+    return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
+
+
+def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
+    """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target."""
+    views = spread(len(pictures), PREVIEWS)
+    drawn = render(sketch, pictures.cameras[views]).color
+    targets = pictures.batch(views)
+    seen = torch.where(targets.known[..., None], targets.images, torch.tensor(UNKNOWN))
+    pairs = torch.cat([seen, drawn.clamp(0, 1)], 2)
+    return tile_images(pairs, columns=2)
+
+
+def demo_pictures(size: int = DEMO_SIZE) -> PosedPictures:
+    """Line drawings of the package's own scene from all around, reduced to this size as other pictures are."""
+    cameras = demo_cameras(size=min(size, DEMO_SIZE))
+    alpha = render(demo_sketch(), cameras).alpha
+    return PosedPictures(cameras, "edges", store_of(alpha[..., None]), tuple(f"view {i}" for i in range(len(cameras))))
+
+
+def _plates(
+    pictures: PosedPictures, path: Path | None, options: ViewsOptions, scratch: Path, report: Report
+) -> Plates | None:
+    """The pictures that lie behind, if the options name some."""
+    background = None if options.background is None else color_or_path(options.background)
+    if not isinstance(background, Path):
+        return None
+    if path is None or pictures.target != "color":
+        raise ValueError(f"{background}: a background picture is for --target color, not {pictures.target}")
+    return load_plates(path, background, options.size, scratch, _counted("read backgrounds", report))
+
+
+def _fit_color(
+    pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
+) -> Fitted:
+    held_out_views(path)
+    # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.
+    with torch_on_one_thread():
+        plan = plan_color(pictures, options, out / CHECKPOINT, plates, report)
+    sketch, losses, stopped = _descended(plan, "fit", report)
+    world = plan.frame.to_world(sketch)
+    chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
+    scores: dict[str, float] = {}
+    try:
+        with torch_on_one_thread():
+            scores = color_scores(world, plan, path, options.masks, report)
+    except KeyboardInterrupt:
+        # The sketch is there, and is written without them.
+        stopped = True
+    return Fitted(world, plan.pictures, chosen, losses, scores, stopped)
+
+
+def _fit_random_edges(
+    pictures: PosedPictures, options: ViewsOptions, out: Path, report: Report, say: Callable[[str], None]
+) -> Fitted:
+    if pictures.target != "edges":
+        raise ValueError("random curves find the lines of edge maps and drawings only: leave --init out")
+    plan = plan_random_edges(pictures, options, out / CHECKPOINT)
+    sketch, losses, stopped = _descended(plan, "random curves", report)
+    chosen = {"steps": plan.config.steps, "strokes": len(plan.start)}
+    if stopped:
+        return Fitted(plan.frame.to_world(sketch), pictures, chosen, losses, {}, stopped)
+    try:
+        clean = fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, sketch, say)
+    except KeyboardInterrupt:
+        # Before anything was cleaned up.
+        return Fitted(plan.frame.to_world(sketch), pictures, chosen, losses, {}, stopped=True)
+    return dataclasses.replace(clean, chosen={**chosen, **clean.chosen}, losses=[*losses, *clean.losses])
+
+
+def _descended(plan: Plan, stage: str, report: Report) -> tuple[Sketch, list[float], bool]:
+    """The last complete sketch of a gradient descent, its losses, and whether Ctrl-C came before the end."""
+    checkpoint, total = plan.config.checkpoint, plan.config.steps
+    assert checkpoint is not None
+    stopped = False
+    report(Progress(stage, 0, total, None, len(plan.start)))
+    with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
+        try:
+            for step in steps:
+                report(Progress(stage, step.index + 1, total, step.loss, len(step.sketch)))
+        except KeyboardInterrupt:
+            stopped = True
+    state = read_checkpoint(checkpoint)
+    return state.sketch, list(state.losses), stopped

@@ -1,0 +1,1 @@
+"""Weights of networks: where published, found, fetched, read, renamed."""

@@ -1,0 +1,168 @@
+"""Feature lines of meshes whose edges are known: boxes, cylinders, plates with round corners, spheres."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.surfaces.mesh_lines import mesh_lines
+
+T = torch.linspace(0, 1, 33, dtype=torch.float64)
+
+
+def prism(outline: np.ndarray, height: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """A convex outline in the plane made solid."""
+    count = len(outline)
+    low = np.column_stack([outline, np.zeros(count)])
+    vertices = np.concatenate([low, low + np.array([0, 0, height])])
+    i, j = np.arange(count), (np.arange(count) + 1) % count
+    sides = np.concatenate([np.stack([i, j, j + count], 1), np.stack([i, j + count, i + count], 1)])
+    fan = np.stack([np.zeros(count - 2, int), np.arange(1, count - 1), np.arange(2, count)], 1)
+    return vertices, np.concatenate([sides, fan[:, ::-1], fan + count])
+
+
+def around(count: int, start: float = 0.0, sweep: float = 360.0, radius: float = 1.0) -> np.ndarray:
+    angle = np.deg2rad(start + sweep * np.arange(count) / (count if sweep == 360 else count - 1))
+    return radius * np.stack([np.cos(angle), np.sin(angle)], 1)
+
+
+def kinds(curves) -> list[int]:
+    return sorted(curves.kind.tolist())
+
+
+SQUARE = np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]])
+
+
+def test_a_box_has_twelve_straight_edges():
+    curves = mesh_lines(*prism(SQUARE), 100)
+    assert kinds(curves) == [Kind.LINE] * 12
+    ends = {tuple(sorted(map(tuple, pair))) for pair in curves.points[:, [0, 3]].tolist()}
+    corners = {(x, y, z) for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 1.0)}
+    assert ends == {(a, b) for a in corners for b in corners if a < b and sum(p != q for p, q in zip(a, b)) == 1}
+    assert len(curves.vertex.unique()) == 8
+
+
+def test_repeated_vertices_are_one():
+    """As STL files have them: three of each face's own."""
+    vertices, faces = prism(SQUARE)
+    curves = mesh_lines(vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3), 100)
+    assert kinds(curves) == [Kind.LINE] * 12
+
+
+def test_faces_wound_either_way_and_shown_from_both_sides_are_the_same_mesh():
+    vertices, faces = prism(around(48))
+    mixed = np.where(np.arange(len(faces))[:, None] % 2, faces, faces[:, ::-1])
+    for other in (mixed, np.concatenate([faces, faces[:, ::-1]])):
+        assert torch.equal(mesh_lines(vertices, other, 100).points, mesh_lines(vertices, faces, 100).points)
+
+
+@pytest.mark.parametrize("count", [10, 48])
+def test_the_rims_of_a_cylinder_are_exact_circles(count):
+    curves = mesh_lines(*prism(around(count)), 100)
+    assert kinds(curves) == [Kind.ARC] * 4
+    assert (curves.other >= 0).all()
+    on = curves.at(T).reshape(-1, 3)
+    torch.testing.assert_close(on[:, :2].norm(dim=1), torch.ones(len(on), dtype=torch.float64), atol=1e-9, rtol=0)
+    assert sorted(set(on[:, 2].round(decimals=9).tolist())) == [0.0, 1.0]
+    # All around.
+    angle = torch.atan2(on[:, 1], on[:, 0]).sort().values
+    assert float(angle.diff().max()) < math.radians(10)
+
+
+def test_the_rims_of_an_elliptic_cylinder_are_exact_ellipses():
+    curves = mesh_lines(*prism(around(64) * np.array([1.0, 0.5])), 100)
+    assert kinds(curves) == [Kind.ELLIPSE] * 4
+    assert (curves.other >= 0).all()
+    on = curves.at(T).reshape(-1, 3)
+    around_it = (on[:, :2] / torch.tensor([1.0, 0.5])).square().sum(1)
+    torch.testing.assert_close(around_it, torch.ones(len(on), dtype=torch.float64), atol=1e-9, rtol=0)
+    assert sorted(set(on[:, 2].round(decimals=9).tolist())) == [0.0, 1.0]
+
+
+def test_a_prism_of_eight_sides_is_no_cylinder():
+    assert kinds(mesh_lines(*prism(around(8)), 100)) == [Kind.LINE] * 24
+
+
+@pytest.mark.parametrize("first", [0, 3, 11])
+def test_round_corners_are_arcs_between_lines(first):
+    """A plate of 4 by 3 whose corners have radius .5, from any vertex on."""
+    corners = [(1.5, 1.0, 0), (-1.5, 1.0, 90), (-1.5, -1.0, 180), (1.5, -1.0, 270)]
+    outline = np.concatenate([around(8, start, 90, 0.5) + np.array([x, y]) for x, y, start in corners])
+    curves = mesh_lines(*prism(np.roll(outline, first, axis=0)), 100)
+    assert kinds(curves) == [Kind.LINE] * 8 + [Kind.ARC] * 8
+    on = curves.at(T)[curves.kind == Kind.ARC].reshape(-1, 3)
+    away = (on[:, :2].abs() - torch.tensor([1.5, 1.0])).norm(dim=1)
+    torch.testing.assert_close(away, torch.full_like(away, 0.5), atol=1e-9, rtol=0)
+    straight = curves.points[curves.kind == Kind.LINE]
+    assert sorted((straight[:, 3] - straight[:, 0]).norm(dim=1).tolist()) == pytest.approx([2.0] * 4 + [3.0] * 4)
+
+
+def test_what_is_no_arc_is_near_its_edges():
+    """A plate with a wavy side: cubics within half of a 256th of its size, and fewer than its edges by far."""
+    x = np.linspace(0, 2 * np.pi, 81)
+    wave = np.stack([x, 0.6 * np.sin(x)], 1)
+    vertices = np.concatenate([np.column_stack([wave, 0 * x]), np.column_stack([wave, 0 * x + 1])])
+    i = np.arange(80)
+    faces = np.concatenate([np.stack([i, i + 1, i + 82], 1), np.stack([i, i + 82, i + 81], 1)])
+    curves = mesh_lines(vertices, faces, 100)
+    assert len(curves) <= 2 + 12
+    on = curves.at(T).reshape(-1, 3)
+    on = on[(on[:, 2] == 0) | (on[:, 2] == 1)]
+    # Distance along the normal of the sine.
+    off = (on[:, 1] - 0.6 * on[:, 0].sin()).abs() / (1 + (0.6 * on[:, 0].cos()) ** 2).sqrt()
+    assert float(off.max()) < 0.5 * 2 * np.pi / 256 * 1.5
+    assert float(on[:, 0].max() - on[:, 0].min()) == pytest.approx(2 * np.pi)
+
+
+def sphere(count: int = 24) -> tuple[np.ndarray, np.ndarray]:
+    """By its convex hull."""
+    from scipy.spatial import ConvexHull
+
+    polar = [
+        (math.sin(a) * math.cos(b), math.sin(a) * math.sin(b), math.cos(a))
+        for a in np.linspace(0, math.pi, count)[1:-1]
+        for b in np.linspace(0, 2 * math.pi, 2 * count)[:-1]
+    ]
+    points = np.array([*polar, (0, 0, 1), (0, 0, -1)])
+    hull = ConvexHull(points)
+    faces, normals = hull.simplices.astype(np.int64), hull.equations[:, :3]
+    a, b, c = points[faces].transpose(1, 0, 2)
+    turned = (np.cross(b - a, c - a) * normals).sum(1) < 0
+    faces[turned] = faces[turned][:, ::-1]
+    return points, faces
+
+
+def test_smooth_and_empty_meshes_have_none():
+    vertices, faces = sphere()
+    with pytest.raises(ValueError, match="no sharp edges and no borders"):
+        mesh_lines(vertices, faces, 100)
+    with pytest.raises(ValueError, match="no faces of any size"):
+        mesh_lines(np.zeros((3, 3)), np.array([[0, 1, 2]]), 100)
+    with pytest.raises(ValueError, match="no faces of any size"):
+        mesh_lines(np.zeros((3, 3)), np.zeros((0, 3), int), 100)
+
+
+def folded(folds: int) -> tuple[np.ndarray, np.ndarray]:
+    """A sheet with folds like tents, 53 degrees in the middle, flat towards their ends."""
+    across = 10 * folds + 1
+    x, y = np.meshgrid(np.linspace(0, 12, 61), 0.2 * np.arange(across), indexing="ij")
+    height = 0.5 * 0.8 * np.where(np.abs(x - 6) < 3, np.cos((x - 6) * np.pi / 6) ** 2, 0)
+    z = height * np.maximum(0, 1 - np.abs(y % 2 - 1) / 0.8)
+    i = (np.arange(60)[:, None] * across + np.arange(across - 1)).reshape(-1)
+    near = np.stack([i, i + across, i + across + 1], 1)
+    return np.stack([x, y, z], -1).reshape(-1, 3), np.concatenate([near, np.stack([i, i + across + 1, i + 1], 1)])
+
+
+def test_scraps_of_edges_are_no_drawing():
+    """The border of four lines outweighs three folds, not five."""
+    curves = mesh_lines(*folded(3), 100)
+    assert len(curves) == 4 + 3
+    with pytest.raises(ValueError, match="the mesh is smooth: 5 of its 9 sharp edges end nowhere"):
+        mesh_lines(*folded(5), 100)
+
+
+def test_too_many_lines_are_an_error():
+    with pytest.raises(ValueError, match="12 feature lines, more than 11"):
+        mesh_lines(*prism(SQUARE), 11)
