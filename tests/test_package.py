@@ -19,20 +19,21 @@ MODULES = {
 # What each part (a module or folder right under the package) may import: cli -> tasks -> everything below; edges and
 # pictures -> optimize, formats -> render -> project -> {bezier, camera, sketch}; guidance and metrics -> weights.
 # "diff3ds" stands for the list of public names. A new part needs a line here.
-HELPERS = {"_checks", "_files", "_shapes"}
+HELPERS = {"_checks", "_files", "_modes", "_shapes"}
 SCENE = {"bezier", "camera", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
     "_clip_text": set(),
     "_files": {"_shapes"},
+    "_modes": {"_shapes"},
     "_options": set(),
     "_shapes": set(),
     "_start": {"cli"},
-    "bezier": {"_checks", "_shapes"},
+    "bezier": {"_checks", "_modes", "_shapes"},
     "camera": HELPERS,
     "frames": {"camera"} | HELPERS,
     "transforms": {"camera", "frames"} | HELPERS,
-    "sketch": {"bezier", "_checks", "_shapes"},
+    "sketch": {"bezier"} | HELPERS,
     "project": SCENE,
     "render": {"project"} | SCENE,
     "losses": SCENE,
