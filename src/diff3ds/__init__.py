@@ -10,9 +10,10 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from diff3ds import bezier
+    from diff3ds import bezier, guidance, library, losses
     from diff3ds.camera import Cameras, look_at, orbit
     from diff3ds.formats import load, save
+    from diff3ds.optimize import density
     from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
     from diff3ds.optimize.strokes import NoiseDeletion
     from diff3ds.project import Strokes2D, project
@@ -34,11 +35,15 @@ __all__ = [
     "__version__",
     "available_backends",
     "bezier",
+    "density",
     "fit",
     "get_num_threads",
+    "guidance",
+    "library",
     "load",
     "load_transforms",
     "look_at",
+    "losses",
     "orbit",
     "project",
     "rasterize",
@@ -48,7 +53,7 @@ __all__ = [
     "set_num_threads",
 ]
 
-# In which module each public name is.
+# In which module each public name is; the others are modules, one of which lies in a room.
 _HOMES = {
     **dict.fromkeys(("Cameras", "look_at", "orbit"), "camera"),
     **dict.fromkeys(("FitConfig", "Rates", "Step", "fit"), "optimize.fit"),
@@ -70,7 +75,7 @@ def __getattr__(name: str) -> "Any":
     if name in _HOMES:
         value = getattr(import_module(f"diff3ds.{_HOMES[name]}"), name)
     elif name in __all__:
-        value = import_module(f"diff3ds.{name}")
+        value = import_module("diff3ds.optimize.density" if name == "density" else f"diff3ds.{name}")
     else:
         raise AttributeError(f"module 'diff3ds' has no attribute {name!r}")
     globals()[name] = value

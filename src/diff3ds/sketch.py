@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal, get_args
+from importlib import import_module
+from typing import Literal, cast, get_args
 
 import torch
 
@@ -114,6 +115,11 @@ class Sketch:
     def detach(self) -> "Sketch":
         """The same sketch without its autograd history."""
         return self._map(Tensor.detach)
+
+    def _repr_png_(self) -> bytes:
+        """The sketch as it is seen from the right and above, for notebooks."""
+        # Pictures are made by a room above this one, imported by those who look at them only.
+        return cast(bytes, import_module("diff3ds.formats").notebook_png(self))
 
     def _map(self, function: Callable[[Tensor], Tensor]) -> "Sketch":
         changed = {name: function(value) for name, value in self.tensors().items()}

@@ -1,9 +1,10 @@
 """Sketches to files and back; the suffix of the name says which format."""
 
+import math
 from pathlib import Path
 
-from diff3ds.camera import Cameras
-from diff3ds.formats.png import load_image, save_png, tile_images
+from diff3ds.camera import Cameras, orbit
+from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.step import load_step, save_step
 from diff3ds.formats.svg import save_svg
@@ -60,6 +61,18 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None) -> No
         save_svg(path, sketch, cameras)
     else:
         save_png(path, tile_images(render(sketch.detach(), cameras).color))
+
+
+def notebook_png(sketch: Sketch) -> bytes:
+    """A sketch as a notebook shows it: a PNG of 256 x 256 pixels, from azimuth 30 and elevation 20."""
+    fov = 40.0
+    points = sketch.detach().points.to("cpu").flatten(0, 1).double()
+    middle = (points.amin(0) + points.amax(0)) / 2 if len(points) else points.new_zeros(3)
+    radius = float((points - middle).norm(dim=1).max()) if len(points) else 0.0
+    # The ball around the control points, which holds the strokes, fills 90 % of the picture.
+    distance = (radius or 1.0) / (0.9 * math.sin(math.radians(fov / 2)))
+    cameras = orbit(30, 20, distance, fov=fov, size=256, target=middle.tolist(), near=distance / 100)
+    return encoded(render(sketch.detach().to("cpu"), cameras).color[0])
 
 
 def load(path: str | Path) -> Sketch:

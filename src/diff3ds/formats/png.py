@@ -1,12 +1,13 @@
 """Pictures: tensors to PNG files, picture files to tensors, and grids of views."""
 
+import io
 import math
 import warnings
 from pathlib import Path
 
 import torch
 
-from diff3ds._files import replacing
+from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.pixels import described, pixels_of, require_one_frame
 
@@ -25,6 +26,15 @@ def save_png(path: str | Path, image: Float[Tensor, "H W C"]) -> None:
         TypeError, ValueError: not such an image, or one with values that are not finite.
         OSError: the file cannot be written.
     """
+    write_bytes(Path(path), encoded(image))
+
+
+def encoded(image: Float[Tensor, "H W C"]) -> bytes:
+    """A picture as a PNG file's bytes, with 8 bits a channel.
+
+    Raises:
+        TypeError, ValueError: as `save_png`.
+    """
     from PIL import Image
 
     if not isinstance(image, Tensor) or not image.is_floating_point():
@@ -39,8 +49,9 @@ def save_png(path: str | Path, image: Float[Tensor, "H W C"]) -> None:
         raise ValueError(f"image must be finite, got {values[row, column, channel]} at row {row}, column {column}")
     content = (values.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
     picture = Image.fromarray(content[..., 0] if content.shape[2] == 1 else content)
-    with replacing(Path(path)) as temporary:
-        picture.save(temporary, format="PNG")
+    file = io.BytesIO()
+    picture.save(file, format="PNG")
+    return file.getvalue()
 
 
 def load_image(path: str | Path) -> Float[Tensor, "H W C"]:

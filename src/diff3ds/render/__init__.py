@@ -58,6 +58,12 @@ class Rendering:
     alpha: Float[Tensor, "V H W"]
     depth: Float[Tensor, "V H W"]
 
+    def _repr_png_(self) -> bytes:
+        """The views side by side, for notebooks."""
+        # Pictures are made by a room above this one, imported by those who look at them only.
+        formats = import_module("diff3ds.formats.png")
+        return cast(bytes, formats.encoded(formats.tile_images(self.color)))
+
 
 def render(
     sketch: Sketch,
