@@ -5,7 +5,8 @@
 
 Writes OUT/scene (once), runs `diff3ds views --target color-edges` on it in a process of its own, and prints seconds on
 the clock and of the processor for every stage, what was capped, the curves, and the largest memory. The pictures have
-some 18,000 ridge points each, as those of NeRF's lego (19,750 at 400 x 400). The rasteriser is that of the CAD parts: pip install 'diff3ds[cad]'.
+some 18,000 ridge points each, as those of NeRF's lego (19,750 at 400 x 400). The rasteriser is that of the CAD parts:
+pip install 'diff3ds[cad]'.
 """
 
 import argparse
