@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from diff3ds.edges.shapes.primitives import Kind
-from diff3ds.surfaces.mesh_lines import mesh_lines
+from diff3ds.surfaces.mesh_lines import mesh_lines, outline_share
 
 T = torch.linspace(0, 1, 33, dtype=torch.float64)
 
@@ -166,3 +166,33 @@ def test_scraps_of_edges_are_no_drawing():
 def test_too_many_lines_are_an_error():
     with pytest.raises(ValueError, match="12 feature lines, more than 11"):
         mesh_lines(*prism(SQUARE), 11)
+
+
+def lathe(profile: np.ndarray, count: int = 48) -> tuple[np.ndarray, np.ndarray]:
+    """A profile of (radius, height) turned about z."""
+    rows, (i, k) = len(profile), np.meshgrid(np.arange(count), np.arange(len(profile) - 1), indexing="ij")
+    ring = around(count)
+    vertices = np.stack([profile[:, 0, None] * ring[:, 0, None].T, profile[:, 0, None] * ring[:, 1, None].T], -1)
+    vertices = np.concatenate([vertices, np.broadcast_to(profile[:, 1, None, None], (rows, count, 1))], -1).reshape(
+        -1, 3
+    )
+    a, b = (k * count + i).ravel(), (k * count + (i + 1) % count).ravel()
+    return vertices, np.concatenate([np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)])
+
+
+def test_share_of_the_outlines_that_lines_draw():
+    """Of a box all; of a sphere cut open its rim only; of a cylinder known by its measures."""
+    assert outline_share(*prism(SQUARE)) == 1
+    angle = np.linspace(0, math.pi - 0.2, 40)
+    ball = np.stack([np.sin(angle), np.cos(angle)], 1)
+    assert outline_share(*lathe(ball)) < 0.2
+    # Radius 1, height h, seen from an angle t off the axis: both rims' half (the hidden too) and two sides of h sin t.
+    # The half of a rim whose face beside it is turned away alike is no outline: of each rim one half is.
+    for height in (1.0, 4.0):
+        found = outline_share(*prism(around(256), height))
+        t = np.arccos(1 - 2 * (np.arange(32) + 0.5) / 32)
+        turn = np.linspace(0, math.pi, 2001)
+        step = np.sqrt(np.sin(turn) ** 2 + (np.cos(turn)[:, None] * np.cos(t)).T ** 2)
+        rims = 2 * step.mean(1) * math.pi
+        sides = 2 * height * np.sin(t)
+        assert found == pytest.approx(rims.sum() / (rims + sides).sum(), abs=0.02)

@@ -109,6 +109,39 @@ def test_a_mesh_is_its_feature_lines(tmp_path, capsys):
         read_sketches(tmp_path)
 
 
+def test_meshes_that_lines_draw_badly_and_meshes_with_y_up(tmp_path):
+    """A flask turned about y: its rim is a circle, which lies flat if y is up; the rest of it is smooth."""
+    pytest.importorskip("trimesh")
+    turn, tilt = torch.linspace(0, 2 * torch.pi, 49)[:-1], torch.linspace(0.05, 2.6, 24)
+    ring = torch.stack([turn.cos(), turn.sin()], -1)
+    points = [
+        (r * x, -h, r * y)
+        for r, h in zip(tilt.sin().tolist(), tilt.cos().tolist(), strict=True)
+        for x, y in ring.tolist()
+    ]
+    quads = [
+        (48 * k + i, 48 * k + (i + 1) % 48, 48 * k + 48 + (i + 1) % 48, 48 * k + 48 + i)
+        for k in range(23)
+        for i in range(48)
+    ]
+    lines = [
+        *("v {} {} {}".format(*one) for one in points),
+        *("f {} {} {} {}".format(*(n + 1 for n in one)) for one in quads),
+    ]
+    (tmp_path / "flask_1.obj").write_text("\n".join(lines))
+    read, turned = read_sketches(tmp_path), read_sketches(tmp_path, "y")
+    for library, flat in ((read, 1), (turned, 2)):
+        (warning,) = library.warnings
+        assert "flask_1.obj" in warning
+        assert "% of its outlines" in warning
+        largest = max(library.members[0].sketch.points, key=lambda stroke: (stroke.amax(0) - stroke.amin(0)).max())
+        extent = largest.amax(0) - largest.amin(0)
+        assert extent.argmin() == flat
+        assert extent[flat] < 1e-4
+    assert read.digest != turned.digest
+    assert read_sketches(tmp_path).digest == read.digest
+
+
 def test_the_digest_is_that_of_the_members(folder, tmp_path):
     whole = hashlib.sha256()
     ds.save(tmp_path / "chair.json", drawn("chair"))

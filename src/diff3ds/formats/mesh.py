@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Float, Int
 
 MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
+# Formats that define which axis points up: their meshes come with z up.
+UP_IS_KNOWN = (".glb",)
 # A mesh of some million triangles; more is taken for a mistake or an attack.
 MAX_MESH_BYTES = 1 << 26
 # Triangles and vertices; a scene that shows one mesh many times has more than are in the file.
@@ -56,7 +58,7 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
         raise ValueError(f"{path}: not a mesh that can be read ({type(error).__name__}: {error})") from error
     if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices[faces]).all():
         raise ValueError(f"{path}: a mesh needs triangles between finite vertices")
-    return vertices[:, [2, 0, 1]] if path.suffix.lower() == ".glb" else vertices, faces
+    return vertices[:, [2, 0, 1]] if path.suffix.lower() in UP_IS_KNOWN else vertices, faces
 
 
 def _check_counts(content: bytes) -> None:

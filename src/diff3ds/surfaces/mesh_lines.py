@@ -25,6 +25,8 @@ SAME = 1e-6
 UNEVEN, STRAIGHT = 3.0, 1.0
 # So large a share of the feature lines may end nowhere: of a machine part few do, of an animal most. Empirical.
 MOST_LOOSE = 0.5
+# From so many places a mesh's outlines are looked at.
+DIRECTIONS = 32
 # Three points are always on a circle, four on a cubic, and five of a plane on a conic.
 LEAST_ARC, LEAST_CUBIC, LEAST_ELLIPSE = 4, 5, 6
 
@@ -40,12 +42,10 @@ def mesh_lines(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3
     Raises:
         ValueError: there are none, more than `most`, or mostly scraps that end within a smooth surface.
     """
-    side = float(np.ptp(vertices[faces], axis=(0, 1)).max()) if len(faces) else 0.0
-    if not side > 0:
-        raise ValueError("the mesh has no faces of any size")
-    _, first, same = np.unique(np.round(vertices / (SAME * side)), axis=0, return_index=True, return_inverse=True)
-    vertices, faces = vertices[first], same.reshape(-1)[faces]
-    chains = list(_chains(vertices, _features(vertices, faces)))
+    vertices, faces = _joined(vertices, faces)
+    side = float(np.ptp(vertices[faces], axis=(0, 1)).max())
+    edges, sharp, _ = _edges(vertices, faces)
+    chains = list(_chains(vertices, edges[sharp]))
     if not chains:
         raise ValueError("the mesh has no sharp edges and no borders: of smooth shapes there are no feature lines")
     ends = Counter(end for chain in chains for end in (chain[0], chain[-1]))
@@ -60,8 +60,43 @@ def mesh_lines(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3
     return _curves(vertices, pieces)
 
 
-def _features(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"]) -> Int[NDArray[np.int64], "E 2"]:
-    """Edges of one face or more than two, and those of two faces that meet sharply, however each is wound."""
+def outline_share(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"]) -> float:
+    """Which share of the outlines the feature lines draw, in [0, 1]: of a box all, of a sphere nothing.
+
+    By length in pictures from `DIRECTIONS` far places all around, hidden parts included.
+    """
+    vertices, faces = _joined(vertices, faces)
+    edges, sharp, (one, other) = _edges(vertices, faces)
+    k = np.arange(DIRECTIONS) + 0.5
+    height, turn = 1 - 2 * k / DIRECTIONS, np.pi * (1 + 5**0.5) * k
+    around = np.sqrt(1 - height**2)
+    drawn, whole = 0.0, 0.0
+    for view in np.stack([around * np.cos(turn), around * np.sin(turn), height], 1):
+        # Edges without a second face have no normal there, and are outlines from everywhere.
+        outline = ~((one @ view) * (other @ view) > 0)
+        length = np.linalg.norm(np.cross(np.diff(vertices[edges[outline]], axis=1)[:, 0], view), axis=1)
+        drawn, whole = drawn + length[sharp[outline]].sum(), whole + length.sum()
+    return float(drawn / whole) if whole else 1.0
+
+
+def _joined(
+    vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"]
+) -> tuple[Float[Array, "W 3"], Int[NDArray[np.int64], "F 3"]]:
+    """The mesh with vertices in one place made one."""
+    side = float(np.ptp(vertices[faces], axis=(0, 1)).max()) if len(faces) else 0.0
+    if not side > 0:
+        raise ValueError("the mesh has no faces of any size")
+    _, first, same = np.unique(np.round(vertices / (SAME * side)), axis=0, return_index=True, return_inverse=True)
+    return vertices[first], same.reshape(-1)[faces]
+
+
+def _edges(
+    vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"]
+) -> tuple[Int[NDArray[np.int64], "E 2"], NDArray[np.bool_], tuple[Array, Array]]:
+    """All edges; which are of one face or more than two, or of two that meet sharply; and the normals beside them.
+
+    Normals of two faces point to the same side, however each is wound; where there are not two, they are NaN.
+    """
     # Files that show both sides have every face twice.
     faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
     a, b, c = vertices[faces].transpose(1, 0, 2)
@@ -76,11 +111,12 @@ def _features(vertices: Float[Array, "V 3"], faces: Int[NDArray[np.int64], "F 3"
     start = np.cumsum(count) - count
     two = count == 2
     one, other = (order[start[two] + k] for k in (0, 1))
-    cosine = (normals[one // 3] * normals[other // 3]).sum(1)
     # Faces that are wound alike go along their edge in opposite directions.
-    sharp = ~two
-    sharp[two] = np.where(rising[one] == rising[other], -cosine, cosine) < np.cos(np.deg2rad(SHARP))
-    return edges[sharp]
+    beside = np.full((2, len(edges), 3), np.nan)
+    beside[0, two] = normals[one // 3]
+    beside[1, two] = np.where((rising[one] == rising[other])[:, None], -1, 1) * normals[other // 3]
+    sharp = ~((beside[0] * beside[1]).sum(1) >= np.cos(np.deg2rad(SHARP)))
+    return edges, sharp, (beside[0], beside[1])
 
 
 def _chains(vertices: Float[Array, "V 3"], edges: Int[NDArray[np.int64], "E 2"]) -> Iterator[list[int]]:

@@ -24,7 +24,7 @@ from diff3ds.guidance.schedule import TIMESTEPS
 from diff3ds.guidance.small import SCHEDULE, Vocabulary, half_is_fast, write_network
 from diff3ds.guidance.small_network import Shape, SmallNetwork
 from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
+from diff3ds.tasks.exact_prior.sketch_folder import Up, read_sketches
 from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import ROOM_FOR_NETWORKS, claim
 from diff3ds.tasks.small_prior.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
@@ -56,6 +56,7 @@ class TrainOptions:
     Attributes:
         library: a folder of sketches or meshes to train on instead of the built-in library; files are named after what
             they are: chair_01.json, or chair/01.json.
+        up: of a library's meshes, the axis that points up: z or y. glTF defines it.
         steps: gradient steps. May be changed when a run is resumed, not to fewer than are done.
         batch: objects a step, each seen by four cameras.
         rate: highest learning rate.
@@ -73,6 +74,7 @@ class TrainOptions:
     """
 
     library: Path | None = None
+    up: Up = "z"
     steps: int = 6000
     batch: int = 16
     rate: float = 0.005
@@ -298,7 +300,12 @@ def train_prior(
     if (out / NETWORK).exists() and not options.resume and not options.overwrite:
         raise ValueError(f"{out} holds {NETWORK}: give another folder (-o), or --overwrite")
     device = pick_device(options.device)
-    subjects = BuiltIn() if options.library is None else OwnSketches(read_sketches(options.library))
+    subjects: BuiltIn | OwnSketches = BuiltIn()
+    if options.library is not None:
+        folder = read_sketches(options.library, options.up)
+        for warning in folder.warnings:
+            say(warning)
+        subjects = OwnSketches(folder)
     with torch_on_one_thread():
         training = Training(options, subjects, device)
         if options.resume:

@@ -148,10 +148,12 @@ def _built_in(
     check(settings)
     reference = read_reference(picture, options=cut)
     lines = lines_of(reference)
-    folder = None if prior.library is None else read_sketches(prior.library)
+    folder = None if prior.library is None else read_sketches(prior.library, prior.up)
     if folder is None:
         found, exemplars = _looked_up(lines, options.shows, settings.seed)
     else:
+        for warning in folder.warnings:
+            say(warning)
         say(f"library: {folder}")
         found, exemplars = recognise_in(folder, lines, options.shows)
     claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)

@@ -13,6 +13,7 @@ from diff3ds.guidance.prompts import check_phrase
 from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.zero123 import ReferencePose, Zero123, load_zero123
+from diff3ds.tasks.exact_prior.sketch_folder import Up
 from diff3ds.weights import single_file
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.locate import Source, find, locate
@@ -33,6 +34,8 @@ class PriorOptions:
             Hugging Face hub that was fetched, owner/name or owner/name@revision.
         library: a folder of sketches (sketch.json, STEP) or meshes for exemplar to know instead of the built-in
             library; files are named after what they are: chair_01.json, or chair/01.json.
+        up: of a library's meshes, the axis that points up: z or y (as most of .obj from modelling programs). glTF
+            defines it.
         weights: other weights for the prior of that name.
         variant: of the network's file of weights, such as fp16 or fp16_ema.
         allow_pickle: read the weights from this single file although it is a pickle. Pickles can run code of whoever
@@ -43,6 +46,7 @@ class PriorOptions:
 
     prior: str | None = None
     library: Path | None = None
+    up: Up = "z"
     weights: str | None = None
     variant: str | None = None
     allow_pickle: bool = False
@@ -50,6 +54,8 @@ class PriorOptions:
     precision: Precision = "auto"
 
     def __post_init__(self) -> None:
+        if self.up != "z" and self.library is None:
+            raise ValueError("--up is for the meshes of a library: name it with --library, or leave --up out")
         if self.library is not None and self.prior is None:
             object.__setattr__(self, "prior", "exemplar")
         if self.library is not None and self.prior != "exemplar":

@@ -108,10 +108,12 @@ def _built_in(
         _say_ignored(request.ignored, say)
         chosen = Chosen.of_network(small.asked(request), small.about, request.color)
         return run(chosen, about, GUIDANCE, settings, out, report)
-    folder = None if prior.library is None else read_sketches(prior.library)
+    folder = None if prior.library is None else read_sketches(prior.library, prior.up)
     known = exemplars_of(phrase, settings.seed) if folder is None else exemplars_in(folder, phrase)
     _say_ignored(known.ignored, say)
     if folder is not None:
+        for warning in folder.warnings:
+            say(warning)
         say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
     return run(Chosen.of_members(known, folder, settings), about, GUIDANCE, settings, out, report)
 
