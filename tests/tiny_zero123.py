@@ -5,7 +5,7 @@ from pathlib import Path
 
 import safetensors.torch
 import torch
-from guidance.tiny import ldm_unet_name, ldm_vae_name, make_unet, make_vae
+from tiny import ldm_unet_name, ldm_vae_name, make_unet, make_vae
 
 WIDTH = 24
 POSE = 4

@@ -6,8 +6,8 @@ import shutil
 import pytest
 import safetensors.torch
 import torch
-from guidance.tiny import edit_json, save_stable_diffusion
-from guidance.tiny_zero123 import POSE, WIDTH, save_projection, save_zero123
+from tiny import edit_json, save_stable_diffusion
+from tiny_zero123 import POSE, WIDTH, save_projection, save_zero123
 
 import diff3ds as ds
 from diff3ds.guidance import formulas, zero123

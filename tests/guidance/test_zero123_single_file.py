@@ -5,8 +5,8 @@ import types
 
 import pytest
 import torch
-from guidance.tiny import make_single_mvdream
-from guidance.tiny_zero123 import save_pair
+from tiny import make_single_mvdream
+from tiny_zero123 import save_pair
 
 pytest.importorskip("diffusers")
 from safetensors.torch import save_file

@@ -173,7 +173,7 @@ def small_prior(device: torch.device) -> SmallDenoiser:
 def tiny_mvdream(device: torch.device):
     pytest.importorskip("diffusers")
     pytest.importorskip("peft")
-    from guidance import tiny
+    import tiny
 
     from diff3ds.guidance.latent import Autoencoder
     from diff3ds.guidance.mvdream import MVDream

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import pytest
 import torch
 from gpu_promise import need
-from guidance.tiny_zero123 import save_zero123
 from huggingface_hub import constants
 from rich.console import Console
+from tiny_zero123 import save_zero123
 
 from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose

@@ -62,7 +62,7 @@ def small() -> SmallDenoiser:
 def latent(kind: str):
     """A tiny prior in latent space."""
     pytest.importorskip("diffusers")
-    from guidance import tiny
+    import tiny
 
     from diff3ds.guidance.latent import Autoencoder
     from diff3ds.guidance.mvdream import MVDream
