@@ -31,12 +31,12 @@ def loops() -> ds.Sketch:
     return ds.Sketch(points, width=torch.tensor([0.03, 0.03, 0.12, 0.004]), color=color)
 
 
-def gradient(cameras: ds.Cameras, wanted: torch.Tensor, **mode: object) -> torch.Tensor:
+def gradient(cameras: ds.Cameras, wanted: torch.Tensor, mode: ds.Analytic | ds.MonteCarlo) -> torch.Tensor:
     """Of the squared difference to a picture, with respect to the control points."""
     sketch = loops()
     points = sketch.points.requires_grad_()
     moved = ds.Sketch(points, width=sketch.width, color=sketch.color)
-    (ds.render(moved, cameras, **mode).color - wanted).square().sum().backward()
+    (ds.render(moved, cameras, antialiasing=mode).color - wanted).square().sum().backward()
     return points.grad.flatten()
 
 
@@ -44,18 +44,17 @@ def main(folder: Path) -> None:
     """Writes the picture and prints the comparison."""
     cameras = ds.orbit(azimuth=0, distance=2.4, fov=45, size=200)
     generator = torch.Generator().manual_seed(0)
-    monte_carlo = {"antialiasing": "montecarlo", "generator": generator}
-    truth = ds.render(loops(), cameras, samples=1024, **monte_carlo).color
-    modes = [{}, {**monte_carlo, "samples": 4}, {**monte_carlo, "samples": 256}]
-    pictures = torch.cat([ds.render(loops(), cameras, **mode).color for mode in modes])
+    truth = ds.render(loops(), cameras, antialiasing=ds.MonteCarlo(1024, generator)).color
+    modes = [ds.Analytic(), ds.MonteCarlo(4, generator), ds.MonteCarlo(256, generator)]
+    pictures = torch.cat([ds.render(loops(), cameras, antialiasing=mode).color for mode in modes])
     errors = 1 - ((pictures - truth).abs().amax(-1, keepdim=True) / 0.1).clamp(0, 1).expand_as(pictures)
     save_png(folder / "monte_carlo.png", tile_images(torch.cat([pictures, errors]), columns=3))
 
     # A picture to compare with that no stroke is at: the same, with all control points moved.
     sketch = loops()
     wanted = ds.render(ds.Sketch(sketch.points + 0.02, width=sketch.width, color=sketch.color), cameras).color
-    analytic = gradient(cameras, wanted)
-    runs = torch.stack([gradient(cameras, wanted, samples=4, **monte_carlo) for _ in range(RUNS)])
+    analytic = gradient(cameras, wanted, ds.Analytic())
+    runs = torch.stack([gradient(cameras, wanted, ds.MonteCarlo(4, generator)) for _ in range(RUNS)])
     for name, value in (("one run", runs[0]), (f"mean of {RUNS}", runs.mean(0))):
         cosine = torch.cosine_similarity(value, analytic, dim=0).item()
         print(f"Monte Carlo gradient, {name:>10}: cosine with the analytic one {cosine:.4f}")

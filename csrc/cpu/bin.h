@@ -39,18 +39,18 @@ template <class S> void check(const Input<S> &in, size_t i, const double *cubic,
 template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_t i, Part<S> &part) {
   const Input<S> &in = st.input;
   const size_t n = i % in.strokes;
-  const S half_width = in.width_scale * in.half_width[in.half_width_per_view ? i : n];
+  const S half_width = S(in.options.width_scale) * in.half_width[in.half_width_per_view ? i : n];
   check(in, i, in.cubics + 16 * i, half_width, in.color + 3 * n, in.opacity[n]);
   double cubic[16], largest = 0;
   for (int k = 3; k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
   st.scale[i] = 1 / largest;
   for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] * st.scale[i];
-  const double reach = reach_of(cubic, half_width, in.world, in.near, st.job.filter.reach, in.width, in.height);
+  const double reach = reach_of(cubic, half_width, in.options.world, in.options.near, st.job.filter.reach, in.width, in.height);
   st.reach[i] = S(reach);
   Piece<S> appearance{};
   appearance.half_width = half_width, appearance.opacity = in.opacity[n];
   for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
-  flattener.add(part.flat, cubic, in.near, reach, uint32_t(i), appearance);
+  flattener.add(part.flat, cubic, in.options.near, reach, uint32_t(i), appearance);
 }
 
 // The tiles that the stroke whose chords start at `first_chord` meets, each with the range of chords that may reach it.

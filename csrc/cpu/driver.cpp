@@ -75,13 +75,14 @@ int grain(size_t n) { return std::clamp(int(n / (16 * threads().size())), 1, 8);
 
 template <class S> void prepare(State<S> &st) {
   const Input<S> &in = st.input;
+  const Options &options = in.options;
   Job<S> &J = st.job;
-  J.views = in.views, J.strokes = in.strokes, J.height = in.height, J.width = in.width, J.world = in.world;
+  J.views = in.views, J.strokes = in.strokes, J.height = in.height, J.width = in.width, J.world = options.world;
   J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
-  const double sigma = std::sqrt(in.blur * in.blur + 1. / 12);
-  J.filter = in.strata ? Filter<S>{S(0), S(0)} : in.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
-  J.min_depth = S(in.near / 2), J.chord_slack = S(2 * CHORD_TOL);
-  J.strata = in.strata, J.seed = in.seed;
+  const double sigma = std::sqrt(options.blur * options.blur + 1. / 12);
+  J.filter = options.strata ? Filter<S>{S(0), S(0)} : options.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
+  J.min_depth = S(options.near / 2), J.chord_slack = S(2 * CHORD_TOL);
+  J.strata = options.strata, J.seed = options.seed;
   J.background = in.background, J.background_view = in.background_view, J.background_row = in.background_row;
   J.background_pixel = in.background_pixel;
   const size_t count = size_t(in.views) * in.strokes, chunks = (count + CHUNK - 1) / CHUNK;
@@ -91,7 +92,7 @@ template <class S> void prepare(State<S> &st) {
   std::vector<std::unique_ptr<Binner>> binners(threads().size());
   threads().run(int(chunks), 1, [&](int k, int id) {
     if (!binners[id]) binners[id] = std::make_unique<Binner>(size_t(J.tiles_x) * J.tiles_y);
-    Flattener flattener(in.height, in.width, in.strata > 0);
+    Flattener flattener(in.height, in.width, options.strata > 0);
     for (size_t i = size_t(k) * CHUNK; i < std::min(count, size_t(k + 1) * CHUNK); i++) {
       Part<S> &part = parts[k];
       const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), stroke_intersections = part.stroke_intersections.size();
@@ -179,10 +180,10 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
       const size_t i = size_t(v) * J.strokes + n;
       double appearance[5] = {};  // half width, opacity, colour
       finish_view(st, J, J.strata ? outline_sums.get() : nullptr, i, out.cubics.get() + 16 * i, appearance);
-      if (in.half_width_per_view) out.half_width[i] = in.width_scale * S(appearance[0]);
+      if (in.half_width_per_view) out.half_width[i] = S(in.options.width_scale) * S(appearance[0]);
       for (int k = 0; k < 5; k++) total[k] += appearance[k];
     }
-    if (!in.half_width_per_view) out.half_width[n] = in.width_scale * S(total[0]);
+    if (!in.half_width_per_view) out.half_width[n] = S(in.options.width_scale) * S(total[0]);
     out.opacity[n] = S(total[1]);
     for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total[2 + k]);
   });

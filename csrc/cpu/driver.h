@@ -16,19 +16,24 @@ struct InvalidStroke : std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
+// What a drawing needs besides tensors: `Options` of render/drawing.py field by field, bound by name in module.cpp.
+struct Options {
+  bool world;
+  double near, blur;
+  int strata;  // samples per pixel and direction, 0: analytic
+  uint64_t seed;
+  double width_scale;  // half widths in pixels of a width of 1
+};
+
 template <class S> struct Input {
   int views, strokes, height, width;
   const double *cubics;  // (views, strokes, 4, 4)
-  const S *half_width;   // (views or 1, strokes), in units of width_scale pixels
+  const S *half_width;   // (views or 1, strokes), in units of options.width_scale pixels
   bool half_width_per_view;
-  S width_scale;
   const S *color, *opacity;  // (strokes, 3), (strokes)
   const S *background;       // strides in elements, innermost 1
   ptrdiff_t background_view, background_row, background_pixel;
-  bool world;
-  double near, blur;
-  int strata;  // 0: analytic
-  uint64_t seed;
+  Options options;
 };
 
 template <class S> struct Images {

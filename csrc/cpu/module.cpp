@@ -90,7 +90,7 @@ template <class S> Unprojected<S> unprojected(const nb::tuple &curves) {
   require(curves.size() == 3, "curves must be cubics, or points, weights and matrices");
   return {In<S>(curves[0]), In<S>(curves[1]), In<double>(curves[2])};
 }
-// As render/drawing.py says: looks, height and width, Options.
+// As render/drawing.py says.
 template <class S> struct Appearance {
   In<S> half_width, color, opacity, background;
 };
@@ -99,7 +99,6 @@ template <class S> Appearance<S> appearance_of(const nb::tuple &appearance) {
   return {In<S>(appearance[0]), In<S>(appearance[1]), In<S>(appearance[2]), In<S>(appearance[3])};
 }
 using Size = std::tuple<int, int>;
-using Options = std::tuple<bool, double, double, int, uint64_t, double>;
 
 // A state with the tensors that it points into.
 template <class S> struct Owner {
@@ -118,10 +117,9 @@ template <class S> Scene<S> scene(const Unprojected<S> &curves) {
   return {int(matrices.shape(0)), int(points.shape(0)), int(points.shape(1)), points.data(), weights.data(), matrices.data()};
 }
 
-template <class S> Input<S> input(const double *cubics, size_t V, size_t N, const Appearance<S> &appearance, Size size, Options options) {
+template <class S> Input<S> input(const double *cubics, size_t V, size_t N, const Appearance<S> &appearance, Size size, const Options &options) {
   const auto &[half_width, color, opacity, background] = appearance;
   const auto [height, width] = size;
-  const auto [world, near, blur, strata, seed, width_scale] = options;
   const size_t H = height, W = width;
   require(has_shape(half_width, {N}) || has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}),
           "half_width must have shape (N,) or (1 or V, N)");
@@ -137,7 +135,7 @@ template <class S> Input<S> input(const double *cubics, size_t V, size_t N, cons
           "background must have shape (1 or V, 1 or H, 1 or W, 3)");
   require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31),
           "too many views, strokes or pixels");
-  require(blur >= 0 && near > 0 && strata >= 0 && strata <= 64, "blur, near or strata out of range");
+  require(options.blur >= 0 && options.near > 0 && options.strata >= 0 && options.strata <= 64, "blur, near or strata out of range");
   return {int(V),
           int(N),
           height,
@@ -145,18 +143,13 @@ template <class S> Input<S> input(const double *cubics, size_t V, size_t N, cons
           cubics,
           half_width.data(),
           half_width.ndim() == 2 && half_width.shape(0) == V && V > 1,
-          S(width_scale),
           color.data(),
           opacity.data(),
           background.data(),
           stride(0),
           stride(1),
           stride(2),
-          world,
-          near,
-          blur,
-          strata,
-          seed};
+          options};
 }
 
 template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S> *unprojected, bool save) {
@@ -173,7 +166,7 @@ template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S
   return nb::make_tuple(array(std::move(images.color), {V, H, W, 3}), array(std::move(images.alpha), {V, H, W}),
                         array(std::move(images.depth), {V, H, W}), kept);
 }
-template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple &appearance, Size size, Options options, bool save) {
+template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple &appearance, Size size, const Options &options, bool save) {
   auto owner = std::make_unique<Owner<S>>();
   owner->appearance = appearance_of<S>(appearance);
   if (curves.size() == 1) {
@@ -190,13 +183,13 @@ template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple
   return draw<S>(std::move(owner), &s, save);
 }
 bool is_float32(nb::handle tensor) { return tensor.attr(torch().dtype).is(torch().float32); }
-nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &appearance, Size size, Options options, bool save) {
+nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &appearance, Size size, const Options &options, bool save) {
   require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
   return is_float32(appearance[1]) ? forward_of<float>(curves, appearance, size, options, save)
                                    : forward_of<double>(curves, appearance, size, options, save);
 }
 
-// Gradients of the looks, and then of the curves as they were given.
+// Gradients of the appearance, and then of the curves as they were given.
 template <class S>
 nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb::tuple &planes, bool want_background, bool want_matrices) {
   require(upstream.size() == 3 && planes.size() == 2, "upstream must be three tensors or None, planes two");
@@ -266,6 +259,13 @@ NB_MODULE(_kernels, m) {
   using namespace stroke;
   nb::set_leak_warnings(false);
   nb::exception<InvalidStroke>(m, "InvalidStroke", PyExc_ValueError);
+  nb::class_<Options>(m, "Options")
+      .def(
+          "__init__",
+          [](Options *self, bool world, double near, double blur, int strata, uint64_t seed, double width_scale) {
+            new (self) Options{.world = world, .near = near, .blur = blur, .strata = strata, .seed = seed, .width_scale = width_scale};
+          },
+          nb::kw_only(), "world"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a);
   bind<float>(m, "State32");
   bind<double>(m, "State64");
   m.def("forward", &py_forward, "curves"_a, "appearance"_a, "size"_a, "options"_a, "save"_a);

@@ -17,15 +17,26 @@ if TYPE_CHECKING:
     from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
     from diff3ds.optimize.strokes import NoiseDeletion
     from diff3ds.project import Strokes2D, project
-    from diff3ds.render import Rendering, available_backends, get_num_threads, rasterize, render, set_num_threads
+    from diff3ds.render import (
+        Analytic,
+        MonteCarlo,
+        Rendering,
+        available_backends,
+        get_num_threads,
+        rasterize,
+        render,
+        set_num_threads,
+    )
     from diff3ds.sketch import Sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Analytic",
     "Cameras",
     "FitConfig",
+    "MonteCarlo",
     "NoiseDeletion",
     "Rates",
     "Rendering",
@@ -63,6 +74,7 @@ _HOMES = {
     **dict.fromkeys(
         ("Rendering", "available_backends", "get_num_threads", "rasterize", "render", "set_num_threads"), "render"
     ),
+    **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Sketch": "sketch",
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }

@@ -32,8 +32,8 @@ class Strokes2D:
 
     def detach(self) -> "Strokes2D":
         """The same strokes without their history, and without tangents of forward mode."""
-        looks = self.half_width.detach(), self.color.detach(), self.opacity.detach()
-        return Strokes2D(self.cubics.detach(), *looks, self.width_space, self.near)
+        appearance = self.half_width.detach(), self.color.detach(), self.opacity.detach()
+        return Strokes2D(self.cubics.detach(), *appearance, self.width_space, self.near)
 
 
 def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:

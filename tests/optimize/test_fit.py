@@ -364,3 +364,36 @@ def test_a_run_stopped_in_its_first_step_is_resumed_with_what_learns_beside_it(s
     counter = Counter()
     steps = list(ds.fit(start, counter, views, replace(config, companion=counter)))
     assert (len(steps), counter.count) == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("by_object", "by_keywords"),
+    [
+        ({"antialiasing": ds.Analytic(1.5)}, {"blur": 1.5}),
+        ({"antialiasing": ds.MonteCarlo(9)}, {"antialiasing": "montecarlo", "samples": 9, "blur": lambda _: 0.0}),
+    ],
+)
+def test_antialiasing_as_an_object(start, views, objective, by_object, by_keywords):
+    """The same steps; a run goes on from a checkpoint written by the other way."""
+    ways = [ds.FitConfig(steps=3, rates=ALL_RATES, seed=3, **given) for given in (by_object, by_keywords)]
+    first, second = ([step.loss for step in ds.fit(start, objective, views, config)] for config in ways)
+    assert first == second
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"antialiasing": ds.MonteCarlo(generator=torch.Generator())}, "a MonteCarlo without a generator in FitConfig"),
+        (
+            {"antialiasing": ds.Analytic(), "blur": lambda _: 1.0},
+            "blur must be left out where antialiasing is an object",
+        ),
+        ({"antialiasing": ds.MonteCarlo(), "samples": 9}, "samples must be left out"),
+        ({"antialiasing": "msaa"}, "antialiasing must be "),
+        ({"blur": -1.0}, "blur must be a number of pixels"),
+    ],
+)
+def test_antialiasing_is_checked_at_once(options, message):
+    with pytest.raises(ValueError, match=message):
+        ds.FitConfig(**options)

@@ -35,11 +35,11 @@ def use_device(monkeypatch) -> None:
     module = import_module("diff3ds.render.autograd")
     draw = module.draw
 
-    def there_and_back(drawing, kernels):
+    def there_and_back(inputs, kernels):
         if kernels is not import_module("diff3ds.render.cuda.rasterize"):
-            return draw(drawing, kernels)
-        curves, looks = (tuple(t.cuda() for t in tensors) for tensors in (drawing.curves, drawing.looks))
-        return tuple(x.cpu() for x in draw(drawing._replace(curves=curves, looks=looks), kernels))
+            return draw(inputs, kernels)
+        curves, appearance = (tuple(t.cuda() for t in tensors) for tensors in (inputs.curves, inputs.appearance))
+        return tuple(x.cpu() for x in draw(inputs._replace(curves=curves, appearance=appearance), kernels))
 
     monkeypatch.setattr(module, "draw", there_and_back)
     _let_cuda_draw(monkeypatch)

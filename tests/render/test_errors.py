@@ -8,7 +8,7 @@ import pytest
 import torch
 from scenes import strokes_at
 
-from diff3ds import Sketch, orbit, render
+from diff3ds import MonteCarlo, Sketch, orbit, render
 from diff3ds.render import rasterize, set_num_threads
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -84,12 +84,14 @@ def test_fields(backend, strokes, change, error, message):
         ({"blur": NAN}, ValueError, "got nan"),
         ({"blur": "wide"}, ValueError, "got wide"),
         ({"blur": 1.0, "antialiasing": "montecarlo"}, ValueError, 'blur is for antialiasing="analytic", got blur=1.0'),
-        ({"antialiasing": "msaa"}, ValueError, 'antialiasing must be "analytic" or "montecarlo", got \'msaa\''),
+        ({"antialiasing": "msaa"}, ValueError, '"analytic" or "montecarlo", got \'msaa\''),
         (
             {"samples": 5, "antialiasing": "montecarlo"},
             ValueError,
             "samples must be a square number from 1 to 4096, got 5",
         ),
+        ({"antialiasing": MonteCarlo}, ValueError, "antialiasing must be ds.Analytic(...), ds.MonteCarlo(...), "),
+        ({"antialiasing": None}, ValueError, '"analytic" or "montecarlo", got None'),
         ({"samples": 0, "antialiasing": "montecarlo"}, ValueError, "got 0"),
         ({"samples": 4900, "antialiasing": "montecarlo"}, ValueError, "got 4900"),
         ({"background": torch.ones(5).double()}, ValueError, "background must broadcast to (1, 16, 16, 3), got shape"),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import torch
 
@@ -15,8 +15,9 @@ from diff3ds.optimize.checkpoint import State, check_seed, read_checkpoint, star
 from diff3ds.optimize.strokes import Refinement
 from diff3ds.project import Strokes2D
 from diff3ds.render import Rendering, rasterize, render
-from diff3ds.render.arguments import Antialiasing, Background
+from diff3ds.render.arguments import Background
 from diff3ds.render.backends import torch_on_one_thread
+from diff3ds.render.options import Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
 # Adam's usual constants (Kingma and Ba 2015).
@@ -73,10 +74,11 @@ class FitConfig:
         steps: gradient steps.
         rates: learning rates at the first step.
         final_rate: learning rates fall exponentially, to this share of their start.
-        blur: of the renderings, pixels: a number, or a function of the step's index.
+        blur: of the renderings, pixels: a number, or a function of the step's index; only where `antialiasing` is a
+            name.
         width_range: least and greatest width, in units of `Sketch.width`, if widths have a rate.
         background: of the renderings, as for `render`.
-        antialiasing: as for `render`.
+        antialiasing: as for `render`; a `MonteCarlo` without a generator, since samples are drawn by `seed`.
         samples: as for `render`.
         project: what is drawn in a step, a function of the sketch, the cameras and the step's index; by default all
             strokes as `render` draws them. Hides strokes in some views, or draws them as something else.
@@ -93,11 +95,11 @@ class FitConfig:
     steps: int = 1000
     rates: Rates = field(default_factory=Rates)
     final_rate: float = 0.1
-    blur: float | Callable[[int], float] = 0.0
+    blur: float | Callable[[int], float] | None = None
     width_range: tuple[float, float] = (0.0, math.inf)
     background: Background = 1.0
     antialiasing: Antialiasing = "analytic"
-    samples: int = 4
+    samples: int | None = None
     project: Projection | None = None
     refinements: Sequence[Refinement] = ()
     seed: int = 0
@@ -127,6 +129,13 @@ class FitConfig:
             raise ValueError(f"width_range must be (least, greatest), not negative, got {self.width_range}")
         if self.resume and self.checkpoint is None:
             raise ValueError("resume needs a checkpoint file: give checkpoint=")
+        # What a function gives is known when its steps come.
+        how = antialiasing_from(self.antialiasing, 0.0 if callable(self.blur) else self.blur, self.samples)
+        if isinstance(how, MonteCarlo) and how.generator is not None:
+            raise ValueError(
+                "antialiasing must be a MonteCarlo without a generator in FitConfig, got one with a generator: its "
+                "samples are drawn by FitConfig(seed=...)"
+            )
 
     def _check_kinds(self) -> None:
         """Raises TypeError for the first field of another kind; names it."""
@@ -237,10 +246,13 @@ def _checked(views: Cameras, step: int) -> Cameras:
 
 def _settings(config: FitConfig) -> dict[str, object]:
     """What must be the same for a run to go on from a checkpoint."""
-    names = ("steps", "final_rate", "antialiasing", "samples", "seed")
+    names = ("steps", "final_rate", "seed")
+    how = antialiasing_from(config.antialiasing, samples=config.samples)
+    mode, samples = ("montecarlo", how.samples) if isinstance(how, MonteCarlo) else ("analytic", MonteCarlo().samples)
     # Named apart from what an identity may hold: a run has a width as well as a rate of widths.
     rates = {f"rate of {name}": rate for name, rate in asdict(config.rates).items()}
-    return {**rates, **{name: getattr(config, name) for name in names}, **config.identity}
+    chosen = {name: getattr(config, name) for name in names} | {"antialiasing": mode, "samples": samples}
+    return {**rates, **chosen, **config.identity}
 
 
 def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
@@ -281,11 +293,13 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
 
 def _drawn(sketch: Sketch, views: Cameras, index: int, config: FitConfig, generator: torch.Generator) -> Rendering:
     blur = config.blur(index) if callable(config.blur) else config.blur
-    options: dict[str, Any] = {name: getattr(config, name) for name in ("background", "antialiasing", "samples")}
-    options |= {"blur": blur, "generator": generator}
+    how = antialiasing_from(config.antialiasing, blur, config.samples)
+    if isinstance(how, MonteCarlo):
+        how = replace(how, generator=generator)
     if config.project is None:
-        return render(sketch, views, **options)
-    return rasterize(config.project(sketch, views, index), views.size, **options)
+        return render(sketch, views, background=config.background, antialiasing=how)
+    strokes = config.project(sketch, views, index)
+    return rasterize(strokes, views.size, background=config.background, antialiasing=how)
 
 
 def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:

@@ -1,26 +1,17 @@
 """Strokes to pixels, differentiably: `render` for sketches and cameras, `rasterize` for strokes already projected."""
 
+import math
 from dataclasses import dataclass
 from importlib import import_module
-from typing import NamedTuple, cast
+from typing import cast
 
 import torch
 
-from diff3ds._checks import check_generator
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
 from diff3ds.render import autograd, cpu, montecarlo, reference
-from diff3ds.render.arguments import (
-    Antialiasing,
-    Background,
-    canvas_from,
-    check_blur,
-    check_stroke_values,
-    check_strokes,
-    seed_from,
-    strata_from,
-)
+from diff3ds.render.arguments import Background, canvas_from, check_stroke_values, check_strokes
 from diff3ds.render.backends import (
     Backend,
     available_backends,
@@ -29,12 +20,15 @@ from diff3ds.render.backends import (
     get_num_threads,
     set_num_threads,
 )
-from diff3ds.render.drawing import Drawing, Images, of_sketch, of_strokes
+from diff3ds.render.drawing import Images, KernelInputs, of_sketch, of_strokes
+from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
 __all__ = [
+    "Analytic",
     "Antialiasing",
     "Backend",
+    "MonteCarlo",
     "Rendering",
     "available_backends",
     "get_num_threads",
@@ -50,7 +44,7 @@ class Rendering:
 
     Attributes:
         color: RGB over the background.
-        alpha: share of the pixel covered by ink, 0 to 1.
+        alpha: fraction of the pixel covered by ink, 0 to 1.
         depth: mean camera depth of the ink, world units; 0 where alpha < 1e-6.
     """
 
@@ -71,8 +65,8 @@ def render(
     *,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
-    blur: float = 0.0,
-    samples: int = 4,
+    blur: float | None = None,
+    samples: int | None = None,
     generator: torch.Generator | None = None,
     backend: Backend | None = None,
 ) -> Rendering:
@@ -90,15 +84,10 @@ def render(
 
     Args:
         background: gray or RGB value, or a tensor that broadcasts to (V, H, W, 3).
-        antialiasing: "analytic" (exact for strips along the axes; elsewhere within about .05 of the share of a pixel
-            along an edge, .09 for lines thinner than a pixel, but .25 at their round ends and .5 in cusps and hairpins
-            of one stroke, where only the nearer part counts) or "montecarlo" (the paper's estimator:
-            noisy, unbiased in colour and alpha).
-        blur: standard deviation of a normal filter in pixels; gradients then reach 3.5 times as far beyond the strokes.
-            0 is the box of a pixel. Analytic only.
-        samples: samples per pixel, a square number. Monte Carlo only.
-        generator: source of the samples, on the CPU wherever the strokes are; None is torch's default generator. A
-            captured CUDA graph draws the samples of its capture in every replay. Monte Carlo only.
+        antialiasing: `Analytic(blur=0.0)` or `MonteCarlo(samples=4, generator=None)`, which say what they do; or
+            "analytic" or "montecarlo", short for them with the next three arguments.
+        blur: that of `Analytic`, together with "analytic" only.
+        samples, generator: those of `MonteCarlo`, where antialiasing is "montecarlo"; "analytic" ignores them.
         backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
 
     Raises:
@@ -115,14 +104,15 @@ def render(
     place = drawing_device(home)
     chosen = _drawing(len(cameras), choose_backend(backend, place, sketch.points.dtype))
     shape = (len(cameras), *cameras.size, 3)
-    way = _way(background, sketch.color, shape, blur, antialiasing, samples, generator)
+    canvas = canvas_from(background, sketch.color, shape)
+    how = antialiasing_from(antialiasing, blur, samples, generator)
     if place != home:
-        sketch, cameras, way = sketch.to(place), cameras.to(place), way._replace(canvas=way.canvas.to(place))
+        sketch, cameras, canvas = sketch.to(place), cameras.to(place), canvas.to(place)
     try:
         if chosen == "reference":
-            images = _by_reference(project(sketch, cameras), cameras.size, way)
+            images = _by_reference(project(sketch, cameras), cameras.size, canvas, how)
         else:
-            images = _by_kernels(chosen, of_sketch(sketch, cameras, *way))
+            images = _by_kernels(chosen, of_sketch(sketch, cameras, canvas, how))
         return Rendering(*(images if place == home else (image.to(home) for image in images)))
     except ValueError:
         # The kernels only know that some value is bad; say which.
@@ -137,8 +127,8 @@ def rasterize(
     *,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
-    blur: float = 0.0,
-    samples: int = 4,
+    blur: float | None = None,
+    samples: int | None = None,
     generator: torch.Generator | None = None,
     backend: Backend | None = None,
 ) -> Rendering:
@@ -151,11 +141,12 @@ def rasterize(
     check_strokes(strokes)
     chosen = _drawing(len(strokes.cubics), choose_backend(backend, strokes.color.device, strokes.color.dtype))
     shape = (len(strokes.cubics), *size, 3)
-    way = _way(background, strokes.color, shape, blur, antialiasing, samples, generator)
+    canvas = canvas_from(background, strokes.color, shape)
+    how = antialiasing_from(antialiasing, blur, samples, generator)
     try:
         if chosen == "reference":
-            return Rendering(*_by_reference(strokes, size, way))
-        return Rendering(*_by_kernels(chosen, of_strokes(strokes, size, *way)))
+            return Rendering(*_by_reference(strokes, size, canvas, how))
+        return Rendering(*_by_kernels(chosen, of_strokes(strokes, size, canvas, how)))
     except ValueError:
         check_stroke_values(strokes)
         raise
@@ -166,40 +157,16 @@ def _drawing(views: int, chosen: Backend) -> Backend:
     return chosen if views else "reference"
 
 
-class _Way(NamedTuple):
-    """How to draw. strata: samples per pixel and direction, 0 for analytic antialiasing."""
-
-    canvas: Float[Tensor, "V1 H1 W1 3"]
-    blur: float
-    strata: int
-    seed: int
-
-
-def _way(
-    background: Background,
-    like: Tensor,
-    shape: tuple[int, int, int, int],
-    blur: float,
-    antialiasing: Antialiasing,
-    samples: int,
-    generator: torch.Generator | None,
-) -> _Way:
-    canvas = canvas_from(background, like, shape)
-    check_blur(blur, antialiasing)
-    if generator is not None:
-        check_generator(generator)
-    sampled = antialiasing == "montecarlo"
-    return _Way(canvas, blur, *((strata_from(samples), seed_from(generator)) if sampled else (0, 0)))
-
-
-def _by_kernels(backend: Backend, drawing: Drawing) -> Images:
+def _by_kernels(backend: Backend, inputs: KernelInputs) -> Images:
     # The other is imported by those who draw with it only.
     kernels = cpu if backend == "cpu" else import_module("diff3ds.render.cuda.rasterize")
-    return autograd.draw(drawing, cast(autograd.Kernels, kernels))
+    return autograd.draw(inputs, cast(autograd.Kernels, kernels))
 
 
-def _by_reference(strokes: Strokes2D, size: tuple[int, int], way: _Way) -> Images:
+def _by_reference(
+    strokes: Strokes2D, size: tuple[int, int], canvas: Tensor, antialiasing: Analytic | MonteCarlo
+) -> Images:
     check_stroke_values(strokes)
-    if way.strata:
-        return montecarlo.rasterize(strokes, size, way.canvas, way.strata, way.seed)
-    return reference.rasterize(strokes, size, way.canvas, way.blur)
+    if isinstance(antialiasing, Analytic):
+        return reference.rasterize(strokes, size, canvas, antialiasing.blur)
+    return montecarlo.rasterize(strokes, size, canvas, math.isqrt(antialiasing.samples), antialiasing.seed())

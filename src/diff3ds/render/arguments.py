@@ -3,8 +3,6 @@
 import functools
 import math
 from collections.abc import Sequence
-from numbers import Real
-from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -14,13 +12,10 @@ from diff3ds._modes import check_plain
 from diff3ds._shapes import Tensor
 from diff3ds.project import Strokes2D
 
-Antialiasing = Literal["analytic", "montecarlo"]
 Background = float | Sequence[float] | Tensor
-_ANTIALIASINGS = get_args(Antialiasing)
 
 # Coordinates in pixels beyond this cannot come from a drawing; their squares would overflow.
 MAX_COORDINATE = 1e100
-MAX_SAMPLES = 4096
 # Those of the kernels, where a call is short.
 _GRAY_DTYPES = {torch.float32: np.float32, torch.float64: np.float64}
 
@@ -143,39 +138,3 @@ def _from_sequence(background: Sequence[float], like: Tensor) -> Tensor:
     if not all(isinstance(value, int | float) for value in background):
         return torch.as_tensor(background, dtype=like.dtype, device=like.device)
     return torch.cat([like.new_full((1,), value) for value in background])
-
-
-def check_blur(blur: float, antialiasing: Antialiasing) -> None:
-    """Raises ValueError for an unknown antialiasing, or a blur that is not a size or not with "analytic"."""
-    if antialiasing not in _ANTIALIASINGS:
-        raise ValueError(f'antialiasing must be "analytic" or "montecarlo", got {antialiasing!r}')
-    if not (isinstance(blur, Real) and 0 <= blur < 1e6):
-        raise ValueError(f"blur must be a number of pixels from 0 to 1e6, got {blur}")
-    if blur and antialiasing == "montecarlo":
-        raise ValueError(f'blur is for antialiasing="analytic", got blur={blur} with "montecarlo"')
-
-
-def strata_from(samples: int) -> int:
-    """Samples per pixel and direction.
-
-    Raises:
-        ValueError: the number of samples is no square from 1 to 4096.
-    """
-    if isinstance(samples, int) and 1 <= samples <= MAX_SAMPLES and math.isqrt(samples) ** 2 == samples:
-        return math.isqrt(samples)
-    raise ValueError(f"samples must be a square number from 1 to {MAX_SAMPLES}, got {samples}")
-
-
-def seed_from(generator: torch.Generator | None) -> int:
-    """A seed of 63 bits from a generator, or from torch's default one.
-
-    Raises:
-        ValueError: a generator that is not on the CPU.
-    """
-    if generator is not None and generator.device.type != "cpu":
-        # To read its number would wait for the device, which a capture forbids.
-        raise ValueError(
-            f"generator must be on the CPU, wherever the strokes are, got one on {generator.device}: use "
-            "torch.Generator().manual_seed(0)"
-        )
-    return int(torch.randint(0, 2**63 - 1, (), generator=generator).item())

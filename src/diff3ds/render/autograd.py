@@ -10,9 +10,9 @@ import torch
 
 from diff3ds._modes import transformed
 from diff3ds._shapes import Tensor
-from diff3ds.render.drawing import Curves, Drawing, Images, Looks, Options
+from diff3ds.render.drawing import Appearance, Curves, Images, KernelInputs, Options
 
-# The gradient of each image, None where it is not used; then those of the looks, and of the curves.
+# The gradient of each image, None where it is not used; then those of the appearance, and of the curves.
 Upstream = tuple[Tensor | None, Tensor | None, Tensor | None]
 Gradients = tuple[Tensor | None, ...]
 
@@ -47,7 +47,7 @@ RECORDED = (
 class Kernels(Protocol):
     """What draws and differentiates: the kernels of one kind of device."""
 
-    def forward(self, drawing: Drawing, save: bool) -> tuple[Images, Any]:
+    def forward(self, inputs: KernelInputs, save: bool) -> tuple[Images, Any]:
         """The images, and if they are saved for it what the gradients need: no tuple, list or dictionary."""
         ...
 
@@ -58,7 +58,7 @@ class Kernels(Protocol):
         ...
 
 
-def draw(drawing: Drawing, kernels: Kernels) -> Images:
+def draw(inputs: KernelInputs, kernels: Kernels) -> Images:
     """Colour, alpha and depth, differentiable once.
 
     Raises:
@@ -66,12 +66,12 @@ def draw(drawing: Drawing, kernels: Kernels) -> Images:
         RuntimeError: a transform that kernels do not take part in, or a graph that is recorded.
     """
     _refuse_recording()
-    tensors = drawing.tensors()
+    tensors = inputs.tensors()
     if transformed():
-        return _drawn(_Draw, drawing, kernels)
+        return _drawn(_Draw, inputs, kernels)
     if torch.is_grad_enabled() and any(t.requires_grad for t in tensors):
-        return _drawn(_PlainDraw, drawing, kernels)
-    return kernels.forward(drawing, save=False)[0]
+        return _drawn(_PlainDraw, inputs, kernels)
+    return kernels.forward(inputs, save=False)[0]
 
 
 def _refuse_recording() -> None:
@@ -85,18 +85,18 @@ def _refuse_legacy_batches(upstream: tuple[Tensor | None, ...]) -> None:
         raise RuntimeError(BATCHED)
 
 
-def _drawn(operation: type[torch.autograd.Function], drawing: Drawing, kernels: Kernels) -> Images:
-    images = operation.apply(kernels, drawing.size, drawing.options, *drawing.tensors())  # type: ignore[no-untyped-call]
+def _drawn(operation: type[torch.autograd.Function], inputs: KernelInputs, kernels: Kernels) -> Images:
+    images = operation.apply(kernels, inputs.size, inputs.options, *inputs.tensors())  # type: ignore[no-untyped-call]
     return cast(Images, images[:3])
 
 
 class _Draw(torch.autograd.Function):
-    """From looks and curves to images, and what was saved."""
+    """From appearance and curves to images, and what was saved."""
 
     @staticmethod
     def forward(kernels: Kernels, size: tuple[int, int], options: Options, *tensors: Tensor) -> tuple[Any, ...]:
-        looks, curves = cast(Looks, tensors[:4]), cast(Curves, tensors[4:])
-        images, saved = kernels.forward(Drawing(curves, looks, size, options), save=True)
+        appearance, curves = cast(Appearance, tensors[:4]), cast(Curves, tensors[4:])
+        images, saved = kernels.forward(KernelInputs(curves, appearance, size, options), save=True)
         return *images, saved
 
     @staticmethod
@@ -139,7 +139,7 @@ class _PlainDraw(torch.autograd.Function):
 
 
 class _Gradients(torch.autograd.Function):
-    """The gradients of looks and curves; they depend on all tensors, so that no derivative of theirs goes unnoticed."""
+    """The gradients of appearance and curves; they depend on all tensors: no derivative of theirs goes unnoticed."""
 
     @staticmethod
     def forward(kernels: Kernels, saved: Any, options: Options, needs: tuple[bool, ...], *tensors: Any) -> Gradients:

@@ -8,19 +8,22 @@ import torch
 from diff3ds._shapes import Tensor
 from diff3ds.render.autograd import Gradients, Upstream
 from diff3ds.render.backends import get_num_threads, kernels
-from diff3ds.render.drawing import Drawing, Images
+from diff3ds.render.drawing import Images, KernelInputs
 
 
-def forward(drawing: Drawing, save: bool) -> tuple[Images, Any]:
+def forward(inputs: KernelInputs, save: bool) -> tuple[Images, Any]:
     """The images, and what `backward` needs of them."""
-    color, alpha, depth, state = _ready_kernels().forward(*drawing, save)
+    module = _ready_kernels()
+    # Keyword by keyword: no order that two languages must agree on.
+    options = module.Options(**inputs.options._asdict())
+    color, alpha, depth, state = module.forward(inputs.curves, inputs.appearance, inputs.size, options, save)
     return (torch.from_numpy(color), torch.from_numpy(alpha), torch.from_numpy(depth)), state
 
 
 def backward(
     state: Any, upstream: Upstream, planes: tuple[Tensor, Tensor], background: Tensor, needs: tuple[bool, ...]
 ) -> Gradients:
-    """Gradients of the looks and of the curves."""
+    """Gradients of the appearance and of the curves."""
     # Only the gradient of depth needs them.
     given = (None, None) if upstream[2] is None else planes
     gradients = _ready_kernels().backward(state, upstream, given, needs[3], needs[-1])

@@ -1,10 +1,12 @@
-"""What compiled kernels are given: curves, in space or projected, looks, and options."""
+"""What compiled kernels are given: curves, in space or projected, their appearance, and options."""
 
+import math
 from typing import NamedTuple
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.project import Strokes2D, half_widths
+from diff3ds.render.options import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch
 
 Images = tuple[Float[Tensor, "V H W 3"], Float[Tensor, "V H W"], Float[Tensor, "V H W"]]
@@ -13,11 +15,11 @@ Curves = tuple[Tensor] | tuple[Tensor, Tensor, Tensor]
 # Half widths in pixels, a row for all views or one a view (`Strokes2D.half_width`), or with one axis the full widths of
 # a sketch, in units of which `Options.width_scale` speaks; colours; opacities; the background, whose first three axes
 # may be 1.
-Looks = tuple[Tensor, Tensor, Tensor, Tensor]
+Appearance = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 class Options(NamedTuple):
-    """What the kernels need besides tensors.
+    """What the kernels need besides tensors: field by field `Options` of csrc/cpu/driver.h, and part of CUDA's `Job`.
 
     Attributes:
         world, near: as of `Strokes2D`.
@@ -35,38 +37,44 @@ class Options(NamedTuple):
     width_scale: float
 
 
-class Drawing(NamedTuple):
+class KernelInputs(NamedTuple):
     """One call of the kernels; `size` is (height, width)."""
 
     curves: Curves
-    looks: Looks
+    appearance: Appearance
     size: tuple[int, int]
     options: Options
 
     def tensors(self) -> tuple[Tensor, ...]:
-        """The looks, and then the curves."""
-        return (*self.looks, *self.curves)
+        """The appearance, and then the curves."""
+        return (*self.appearance, *self.curves)
 
 
 def of_sketch(
-    sketch: Sketch, cameras: Cameras, background: Float[Tensor, "V1 H1 W1 3"], blur: float, strata: int, seed: int
-) -> Drawing:
-    """The drawing of a sketch, projected by the kernels: a tenth faster than before them where images are tiny."""
+    sketch: Sketch, cameras: Cameras, background: Float[Tensor, "V1 H1 W1 3"], antialiasing: Analytic | MonteCarlo
+) -> KernelInputs:
+    """Those of a sketch, projected by the kernels: a tenth faster than before them where images are tiny."""
     world = sketch.width_space == "world"
     widths, scale = (half_widths(sketch, cameras), 1.0) if world else (sketch.width, cameras.size[0] / 2)
-    looks = (widths, sketch.color, sketch.opacity, background)
-    options = Options(world, cameras.near, blur, strata, seed, scale)
-    return Drawing((sketch.points, sketch.weights, cameras.projection), looks, cameras.size, options)
+    appearance = (widths, sketch.color, sketch.opacity, background)
+    options = _options(antialiasing, world, cameras.near, scale)
+    return KernelInputs((sketch.points, sketch.weights, cameras.projection), appearance, cameras.size, options)
 
 
 def of_strokes(
     strokes: Strokes2D,
     size: tuple[int, int],
     background: Float[Tensor, "V1 H1 W1 3"],
-    blur: float,
-    strata: int,
-    seed: int,
-) -> Drawing:
-    """The drawing of strokes that are projected already."""
-    options = Options(strokes.width_space == "world", strokes.near, blur, strata, seed, 1.0)
-    return Drawing((strokes.cubics,), (strokes.half_width, strokes.color, strokes.opacity, background), size, options)
+    antialiasing: Analytic | MonteCarlo,
+) -> KernelInputs:
+    """Those of strokes that are projected already."""
+    appearance = (strokes.half_width, strokes.color, strokes.opacity, background)
+    options = _options(antialiasing, strokes.width_space == "world", strokes.near, 1.0)
+    return KernelInputs((strokes.cubics,), appearance, size, options)
+
+
+def _options(antialiasing: Analytic | MonteCarlo, world: bool, near: float, width_scale: float) -> Options:
+    if isinstance(antialiasing, Analytic):
+        return Options(world, near, antialiasing.blur, strata=0, seed=0, width_scale=width_scale)
+    strata, seed = math.isqrt(antialiasing.samples), antialiasing.seed()
+    return Options(world, near, blur=0.0, strata=strata, seed=seed, width_scale=width_scale)

@@ -13,12 +13,12 @@ from diff3ds.render.autograd import Gradients, Upstream
 from diff3ds.render.cuda.device import Device, device_for
 from diff3ds.render.cuda.job import COUNTERS, Arrays, Job, Shape
 from diff3ds.render.cuda.limits import Limits
-from diff3ds.render.drawing import Drawing, Images, Options
+from diff3ds.render.drawing import Images, KernelInputs, Options
 from diff3ds.render.reference import blur_sigma, reach
 
 # Lists that the forward pass counts.
 COUNTED_FORWARD = 5
-# The inputs' gradients in `Job`.
+# The gradients of what is given, in `Job`.
 GRADIENTS = {
     "half_width": "g_widths",
     "color": "g_colors",
@@ -38,7 +38,7 @@ class _Drawn:
     """What a forward pass leaves: the job, what it points to, and what ran it."""
 
     job: Job
-    inputs: dict[str, Tensor]
+    tensors: dict[str, Tensor]
     work: list[Arrays]
     lengths: dict[str, int]
     shape: Shape
@@ -46,7 +46,7 @@ class _Drawn:
     device: Device
 
 
-def forward(drawing: Drawing, save: bool) -> tuple[Images, _Drawn]:
+def forward(inputs: KernelInputs, save: bool) -> tuple[Images, _Drawn]:
     """The images, and what `backward` needs of them.
 
     Raises:
@@ -54,15 +54,15 @@ def forward(drawing: Drawing, save: bool) -> tuple[Images, _Drawn]:
             the device, in one before.
         RuntimeError: a graph is captured, and no drawing before it has shown how much memory this one needs.
     """
-    color, size = drawing.looks[1], drawing.size
-    shape = _shape(drawing, save)
+    color, size = inputs.appearance[1], inputs.size
+    shape = _shape(inputs, save)
     device = device_for(color.device, color.dtype)
     limits = _remembered(shape, color, device)
     images = tuple(color.new_empty(shape.views, *size, *rest) for rest in ((3,), (), ()))
-    inputs = _inputs(drawing, shape)
-    job = _job(shape, drawing.options, inputs)
+    tensors = _tensors(inputs, shape)
+    job = _job(shape, inputs.options, tensors)
     # The images are not kept with the rest: they would hold what made them, and never be freed.
-    job.point(inputs | dict(zip(("out_color", "out_alpha", "out_depth"), images, strict=True)))
+    job.point(tensors | dict(zip(("out_color", "out_alpha", "out_depth"), images, strict=True)))
     # Without gradients somebody wants the picture itself, and reads it at once.
     waiting = _must_wait(device, limits, shape, "forward") or not (save or device.capturing())
     if save and shape.strata and device.capturing():
@@ -79,23 +79,23 @@ def forward(drawing: Drawing, save: bool) -> tuple[Images, _Drawn]:
             break
     if not device.capturing() and limits.take_bad():
         raise InvalidStrokeError("a stroke of this drawing, or of one before it, cannot be drawn")
-    return cast(Images, images), _Drawn(job, inputs, work, lengths, shape, limits, device)
+    return cast(Images, images), _Drawn(job, tensors, work, lengths, shape, limits, device)
 
 
-def _shape(drawing: Drawing, save: bool) -> Shape:
-    first, color = drawing.curves[0], drawing.looks[1]
-    projected = len(drawing.curves) == 1
-    views = len(drawing.curves[-1])
+def _shape(inputs: KernelInputs, save: bool) -> Shape:
+    first, color = inputs.curves[0], inputs.appearance[1]
+    projected = len(inputs.curves) == 1
+    views = len(inputs.curves[-1])
     controls = 0 if projected else first.shape[1]
-    return Shape(views, len(color), *drawing.size, drawing.options.strata, color.element_size(), save, controls)
+    return Shape(views, len(color), *inputs.size, inputs.options.strata, color.element_size(), save, controls)
 
 
-def _inputs(drawing: Drawing, shape: Shape) -> dict[str, Tensor]:
+def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
     curves = ("points", "weights", "matrices") if shape.controls else ("cubics",)
     names = ("half_width", "color", "opacity", "background", *curves)
-    inputs = {name: t.detach().contiguous() for name, t in zip(names, drawing.tensors(), strict=True)}
-    inputs["background"] = inputs["background"].expand(shape.views, *drawing.size, 3)
-    return inputs
+    tensors = {name: t.detach().contiguous() for name, t in zip(names, inputs.tensors(), strict=True)}
+    tensors["background"] = tensors["background"].expand(shape.views, *inputs.size, 3)
+    return tensors
 
 
 def _remembered(shape: Shape, like: Tensor, device: Device) -> Limits:
@@ -147,12 +147,12 @@ def _settled(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
     return limits.enough(shape, which)
 
 
-def _job(shape: Shape, options: Options, inputs: dict[str, Tensor]) -> Job:
+def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
     job = Job(seed=options.seed, near=options.near, world=options.world)
-    job.half_width_per_view = inputs["half_width"].ndim == 2 and len(inputs["half_width"]) > 1
+    job.half_width_per_view = tensors["half_width"].ndim == 2 and len(tensors["half_width"]) > 1
     for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y", "strata", "save", "controls"):
         setattr(job, name, getattr(shape, name))
-    job.background_view, job.background_row, job.background_pixel = inputs["background"].stride()[:3]
+    job.background_view, job.background_row, job.background_pixel = tensors["background"].stride()[:3]
     job.inv_sigma = 1 / blur_sigma(options.blur) if options.blur > 0 else 0
     # Samples have no filter.
     job.filter_reach = 0 if shape.strata else reach(options.blur)
@@ -181,10 +181,10 @@ def _run(device: Device, job: Job, work: list[Arrays], lengths: dict[str, int], 
 def backward(
     drawn: _Drawn, upstream: Upstream, planes: tuple[Tensor, Tensor], background: Tensor, needs: tuple[bool, ...]
 ) -> Gradients:
-    """Gradients of the looks and of the curves."""
-    # Looks, then curves, as they were given; contiguous, whatever those were.
-    inputs = {name: t for name, t in drawn.inputs.items() if name in GRADIENTS}
-    gradients = {GRADIENTS[name]: torch.empty_like(t) for name, t in inputs.items()}
+    """Gradients of the appearance and of the curves."""
+    # Appearance, then curves, as they were given; contiguous, whatever those were.
+    tensors = {name: t for name, t in drawn.tensors.items() if name in GRADIENTS}
+    gradients = {GRADIENTS[name]: torch.empty_like(t) for name, t in tensors.items()}
     # The others come along with these; these cost.
     for place, name in ((3, "g_background"), (-1, "g_matrices")):
         if not needs[place]:
@@ -192,7 +192,7 @@ def backward(
     _backward(drawn, upstream, gradients)
     if "g_background" in gradients:
         gradients["g_background"] = _summed(gradients["g_background"], background)
-    return tuple(gradients.get(GRADIENTS[name]) for name in inputs)
+    return tuple(gradients.get(GRADIENTS[name]) for name in tensors)
 
 
 def _summed(gradient: Tensor, background: Tensor) -> Tensor:
@@ -203,7 +203,7 @@ def _summed(gradient: Tensor, background: Tensor) -> Tensor:
 
 
 def _backward(drawn: _Drawn, upstream: Upstream, gradients: dict[str, Tensor]) -> None:
-    """Fills the gradients, those of the inputs by name."""
+    """Fills the gradients, by name."""
     kept, lengths, shape, limits, device = drawn.work, drawn.lengths, drawn.shape, drawn.limits, drawn.device
     job, place = drawn.job.copy(), kept[0].memory.device
     given = {
