@@ -30,7 +30,7 @@ import diff3ds as ds
 from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 from diff3ds.tasks.text_image.text import text_to_sketch
 
 CATEGORIES_SHOWN = ("chair", "lamp", "house", "mug")

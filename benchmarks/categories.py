@@ -36,7 +36,7 @@ from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.small_prior.prior_data import combinations
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 from diff3ds.tasks.text_image.text import text_to_sketch
 
 POOL, POOL_SEEDS, KIND_POOL, THIN = 24, 3_000_000, 6, 8

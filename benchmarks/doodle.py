@@ -28,8 +28,9 @@ from diff3ds.metrics.clip_resnet import ClipResnet
 from diff3ds.metrics.feature_stacks import untrained_stack
 from diff3ds.metrics.vgg_distance import Variant
 from diff3ds.tasks.evaluate.evaluate import evaluate
-from diff3ds.tasks.evaluate.judges import JudgeOptions
-from diff3ds.tasks.views.doodle import DoodleOptions, fit_doodle
+from diff3ds.tasks.evaluate.options import JudgeOptions
+from diff3ds.tasks.views.doodle import fit_doodle
+from diff3ds.tasks.views.options import DoodleOptions
 
 RESULTS = Path(__file__).parent / "results" / "doodle.json"
 OBJECTS = {"ball": caged_ball, "rings": linked_rings}

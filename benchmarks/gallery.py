@@ -27,7 +27,7 @@ from diff3ds.formats import save_png, tile_images
 from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 from diff3ds.tasks.text_image.text import text_to_sketch
 
 FRAMES, FRAME_SIZE, FRAME_MS, QUALITY = 24, 128, 120, 40

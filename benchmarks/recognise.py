@@ -39,8 +39,8 @@ from diff3ds.tasks.recognition import recognise as recogniser
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.recognise import DISTANCE, described, matches, recognise
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.image import ImageOptions, image_to_sketch
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.image import image_to_sketch
+from diff3ds.tasks.text_image.options import ImageOptions, PriorOptions
 
 # Of the first member; the recogniser's tables and pools have seeds below 100.
 FIRST_SEED, SIZE = 1000, 512

@@ -11,7 +11,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.formats import save_png, tile_images
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 from diff3ds.tasks.text_image.text import text_to_sketch
 
 PHRASES = {

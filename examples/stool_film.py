@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.random_start import plan_random_edges
 from diff3ds.tasks.views.run import demo_pictures
 

@@ -15,7 +15,9 @@ from diff3ds import cli
 from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.tasks.progress import Progress
+from diff3ds.tasks.text_image import text
 from diff3ds.tasks.views import run as views
+from diff3ds.weights import fetch
 
 COMMANDS = ["text", "image", "views", "eval", "prior", "fetch", "doctor"]
 
@@ -130,7 +132,7 @@ def test_pictures_of_the_demo_are_reduced(given, size, tmp_path, monkeypatch):
     class Seen(Exception):  # noqa: N818
         pass
 
-    def see(pictures, *arguments):
+    def see(pictures, *arguments, say):
         assert pictures.cameras.size == (size, size)
         raise Seen
 
@@ -155,7 +157,7 @@ def test_a_gpu_without_room_is_a_sentence(capsys, tmp_path, monkeypatch):
     def full(*arguments):
         raise torch.cuda.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB. GPU 0 has ...")
 
-    monkeypatch.setattr(cli, "text_to_sketch", full)
+    monkeypatch.setattr(text, "text_to_sketch", full)
     code, _, said = ends(["text", "a chair", "-o", str(tmp_path)], capsys)
     assert code == FAULT
     assert "CUDA out of memory. Try --precision float16" in said
@@ -169,7 +171,7 @@ def test_a_machine_without_room_is_a_sentence(error, capsys, tmp_path, monkeypat
     def full(*arguments):
         raise error
 
-    monkeypatch.setattr(cli, "text_to_sketch", full)
+    monkeypatch.setattr(text, "text_to_sketch", full)
     code, _, said = ends(["text", "a chair", "-o", str(tmp_path)], capsys)
     assert code == FAULT
     assert said == "diff3ds: there is not enough memory. Try fewer strokes, a smaller --batch or --size"
@@ -183,7 +185,7 @@ def test_the_version_is_said(capsys):
 
 def test_a_folder_may_have_any_name(capsys, monkeypatch):
     """Square brackets are no markup."""
-    monkeypatch.setattr(cli, "text_to_sketch", lambda *arguments: ds.Sketch(torch.rand(1, 4, 3)))
+    monkeypatch.setattr(text, "text_to_sketch", lambda *arguments: ds.Sketch(torch.rand(1, 4, 3)))
     cli.main(["text", "a chair", "-o", "mug [v2] [/v3]"])
     assert "1 stroke: mug [v2] [/v3]/sketch.json" in capsys.readouterr().err
 
@@ -192,7 +194,7 @@ def test_a_download_that_was_stopped_goes_on_by_the_same_command(capsys, monkeyp
     def stop(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "fetch", stop)
+    monkeypatch.setattr(fetch, "fetch", stop)
     code, _, said = ends(["fetch", "mvdream", "--quiet"], capsys)
     assert code == STOPPED
     assert said == "stopped; the same command goes on"

@@ -26,7 +26,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["diff3ds.cli", "numpy", "diff3ds.tasks.views.run"])
+@pytest.mark.parametrize("module", ["diff3ds.cli", "rich", "torch", "numpy", "diff3ds.tasks.doctor"])
 def test_ctrl_c_while_it_loads_ends_it_without_a_word(module):
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, module, "doctor"], capture_output=True, text=True, timeout=300, check=False
@@ -55,3 +55,55 @@ def test_output_on_a_full_disk_is_told():
         )
     assert done.returncode == 1
     assert done.stderr == b"diff3ds: [Errno 28] No space left on device\n"
+
+
+# What is answered, the exit code, and a part of the answer.
+AT_ONCE = [
+    ("", 2, "Missing subcommand"),
+    ("--help", 0, "views"),
+    ("--version", 0, "diff3ds 0"),
+    *(
+        (f"{command} --help", 0, f"diff3ds {command}")
+        for command in ("views", "text", "image", "eval", "prior", "fetch")
+    ),
+    ("doctor --help", 0, "diff3ds doctor"),
+    ("views --recipe 3doodle --help", 0, "--clip-weight"),
+    ("sketch", 2, "sketch"),
+    ("text", 2, "What to draw"),
+    ("text chair --nosuch 1", 2, "--nosuch"),
+    ("text chair --steps many", 1, "--steps must be a whole number"),
+    ("text chair --steps 0", 1, "--steps must be positive"),
+    ("text chair --elevation 30 0", 1, "--elevation must be (lowest, highest)"),
+    ("text chair --t-low 2 2", 1, "--t-low"),
+    ("text chair --seed -1", 1, "--seed must be a whole number"),
+    ("text chair --prior zero123", 1, "this command needs one of mvdream"),
+    ("text chair --weights somebody/something", 1, "weights are of a prior"),
+    ("image cup.png --prior mvdreem", 1, "--prior must be one of zero123"),
+    ("image cup.png --background brown", 1, "--background must be white, black"),
+    ("image cup.png --view-elevation 90", 1, "--view-elevation must lie in"),
+    ("views", 1, "give either a transforms.json"),
+    ("views . --background brown", 1, "nor is there a picture or folder of this name"),
+    ("views . --masks all", 2, "--masks"),
+    ("views . --recipe 3doodle --width 0", 1, "--width must be positive"),
+    ("eval runs --alexnet a", 1, "give --lpips-alex as well"),
+    ("eval runs --fov nan", 1, "--fov must be finite"),
+    ("prior train --patch 7", 1, "must be a multiple of patch"),
+    ("fetch mvdreem", 1, "mvdreem"),
+]
+
+
+@pytest.mark.parametrize(("line", "code", "answer"), AT_ONCE)
+def test_what_needs_no_torch_is_answered_without_it(line, code, answer, tmp_path):
+    script = f"""
+import atexit, sys
+atexit.register(lambda: print("loaded", sorted({{"torch", "numpy", "scipy", "PIL"}} & set(sys.modules))))
+{START}
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script, *line.split()], capture_output=True, text=True, cwd=tmp_path, timeout=300,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    assert answer in done.stdout + done.stderr
+    assert done.stdout.endswith("loaded []\n")
+    assert not list(tmp_path.iterdir())

@@ -5,12 +5,10 @@ import errno
 import json
 import re
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-
-from diff3ds._shapes import Tensor
 
 # A sketch of 100,000 strokes takes 50 MB as JSON; more is taken for a mistake or an attack.
 MAX_TEXT_BYTES = 1 << 28
@@ -83,26 +81,6 @@ def write_text(path: Path, text: str) -> None:
     """Writes a text file, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def write_tensors(path: Path, tensors: Mapping[str, Tensor], about: Mapping[str, str]) -> None:
-    """Writes tensors from any device and what is said about them as safetensors, whole or not at all.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    from safetensors import SafetensorError
-    from safetensors.torch import save_file
-
-    # Copies: tensors that share memory are refused by the format.
-    held = {name: value.detach().cpu().clone().contiguous() for name, value in tensors.items()}
-    with replacing(path) as temporary:
-        try:
-            save_file(held, temporary, dict(about))
-        except SafetensorError as error:
-            # Which is no OSError, whatever the system said.
-            number = re.search(r"os error (\d+)", str(error))
-            raise OSError(int(number[1]) if number else errno.EIO, str(error), str(path)) from error
 
 
 def write_bytes(path: Path, content: bytes) -> None:

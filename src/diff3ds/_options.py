@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import io
-import math
 import re
 import sys
 import traceback
@@ -59,16 +58,6 @@ def _meant(arguments: list[str]) -> str:
     if any(word.startswith("--recipe") for word in arguments):
         return "A recipe has options of its own: diff3ds views --recipe 3doodle --help\n"
     return ""
-
-
-def require_finite(options: Any) -> None:
-    """Raises ValueError that names the first field of a dataclass with a number that is not finite."""
-    for field in dataclasses.fields(options):
-        value = getattr(options, field.name)
-        numbers = value if isinstance(value, tuple) else (value,)
-        if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
-            got = " ".join(map(str, numbers))
-            raise ValueError(f"{field.name} must be finite, got {got}")
 
 
 def as_typed(message: str, command: type | None) -> str:

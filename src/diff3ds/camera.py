@@ -13,6 +13,7 @@ import torch
 
 from diff3ds._checks import as_numbers, check_finite
 from diff3ds._modes import check_plain, is_ordinary
+from diff3ds._settings import MAX_SIZE
 from diff3ds._shapes import Float, Tensor
 
 Angle = float | Sequence[float] | Tensor
@@ -22,8 +23,6 @@ DEFAULT_NEAR = 0.01
 # How far the product of a rotation with its transpose, and the last row, may be from what they should be: rounding, and
 # in dtypes of few bits some steps of theirs.
 RIGID, STEPS = 1e-3, 8
-# Images beyond this side are taken for a mistake in a file.
-MAX_SIZE = 65536
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,7 @@
-"""The command line: `diff3ds COMMAND`, each command a function of `diff3ds.tasks` with a dataclass of options."""
+"""The command line: `diff3ds COMMAND`, each command a function of `diff3ds.tasks` with a dataclass of options.
+
+Options need no torch, which takes seconds; what does the work is imported when they are read and found right.
+"""
 
 import sys
 import warnings
@@ -8,32 +11,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
-import torch
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 from rich.progress import Progress as Bars
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds import __version__
+from diff3ds._interrupt import STOPPED, importing
 from diff3ds._options import as_typed, read_options
-from diff3ds.pictures.reference_picture import PictureOptions
-from diff3ds.sketch import Sketch
-from diff3ds.tasks.doctor import as_json, as_tables, diagnose
-from diff3ds.tasks.evaluate.evaluate import EvaluateOptions, evaluate
-from diff3ds.tasks.evaluate.judges import JudgeOptions
+from diff3ds.pictures.options import PictureOptions
+from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
-from diff3ds.tasks.small_prior.prior_train import TrainOptions, train_prior
+from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.image import ImageOptions, image_to_sketch
-from diff3ds.tasks.text_image.priors import PriorOptions
-from diff3ds.tasks.text_image.text import TextOptions, text_to_sketch
-from diff3ds.tasks.views.doodle import DoodleOptions, fit_doodle
-from diff3ds.tasks.views.plan import ViewsOptions
-from diff3ds.tasks.views.run import fit_views
-from diff3ds.weights.fetch import FetchOptions, Transfer, fetch, notice
+from diff3ds.tasks.text_image.options import (
+    BUILT_IN,
+    FOR_PHRASES,
+    FOR_PICTURES,
+    ImageOptions,
+    PriorOptions,
+    TextOptions,
+)
+from diff3ds.tasks.views.options import DoodleOptions, ViewsOptions
+from diff3ds.weights.options import FetchOptions
 
-# Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 stopped by Ctrl-C as in shells.
-FAULT, STOPPED = 1, 130
+# Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 (STOPPED) by Ctrl-C as in shells.
+FAULT = 1
 # The rate is that of the last so many seconds, at most of the last 1000 steps. A step of a large network may take one
 # minute, or ten on a CPU, and a rate needs two.
 RATE_PERIOD = 1800.0
@@ -72,10 +75,13 @@ class Views:
         """Runs the command."""
         if (self.source is None) == (not self.demo):
             raise ValueError("give either a transforms.json (or a folder with one) or --demo")
+        with importing():
+            from diff3ds.tasks.views.run import fit_views
+
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_views(self.source, self.out, self.fit, report, _sayer(console))
-        _written(console, sketch, self.out)
+        _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -99,10 +105,13 @@ class Doodle:
         """Runs the command."""
         if self.source is None:
             raise ValueError("give a transforms.json of coloured pictures, or a folder with one")
+        with importing():
+            from diff3ds.tasks.views.doodle import fit_doodle
+
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = fit_doodle(self.source, self.out, self.fit, report)
-        _written(console, sketch, self.out)
+        _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -128,10 +137,14 @@ class Text:
 
     def run(self) -> None:
         """Runs the command."""
+        self.model.require((*FOR_PHRASES, *BUILT_IN))
+        with importing():
+            from diff3ds.tasks.text_image.text import text_to_sketch
+
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = text_to_sketch(self.phrase, self.out, self.text, self.model, self.distill, report, _sayer(console))
-        _written(console, sketch, self.out)
+        _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -157,12 +170,16 @@ class Image:
 
     def run(self) -> None:
         """Runs the command."""
+        self.model.require((*FOR_PICTURES, *BUILT_IN))
+        with importing():
+            from diff3ds.tasks.text_image.image import image_to_sketch
+
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             sketch = image_to_sketch(
                 self.picture, self.out, self.image, self.cut, self.model, self.distill, report, _sayer(console)
             )
-        _written(console, sketch, self.out)
+        _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -184,6 +201,9 @@ class Eval:
 
     def run(self) -> None:
         """Runs the command."""
+        with importing():
+            from diff3ds.tasks.evaluate.evaluate import evaluate
+
         console = _Console(stderr=True, quiet=self.quiet)
         with Bars(console=console, disable=self.quiet) as bars:
             task = bars.add_task("runs", total=None)
@@ -212,6 +232,9 @@ class Fetch:
 
     def run(self) -> None:
         """Runs the command."""
+        with importing():
+            from diff3ds.weights.fetch import Transfer, fetch, notice
+
         console = _Console(stderr=True, quiet=self.quiet)
         say = _sayer(console)
         say(notice(self.name))
@@ -243,6 +266,9 @@ class Prior:
 
     def run(self) -> None:
         """Runs the command."""
+        with importing():
+            from diff3ds.tasks.small_prior.prior_train import train_prior
+
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
             path = train_prior(self.out, self.train, report, _sayer(console))
@@ -258,6 +284,9 @@ class Doctor:
 
     def run(self) -> None:
         """Runs the command."""
+        with importing():
+            from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+
         found = diagnose()
         if self.json:
             print(as_json(found))
@@ -287,8 +316,6 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt as stop:
         _Console(stderr=True).print(_stopped(command, stop))
         sys.exit(STOPPED)
-    except torch.cuda.OutOfMemoryError as error:
-        _fail(f"{str(error).partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu")
     except ValueError as error:
         _fail(as_typed(str(error), commands.get(arguments[0])))
     except BrokenPipeError:
@@ -299,12 +326,23 @@ def main(arguments: list[str] | None = None) -> None:
     except MemoryError:
         _fail(_TOO_LARGE)
     except RuntimeError as error:
-        # Other devices than CUDA's have no error of their own for it.
-        if "can't allocate memory" in str(error):
-            _fail(_TOO_LARGE)
-        if "out of memory" not in str(error):
+        advice = _memory_advice(error)
+        if advice is None:
             raise
-        _fail(f"{error}. Try a smaller --batch or --size, or --device cpu")
+        _fail(advice)
+
+
+def _memory_advice(error: RuntimeError) -> str | None:
+    """What to do about an error of torch that says there is not enough memory; None for all others."""
+    import torch
+
+    said = str(error)
+    if isinstance(error, torch.cuda.OutOfMemoryError):
+        return f"{said.partition('. ')[0]}. Try --precision float16, a smaller --batch or --size, or --device cpu"
+    # Other devices than CUDA's have no error of their own for it.
+    if "can't allocate memory" in said:
+        return _TOO_LARGE
+    return f"{said}. Try a smaller --batch or --size, or --device cpu" if "out of memory" in said else None
 
 
 @contextmanager
@@ -330,8 +368,8 @@ def _fail(message: str) -> NoReturn:
     sys.exit(FAULT)
 
 
-def _written(console: Console, sketch: Sketch, out: Path) -> None:
-    strokes = "1 stroke" if len(sketch) == 1 else f"{len(sketch)} strokes"
+def _written(console: Console, count: int, out: Path) -> None:
+    strokes = "1 stroke" if count == 1 else f"{count} strokes"
     _sayer(console)(f"{strokes}: {out / 'sketch.json'}, .svg, .step, preview.png")
 
 

@@ -7,11 +7,11 @@ pytest.importorskip("diffusers")
 import tiny
 
 from diff3ds.guidance import device, latent
-from diff3ds.guidance.device import Work
 from diff3ds.guidance.latent import check_memory
+from diff3ds.guidance.recipe import Work
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.locate import Source
+from diff3ds.weights.options import Source
 
 
 @pytest.fixture(scope="module")

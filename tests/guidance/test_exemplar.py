@@ -11,9 +11,9 @@ import diff3ds as ds
 from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import gaussian
 from diff3ds.guidance.exemplar import ExemplarDenoiser
-from diff3ds.guidance.methods import Look, Method, judge
-from diff3ds.guidance.objective import Recipe, ScoreDistillation, step_generator
-from diff3ds.guidance.schedule import TimeAnnealing
+from diff3ds.guidance.methods import Look, judge
+from diff3ds.guidance.objective import ScoreDistillation, step_generator
+from diff3ds.guidance.recipe import Method, Recipe, TimeAnnealing
 
 SIZE, MEMBERS = 8, 3
 

@@ -9,7 +9,8 @@ import torch
 
 import diff3ds as ds
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.methods import Look, Method, Verdict, judge
+from diff3ds.guidance.methods import Look, Verdict, judge
+from diff3ds.guidance.recipe import Method
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.vsd import Particles
 

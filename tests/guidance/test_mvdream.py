@@ -15,9 +15,10 @@ from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.latent import Autoencoder
 from diff3ds.guidance.multiview_attention import JoinedViews, check_joined, join_views
 from diff3ds.guidance.mvdream import MVDream, camera_vectors, load_mvdream
-from diff3ds.guidance.objective import Recipe, ScoreDistillation
+from diff3ds.guidance.objective import ScoreDistillation
+from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.weights.locate import Source
+from diff3ds.weights.options import Source
 
 LAYOUTS = ("stock", "ashawkey", "lzq49")
 CAMERAS = orbit([0.0, 90.0, 180.0, 270.0], 15.0, 1.9, size=64)

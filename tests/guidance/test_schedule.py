@@ -5,7 +5,8 @@ import torch
 
 from diff3ds.guidance.denoiser import draw_timesteps
 from diff3ds.guidance.formulas import weighted
-from diff3ds.guidance.schedule import NoiseSchedule, TimeAnnealing
+from diff3ds.guidance.recipe import TimeAnnealing
+from diff3ds.guidance.schedule import NoiseSchedule
 
 # t, ᾱ, √ᾱ, √(1 - ᾱ), 1 - ᾱ, √ᾱ (1 - ᾱ), σ / α: of Stable Diffusion, MVDream and Zero-1-to-3.
 GOLDEN = [

@@ -20,7 +20,8 @@ from diff3ds.guidance.small import (
     read_network,
     write_network,
 )
-from diff3ds.guidance.small_network import Attention, Shape, SmallNetwork
+from diff3ds.guidance.small_network import Attention, SmallNetwork
+from diff3ds.guidance.small_shape import Shape
 
 SHAPE = Shape(words=3, size=16, patch=4, channels=4, width=32, depth=2, heads=2)
 VOCABULARY = Vocabulary(("mug", "mug: steam", "stretch z"), 0.2, 0.4)

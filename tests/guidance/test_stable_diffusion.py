@@ -13,7 +13,7 @@ from diff3ds.guidance.latent import Autoencoder
 from diff3ds.guidance.prompts import BACK, FRONT, SIDE
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
-from diff3ds.weights.locate import Source
+from diff3ds.weights.options import Source
 
 CAMERAS = orbit([0.0, 90.0, 180.0], [10.0, 20.0, 30.0], 1.9, size=64)
 TIMES = torch.tensor([850, 500, 100])

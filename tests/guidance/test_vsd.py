@@ -14,7 +14,8 @@ from diff3ds.camera import orbit
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.guidance.latent import Autoencoder
 from diff3ds.guidance.mvdream import MVDream
-from diff3ds.guidance.objective import Recipe, ScoreDistillation, step_generator
+from diff3ds.guidance.objective import ScoreDistillation, step_generator
+from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.stable_diffusion import StableDiffusion
 from diff3ds.guidance.vsd import RATE, Particles

@@ -11,11 +11,12 @@ from tiny_zero123 import POSE, WIDTH, save_projection, save_zero123
 
 import diff3ds as ds
 from diff3ds.guidance import formulas, zero123
-from diff3ds.guidance.objective import Recipe, ScoreDistillation
+from diff3ds.guidance.objective import ScoreDistillation
+from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.stable_zero123 import load_stable_zero123, stable_pose
 from diff3ds.guidance.zero123 import ReferencePose, clip_pixels, load_zero123, relative_pose
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.locate import Source
+from diff3ds.weights.options import Source
 
 SIZE = 64
 # Predictions are about 1; rounding of float32 grows in the attention of the tiny networks, which is sharpened.

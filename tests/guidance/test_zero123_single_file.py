@@ -13,8 +13,9 @@ from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.guidance.zero123 import ReferencePose, load_zero123
-from diff3ds.tasks.text_image.priors import PriorOptions, kind_of, loaded
-from diff3ds.weights.locate import Source
+from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.priors import kind_of, loaded
+from diff3ds.weights.options import Source
 
 BRANCHES = ("conditional", "unconditional")
 CAMERAS = ds.orbit([0.0, 130.0], [10.0, 30.0], [1.9, 2.0])

@@ -14,7 +14,7 @@ from diff3ds.pictures.clean_plates import load_plates
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.lens import straightened, undistorted
 from diff3ds.pictures.resample import area_means
-from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import fit_views
 from diff3ds.transforms import read_views
 

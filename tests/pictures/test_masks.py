@@ -14,7 +14,7 @@ from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.visual_hull import visual_hull
 from diff3ds.tasks.views.color_sketch import plan_color, view_scores
 from diff3ds.tasks.views.edge_sketch import ridges_of
-from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import UNKNOWN, fit_views, preview
 
 SIZE = (40, 60)

@@ -7,7 +7,8 @@ import torch
 from PIL import Image, ImageOps
 
 from diff3ds.formats import load_image, save_png
-from diff3ds.pictures.reference_picture import PictureOptions, read_reference
+from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.reference_picture import read_reference
 
 RED, GREEN = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0])
 

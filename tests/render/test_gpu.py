@@ -12,7 +12,8 @@ from gpu_promise import lack, promised
 import diff3ds as ds
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
-from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.guidance.small_network import SmallNetwork
+from diff3ds.guidance.small_shape import Shape
 from diff3ds.render.cuda.gpu import Gpu
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.distillation import Commission, distill

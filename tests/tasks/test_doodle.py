@@ -12,15 +12,8 @@ from diff3ds.formats import save_png
 from diff3ds.metrics import doodle_loss
 from diff3ds.optimize.fit import fit
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.tasks.views.doodle import (
-    DOT,
-    DoodleOptions,
-    far_apart,
-    fit_doodle,
-    load_doodle_loss,
-    plan_doodle,
-    without_dots,
-)
+from diff3ds.tasks.views.doodle import DOT, far_apart, fit_doodle, load_doodle_loss, plan_doodle, without_dots
+from diff3ds.tasks.views.options import DoodleOptions
 
 VIEWS, SIZE = 12, 64
 

@@ -16,7 +16,7 @@ from diff3ds.library.vocabulary import COLORS
 from diff3ds.tasks.exact_prior.exemplars import FITTING, exemplars_of, requested
 from diff3ds.tasks.text_image import sharpen
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 from diff3ds.tasks.text_image.text import text_to_sketch
 
 

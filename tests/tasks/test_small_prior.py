@@ -14,7 +14,8 @@ import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.formats import save_png
 from diff3ds.guidance.small import SCHEDULE, Vocabulary, read_network, write_network
-from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.guidance.small_network import SmallNetwork
+from diff3ds.guidance.small_shape import Shape
 from diff3ds.library import member
 from diff3ds.library.phrase import Request
 from diff3ds.tasks.small_prior import small_prior
@@ -22,7 +23,7 @@ from diff3ds.tasks.small_prior.prior_data import Examples, words
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 from diff3ds.tasks.text_image.text import text_to_sketch
 
 FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]

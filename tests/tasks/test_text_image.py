@@ -13,12 +13,13 @@ from safetensors.torch import load_file, save_file
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
-from diff3ds.guidance.device import USUAL, Work
+from diff3ds.guidance.recipe import USUAL, Work
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.text_image import distillation, priors
-from diff3ds.tasks.text_image.priors import PriorOptions, load_for_phrase
+from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.priors import load_for_phrase
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.locate import Source
+from diff3ds.weights.options import Source
 
 pytest.importorskip("diffusers")
 pytest.importorskip("transformers")

@@ -18,7 +18,7 @@ from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.optimize.density import Observation, footprints
-from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import fit_views
 
 RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]

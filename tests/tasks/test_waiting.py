@@ -13,7 +13,8 @@ import diff3ds as ds
 from diff3ds.guidance import upload
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
-from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.guidance.small_network import SmallNetwork
+from diff3ds.guidance.small_shape import Shape
 from diff3ds.guidance.upload import uploaded
 from diff3ds.render import Rendering
 from diff3ds.tasks.text_image import distillation

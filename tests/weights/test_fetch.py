@@ -9,10 +9,11 @@ from local_hub import COMMIT, Hub, serve
 
 from diff3ds.weights import download
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.fetch import FetchOptions, Transfer, fetch, notice
+from diff3ds.weights.fetch import Transfer, fetch, notice
 from diff3ds.weights.judge_catalog import JUDGES
 from diff3ds.weights.judge_files import find_folder
-from diff3ds.weights.locate import Source, find
+from diff3ds.weights.locate import find
+from diff3ds.weights.options import FetchOptions, Source
 
 FIRST, SECOND, THIRD = (repository.id for repository in KNOWN["zero123"].repositories)
 UNET = "unet/diffusion_pytorch_model.safetensors"

@@ -17,7 +17,8 @@ from safetensors.torch import load_file, save_file
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
 from diff3ds.weights import locate as locating
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.locate import Checkpoint, Source, find, lacking, locate, needed
+from diff3ds.weights.locate import Checkpoint, find, lacking, locate, needed
+from diff3ds.weights.options import Source
 from diff3ds.weights.read import header, load_part, load_tensors, read_tensors
 
 COMMIT = "4e63672c03103b6c636b8fb4119ba982469b2955"

@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import write_tensors
+from diff3ds._tensor_files import write_tensors
 from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import DONE, Result
 from diff3ds.edges.shapes.curve_set import Curves

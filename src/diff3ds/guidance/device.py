@@ -1,30 +1,8 @@
 """Which device and number format a prior computes with, and whether it has the memory."""
 
-from dataclasses import dataclass
-from typing import Literal
-
 import torch
 
-Precision = Literal["auto", "float16", "bfloat16", "float32"]
-
-
-@dataclass(frozen=True)
-class Work:
-    """What a prior does in a step, as far as its memory goes.
-
-    Attributes:
-        views: images.
-        conditions: under which its network looks at each of them at once.
-        trained: whether a network is trained on them too, as vsd does.
-    """
-
-    views: int = 4
-    conditions: int = 2
-    trained: bool = False
-
-
-# The paper's step.
-USUAL = Work()
+from diff3ds.guidance.recipe import Precision
 
 
 def pick_device(name: str = "auto") -> torch.device:

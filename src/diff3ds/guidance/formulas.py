@@ -5,15 +5,14 @@ and never passes through the network (Poole et al. 2023). `alpha_bar` is `NoiseS
 """
 
 import math
-from typing import Literal
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.guidance.recipe import Weighting
 
 Images = Float[Tensor, "B C H W"]
 PerImage = Float[Tensor, "B 1 1 1"]
-Weighting = Literal["sds", "uniform", "fantasia3d", "ratio"]
 
 # Keeps a ratio of standard deviations finite.
 TINY = 1e-8

@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 
@@ -12,10 +11,9 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Branch, Denoiser, gaussian
+from diff3ds.guidance.recipe import Method
 from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.vsd import Particles
-
-Method = Literal["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"]
 
 # Below this timestep the images of a prior's training are in reach of the noisy one (Katzir et al. 2024).
 LATE = 200
@@ -90,11 +88,6 @@ class Verdict:
     gradient: Float[Tensor, "B C H W"]
     clean: Float[Tensor, "B C H W"]
     weighted: bool = True
-
-
-def conditions(method: Method) -> int:
-    """Branches that a method asks for at once, at most."""
-    return 3 if method == "nfsd" else 2
 
 
 def judge(method: Method, look: Look) -> Verdict:

@@ -9,7 +9,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import prompts
 from diff3ds.guidance.denoiser import Branch, check_groups
-from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
+from diff3ds.guidance.device import pick_device, pick_dtype
 from diff3ds.guidance.latent import (
     FACTOR,
     Autoencoder,
@@ -21,9 +21,11 @@ from diff3ds.guidance.latent import (
     vae_dtype,
 )
 from diff3ds.guidance.multiview_attention import check_joined, join_views
+from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.weights import convert, single_file
-from diff3ds.weights.locate import Checkpoint, Source, find
+from diff3ds.weights.locate import Checkpoint, find
+from diff3ds.weights.options import Source
 from diff3ds.weights.read import read_tensors, require_trust
 
 VIEWS = 4

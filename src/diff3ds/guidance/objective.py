@@ -1,7 +1,6 @@
 """Score distillation as an objective of `fit`: a prior looks at the renderings of every step."""
 
-from dataclasses import dataclass, field
-from typing import Protocol, get_args, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -10,41 +9,9 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Denoiser, check_groups, draw_timesteps
-from diff3ds.guidance.methods import Look, Method, judge
-from diff3ds.guidance.schedule import TimeAnnealing
+from diff3ds.guidance.methods import Look, judge
+from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.vsd import Particles
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How a prior moves a sketch.
-
-    Attributes:
-        method: reconstruction (MVDream's form of SDS), sds, or a later one: csd, nfsd, asd, ism, sdi, vsd.
-        guidance: weight λ of classifier-free guidance. The paper: 50 for a phrase, 7.5 for a picture.
-        rescale: share of the contrast that reconstruction restores, in [0, 1].
-        weighting: w(t) of the methods that have one: sds is 1 - ᾱ.
-        clip: entries of the gradient with respect to the latents are limited to ± this; None does not limit them.
-        annealing: timesteps that are drawn.
-    """
-
-    method: Method = "reconstruction"
-    guidance: float = 50.0
-    rescale: float = 0.5
-    weighting: formulas.Weighting = "sds"
-    clip: float | None = None
-    annealing: TimeAnnealing = field(default_factory=TimeAnnealing)
-
-    def __post_init__(self) -> None:
-        for name, allowed in (("method", get_args(Method)), ("weighting", get_args(formulas.Weighting))):
-            if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}")
-        if not 0 <= self.rescale <= 1:
-            raise ValueError(f"rescale must lie in [0, 1], got {self.rescale}")
-        if self.clip is not None and not self.clip > 0:
-            raise ValueError(f"clip must be positive, got {self.clip}")
-        if not abs(self.guidance) < float("inf"):
-            raise ValueError(f"guidance must be finite, got {self.guidance}")
 
 
 @runtime_checkable

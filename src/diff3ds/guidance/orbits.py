@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 
 from diff3ds.camera import Cameras, orbit
+from diff3ds.guidance.recipe import check_orbits
 
 
 @dataclass(frozen=True)
@@ -29,17 +30,7 @@ class Orbits:
     fov: float = 60.0
 
     def __post_init__(self) -> None:
-        if self.batch < 1 or self.batch % self.group:
-            raise ValueError(f"batch must be a multiple of {self.group}, the views of this prior, got {self.batch}")
-        for name in ("distance", "elevation"):
-            low, high = getattr(self, name)
-            if not low <= high:
-                raise ValueError(f"{name} must be (lowest, highest), got {low} and {high}")
-        if not self.distance[0] > 0 or not (self.elevation[0] > -90 and self.elevation[1] < 90):
-            raise ValueError(
-                "distance must be positive and elevation in (-90, 90) degrees, "
-                f"got {self.distance} and {self.elevation}"
-            )
+        check_orbits(self.batch, self.group, self.distance, self.elevation)
 
     def __call__(self, step: int, generator: torch.Generator) -> Cameras:
         """The cameras of a step."""

@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import torch
 
 from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.guidance.recipe import TIMESTEPS
 from diff3ds.guidance.upload import uploaded
-
-# Timesteps of all models here.
-TIMESTEPS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,45 +50,3 @@ class NoiseSchedule:
         """√ᾱ z + √(1 - ᾱ) ε, in float32 whatever the model computes in."""
         kept = self.alpha_bar(timesteps, latents)
         return kept.sqrt() * latents.float() + (1 - kept).sqrt() * noise.float()
-
-
-@dataclass(frozen=True)
-class TimeAnnealing:
-    """Timesteps that a step draws from: from high noise, which settles the shape, to low noise, which settles details.
-
-    The paper: 0.85 at first; over 3,600 of 4,000 steps down to between 0.10 and 0.30; then constant.
-
-    Attributes:
-        low, high: share of all timesteps between which the first step draws.
-        final_low, final_high: the same after the annealing.
-        share: share of the steps that the annealing takes; 0 has the final bounds from the start.
-    """
-
-    low: float = 0.85
-    high: float = 0.85
-    final_low: float = 0.10
-    final_high: float = 0.30
-    share: float = 0.9
-
-    def __post_init__(self) -> None:
-        for low, high in ((self.low, self.high), (self.final_low, self.final_high)):
-            if not 0 < low <= high < 1:
-                raise ValueError(f"timesteps must be drawn between shares 0 < low <= high < 1, got {low} and {high}")
-        if not 0 <= self.share <= 1:
-            raise ValueError(f"share must lie in [0, 1], got {self.share}")
-
-    @property
-    def lowest(self) -> int:
-        """The lowest timestep of the whole run."""
-        return round(TIMESTEPS * min(self.low, self.final_low))
-
-    def bounds(self, step: int, steps: int) -> tuple[int, int]:
-        """Lowest and highest timestep of this step (counted from 0) of so many, both inclusive.
-
-        Rounded, twice so that the error of the interpolation does not count: 0.10 comes as 0.0999..., of which
-        truncation would make 99.
-        """
-        done = min(1.0, step / (self.share * steps)) if self.share else 1.0
-        ends = ((self.low, self.final_low), (self.high, self.final_high))
-        low, high = (round(round(TIMESTEPS * (first + (last - first) * done), 6)) for first, last in ends)
-        return low, high

@@ -10,7 +10,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import formulas, prompts
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
+from diff3ds.guidance.device import pick_device, pick_dtype
 from diff3ds.guidance.latent import (
     FACTOR,
     Autoencoder,
@@ -21,9 +21,11 @@ from diff3ds.guidance.latent import (
     read_schedule,
 )
 from diff3ds.guidance.poses import spherical
+from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
-from diff3ds.weights.locate import Source, find
+from diff3ds.weights.locate import find
+from diff3ds.weights.options import Source
 from diff3ds.weights.read import header, load_part
 
 # Directions that perpendicular negatives turn away from.

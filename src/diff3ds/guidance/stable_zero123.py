@@ -4,10 +4,11 @@ import math
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance.device import USUAL, Precision, Work
 from diff3ds.guidance.poses import spherical
+from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.zero123 import ReferencePose, Zero123, assemble, relative_pose
-from diff3ds.weights.locate import Source, find
+from diff3ds.weights.locate import find
+from diff3ds.weights.options import Source
 
 # Cameras this share nearer or farther than the reference's are at its distance: rounding of float32 matrices.
 SAME_DISTANCE = 1e-3

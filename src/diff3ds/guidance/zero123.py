@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.device import USUAL, Precision, Work, pick_device, pick_dtype
+from diff3ds.guidance.device import pick_device, pick_dtype
 from diff3ds.guidance.latent import (
     FACTOR,
     Autoencoder,
@@ -20,10 +20,12 @@ from diff3ds.guidance.latent import (
     vae_dtype,
 )
 from diff3ds.guidance.poses import spherical
+from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
 from diff3ds.guidance.zero123_parts import Projection, read_parts
-from diff3ds.weights.locate import Checkpoint, Source, find
+from diff3ds.weights.locate import Checkpoint, find
+from diff3ds.weights.options import Source
 
 # Mean and standard deviation of the pictures that CLIP was trained with.
 CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import torch
 
-from diff3ds._files import write_tensors
 from diff3ds._shapes import Float, Tensor
+from diff3ds._tensor_files import write_tensors
 from diff3ds.optimize.strokes import Edit
 from diff3ds.sketch import Sketch, WidthSpace
 
@@ -72,12 +72,6 @@ class State:
 
         moments = [{name: grown(value) for name, value in part.items()} for part in (self.first, self.second)]
         return replace(self, sketch=sketch, first=moments[0], second=moments[1], age=grown(self.age))
-
-
-def check_seed(seed: int) -> None:
-    """Raises ValueError for what torch's generators do not take."""
-    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 1 << 63:
-        raise ValueError(f"seed must be a whole number from 0 to 2^63 - 1, got {seed!r}")
 
 
 def start(sketch: Sketch, seed: int) -> State:

@@ -9,9 +9,10 @@ from typing import Protocol, runtime_checkable
 
 import torch
 
+from diff3ds._settings import check_seed
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.optimize.checkpoint import State, check_seed, read_checkpoint, start, write_checkpoint
+from diff3ds.optimize.checkpoint import State, read_checkpoint, start, write_checkpoint
 from diff3ds.optimize.strokes import Refinement
 from diff3ds.project import Strokes2D
 from diff3ds.render import Rendering, rasterize, render

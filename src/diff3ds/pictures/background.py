@@ -9,9 +9,9 @@ import torch
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.pictures.clean_plates import Plates
 from diff3ds.pictures.dataset import SAME, PosedPictures
+from diff3ds.pictures.options import parse_color, parse_color_or_path
 from diff3ds.pictures.store import byte_array, opaque_views
 
-NAMED = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0)}
 # A colour that takes this share of the pixels along the borders is a background; photographs have none.
 PLAIN = 0.95
 # Pictures named in an error.
@@ -22,32 +22,14 @@ WINDOW = 7
 
 
 def parse_background(text: str) -> Float[Tensor, " 3"]:
-    """The colour that `white`, `black` or `R,G,B` (each from 0 to 1) names.
-
-    Raises:
-        ValueError: the text names no colour.
-    """
-    try:
-        values = NAMED[text] if text in NAMED else tuple(float(part) for part in text.split(","))
-    except ValueError:
-        values = ()
-    if len(values) != 3 or not all(0 <= value <= 1 for value in values):
-        raise ValueError(f"background must be white, black or R,G,B with numbers from 0 to 1, got {text!r}")
-    return torch.tensor(values)
+    """The colour that `parse_color` finds in a text, as a tensor; errors are its own."""
+    return torch.tensor(parse_color(text))
 
 
 def color_or_path(text: str) -> Float[Tensor, " 3"] | Path:
-    """The colour that `parse_background` finds in a text, or else the file or folder of this name.
-
-    Raises:
-        ValueError: it is neither.
-    """
-    try:
-        return parse_background(text)
-    except ValueError as error:
-        if text and Path(text).exists():
-            return Path(text)
-        raise ValueError(f"{error}; nor is there a picture or folder of this name") from None
+    """What `parse_color_or_path` finds in a text, a colour as a tensor; errors are its own."""
+    found = parse_color_or_path(text)
+    return found if isinstance(found, Path) else torch.tensor(found)
 
 
 def with_alpha(

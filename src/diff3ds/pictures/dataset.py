@@ -4,21 +4,18 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 
 from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.pictures.load_views import Told, canvas_of, load_some, load_views
-from diff3ds.pictures.masks import Masks, has_left_out
+from diff3ds.pictures.masks import has_left_out
+from diff3ds.pictures.options import Masks, Target
 from diff3ds.pictures.read import decode, shown
 from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
 from diff3ds.transforms import View, near_of, present_views, require_files
-
-# Edge maps and line drawings; coloured pictures; coloured pictures of which the edges are wanted.
-Target = Literal["edges", "color", "color-edges"]
 
 # Gray pictures whose background takes more than this share of the pixels are edge maps or line drawings. A drawing's
 # lines rarely cover a third; photographs have no single background value.

@@ -1,16 +1,14 @@
 """Masks of posed pictures: what they leave out of every loss and score, or where the object is."""
 
 from pathlib import Path
-from typing import Literal
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.orientation import load_of_size
+from diff3ds.pictures.options import Masks
 from diff3ds.transforms import View
 
-# What black pixels of a `mask_path` mean: left out, as in nerfstudio, or not the object.
-Masks = Literal["ignore", "object"]
 # Masks in JPEG files are not quite black: what has at most this share of the brightest is. Empirical.
 BLACK = 0.05
 # instant-ngp's name of a mask beside the picture, white where the picture is left out.

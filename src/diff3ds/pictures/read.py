@@ -9,7 +9,8 @@ from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_reduced
 from diff3ds.pictures.cutout import premultiplied
 from diff3ds.pictures.lens import straightened
-from diff3ds.pictures.masks import Masks, counted, has_left_out, object_share
+from diff3ds.pictures.masks import counted, has_left_out, object_share
+from diff3ds.pictures.options import Masks
 from diff3ds.pictures.resample import area_means
 from diff3ds.transforms import View
 

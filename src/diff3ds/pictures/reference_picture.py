@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 
@@ -14,6 +13,7 @@ from diff3ds.pictures.cutout import is_inverted, premultiplied
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.ink import ink_on_paper
 from diff3ds.pictures.masks import mask_of
+from diff3ds.pictures.options import PictureOptions
 from diff3ds.pictures.resample import area_means
 from diff3ds.pictures.store import store_of
 
@@ -23,32 +23,6 @@ OBJECT, OF = 200, 256
 FAINT = 0.05
 # An object of fewer pixels along its longer side shows too little: it would be enlarged over six times. Empirical.
 LEAST = 32
-
-Frame = Literal["object", "picture"]
-
-
-@dataclass(frozen=True)
-class PictureOptions:
-    """Where the object of a picture is, and how it is framed.
-
-    Attributes:
-        mask: a picture of the same size, white where the object is; otherwise the picture's own alpha, or else a plain
-            background, tells.
-        background: a plain background's colour: white, black or R,G,B, each from 0 to 1. By default the one along the
-            borders.
-        frame: object brings the object to the middle, its longer side 200 / 256 of the reference; picture keeps its
-            place and size, and makes the picture square.
-    """
-
-    mask: Path | None = None
-    background: str | None = None
-    frame: Frame = "object"
-
-    def __post_init__(self) -> None:
-        if self.background is not None:
-            parse_background(self.background)
-            if self.mask is not None:
-                raise ValueError("give either a mask or a background: both tell where the object is")
 
 
 @dataclass(frozen=True, eq=False)

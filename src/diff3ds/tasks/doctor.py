@@ -22,7 +22,8 @@ from diff3ds.render.cuda.versions import advice_on_bindings, bindings_major
 from diff3ds.tasks.small_prior.small_prior import SHIPPED
 from diff3ds.weights.catalog import KNOWN, Known
 from diff3ds.weights.judge_catalog import ELSEWHERE, JUDGES
-from diff3ds.weights.locate import Source, lacking, locate
+from diff3ds.weights.locate import lacking, locate
+from diff3ds.weights.options import Source
 
 GPU_ADVICE = "no GPU is seen; priors want one, and torch built for it (https://pytorch.org)"
 KERNEL_ADVICE = "only the slow reference renders: install a C++20 compiler, then diff3ds again"

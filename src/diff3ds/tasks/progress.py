@@ -1,14 +1,9 @@
-"""What a running task tells, and what it hands over at its end."""
+"""What a running task tells."""
 
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
-
-from diff3ds.optimize.fit import Step
-from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.sketch import Sketch
 
 
 @dataclass(frozen=True)
@@ -32,19 +27,6 @@ class Progress:
 
 
 Report = Callable[[Progress], None]
-
-
-class ShownLoss:
-    """The loss of a step for people to see. A look at one on a GPU waits for the device: there is one a second."""
-
-    def __init__(self) -> None:
-        self._value, self._due = math.nan, -math.inf
-
-    def of(self, step: Step) -> float:
-        """Of this step, or of one not long before."""
-        if step.loss_tensor.device.type == "cpu" or time.monotonic() >= self._due:
-            self._value, self._due = step.loss, time.monotonic() + 1
-        return self._value
 
 
 class Lines:
@@ -105,24 +87,3 @@ class StageTimes:
 
 class Stopped(KeyboardInterrupt):
     """A task that Ctrl-C ended early, from whose results --resume goes on."""
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """The end of a fit.
-
-    Attributes:
-        sketch: in the world of the cameras.
-        pictures: that it shows.
-        chosen: what was found out or filled in, for run.json.
-        losses: of every step.
-        scores: of the sketch.
-        stopped: whether Ctrl-C came before the end.
-    """
-
-    sketch: Sketch
-    pictures: PosedPictures
-    chosen: dict[str, Any]
-    losses: list[float]
-    scores: dict[str, float]
-    stopped: bool

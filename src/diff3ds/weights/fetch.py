@@ -10,24 +10,12 @@ from pathlib import Path
 from diff3ds.weights.catalog import KNOWN, Known
 from diff3ds.weights.download import TIMEOUT, RemoteFile, begun, digest_of, disk_full, download, transport_error
 from diff3ds.weights.judge_catalog import ELSEWHERE, JUDGES, Judge
-from diff3ds.weights.locate import Source, cached, lacking, needed, require_extra
+from diff3ds.weights.locate import cached, lacking, needed, require_extra
+from diff3ds.weights.options import FetchOptions, Source
 
 DIGEST = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")
 # Of the names of a repository's files: what it lacks, and which of them are needed.
 Selection = Callable[[Iterable[str]], tuple[list[str], list[str]]]
-
-
-@dataclass(frozen=True)
-class FetchOptions:
-    """Options of `diff3ds fetch`.
-
-    Attributes:
-        weights: a repository of the hub, owner/name or owner/name@revision, instead of those that are known.
-        variant: of a prior's files, such as fp16; by default half precision where it is published.
-    """
-
-    weights: str | None = None
-    variant: str | None = None
 
 
 @dataclass(frozen=True)

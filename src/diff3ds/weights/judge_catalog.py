@@ -4,8 +4,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import torch
-
 from diff3ds.weights.catalog import Repository
 from diff3ds.weights.locate import cached
 
@@ -76,6 +74,8 @@ class Elsewhere:
 
     def found(self) -> str | None:
         """The file where torchvision keeps what it downloads; None if it is not there."""
+        import torch
+
         path = Path(torch.hub.get_dir()) / "checkpoints" / self.url.rpartition("/")[2]
         return str(path) if path.is_file() else None
 

@@ -5,7 +5,8 @@ from collections.abc import Collection
 from pathlib import Path
 
 from diff3ds._shapes import Tensor
-from diff3ds.weights.locate import Source, locate
+from diff3ds.weights.locate import locate
+from diff3ds.weights.options import Source
 from diff3ds.weights.read import read_tensors
 
 # One line that turns what PyTorch saved into safetensors.

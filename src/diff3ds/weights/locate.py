@@ -5,7 +5,6 @@ in the layout of diffusers: a folder for each part. Loading them is the business
 """
 
 import importlib.util
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,48 +12,13 @@ from typing import Any
 
 from diff3ds._files import read_json
 from diff3ds.weights.catalog import KNOWN
+from diff3ds.weights.options import Source
 
 # Packages of the extra; peft, which only one method needs, is asked for there.
 EXTRA = ("diffusers", "transformers", "accelerate", "huggingface_hub")
 # Names of files with weights, without what follows; parts that are not listed here are diffusers models.
 STEMS = {"text_encoder": "model", "image_encoder": "model"}
 WITHOUT_WEIGHTS = {"scheduler": ("scheduler_config.json",), "tokenizer": ("tokenizer.json", "vocab.json")}
-HUB_NAME = re.compile(r"[\w.-]+/[\w.-]+")
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where a user says that weights are.
-
-    Attributes:
-        place: a folder, a single file, or a repository of the hub, owner/name.
-        revision: commit, tag or branch of a repository; None is "main".
-        variant: of the UNet's file, such as "fp16" in `diffusion_pytorch_model.fp16.safetensors`, and of other parts
-            where they have it; None takes what there is.
-        trust_pickle: allows a single file that is a pickle, which can run code of whoever made it (--allow-pickle).
-    """
-
-    place: str
-    revision: str | None = None
-    variant: str | None = None
-    trust_pickle: bool = False
-
-    @classmethod
-    def parse(cls, text: str, variant: str | None = None, trust_pickle: bool = False) -> "Source":
-        """A source from a path or "owner/name" or "owner/name@revision"; a path that exists is a path.
-
-        Raises:
-            ValueError: it is none of these.
-        """
-        name, _, revision = text.partition("@")
-        if text and Path(text).expanduser().exists():
-            return cls(text, None, variant, trust_pickle)
-        if not HUB_NAME.fullmatch(name):
-            raise ValueError(f"weights must be a folder or file that exists or owner/name[@revision], got {text!r}")
-        return cls(name, revision or None, variant, trust_pickle)
-
-    def __str__(self) -> str:
-        return f"{self.place}@{self.revision}" if self.revision else self.place
 
 
 @dataclass(frozen=True)

@@ -10,49 +10,22 @@ import torch
 
 import diff3ds
 from diff3ds._files import read_json, read_text
-from diff3ds._options import require_finite
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import load, load_image
 from diff3ds.guidance.device import pick_device
-from diff3ds.pictures.reference_picture import PictureOptions, read_reference
+from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.evaluate.judges import JudgeOptions, Judges, load_judges, require_networks
+from diff3ds.tasks.evaluate.judges import Judges, load_judges, require_networks
+from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.score_table import Row, columns_of, write_tables
 from diff3ds.tasks.text_image.image import DISTANCE
 
 VIEWS = 8
 # Names a list of phrases that comes with the package, in place of a file.
 OWN = "own"
-
-
-@dataclass(frozen=True)
-class EvaluateOptions:
-    """Options of `diff3ds eval`.
-
-    Attributes:
-        prompts: a file with a phrase on each line: of every method, exactly these are compared; own is a list of 35
-            that comes with diff3ds, which is not the paper's. By default all runs.
-        elevation: of the eight views all round, degrees.
-        distance: of the views from the middle.
-        fov: of the views, degrees.
-        size: of the views, pixels.
-    """
-
-    prompts: str | None = None
-    elevation: float = 15.0
-    distance: float = 2.0
-    fov: float = 60.0
-    size: int = 512
-
-    def __post_init__(self) -> None:
-        require_finite(self)
-
-    def views(self) -> Cameras:
-        """The eight views: azimuth 0, 45, ... 315 degrees."""
-        around = [360 * i / VIEWS for i in range(VIEWS)]
-        return orbit(around, self.elevation, self.distance, fov=self.fov, size=self.size)
 
 
 @dataclass(frozen=True)
@@ -101,7 +74,7 @@ def evaluate(
     """
     options = options or EvaluateOptions()
     require_networks(networks)
-    views, device = options.views(), pick_device(networks.device)
+    views, device = _views(options), pick_device(networks.device)
     runs = find_runs(folder)
     if options.prompts is not None:
         runs = _chosen(runs, read_prompts(prompt_file(options.prompts)))
@@ -242,3 +215,9 @@ def _about(options: EvaluateOptions, networks: JudgeOptions, rows: Sequence[Row]
     versions = f"diff3ds {diff3ds.__version__}, torch {torch.__version__}"
     chosen = prompts.get(options.prompts, Path(options.prompts or "").name)
     return {"views": views, **used, "prompts": chosen, "versions": versions}
+
+
+def _views(options: EvaluateOptions) -> Cameras:
+    """The eight views: azimuth 0, 45, ... 315 degrees."""
+    around = [360 * i / VIEWS for i in range(VIEWS)]
+    return orbit(around, options.elevation, options.distance, fov=options.fov, size=options.size)

@@ -12,6 +12,7 @@ from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.feature_stacks import Backbone
 from diff3ds.metrics.lpips import Lpips
 from diff3ds.pictures.resample import area_means
+from diff3ds.tasks.evaluate.options import JudgeOptions
 from diff3ds.weights.judge_files import find_file, find_folder, read_network
 
 # LPIPS compares pictures of this height and width, each pixel the mean over what it covers, as Magic123 does.
@@ -22,40 +23,6 @@ NOTHING_GIVEN = """no metric can be computed without weights; give one of
   --blip Salesforce/blip-itm-large-coco                              BLIP-Score of phrases
   --alexnet FILE --lpips-alex FILE                                   LPIPS of pictures
   --vgg16 FILE --lpips-vgg FILE                                      the same with VGG16"""
-
-
-@dataclass(frozen=True)
-class JudgeOptions:
-    """Networks of `diff3ds eval`. Each is a folder or file, or owner/name[@revision] of the hub once downloaded.
-
-    Attributes:
-        clip: CLIP models; the paper has openai/clip-vit-base-patch16 and openai/clip-vit-base-patch32.
-        blip: BLIP model for retrieval, such as Salesforce/blip-itm-large-coco.
-        alexnet: torchvision's weights of AlexNet, for LPIPS.
-        lpips_alex: LPIPS's own weights for AlexNet.
-        vgg16: torchvision's weights of VGG16, for LPIPS.
-        lpips_vgg: LPIPS's own weights for VGG16.
-        device: cpu, cuda, mps, or auto.
-        allow_pickle: these files for LPIPS are read although they are pickles, which can run code of whoever made
-            them; only their tensors are.
-    """
-
-    clip: tuple[str, ...] = ()
-    blip: str | None = None
-    alexnet: str | None = None
-    lpips_alex: str | None = None
-    vgg16: str | None = None
-    lpips_vgg: str | None = None
-    device: str = "auto"
-    allow_pickle: tuple[Path, ...] = ()
-
-    def __post_init__(self) -> None:
-        for (a, first), (b, second) in (
-            (("--alexnet", self.alexnet), ("--lpips-alex", self.lpips_alex)),
-            (("--vgg16", self.vgg16), ("--lpips-vgg", self.lpips_vgg)),
-        ):
-            if (first is None) != (second is None):
-                raise ValueError(f"LPIPS needs both {a} and {b}: give {b if second is None else a} as well")
 
 
 @dataclass(frozen=True, eq=False)

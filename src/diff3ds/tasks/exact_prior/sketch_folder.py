@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
 
@@ -16,8 +16,7 @@ from diff3ds.library.members import fill_ball
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.mesh_lines import mesh_lines, outline_share
 from diff3ds.tasks.exact_prior.folder_phrase import Name, listed, named
-
-Up = Literal["z", "y"]
+from diff3ds.tasks.exact_prior.options import Up
 
 SKETCHES = (".json", ".step", ".stp")
 READ = (*SKETCHES, *MESHES)

@@ -9,24 +9,26 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch.utils.data import DataLoader
 
-from diff3ds._files import write_tensors, write_text
+from diff3ds._files import write_text
 from diff3ds._shapes import Tensor
+from diff3ds._tensor_files import write_tensors
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.objective import step_generator
-from diff3ds.guidance.schedule import TIMESTEPS
+from diff3ds.guidance.recipe import TIMESTEPS
 from diff3ds.guidance.small import SCHEDULE, Vocabulary, half_is_fast, write_network
-from diff3ds.guidance.small_network import Shape, SmallNetwork
+from diff3ds.guidance.small_network import SmallNetwork
 from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.tasks.exact_prior.sketch_folder import Up, read_sketches
+from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import ROOM_FOR_NETWORKS, claim
+from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.small_prior.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.small_prior.prior_samples import sample_sheet
 
@@ -47,61 +49,6 @@ AHEAD = 8
 # On a CPU a batch is learned in parts of so many objects, one thread each: sums are then the same for any number of
 # threads. Parts of 2 cost a thread a quarter more, parts of 16 a tenth (measured).
 PART = 4
-
-
-@dataclass(frozen=True)
-class TrainOptions:
-    """Options of `diff3ds prior train`.
-
-    Attributes:
-        library: a folder of sketches or meshes to train on instead of the built-in library; files are named after what
-            they are: chair_01.json, or chair/01.json.
-        up: of a library's meshes, the axis that points up: z or y. glTF defines it.
-        steps: gradient steps. May be changed when a run is resumed, not to fewer than are done.
-        batch: objects a step, each seen by four cameras.
-        rate: highest learning rate.
-        depth: blocks of the network.
-        width: of the network's tokens.
-        patch: side of a patch, pixels.
-        device: auto (the first of cuda, mps, cpu), cpu, cuda, cuda:1, mps.
-        threads: of the network on a CPU, of which a quarter of the batch have work; by default as many as there are
-            cores. The result does not depend on it.
-        workers: processes that draw the examples ahead; the result does not depend on it.
-        checkpoint_every: steps between checkpoints and sheets of samples.
-        seed: of everything.
-        resume: go on from the checkpoint in the output folder.
-        overwrite: the run in the output folder may be lost.
-    """
-
-    library: Path | None = None
-    up: Up = "z"
-    steps: int = 6000
-    batch: int = 16
-    rate: float = 0.005
-    depth: int = Shape.depth
-    width: int = Shape.width
-    patch: int = Shape.patch
-    device: str = "auto"
-    threads: int | None = None
-    workers: int = 1
-    checkpoint_every: int = 250
-    seed: int = 0
-    resume: bool = False
-    overwrite: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("steps", "batch", "threads", "checkpoint_every"):
-            if getattr(self, name) is not None and getattr(self, name) < 1:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-        if self.workers < 0 or self.seed < 0:
-            raise ValueError("workers and seed must not be negative")
-        if not 0 < self.rate < 1:
-            raise ValueError(f"rate must lie in (0, 1), got {self.rate}")
-        self.shape(1)
-
-    def shape(self, words: int) -> Shape:
-        """Of the network, for so many words."""
-        return Shape(words, patch=self.patch, width=self.width, depth=self.depth)
 
 
 class Training:

@@ -15,7 +15,7 @@ from diff3ds.guidance.small_network import SmallNetwork
 from diff3ds.library.phrase import Request, parse
 from diff3ds.tasks.exact_prior.folder_phrase import Name, asked_of
 from diff3ds.tasks.small_prior.prior_data import AXES, said, words
-from diff3ds.tasks.text_image.priors import PriorOptions
+from diff3ds.tasks.text_image.options import PriorOptions
 
 # Where the weights lie in a package that has them.
 SHIPPED = Path(small.__file__).with_name("small.safetensors")

@@ -1,19 +1,12 @@
-"""Options that `diff3ds text` and `diff3ds image` share, and the presets that fill them in."""
+"""Options of a distillation, which `diff3ds text` and `diff3ds image` share, and the presets that fill them in."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from diff3ds._options import require_finite
-from diff3ds.camera import MAX_SIZE
-from diff3ds.guidance.device import Work
-from diff3ds.guidance.formulas import Weighting
-from diff3ds.guidance.methods import Method, conditions
-from diff3ds.guidance.objective import Recipe
-from diff3ds.guidance.orbits import Orbits
-from diff3ds.guidance.schedule import TimeAnnealing
-from diff3ds.optimize.checkpoint import check_seed
+from diff3ds._settings import MAX_SIZE, check_seed, require_finite
+from diff3ds.guidance.recipe import Method, Recipe, TimeAnnealing, Weighting, Work, check_orbits, conditions
 
 Parameter = Literal["position", "color", "alpha", "width"]
 
@@ -163,7 +156,7 @@ class DistillOptions:
         if not (0 <= self.delete_from <= 1 and 0 < self.delete_every <= 1):
             raise ValueError("delete_from must lie in [0, 1] and delete_every in (0, 1]: they are shares of the steps")
         # What these check is said before any weights are loaded.
-        Orbits(self.batch, distance=self.distance, elevation=self.elevation)
+        check_orbits(self.batch, 1, self.distance, self.elevation)
         self.recipe(0.0, group=1)
         least, most = self.width_range
         if "width" in self.optimize and self.width is not None and not least <= self.width <= most:

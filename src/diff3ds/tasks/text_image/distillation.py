@@ -12,16 +12,18 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.guidance.objective import Recipe, ScoreDistillation
+from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
+from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.upload import uploaded
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import CameraSampler, FitConfig, Objective, Rates, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
+from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.shown_loss import ShownLoss
 from diff3ds.tasks.text_image.distill_options import DistillOptions, Preset, PresetName
 from diff3ds.tasks.text_image.reference_view import Reference, followed
 from diff3ds.tasks.text_image.sharpen import STEPS, Sharpening

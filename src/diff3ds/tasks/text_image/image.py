@@ -2,16 +2,16 @@
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
-from diff3ds._options import require_finite
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
-from diff3ds.pictures.reference_picture import PictureOptions, read_reference
+from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.exact_prior.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like
@@ -26,15 +26,8 @@ from diff3ds.tasks.text_image import sharpen
 from diff3ds.tasks.text_image.built_in import Chosen, Color, check, run, start_width
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, Commission, distill
-from diff3ds.tasks.text_image.priors import (
-    BUILT_IN,
-    FOR_PICTURES,
-    PriorOptions,
-    best_for_pictures,
-    load_for_picture,
-    loaded,
-    named_prior,
-)
+from diff3ds.tasks.text_image.options import BUILT_IN, FOR_PICTURES, ImageOptions, PriorOptions
+from diff3ds.tasks.text_image.priors import best_for_pictures, load_for_picture, loaded, named_prior
 from diff3ds.tasks.text_image.reference_view import Reference
 from diff3ds.weights.catalog import KNOWN
 
@@ -44,31 +37,6 @@ GUIDANCE = 7.5
 REFERENCE_LOSS = 3000.0
 # The distance at which Stable-Zero123 has all its cameras; of the reference picture's camera.
 DISTANCE = 2.0
-
-
-@dataclass(frozen=True)
-class ImageOptions:
-    """Options of `diff3ds image` that `diff3ds text` lacks.
-
-    Attributes:
-        view_elevation: from how high the picture was taken, degrees; within the elevations of the cameras, so that
-            they come by. The built-in prior finds it by itself.
-        reference_loss: weight of the difference between the sketch and the picture, seen from where it was taken,
-            beside the prior's loss; by default none, as in the paper, and 3000 with the built-in prior.
-        shows: for the built-in prior: what the picture shows, a phrase such as "a chair with armrests"; by default it
-            is recognised.
-    """
-
-    view_elevation: float = 0.0
-    reference_loss: float | None = None
-    shows: str | None = None
-
-    def __post_init__(self) -> None:
-        require_finite(self)
-        if not -90 < self.view_elevation < 90:
-            raise ValueError(f"view_elevation must lie in (-90, 90) degrees, got {self.view_elevation}")
-        if self.reference_loss is not None and not self.reference_loss >= 0:
-            raise ValueError(f"reference_loss must not be negative, got {self.reference_loss}")
 
 
 @torch_on_one_thread()

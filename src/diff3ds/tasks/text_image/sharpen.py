@@ -12,9 +12,9 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.guidance.exemplar import ExemplarDenoiser
-from diff3ds.guidance.objective import Recipe, ScoreDistillation
+from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
-from diff3ds.guidance.schedule import TimeAnnealing
+from diff3ds.guidance.recipe import Recipe, TimeAnnealing
 from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import render

@@ -1,7 +1,6 @@
 """A phrase to a 3D sketch: what `diff3ds text` does."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.render.backends import torch_on_one_thread
@@ -14,33 +13,11 @@ from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image.built_in import Chosen, check, run
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, Commission, distill
-from diff3ds.tasks.text_image.priors import (
-    BUILT_IN,
-    FOR_PHRASES,
-    PriorOptions,
-    best_for_phrases,
-    load_for_phrase,
-    loaded,
-    named_prior,
-)
+from diff3ds.tasks.text_image.options import BUILT_IN, FOR_PHRASES, PriorOptions, TextOptions
+from diff3ds.tasks.text_image.priors import best_for_phrases, load_for_phrase, loaded, named_prior
 
 # The paper's weight of guidance for phrases.
 GUIDANCE = 50.0
-
-
-@dataclass(frozen=True)
-class TextOptions:
-    """Options of `diff3ds text` that `diff3ds image` lacks.
-
-    Attributes:
-        negative: a phrase for what the sketch should not look like; by default MVDream's own, and none for others.
-        suffix: appended to the phrase, such as ", 3d asset", with which MVDream was trained on things.
-        perp_neg: keep stable-diffusion from drawing the front on every side, for twice the time.
-    """
-
-    negative: str | None = None
-    suffix: str = ""
-    perp_neg: bool = False
 
 
 @torch_on_one_thread()

@@ -16,7 +16,7 @@ from diff3ds.pictures.clean_plates import Plates, load_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.frame import frame_of
 from diff3ds.pictures.load_views import Told
-from diff3ds.pictures.masks import Masks
+from diff3ds.pictures.options import Masks
 from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.pictures.store import Store, is_all_known
 from diff3ds.pictures.visual_hull import Hull, visual_hull
@@ -24,7 +24,8 @@ from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import spread
-from diff3ds.tasks.views.plan import Plan, ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.plan import Plan
 from diff3ds.transforms import present_views
 
 STEPS, BATCH = 1200, 5

@@ -4,34 +4,32 @@ import dataclasses
 import math
 import time
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
 import torch
 
-from diff3ds._options import require_finite
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.objective import step_generator
 from diff3ds.metrics.clip_resnet import clip_resnet
 from diff3ds.metrics.doodle_loss import DoodleLoss
-from diff3ds.metrics.vgg_distance import Variant, VggDistance
+from diff3ds.metrics.vgg_distance import VggDistance
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import FitConfig, Objective, Rates, fit
 from diff3ds.pictures.background import parse_background, with_alpha
 from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
 from diff3ds.pictures.frame import frame_of
-from diff3ds.pictures.masks import Masks
 from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.pictures.store import Store, is_all_known
 from diff3ds.pictures.visual_hull import visual_hull
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
+from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import RunInfo, claim, spread, write_results
+from diff3ds.tasks.shown_loss import ShownLoss
 from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
+from diff3ds.tasks.views.options import DoodleOptions
 from diff3ds.tasks.views.plan import Plan
 from diff3ds.tasks.views.run import CHECKPOINT, preview
 from diff3ds.weights.judge_files import find_file, read_network
@@ -41,70 +39,6 @@ from diff3ds.weights.judge_files import find_file, read_network
 NEXT, JITTER, DOT = 0.001, 0.01, 0.015
 # Scores are means over so many of the pictures.
 SCORED = 24
-
-
-@dataclass(frozen=True)
-class DoodleOptions:
-    """Options of `diff3ds views --recipe 3doodle`. The defaults are those that 3Doodle published for its curves.
-
-    Attributes:
-        clip_rn101: weights of CLIP's RN101 by OpenAI's names: a safetensors file, or a folder or repository of the hub
-            with open_clip_model.safetensors.
-        vgg16: weights of torchvision's VGG16: a safetensors file, or a folder or repository with model.safetensors.
-        vgg: 3doodle, whose code has ImageNet's mean and deviation exchanged; or standard.
-        clip_weight: of 1 - cosine of CLIP's embeddings.
-        vgg_weight: of the distance of VGG16's features.
-        augmentations: random warps of both images that are compared beside the images themselves.
-        strokes: black cubics.
-        steps: gradient steps.
-        batch: views a step.
-        size: larger pictures are reduced to this many pixels along the longer side.
-        width: of the strokes, pixels of the reduced pictures.
-        rate: learning rate of control points, in radii of the scene a step.
-        background: what lies behind the object in pictures without alpha: white, black or R,G,B, each from 0 to 1.
-        masks: what the black pixels of a mask_path are: ignore leaves them out of the loss, as nerfstudio does; object
-            takes them for background, so that masks cut the object out.
-        device: of the networks: cpu, cuda, mps, or auto.
-        allow_pickle: these files of weights are read although they are pickles, which can run code of whoever made
-            them; only their tensors are.
-        seed: of all random draws.
-        resume: go on from the checkpoint in the output folder.
-        overwrite: the run in the output folder may be lost.
-    """
-
-    clip_rn101: str = "timm/resnet101_clip.openai"
-    vgg16: str = "timm/vgg16.tv_in1k"
-    vgg: Variant = "3doodle"
-    clip_weight: float = 75.0
-    vgg_weight: float = 1.0
-    augmentations: int = 4
-    strokes: int = 32
-    steps: int = 20_000
-    batch: int = 1
-    size: int = 400
-    width: float = 3.0
-    rate: float = 0.001
-    background: str | None = None
-    masks: Masks = "ignore"
-    device: str = "auto"
-    allow_pickle: tuple[Path, ...] = ()
-    seed: int = 0
-    resume: bool = False
-    overwrite: bool = False
-
-    def __post_init__(self) -> None:
-        require_finite(self)
-        for name in ("strokes", "steps", "batch", "size", "width", "rate"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-        if self.augmentations < 0:
-            raise ValueError(f"augmentations must not be negative, got {self.augmentations}")
-        if not (min(self.clip_weight, self.vgg_weight) >= 0 < max(self.clip_weight, self.vgg_weight)):
-            raise ValueError("clip_weight and vgg_weight must not be negative, and one of them positive")
-        if self.vgg not in get_args(Variant):
-            raise ValueError(f"vgg must be one of {', '.join(get_args(Variant))}, got {self.vgg!r}")
-        if self.background is not None:
-            parse_background(self.background)
 
 
 def fit_doodle(

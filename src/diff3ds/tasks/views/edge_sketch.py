@@ -19,9 +19,10 @@ from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.progress import Fitted, Progress, Report
+from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import spread
-from diff3ds.tasks.views.plan import ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.plan import Fitted
 
 # Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
 # kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.

@@ -18,7 +18,8 @@ from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.results import spread
 from diff3ds.tasks.views.edge_sketch import most_views
-from diff3ds.tasks.views.plan import Plan, ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.plan import Plan
 
 # The lengths below are relative to the radius of the scene. All are empirical: tried on two CAD models' edge maps, and
 # kept where they scored best.

@@ -22,11 +22,12 @@ from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.progress import Fitted, Progress, Report, StageTimes, Stopped
+from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import RunInfo, claim, folder_of, spread, write_results
 from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
 from diff3ds.tasks.views.edge_sketch import fit_edges
-from diff3ds.tasks.views.plan import Plan, ViewsOptions
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.plan import Fitted, Plan
 from diff3ds.tasks.views.random_start import plan_random_edges
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.

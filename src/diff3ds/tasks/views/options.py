@@ -1,0 +1,128 @@
+"""Options of `diff3ds views` and of its recipe 3doodle."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from diff3ds._settings import check_seed, require_finite
+from diff3ds.pictures.options import Masks, Target, parse_color, parse_color_or_path
+
+Init = Literal["carve", "random"]
+# Of the distance of VGG16 that 3Doodle fits in; `diff3ds.metrics.vgg_distance` says what they are.
+Variant = Literal["3doodle", "standard"]
+
+
+@dataclass(frozen=True)
+class ViewsOptions:
+    """Options of `diff3ds views`.
+
+    Attributes:
+        target: edges (edge maps, line drawings), color, or color-edges (the edges of coloured pictures); edges or color
+            is found by itself if not given.
+        init: where edges start: carve (curves through 3D points on which the views agree), or random curves.
+        strokes: strokes of a coloured sketch, by default as many, from 64 to 1024, as its details need; random curves
+            for edges, by default 128.
+        steps: gradient steps from random curves or for colour; by default 1200.
+        batch: views of such a step; by default 10 for edges, 5 for colour.
+        background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1; a
+            picture, scaled to each view; or a folder with each view without the object, by the file names of the
+            pictures. By default alpha says where nothing is, or else the colour that nearly all of the borders have.
+        masks: what the black pixels of a mask_path are: ignore leaves them out of the loss and the scores, as
+            nerfstudio does; object takes them for background, so that masks cut the object out.
+        size: larger pictures are reduced to this many pixels along the longer side.
+        seed: of all random draws.
+        resume: go on from the checkpoint in the output folder, if there is one.
+        overwrite: the run in the output folder may be lost.
+    """
+
+    target: Target | None = None
+    init: Init = "carve"
+    strokes: int | None = None
+    steps: int | None = None
+    batch: int | None = None
+    background: str | None = None
+    masks: Masks = "ignore"
+    size: int = 512
+    seed: int = 0
+    resume: bool = False
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("strokes", "steps", "batch", "size"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"{name} must be positive, got {value}")
+        check_seed(self.seed)
+        if self.background is not None:
+            parse_color_or_path(self.background)
+
+    def idle(self, target: Target) -> list[str]:
+        """What was given, but changes nothing for pictures of this target: `--steps 500`."""
+        if target == "color":
+            return ["--init random"] if self.init == "random" else []
+        without = ["background", *(["strokes", "steps", "batch"] if self.init == "carve" else [])]
+        return [f"--{name} {getattr(self, name)}" for name in without if getattr(self, name) is not None]
+
+
+@dataclass(frozen=True)
+class DoodleOptions:
+    """Options of `diff3ds views --recipe 3doodle`. The defaults are those that 3Doodle published for its curves.
+
+    Attributes:
+        clip_rn101: weights of CLIP's RN101 by OpenAI's names: a safetensors file, or a folder or repository of the hub
+            with open_clip_model.safetensors.
+        vgg16: weights of torchvision's VGG16: a safetensors file, or a folder or repository with model.safetensors.
+        vgg: 3doodle, whose code has ImageNet's mean and deviation exchanged; or standard.
+        clip_weight: of 1 - cosine of CLIP's embeddings.
+        vgg_weight: of the distance of VGG16's features.
+        augmentations: random warps of both images that are compared beside the images themselves.
+        strokes: black cubics.
+        steps: gradient steps.
+        batch: views a step.
+        size: larger pictures are reduced to this many pixels along the longer side.
+        width: of the strokes, pixels of the reduced pictures.
+        rate: learning rate of control points, in radii of the scene a step.
+        background: what lies behind the object in pictures without alpha: white, black or R,G,B, each from 0 to 1.
+        masks: what the black pixels of a mask_path are: ignore leaves them out of the loss, as nerfstudio does; object
+            takes them for background, so that masks cut the object out.
+        device: of the networks: cpu, cuda, mps, or auto.
+        allow_pickle: these files of weights are read although they are pickles, which can run code of whoever made
+            them; only their tensors are.
+        seed: of all random draws.
+        resume: go on from the checkpoint in the output folder.
+        overwrite: the run in the output folder may be lost.
+    """
+
+    clip_rn101: str = "timm/resnet101_clip.openai"
+    vgg16: str = "timm/vgg16.tv_in1k"
+    vgg: Variant = "3doodle"
+    clip_weight: float = 75.0
+    vgg_weight: float = 1.0
+    augmentations: int = 4
+    strokes: int = 32
+    steps: int = 20_000
+    batch: int = 1
+    size: int = 400
+    width: float = 3.0
+    rate: float = 0.001
+    background: str | None = None
+    masks: Masks = "ignore"
+    device: str = "auto"
+    allow_pickle: tuple[Path, ...] = ()
+    seed: int = 0
+    resume: bool = False
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+        for name in ("strokes", "steps", "batch", "size", "width", "rate"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if self.augmentations < 0:
+            raise ValueError(f"augmentations must not be negative, got {self.augmentations}")
+        if not (min(self.clip_weight, self.vgg_weight) >= 0 < max(self.clip_weight, self.vgg_weight)):
+            raise ValueError("clip_weight and vgg_weight must not be negative, and one of them positive")
+        if self.vgg not in get_args(Variant):
+            raise ValueError(f"vgg must be one of {', '.join(get_args(Variant))}, got {self.vgg!r}")
+        if self.background is not None:
+            parse_color(self.background)
