@@ -19,7 +19,7 @@ template <bool W, class F> HD void add_value(Moments<F> &m, F tau, F hx, F hy, F
     if (W) m.w[k] += hw, hw *= tau;
   }
 }
-// Adds (hx, hy, hz) k tau^(k-1): the share of a derivative along the curve.
+// Adds (hx, hy, hz) k tau^(k-1): what a derivative along the curve adds.
 template <class F, class S> HD void add_slope(Moments<F> &m, F tau, F hx, F hy, F hz, S) {
   F power = tau * S(0) + S(1);
   for (int k = 1; k < 4; k++) {

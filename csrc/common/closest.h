@@ -62,7 +62,7 @@ constexpr double THIRD_STEP = 1e-4;    // px (empirical: depth's gradient near c
 template <class F, class S, class M> HD Point<F> parabola_step(const Piece<S> &c, const Approach<F> &a, F qx, F qy, M &far) {
   const Jet<F> j = jet(c, a.tau);
   const F rx = j.px - qx, ry = j.py - qy, vv = j.vx * j.vx + j.vy * j.vy, f2 = vv + S(2) * (rx * j.ax + ry * j.ay);
-  // The slope's inverse, from that of the first by a step of Newton's: a share of off^2 of the step is missing then.
+  // The slope's inverse, from that of the first by a step of Newton's: a fraction off^2 of the step is missing then.
   const F off = clamp(S(1) - f2 * a.rate, S(-1), S(1)), old = (rx * j.vx + ry * j.vy) * a.rate;
   const F next = clamp(a.tau - (old + old * off), S(-.5), S(.5)), step = next - a.tau, old_step = clamp(a.tau - old, S(-.5), S(.5)) - a.tau;
   const F missing = old_step * off * off;

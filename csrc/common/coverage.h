@@ -1,4 +1,4 @@
-// Coverage: the share of a pixel that a stroke covers, from the distance to its closest point (docs/explanation/mathematics.md, eq. 7).
+// Coverage: the fraction of a pixel that a stroke covers, from the distance to its closest point (docs/explanation/mathematics.md, eq. 7).
 #pragma once
 #include "common/curve.h"
 

@@ -1,4 +1,4 @@
-// Pieces of strokes and their chords: what they are, and their points and derivatives. Equation numbers: docs/explanation/mathematics.md.
+// Pieces of rational strokes and their chords: what they are, and their points and derivatives. Equation numbers: docs/explanation/mathematics.md.
 //
 // A piece is a part of a stroke, tame enough for float32; a chord stands for a part of a piece (common/flatten.h makes both).
 #pragma once
@@ -18,7 +18,7 @@ template <class S> struct Piece {
   S parabola2;  // CPU: square of the parameter step within which the parabola that touches the curve stands for it
 };
 
-// A chord of a piece: from a along e; (ix, iy) = e / |e|^2. At its share s the curve's parameter is about tau0 + s (dtau + (1 - s) bow): exact
+// A chord of a piece: from a along e; (ix, iy) = e / |e|^2. At its fraction s the curve's parameter is about tau0 + s (dtau + (1 - s) bow): exact
 // at the ends and in the middle.
 template <class S> struct Chord {
   S ax, ay, ex, ey, ix, iy, tau0, dtau, bow;

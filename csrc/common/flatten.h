@@ -133,7 +133,7 @@ template <class Mask> HD bool any_lane(const Mask &m) {
   }
 }
 
-// A piece without its looks, and its arc, from control points k with the points p on screen.
+// A piece without its appearance, and its arc, from control points k with the points p on screen.
 template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piece<S> &c) {
   const double ox = round((p[0][0] + p[3][0]) / 2), oy = round((p[0][1] + p[3][1]) / 2);
   for (int i = 0; i < 4; i++) {
@@ -190,7 +190,7 @@ template <class F> HD Ends<F> ends_of(const Arc<F> &k) {
 // The chord of an arc that begins at t0 and is dt long in the piece's parameter from 0 to 1; relative to the piece's origin.
 template <class F> HD Chord<F> make_chord(const Arc<F> &k, F t0, float dt) {
   const F ex = k.u[3] - k.u[0], ey = k.v[3] - k.v[0], ee = ex * ex + ey * ey, none = ee * 0.f, il = ee > 1e-24f ? 1.f / ee : none;
-  // Share of the chord reached in the middle of the parameter; the bow brings that point to one half.
+  // Fraction of the chord reached in the middle of the parameter; the bow brings that point to one half.
   const F z = 1.f / (k.z[0] + 3.f * (k.z[1] + k.z[2]) + k.z[3]);
   const F mx = (k.x[0] + 3.f * (k.x[1] + k.x[2]) + k.x[3]) * z - k.u[0], my = (k.y[0] + 3.f * (k.y[1] + k.y[2]) + k.y[3]) * z - k.v[0];
   const F m = least(most((mx * ex + my * ey) * il, none + .3f), none + .7f), bow = dt * (.5f - m) / (m * (1.f - m));

@@ -5,7 +5,7 @@
 
 namespace stroke {
 
-// Share of control point k of K in control point i of the same curve as a cubic.
+// Weight of control point k of K in control point i of the same curve as a cubic.
 template <int K> HD constexpr double elevation(int i, int k) {
   constexpr double line[4][2] = {{1, 0}, {2 / 3., 1 / 3.}, {1 / 3., 2 / 3.}, {0, 1}};
   constexpr double quadratic[4][3] = {{1, 0, 0}, {1 / 3., 2 / 3., 0}, {0, 2 / 3., 1 / 3.}, {0, 0, 1}};

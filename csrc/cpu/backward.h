@@ -35,7 +35,7 @@ struct Ahead {
 };
 
 // What the loss says of a tile. A fragment adds T a (pix . (color - plain, depth - tau) + best) to it, the background T run; all times `scale`.
-// Depth is sum(T a z) / sum(T a), here k.tau: its gradient goes to both sums. Returns `plain`: a background of one colour, whose share all
+// Depth is sum(T a z) / sum(T a), here k.tau: its gradient goes to both sums. Returns `plain`: a background of one colour, whose blend weight all
 // fragments then carry (sum T a + T = 1, and run = 0); else zero.
 PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) {
   if (p.w < TILE || p.h < TILE || !J.g_color)

@@ -1,4 +1,5 @@
-// Sorted fragments of a tile composited near to far, kept for the backward, and written to the images. Included by kernel.cpp only.
+// Occlusion, second half: sorted fragments of a tile composited (blended) near to far, kept for the backward, and written to the images.
+// Included by kernel.cpp only.
 #pragma once
 #include "cpu/sort.h"
 
@@ -29,8 +30,8 @@ PHASE void composite(const Job<real> &J, Work &k) {
     v4 color = {c.color[0], c.color[1], c.color[2], 0};
     for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
       color[3] = k.z[f];
-      const real share = k.T[f] * k.a[f];
-      k.pix[k.px[f]] += share * color, k.ink[k.px[f]] += share;
+      const real weight = k.T[f] * k.a[f];  // in the blend
+      k.pix[k.px[f]] += weight * color, k.ink[k.px[f]] += weight;
     }
   }
 }
@@ -45,11 +46,11 @@ PHASE void blend_layers(const Job<real> &J, Work &k) {
     v4 color = {c.color[0], c.color[1], c.color[2], 0};
     for (uint32_t f = k.first[l]; f < k.first[l + 1]; f++) {
       const integer px = k.px[f];
-      const real T = k.run[px], share = T * k.a[f];
+      const real T = k.run[px], weight = T * k.a[f];
       color[3] = k.z[f];
       if (J.save) k.T[f] = T;
-      k.run[px] = T - share;
-      k.pix[px] += share * color, k.ink[px] += share;
+      k.run[px] = T - weight;
+      k.pix[px] += weight * color, k.ink[px] += weight;
     }
   }
 }

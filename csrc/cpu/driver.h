@@ -1,4 +1,4 @@
-// One call of the renderer on the CPU: strokes to images, and gradients back.
+// One call on the CPU: rasterize rational Bézier strokes to images, and take gradients back.
 #pragma once
 #include "common/coverage.h"
 #include "cpu/flatten.h"

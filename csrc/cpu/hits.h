@@ -137,8 +137,8 @@ template <int POINTS> PHASE uint32_t pack_rows(const Job<real> &J, uint32_t firs
   return uint32_t(px - k.px);
 }
 
-// The starts of candidates [n0, n) of a smooth run: k.t, the parameter behind the shares of all its chords that the points have passed. Near a joint
-// the shares of both chords change it, where the nearest chord's would jump (eq. 14).
+// The starts of candidates [n0, n) of a smooth run: k.t, the parameter behind the fractions of all its chords that the points have passed. Near a joint
+// the fractions of both chords change it, where the nearest chord's would jump (eq. 14).
 template <int POINTS> PHASE void start_along(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, uint32_t n0, uint32_t n) {
   const Chord<real> *begin = J.chords + first, *end = J.chords + last + 1;
   const real x = begin->ax, y = begin->ay;

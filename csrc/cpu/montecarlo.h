@@ -41,9 +41,9 @@ template <bool WORLD> void montecarlo_forward(const Job<real> &J, int tile, Scra
     for (int i = 0; i < PIX; i += VL) store(clear + i, load(clear + i) + load(k.run + i)), store(ink + i, load(ink + i) + load(k.ink + i));
     if (J.save) save_tile(J.tiles[size_t(tile) * strata + s], k, n, sorted == k.layers, A);
   }
-  const real share = real(1) / strata;
-  for (int i = 0; i < PIX; i++) k.pix[i] = total[i] * share;
-  for (int i = 0; i < PIX; i += VL) store(k.run + i, load(clear + i) * share), store(k.ink + i, load(ink + i) * share);
+  const real per_sample = real(1) / strata;
+  for (int i = 0; i < PIX; i++) k.pix[i] = total[i] * per_sample;
+  for (int i = 0; i < PIX; i += VL) store(k.run + i, load(clear + i) * per_sample), store(k.ink + i, load(ink + i) * per_sample);
   write_tile(J, p, k);
 }
 

@@ -1,4 +1,5 @@
-// Fragments of a tile sorted by depth: layers as a whole where they do not overlap, else per point. Included by kernel.cpp only.
+// Occlusion, first half: fragments of a tile sorted by depth, layers as a whole where they do not overlap, else per point; composite.h blends
+// them. Included by kernel.cpp only.
 #pragma once
 #include "cpu/hits.h"
 

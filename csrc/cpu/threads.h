@@ -27,7 +27,7 @@ inline void relax() {
 // rethrown. parts: of how many parts the items in front of each, and all n, consist; runs then are of like work.
 class Threads {
   using Body = std::function<void(int, int)>;
-  static constexpr int SHARES = 4, PART = 4;  // runs of what is left, a thread; work of a part in that of an item without any (empirical)
+  static constexpr int RUNS = 4, PART = 4;  // runs of what is left, a thread; work of a part in that of an item without any (empirical)
   std::vector<std::thread> workers_;
   std::mutex mutex_, busy_, error_mutex_;
   std::condition_variable wake_;
@@ -40,10 +40,10 @@ class Threads {
   bool open_ = false, stop_ = false;
 
   int64_t work_before(int i) const { return i + (parts_ ? PART * int64_t(parts_[i]) : 0); }
-  // The next run: a share of the work that is left, since every exchange between threads waits for this one's stores past the caches.
+  // The next run: a fraction of the work that is left, since every exchange between threads waits for this one's stores past the caches.
   bool take(int &begin, int &end) {
     for (begin = next_; begin < count_;) {
-      const int64_t start = work_before(begin), goal = start + (work_before(count_) - start) / (SHARES * size());
+      const int64_t start = work_before(begin), goal = start + (work_before(count_) - start) / (RUNS * size());
       end = begin + std::min(grain_, count_ - begin);
       for (int beyond = count_ + 1; beyond - end > 1;) {
         const int middle = end + (beyond - end) / 2;

@@ -72,12 +72,12 @@ __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_p
     const real qx = real(p.x) - c.ox + q.x, qy = real(p.y) - c.oy + q.y;
     const Cover cover = J.fragments[f];
     const PixelGradient &u = upstream[thread];
-    const real share = J.front[f] * cover.a, ga = J.g_fragment[f];
+    const real weight = J.front[f] * cover.a, ga = J.g_fragment[f];
     if (SAMPLES) {
       g.m.opacity += ga;
-      if (DEPTH) depth_adjoint(c, cover.tau, qx, qy, u.depth * share, g.m, real(1));
-    } else fragment_adjoint<WORLD, DEPTH>(c, filter, cover.tau, qx, qy, ga, u.depth * share, g.m);
-    g.m.rgb[0] += share * u.r, g.m.rgb[1] += share * u.g, g.m.rgb[2] += share * u.b;
+      if (DEPTH) depth_adjoint(c, cover.tau, qx, qy, u.depth * weight, g.m, real(1));
+    } else fragment_adjoint<WORLD, DEPTH>(c, filter, cover.tau, qx, qy, ga, u.depth * weight, g.m);
+    g.m.rgb[0] += weight * u.r, g.m.rgb[1] += weight * u.g, g.m.rgb[2] += weight * u.b;
   }
   real sum = 0;
 #pragma unroll

@@ -1,5 +1,5 @@
-// Pixels of a tile from its fragments and back: one block a tile, one thread a pixel; analytic coverage, or strata of samples one after the other
-// (docs/explanation/mathematics.md, eq. 7, 9, 10).
+// Occlusion: pixels of a tile composited (blended) from its fragments near to far, and back: one block a tile, one thread a pixel; analytic
+// coverage, or strata of samples one after the other (docs/explanation/mathematics.md, eq. 7, 9, 10).
 #pragma once
 #include "common/hash.h"
 #include "cuda/hits.cuh"
@@ -19,7 +19,7 @@ __device__ inline Place place_of(const Job &J, const Tile &p, int s, int x, int 
 }
 // Index of this thread's point among those of all strata and tiles.
 __device__ inline u64 point_index(const Job &J, const Tile &p, int s) { return (u64(s) * tile_count(J) + p.index) * PIX + threadIdx.x; }
-// Segments of a stratum that is kept for the backward, or of the only one.
+// Fragments by warp of a stratum that is kept for the backward, or of the only one.
 __device__ inline WarpFragments *warp_fragments_of(const Job &J, const Tile &p, int s) {
   return J.warp_fragments + ((J.save ? u64(s) * J.limit[TILE_PIECES] : 0) + p.tile_piece_first) * WARPS;
 }
@@ -32,9 +32,9 @@ __device__ inline void composite(const Job &J, const u32 *order, u32 n, Sums &su
   for (u32 k = 0; k < n; k++) {
     const Cover f = J.fragments[order[k]];
     const Piece<real> &c = J.pieces[f.piece];
-    const real share = T * f.a;
-    sums.r += share * c.color[0], sums.g += share * c.color[1], sums.b += share * c.color[2], sums.depth += share * f.z, sums.ink += share;
-    T -= share;
+    const real weight = T * f.a;  // in the blend
+    sums.r += weight * c.color[0], sums.g += weight * c.color[1], sums.b += weight * c.color[2], sums.depth += weight * f.z, sums.ink += weight;
+    T -= weight;
   }
   sums.clear += T;
 }
@@ -54,11 +54,11 @@ template <bool WORLD> __device__ void draw_tile(const Job &J) {
     composite(J, J.order + first, n, sums);
   }
   if (!active) return;
-  const real share = real(1) / strata, *bg = background_at(J, p, x, y), clear = sums.clear * share, ink = sums.ink * share;
+  const real per_sample = real(1) / strata, *bg = background_at(J, p, x, y), clear = sums.clear * per_sample, ink = sums.ink * per_sample;
   const u64 at = pixel_index(J, p, x, y);
-  J.out_color[3 * at] = sums.r * share + clear * bg[0];
-  J.out_color[3 * at + 1] = sums.g * share + clear * bg[1];
-  J.out_color[3 * at + 2] = sums.b * share + clear * bg[2];
+  J.out_color[3 * at] = sums.r * per_sample + clear * bg[0];
+  J.out_color[3 * at + 1] = sums.g * per_sample + clear * bg[1];
+  J.out_color[3 * at + 2] = sums.b * per_sample + clear * bg[2];
   J.out_alpha[at] = ink, J.out_depth[at] = ink > real(MIN_ALPHA) ? sums.depth / sums.ink : real(0);
 }
 

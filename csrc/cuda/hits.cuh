@@ -1,5 +1,5 @@
 // From the strokes of a tile to its fragments, one thread for every point: the nearest point of each stroke within reach, kept per warp, and
-// each point's fragments sorted by depth.
+// each point's fragments sorted by depth: the first half of occlusion; composite.cuh blends them.
 #pragma once
 #include "cuda/tile.cuh"
 #include "cuda/warp.cuh"

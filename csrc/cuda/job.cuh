@@ -1,4 +1,4 @@
-// The job that all CUDA kernels are given: everything they read and write. No host headers, so that NVRTC
+// The job that all CUDA kernels are given to rasterize rational strokes: everything they read and write. No host headers, so that NVRTC
 // compiles this as it is. REAL: the precision of pixels.
 #pragma once
 #include "common/adjoint.h"

@@ -10,13 +10,13 @@ def crowd(count: int = 40, size: int = 30, seed: int = 0, **options):
     """Bent strokes over each other, in float32."""
     g = torch.Generator().manual_seed(seed)
     points = size / 2 + size / 4 * torch.randn(count, 4, 2, generator=g)
-    looks = {
+    appearance = {
         "depth": 1 + torch.rand(count, 4, generator=g),
         "half_width": 2 * torch.rand(count, generator=g),
         "color": torch.rand(count, 3, generator=g),
         "opacity": torch.rand(count, generator=g),
     }
-    return strokes_at(points, dtype=torch.float32, **{**looks, **options})
+    return strokes_at(points, dtype=torch.float32, **{**appearance, **options})
 
 
 def results(strokes, size, antialiasing="analytic", backend="cuda", **options) -> list[torch.Tensor]:

@@ -31,10 +31,10 @@ def random_sketch(dtype: torch.dtype, g: torch.Generator) -> Sketch:
     points = extreme((count, controls, 3), 30, g)
     weights = 10 ** (_pick([0.0, 0.5, 3.0], g) * (2 * torch.rand(count, controls, generator=g) - 1))
     width = extreme((count,), _pick([0.0, 2.0, 4.0], g), g).abs() * _pick([0.0, 1e-3, 0.05, 1.0], g)
-    looks = width.clamp(max=1e4), torch.rand(count, 3, generator=g), torch.rand(count, generator=g)
+    appearance = width.clamp(max=1e4), torch.rand(count, 3, generator=g), torch.rand(count, generator=g)
     if _chance(0.2, g):
-        looks = *looks[:2], looks[2].round()
-    tensors = [t.to(dtype).requires_grad_() for t in (points, weights, *looks)]
+        appearance = *appearance[:2], appearance[2].round()
+    tensors = [t.to(dtype).requires_grad_() for t in (points, weights, *appearance)]
     return Sketch(*tensors, width_space=_pick(["image", "world"], g))
 
 

@@ -75,8 +75,8 @@ def supersampled(strokes: Strokes2D, size: tuple[int, int]) -> np.ndarray:
     """
     image, clear = 0.0, 1.0
     cubics = strokes.cubics[0].detach().numpy()
-    looks = (t.detach().numpy() for t in (strokes.half_width[0], strokes.color, strokes.opacity))
-    half_width, color, opacity = looks
+    appearance = (t.detach().numpy() for t in (strokes.half_width[0], strokes.color, strokes.opacity))
+    half_width, color, opacity = appearance
     for n in np.argsort([c[0, 2] / c[0, 3] for c in cubics]):
         share = _share(cubics[n].tobytes(), float(half_width[n]), size, strokes.width_space == "world")
         image = image + (clear * opacity[n] * share)[..., None] * color[n]

@@ -29,8 +29,8 @@ def strokes_at(
     def filled(value, *shape) -> torch.Tensor:
         return torch.as_tensor(value, dtype=dtype).expand(*shape).clone()
 
-    looks = filled(half_width, 1, count), filled(color, count, 3), filled(opacity, count)
-    return Strokes2D(cubics[None], *looks, **options)
+    appearance = filled(half_width, 1, count), filled(color, count, 3), filled(opacity, count)
+    return Strokes2D(cubics[None], *appearance, **options)
 
 
 def draw(strokes: Strokes2D, size, backend: str, antialiasing: str = "analytic", seed: int = 0, **options) -> Rendering:

@@ -26,10 +26,10 @@ def scene(seed: int, controls: int, width_space: str) -> tuple[Sketch, Cameras]:
 
     points = (0.45 * torch.randn(10, controls, 3, generator=g, dtype=torch.float64)).requires_grad_()
     weights = uniform(-1, 1, 10, controls).detach().exp().requires_grad_()
-    looks = uniform(0.005, 0.08, 10), uniform(0, 1, 10, 3), uniform(0.3, 1, 10)
+    appearance = uniform(0.005, 0.08, 10), uniform(0, 1, 10, 3), uniform(0.3, 1, 10)
     cameras = look_at(torch.tensor([[2.0, 0.4, 0.5], [-0.6, 1.7, 0.9]], dtype=torch.float64), size=SIZE)
     pose, intrinsics = (t.detach().requires_grad_() for t in (cameras.world_to_camera, cameras.intrinsics))
-    return Sketch(points, weights, *looks, width_space=width_space), Cameras(pose, intrinsics, SIZE)
+    return Sketch(points, weights, *appearance, width_space=width_space), Cameras(pose, intrinsics, SIZE)
 
 
 def leaves(sketch: Sketch, cameras: Cameras, background: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -108,7 +108,7 @@ def test_analytic_images_and_gradients(kernels, dtype, seed, controls, width_spa
 
 
 def sampled(backend: str, dtype: torch.dtype, width_space: str) -> tuple:
-    """Images and gradients of looks in the Monte Carlo mode."""
+    """Images and gradients of appearance in the Monte Carlo mode."""
     sketch, cameras = cast(*scene(5, 4, width_space), dtype)
     options = {"antialiasing": "montecarlo", "samples": 9, "generator": torch.Generator().manual_seed(3)}
     background = torch.full((1, 1, 1, 3), 0.3, dtype=dtype, requires_grad=True)
@@ -167,12 +167,12 @@ def test_every_instruction_set():
 
     g = torch.Generator().manual_seed(0)
     points = 20 + 12 * torch.randn(12, 4, 2, generator=g)
-    looks = {"half_width": 2 * torch.rand(1, 12, generator=g), "color": torch.rand(12, 3, generator=g)}
+    appearance = {"half_width": 2 * torch.rand(1, 12, generator=g), "color": torch.rand(12, 3, generator=g)}
     depth = 1 + torch.rand(12, 1, generator=g)
     upstream = torch.randn(1, 40, 40, 3, generator=g)
 
     def result(backend: str) -> tuple[torch.Tensor, ...]:
-        strokes = strokes_at(points, depth=depth, opacity=0.8, dtype=torch.float32, **looks)
+        strokes = strokes_at(points, depth=depth, opacity=0.8, dtype=torch.float32, **appearance)
         tensors = [getattr(strokes, name).requires_grad_() for name in TENSORS]
         image = rasterize(strokes, 40, backend=backend, blur=0.5).color
         return image.detach(), *torch.autograd.grad((image * upstream).sum(), tensors)

@@ -40,8 +40,8 @@ def test_sums_over_views_and_strokes_have_an_order(device, antialiasing, width_s
 def test_more_strokes_than_a_block_adds_up_at_a_time(device):
     g = torch.Generator().manual_seed(0)
     points = 48 * torch.rand(9000, 1, 2, generator=g) + 2 * torch.randn(9000, 4, 2, generator=g)
-    looks = {"half_width": 0.1, "opacity": 0.2, "color": torch.rand(9000, 3, generator=g), "dtype": torch.float32}
-    strokes = strokes_at(points, depth=1 + torch.rand(9000, 4, generator=g), **looks)
+    appearance = {"half_width": 0.1, "opacity": 0.2, "color": torch.rand(9000, 3, generator=g), "dtype": torch.float32}
+    strokes = strokes_at(points, depth=1 + torch.rand(9000, 4, generator=g), **appearance)
     expected, got = (draw(strokes, 48, backend) for backend in ("cpu", "cuda"))
     assert ((got.color - expected.color).abs() < 1e-4).double().mean() > 0.999
 
@@ -123,9 +123,13 @@ def test_crowded_tiles(device):
     """More chords in a tile than shared memory holds, and more strokes over a pixel than a short list."""
     g = torch.Generator().manual_seed(0)
     points = 8 + 6 * torch.randn(1100, 1, 2, generator=g) + torch.randn(1100, 4, 2, generator=g)
-    looks = {"opacity": 0.02, "color": torch.rand(1100, 3, generator=g), "depth": 1 + torch.rand(1100, 1, generator=g)}
+    appearance = {
+        "opacity": 0.02,
+        "color": torch.rand(1100, 3, generator=g),
+        "depth": 1 + torch.rand(1100, 1, generator=g),
+    }
     got, expected = (
-        results(strokes_at(points, half_width=1.0, dtype=torch.float32, **looks), 17, backend=b)
+        results(strokes_at(points, half_width=1.0, dtype=torch.float32, **appearance), 17, backend=b)
         for b in ("cuda", "cpu")
     )
     for name, a, b in zip(("color", "alpha", "depth"), got[:3], expected[:3], strict=True):

@@ -121,21 +121,21 @@ def thousands(dtype: torch.dtype = torch.float32):
     g = torch.Generator().manual_seed(0)
     start = 300 * torch.rand(20_000, 1, 2, generator=g)
     points = start + 12 * torch.randn(20_000, 4, 2, generator=g)
-    looks = {"color": torch.rand(20_000, 3, generator=g), "opacity": torch.rand(20_000, generator=g)}
-    return points, {**looks, "depth": 1 + torch.rand(20_000, 1, generator=g), "dtype": dtype}
+    appearance = {"color": torch.rand(20_000, 3, generator=g), "opacity": torch.rand(20_000, generator=g)}
+    return points, {**appearance, "depth": 1 + torch.rand(20_000, 1, generator=g), "dtype": dtype}
 
 
 @pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
 def test_twenty_thousand_strokes():
     """The whole picture by the kernels, a corner of it by the reference as well."""
-    points, looks = thousands()
-    strokes = strokes_at(points, **looks)
+    points, appearance = thousands()
+    strokes = strokes_at(points, **appearance)
     tensors = tracked(strokes)
     image = rasterize(strokes, 300, backend="cpu")
     image.color.sum().backward()
     assert all(t.grad.isfinite().all() for t in tensors)
     assert 0.99 < image.alpha.mean() <= 1
-    corner = rasterize(strokes_at(points - 150, **looks), 12, backend="reference")
+    corner = rasterize(strokes_at(points - 150, **appearance), 12, backend="reference")
     # Depths in float32 are told apart to 1e-7: of 60 strokes a pixel hardly any two are in another order.
     difference = (corner.color - image.color[:, 150:162, 150:162]).abs().amax(-1)
     assert (difference > 1e-4).sum() <= 1

@@ -77,10 +77,12 @@ def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) ->
         value, *_ = homogeneous_derivatives(s.control[chords.curve], chords.start[:, None])
         # Around the outside of a bend the outline is longer than the chord.
         measure = torch.where(jump, 0.0, length + turn.abs() * s.half_width(chords.curve, value[:, 0]))
-        rows, share, part = _spread(measure, density, generator)
+        rows, fraction, part = _spread(measure, density, generator)
         width = (chords.stop - chords.start)[rows]
         half_turn = torch.full_like(length, math.pi)
-    sides = [_side(s, chords.curve[rows], chords.start[rows] + share * width, part * width, sign) for sign in (1, -1)]
+    sides = [
+        _side(s, chords.curve[rows], chords.start[rows] + fraction * width, part * width, sign) for sign in (1, -1)
+    ]
     arcs = (
         (first, chords.start, -before, half_turn),
         (last, chords.stop, after, half_turn),
@@ -126,7 +128,7 @@ def _tangents(control: Float[Tensor, "I 4 3"]) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def _spread(length: Float[Tensor, " I"], density: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-    """Stratified points on intervals of these lengths: interval, place in [0, 1), and the share each stands for."""
+    """Stratified points on intervals of these lengths: interval, place in [0, 1), and the fraction each stands for."""
     counts = (length.clamp(max=MAX_LENGTH) * density).ceil().long()
     rows = torch.repeat_interleave(torch.arange(len(counts), device=counts.device), counts)
     rank = torch.arange(len(rows), device=rows.device) - (counts.cumsum(0) - counts)[rows]
@@ -163,9 +165,9 @@ def _arc(
     """Points of circles of radius r around points of spans: the outside of a turn from the directions `before` on."""
     value, *_ = homogeneous_derivatives(s.control[span], u[:, None])
     r = s.half_width(span, value[:, 0])
-    rows, share, part = _spread(r.detach() * turn.abs(), density, generator)
+    rows, fraction, part = _spread(r.detach() * turn.abs(), density, generator)
     start = torch.atan2(before[:, 1], before[:, 0]) - torch.where(turn > 0, math.pi / 2, -math.pi / 2)
-    angle = start[rows] + share * turn[rows]
+    angle = start[rows] + fraction * turn[rows]
     outward = torch.stack([angle.cos(), angle.sin()], -1)
     position = (value[:, 0, :2] / value[:, 0, 2:3])[rows] + r[rows, None] * outward
     return s.outline(span[rows], u[rows], position, outward * (r.detach() * turn.abs())[rows, None] * part[:, None])

@@ -1,4 +1,4 @@
-"""The specification: strokes to pixels in plain torch, differentiated by autograd alone.
+"""The specification: it rasterizes rational strokes in plain torch, coverage and occlusion, differentiated by autograd.
 
 Any dtype and device. Geometry is computed in float64. Memory is bounded: candidates are searched and pixels are shaded
 in blocks, and the shading is computed again in the backward pass. Equations: docs/explanation/mathematics.md.
@@ -47,7 +47,7 @@ def rasterize(
 
 
 def coverage(distance: Tensor, half_width: Tensor, blur: float) -> Tensor:
-    """Share of a pixel covered by a strip of this half width whose middle is this far away (docs eq. 7)."""
+    """Fraction of a pixel covered by a strip of this half width whose middle is this far away (docs eq. 7)."""
     if blur == 0:
         inner, outer = half_width - distance + 0.5, -half_width - distance + 0.5
         return inner.clamp(0, 1) - outer.clamp(0, 1)
