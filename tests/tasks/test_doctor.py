@@ -18,9 +18,9 @@ from tiny_zero123 import save_zero123
 
 from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
-from diff3ds.tasks.evaluate.options import JudgeOptions
-from diff3ds.tasks.text_image.options import BUILT_IN
-from diff3ds.tasks.views.options import DoodleOptions
+from diff3ds.tasks.evaluate.judges import JudgeOptions
+from diff3ds.tasks.text_image.priors import BUILT_IN
+from diff3ds.tasks.views.doodle import DoodleOptions
 from diff3ds.weights.catalog import KNOWN
 
 REPOSITORY = KNOWN["zero123"].repositories[0].id
@@ -54,7 +54,7 @@ def printed(diagnosis, width=80):
 def test_every_optional_package_of_the_project_is_looked_for():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     for extra, requirements in project["optional-dependencies"].items():
-        if extra not in ("all", "dev", "docs"):
+        if extra not in ("all", "dev", "docs"):  # the last two are for who works on the project
             names = {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
             assert names <= set(doctor.OPTIONAL[extra])
     found = {package.name for package in diagnose().packages}

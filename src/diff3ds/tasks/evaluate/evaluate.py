@@ -122,7 +122,7 @@ def find_runs(folder: Path) -> list[Run]:
 
 def prompt_file(text: str) -> Path:
     """The file that the option names."""
-    return Path(str(resources.files("diff3ds.tasks.evaluate.evaluate") / "prompts.txt")) if text == OWN else Path(text)
+    return Path(str(resources.files("diff3ds.tasks.evaluate") / "prompts.txt")) if text == OWN else Path(text)
 
 
 def read_prompts(path: Path) -> list[str]:
