@@ -14,8 +14,8 @@ from typing import Any
 MAX_TEXT_BYTES = 1 << 28
 # No space on the disk, or none of a user's share of it, which some systems do not know.
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
-# A string, to be kept, or a comment.
-_COMMENTS = re.compile(r'("(?:[^"\\]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
+# A string, to be kept, or a comment; one that is never closed goes on to the end, so that the search takes linear time.
+_COMMENTS = re.compile(r'("(?:[^"\\]|\\.)*")|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 
 
 def read_text(path: Path) -> str:

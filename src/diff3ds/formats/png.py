@@ -29,8 +29,8 @@ def save_png(path: str | Path, image: Float[Tensor, "H W C"]) -> None:
     write_bytes(Path(path), encoded(image))
 
 
-def encoded(image: Float[Tensor, "H W C"]) -> bytes:
-    """A picture as a PNG file's bytes, with 8 bits a channel.
+def encoded(image: object) -> bytes:
+    """A picture as `save_png` takes it, as the bytes of a PNG file.
 
     Raises:
         TypeError, ValueError: as `save_png`.
