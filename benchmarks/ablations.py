@@ -31,7 +31,7 @@ from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.options import PriorOptions
-from diff3ds.tasks.text_image.text import text_to_sketch
+from diff3ds.tasks.text_image.text import run_text
 
 CATEGORIES_SHOWN = ("chair", "lamp", "house", "mug")
 RECIPES: dict[str, dict[str, Any]] = {
@@ -72,7 +72,7 @@ def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
     begun, phrase = time.perf_counter(), CATEGORIES[category].captions()[0]
     with tempfile.TemporaryDirectory() as run:
         options = replace(DistillOptions(seed=seed, sheet_every=0, sharpen=False), **RECIPES[recipe])
-        sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"), settings=options)
+        sketch = run_text(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"), settings=options)
     seconds = time.perf_counter() - begun
     known = exemplars_of(phrase, seed)
     judge = sight.load(looks)

@@ -37,7 +37,7 @@ from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.small_prior.prior_data import combinations
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.options import PriorOptions
-from diff3ds.tasks.text_image.text import text_to_sketch
+from diff3ds.tasks.text_image.text import run_text
 
 POOL, POOL_SEEDS, KIND_POOL, THIN = 24, 3_000_000, 6, 8
 COLUMNS = ("F5", "F2", "chamfer_percent", "fresh_chamfer_percent", "top1", "views", "strokes", "seconds")
@@ -82,7 +82,7 @@ def draw(category: str, kind: tuple[str, ...], seed: int, prior: PriorOptions, l
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as run:
         options = DistillOptions(seed=seed, sheet_every=0)
-        sketch = text_to_sketch(phrase, Path(run) / "run", prior=prior, settings=options)
+        sketch = run_text(phrase, Path(run) / "run", prior=prior, settings=options)
     seconds = time.perf_counter() - begun
     judge = sight.load(looks)
     named = sight.recognised(judge, sketch)

@@ -29,7 +29,7 @@ from diff3ds.metrics.feature_stacks import untrained_stack
 from diff3ds.metrics.vgg_distance import Variant
 from diff3ds.tasks.evaluate.evaluate import evaluate
 from diff3ds.tasks.evaluate.options import JudgeOptions
-from diff3ds.tasks.views.doodle import fit_doodle
+from diff3ds.tasks.views.doodle import run_doodle
 from diff3ds.tasks.views.options import DoodleOptions
 
 RESULTS = Path(__file__).parent / "results" / "doodle.json"
@@ -67,7 +67,7 @@ def run(variant: str, source: Path, options: argparse.Namespace) -> dict[str, An
         f.name: getattr(options, f.name) for f in fields(DoodleOptions) if getattr(options, f.name, None) is not None
     }
     out = options.out / variant / (source.parent if source.is_file() else source).name
-    sketch = fit_doodle(source, out, DoodleOptions(**given, vgg=variant, overwrite=True))
+    sketch = run_doodle(source, out, DoodleOptions(**given, vgg=variant, overwrite=True))
     if options.source is None:
         # Makes it a run of a picture for `diff3ds eval`, which looks from there.
         (out / "reference.png").write_bytes((source.parent / "000.png").read_bytes())

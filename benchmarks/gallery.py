@@ -28,7 +28,7 @@ from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.options import PriorOptions
-from diff3ds.tasks.text_image.text import text_to_sketch
+from diff3ds.tasks.text_image.text import run_text
 
 FRAMES, FRAME_SIZE, FRAME_MS, QUALITY = 24, 128, 120, 40
 # Of the sheet: two views of each.
@@ -44,7 +44,7 @@ def sketched(phrase: str, category: str, chosen: argparse.Namespace) -> tuple[ds
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as run:
         options = DistillOptions(seed=chosen.seed, sheet_every=0)
-        sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior=chosen.prior), settings=options)
+        sketch = run_text(phrase, Path(run) / "run", prior=PriorOptions(prior=chosen.prior), settings=options)
     return sketch, time.perf_counter() - begun
 
 

@@ -39,7 +39,7 @@ from diff3ds.tasks.recognition import recognise as recogniser
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.recognise import DISTANCE, described, matches, recognise
 from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.image import image_to_sketch
+from diff3ds.tasks.text_image.image import run_image
 from diff3ds.tasks.text_image.options import ImageOptions, PriorOptions
 
 # Of the first member; the recogniser's tables and pools have seeds below 100.
@@ -267,7 +267,7 @@ def sketched(shown: Shown, weight: float, keep: Path | None) -> dict[str, float]
         save_png(path, shown.picture)
         begun = time.perf_counter()
         try:
-            sketch = image_to_sketch(
+            sketch = run_image(
                 path, out, ImageOptions(reference_loss=weight), prior=PriorOptions(prior="exemplar"),
                 settings=DistillOptions(sheet_every=0, overwrite=True)
             )  # fmt: skip

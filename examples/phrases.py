@@ -4,15 +4,12 @@ python examples/phrases.py [OUTPUT_FOLDER]
 """
 
 import sys
-import tempfile
 from pathlib import Path
 
 import torch
 
 import diff3ds as ds
 from diff3ds.formats import save_png, tile_images
-from diff3ds.tasks.text_image.options import PriorOptions
-from diff3ds.tasks.text_image.text import text_to_sketch
 
 PHRASES = {
     "a chair with armrests": 35,
@@ -31,8 +28,7 @@ def main(folder: Path) -> None:
     """Writes phrases.png."""
     images = []
     for phrase, azimuth in PHRASES.items():
-        with tempfile.TemporaryDirectory() as run:
-            sketch = text_to_sketch(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"))
+        sketch = ds.text_to_sketch(phrase, prior="exemplar")
         images.append(ds.render(sketch, ds.orbit(azimuth, 18, 2.0, fov=56, size=SIZE)).color[0])
     save_png(folder / "phrases.png", tile_images(torch.stack(images), columns=4))
 

@@ -157,7 +157,7 @@ def test_a_gpu_without_room_is_a_sentence(capsys, tmp_path, monkeypatch):
     def full(*arguments):
         raise torch.cuda.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB. GPU 0 has ...")
 
-    monkeypatch.setattr(text, "text_to_sketch", full)
+    monkeypatch.setattr(text, "run_text", full)
     code, _, said = ends(["text", "a chair", "-o", str(tmp_path)], capsys)
     assert code == FAULT
     assert "CUDA out of memory. Try --precision float16" in said
@@ -171,7 +171,7 @@ def test_a_machine_without_room_is_a_sentence(error, capsys, tmp_path, monkeypat
     def full(*arguments):
         raise error
 
-    monkeypatch.setattr(text, "text_to_sketch", full)
+    monkeypatch.setattr(text, "run_text", full)
     code, _, said = ends(["text", "a chair", "-o", str(tmp_path)], capsys)
     assert code == FAULT
     assert said == "diff3ds: there is not enough memory. Try fewer strokes, a smaller --batch or --size"
@@ -185,7 +185,7 @@ def test_the_version_is_said(capsys):
 
 def test_a_folder_may_have_any_name(capsys, monkeypatch):
     """Square brackets are no markup."""
-    monkeypatch.setattr(text, "text_to_sketch", lambda *arguments: ds.Sketch(torch.rand(1, 4, 3)))
+    monkeypatch.setattr(text, "run_text", lambda *arguments: ds.Sketch(torch.rand(1, 4, 3)))
     cli.main(["text", "a chair", "-o", "mug [v2] [/v3]"])
     assert "1 stroke: mug [v2] [/v3]/sketch.json" in capsys.readouterr().err
 

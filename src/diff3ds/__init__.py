@@ -6,6 +6,8 @@ The public names are imported when they are first used: torch takes seconds, and
 import sys
 from types import ModuleType
 
+from diff3ds._version import __version__
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -28,9 +30,8 @@ if TYPE_CHECKING:
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
+    from diff3ds.tasks.functions import image_to_sketch, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Analytic",
@@ -50,6 +51,7 @@ __all__ = [
     "fit",
     "get_num_threads",
     "guidance",
+    "image_to_sketch",
     "library",
     "load",
     "load_transforms",
@@ -62,6 +64,8 @@ __all__ = [
     "save",
     "save_transforms",
     "set_num_threads",
+    "text_to_sketch",
+    "views_to_sketch",
 ]
 
 # In which module each public name is; the others are modules, one of which lies in a room.
@@ -76,6 +80,7 @@ _HOMES = {
     ),
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Sketch": "sketch",
+    **dict.fromkeys(("image_to_sketch", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }
 

@@ -16,9 +16,9 @@ from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingCo
 from rich.progress import Progress as Bars
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from diff3ds import __version__
 from diff3ds._interrupt import STOPPED, importing
 from diff3ds._options import as_typed, read_options
+from diff3ds._version import __version__
 from diff3ds.pictures.options import PictureOptions
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
@@ -76,11 +76,11 @@ class Views:
         if (self.source is None) == (not self.demo):
             raise ValueError("give either a transforms.json (or a folder with one) or --demo")
         with importing():
-            from diff3ds.tasks.views.run import fit_views
+            from diff3ds.tasks.views.run import run_views
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = fit_views(self.source, self.out, self.fit, report, _sayer(console))
+            sketch = run_views(self.source, self.out, self.fit, report, _sayer(console))
         _written(console, len(sketch), self.out)
 
 
@@ -106,11 +106,11 @@ class Doodle:
         if self.source is None:
             raise ValueError("give a transforms.json of coloured pictures, or a folder with one")
         with importing():
-            from diff3ds.tasks.views.doodle import fit_doodle
+            from diff3ds.tasks.views.doodle import run_doodle
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = fit_doodle(self.source, self.out, self.fit, report)
+            sketch = run_doodle(self.source, self.out, self.fit, report)
         _written(console, len(sketch), self.out)
 
 
@@ -139,11 +139,11 @@ class Text:
         """Runs the command."""
         self.model.require((*FOR_PHRASES, *BUILT_IN))
         with importing():
-            from diff3ds.tasks.text_image.text import text_to_sketch
+            from diff3ds.tasks.text_image.text import run_text
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = text_to_sketch(self.phrase, self.out, self.text, self.model, self.distill, report, _sayer(console))
+            sketch = run_text(self.phrase, self.out, self.text, self.model, self.distill, report, _sayer(console))
         _written(console, len(sketch), self.out)
 
 
@@ -172,11 +172,11 @@ class Image:
         """Runs the command."""
         self.model.require((*FOR_PICTURES, *BUILT_IN))
         with importing():
-            from diff3ds.tasks.text_image.image import image_to_sketch
+            from diff3ds.tasks.text_image.image import run_image
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = image_to_sketch(
+            sketch = run_image(
                 self.picture, self.out, self.image, self.cut, self.model, self.distill, report, _sayer(console)
             )
         _written(console, len(sketch), self.out)

@@ -15,7 +15,7 @@ from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.lens import straightened, undistorted
 from diff3ds.pictures.resample import area_means
 from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import fit_views
+from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import read_views
 
 SIZE = (60, 80)
@@ -131,14 +131,14 @@ def test_ctrl_c_while_reading_leaves_nothing(noise, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fit_views(path, out, ViewsOptions(target="color"), stop)
+        run_views(path, out, ViewsOptions(target="color"), stop)
     assert told == [("read", done, True) for done in range(3)]
     assert not (tmp_path / "new").exists()
 
 
 def test_the_time_of_every_stage_is_written(noise, tmp_path):
     path, stages = photographs(tmp_path, 6, noise[:6]), {}
-    fit_views(
+    run_views(
         path,
         tmp_path / "out",
         ViewsOptions(target="color", strokes=2, steps=2, size=30),

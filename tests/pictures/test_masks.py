@@ -15,7 +15,7 @@ from diff3ds.pictures.visual_hull import visual_hull
 from diff3ds.tasks.views.color_sketch import plan_color, view_scores
 from diff3ds.tasks.views.edge_sketch import ridges_of
 from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import UNKNOWN, fit_views, preview
+from diff3ds.tasks.views.run import UNKNOWN, preview, run_views
 
 SIZE = (40, 60)
 # What stands in front of the camera: a black block at the lower right, within rows and columns from here on.
@@ -185,11 +185,11 @@ def test_the_option_says_which_is_meant(scene, tmp_path):
     path = posed(tmp_path, cameras, ds.render(sketch, cameras).color)
     few = {"target": "color", "steps": 2, "strokes": 4}
     lines = []
-    fit_views(path, tmp_path / "out", ViewsOptions(**few), say=lines.append)
+    run_views(path, tmp_path / "out", ViewsOptions(**few), say=lines.append)
     assert lines == [
         "masks: what is black in the masks of the pictures counts nowhere; if white is the object, say --masks object"
     ]
-    fit_views(path, tmp_path / "cut", ViewsOptions(**few, masks="object"), say=lines.append)
+    run_views(path, tmp_path / "cut", ViewsOptions(**few, masks="object"), say=lines.append)
     assert len(lines) == 1
     runs = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("out", "cut")]
     # A mask of the object is its alpha, and what lies behind need not be found.
@@ -205,7 +205,7 @@ def test_inverted_masks_of_the_object_are_suspected(scene, tmp_path):
     save_png(tmp_path / "mask.png", mask)
     lines = []
     options = ViewsOptions(target="color", steps=2, strokes=4, masks="object")
-    fit_views(path, tmp_path / "out", options, say=lines.append)
+    run_views(path, tmp_path / "out", options, say=lines.append)
     assert len(lines) == 1
     assert "transparent inside: are alpha or masks inverted?" in lines[0]
 
@@ -219,7 +219,7 @@ def test_opaque_pictures_among_cut_out_ones_are_counted(scene, tmp_path):
         save_png(tmp_path / f"{i}.png", torch.cat([straight, rgba.alpha[i, ..., None]], -1))
     save_png(tmp_path / "2.png", rgba.color[2])
     lines = []
-    fit_views(path, tmp_path / "out", ViewsOptions(target="color", steps=2, strokes=4), say=lines.append)
+    run_views(path, tmp_path / "out", ViewsOptions(target="color", steps=2, strokes=4), say=lines.append)
     expected = "1 of 3 pictures have no transparent areas: the colour along their borders is taken for their background"
     assert lines == [expected]
 

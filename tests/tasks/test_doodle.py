@@ -12,7 +12,7 @@ from diff3ds.formats import save_png
 from diff3ds.metrics import doodle_loss
 from diff3ds.optimize.fit import fit
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.tasks.views.doodle import DOT, far_apart, fit_doodle, load_doodle_loss, plan_doodle, without_dots
+from diff3ds.tasks.views.doodle import DOT, far_apart, load_doodle_loss, plan_doodle, run_doodle, without_dots
 from diff3ds.tasks.views.options import DoodleOptions
 
 VIEWS, SIZE = 12, 64
@@ -52,7 +52,7 @@ def pictures(tmp_path_factory):
 
 def test_a_run_and_its_folder(options, pictures, tmp_path):
     reports = []
-    sketch = fit_doodle(pictures, tmp_path / "run", options, reports.append)
+    sketch = run_doodle(pictures, tmp_path / "run", options, reports.append)
     assert len(sketch) == 8
     assert [r.done for r in reports] == [1, 2, 3, 4]
     found = json.loads((tmp_path / "run" / "run.json").read_text())
@@ -64,7 +64,7 @@ def test_a_run_and_its_folder(options, pictures, tmp_path):
     for name in ("sketch.svg", "sketch.step", "preview.png"):
         assert (tmp_path / "run" / name).stat().st_size > 100
     with pytest.raises(ValueError, match="holds a run"):
-        fit_doodle(pictures, tmp_path / "run", options)
+        run_doodle(pictures, tmp_path / "run", options)
 
 
 def test_a_resumed_run_ends_as_one_that_never_stopped(options, pictures, tmp_path):
@@ -72,13 +72,13 @@ def test_a_resumed_run_ends_as_one_that_never_stopped(options, pictures, tmp_pat
         if progress.done == 2:
             raise RuntimeError("broken off")
 
-    whole = fit_doodle(pictures, tmp_path / "whole", options)
+    whole = run_doodle(pictures, tmp_path / "whole", options)
     with pytest.raises(RuntimeError, match="broken off"):
-        fit_doodle(pictures, tmp_path / "broken", options, stop)
-    again = fit_doodle(pictures, tmp_path / "broken", dataclasses.replace(options, resume=True))
+        run_doodle(pictures, tmp_path / "broken", options, stop)
+    again = run_doodle(pictures, tmp_path / "broken", dataclasses.replace(options, resume=True))
     assert torch.equal(again.points, whole.points)
     with pytest.raises(ValueError, match="vgg_weight"):
-        fit_doodle(pictures, tmp_path / "broken", dataclasses.replace(options, resume=True, vgg_weight=2.0))
+        run_doodle(pictures, tmp_path / "broken", dataclasses.replace(options, resume=True, vgg_weight=2.0))
 
 
 def test_the_loss_falls(options, pictures):
@@ -139,7 +139,7 @@ def test_missing_weights_are_said_before_anything_is_written(options, pictures, 
         ("clip_rn101", options.vgg16, "not CLIP's ResNet by OpenAI's names"),
     ):
         with pytest.raises((FileNotFoundError, ValueError), match=message):
-            fit_doodle(pictures, tmp_path / "run", dataclasses.replace(options, **{name: text}))
+            run_doodle(pictures, tmp_path / "run", dataclasses.replace(options, **{name: text}))
         assert not (tmp_path / "run").exists()
 
 

@@ -17,7 +17,7 @@ from diff3ds.tasks.exact_prior.exemplars import FITTING, exemplars_of, requested
 from diff3ds.tasks.text_image import sharpen
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.options import PriorOptions
-from diff3ds.tasks.text_image.text import text_to_sketch
+from diff3ds.tasks.text_image.text import run_text
 
 
 def test_members_that_fit_and_all_the_others():
@@ -124,7 +124,7 @@ def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path, monkeypatch):
     for count in (1, 2):
         torch.set_num_threads(count)
         try:
-            found.append(text_to_sketch("a mug", tmp_path / str(count), settings=settings))
+            found.append(run_text("a mug", tmp_path / str(count), settings=settings))
         finally:
             torch.set_num_threads(threads)
     assert torch.equal(found[0].points, found[1].points)
@@ -146,6 +146,6 @@ def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
 def test_words_of_size_are_said_to_change_nothing(tmp_path):
     said = []
     few = DistillOptions(steps=1, strokes=4, sharpen=False)
-    text_to_sketch("a small chair", tmp_path / "exemplar", None, PriorOptions("exemplar"), few, say=said.append)
-    text_to_sketch("a big chair", tmp_path / "small", None, PriorOptions("small"), few, say=said.append)
+    run_text("a small chair", tmp_path / "exemplar", None, PriorOptions("exemplar"), few, say=said.append)
+    run_text("a big chair", tmp_path / "small", None, PriorOptions("small"), few, say=said.append)
     assert said == [f"'{word}' changes nothing: every sketch fills the same ball" for word in ("small", "big")]

@@ -24,7 +24,7 @@ from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.options import PriorOptions
-from diff3ds.tasks.text_image.text import text_to_sketch
+from diff3ds.tasks.text_image.text import run_text
 
 FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]
 
@@ -166,7 +166,7 @@ def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
 
 def test_the_network_of_the_package_makes_a_sketch(tmp_path):
     settings = DistillOptions(steps=150, strokes=60, sheet_every=0)
-    sketch = text_to_sketch("a bow", tmp_path / "run", prior=PriorOptions(prior="small"), settings=settings)
+    sketch = run_text("a bow", tmp_path / "run", prior=PriorOptions(prior="small"), settings=settings)
     pool = [member("bow", torch.Generator().manual_seed(seed)).sketch for seed in range(12)]
     assert max(f_score(sketch, known) for known in pool) > 0.8
     others = [member(name, torch.Generator().manual_seed(0)).sketch for name in ("chair", "mug", "car", "tree")]

@@ -19,7 +19,7 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.optimize.density import Observation, footprints
 from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import fit_views
+from diff3ds.tasks.views.run import run_views
 
 RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
 FILES, EDGE_FILES = ["checkpoint.safetensors", *RESULTS], ["edges.safetensors", *RESULTS]
@@ -317,7 +317,7 @@ def test_what_an_overwritten_run_has_left_is_no_checkpoint(drawings, capsys):
             raise RuntimeError("killed")
 
     with pytest.raises(RuntimeError, match="killed"):
-        fit_views(folder, folder / "out", options, killed)
+        run_views(folder, folder / "out", options, killed)
     assert not has_something(folder / "out" / "edges.safetensors")
     (folder / "out" / "edges.safetensors").write_bytes(old)
     save_png(folder / "3.png", load_image(folder / "3.png").flip(0))

@@ -16,8 +16,9 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-import diff3ds
+from diff3ds._version import __version__
 from diff3ds.guidance.device import free_memory
+from diff3ds.render import available_backends, get_num_threads
 from diff3ds.render.cuda.versions import advice_on_bindings, bindings_major
 from diff3ds.tasks.small_prior.small_prior import SHIPPED
 from diff3ds.weights.catalog import KNOWN, Known
@@ -189,11 +190,11 @@ def _add(table: Table, *cells: str) -> None:
 
 
 def _base(devices: tuple[Device, ...]) -> tuple[Finding, ...]:
-    backends = diff3ds.available_backends()
+    backends = available_backends()
     cuda = f"built for CUDA {torch.version.cuda}" if torch.version.cuda else "built for CPUs"
     gpu = any(device.name != "cpu" for device in devices)
     return (
-        Finding("diff3ds", diff3ds.__version__),
+        Finding("diff3ds", __version__),
         Finding("python", f"{platform.python_version()}, {platform.system()} {platform.machine()}"),
         Finding("torch", f"{torch.__version__}, {cuda}", "" if gpu else GPU_ADVICE),
         Finding("renderers", ", ".join(backends), "" if set(backends) - {"reference"} else KERNEL_ADVICE),
@@ -242,7 +243,7 @@ def _devices() -> tuple[Device, ...]:
         found.append(Device(str(device), f"{about.name}, {about.total_memory / 1e9:.0f} GB", _free(device)))
     if torch.backends.mps.is_available():
         found.append(Device("mps", platform.processor(), _free(torch.device("mps"))))
-    return (*found, Device("cpu", f"{os.cpu_count()} cores, {diff3ds.get_num_threads()} threads", _machine_memory()))
+    return (*found, Device("cpu", f"{os.cpu_count()} cores, {get_num_threads()} threads", _machine_memory()))
 
 
 def _free(device: torch.device) -> int | None:

@@ -11,11 +11,12 @@ from typing import Any
 
 import torch
 
-import diff3ds
 from diff3ds._files import write_text
 from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._version import __version__
 from diff3ds.camera import Cameras
 from diff3ds.formats import save, save_png
+from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
 
 SVG_VIEWS = 4
@@ -68,12 +69,12 @@ def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Te
         "scores": info.scores,
         "seconds": {name: round(value, 3) for name, value in info.seconds.items()},
         "versions": {
-            "diff3ds": diff3ds.__version__,
+            "diff3ds": __version__,
             "torch": torch.__version__,
             "python": platform.python_version(),
             "machine": platform.machine(),
-            "threads": diff3ds.get_num_threads(),
-            "backends": diff3ds.available_backends(),
+            "threads": get_num_threads(),
+            "backends": available_backends(),
         },
         "loss": {"every": every, "values": info.losses[::every]},
     }

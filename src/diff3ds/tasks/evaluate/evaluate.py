@@ -8,9 +8,9 @@ from typing import Any
 
 import torch
 
-import diff3ds
 from diff3ds._files import read_json, read_text
 from diff3ds._shapes import Float, Tensor
+from diff3ds._version import __version__
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import load, load_image
 from diff3ds.guidance.device import pick_device
@@ -212,7 +212,7 @@ def _about(options: EvaluateOptions, networks: JudgeOptions, rows: Sequence[Row]
     }
     used = {name: text for name, text in notes.items() if any(c.startswith(name) for c in columns_of(rows))}
     prompts = {None: "all runs", OWN: "35 phrases that come with diff3ds, not the paper's"}
-    versions = f"diff3ds {diff3ds.__version__}, torch {torch.__version__}"
+    versions = f"diff3ds {__version__}, torch {torch.__version__}"
     chosen = prompts.get(options.prompts, Path(options.prompts or "").name)
     return {"views": views, **used, "prompts": chosen, "versions": versions}
 

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
-import diff3ds
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.guidance.orbits import Orbits
@@ -18,7 +17,7 @@ from diff3ds.guidance.small import GROUP, angles, ink
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import STRETCHES
-from diff3ds.render import render
+from diff3ds.render import render, set_num_threads
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import WIDTH, arranged, requested
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
@@ -213,7 +212,7 @@ def shaken(sketch: Sketch, amount: float, generator: torch.Generator) -> Sketch:
 def single_thread(worker: int) -> None:
     """What a worker process does first: the machine's cores belong to the network."""
     torch.set_num_threads(1)
-    diff3ds.set_num_threads(1)
+    set_num_threads(1)
 
 
 @cache

@@ -40,7 +40,7 @@ DISTANCE = 2.0
 
 
 @torch_on_one_thread()
-def image_to_sketch(
+def run_image(
     picture: Path,
     out: Path,
     options: ImageOptions | None = None,

@@ -21,7 +21,7 @@ GUIDANCE = 50.0
 
 
 @torch_on_one_thread()
-def text_to_sketch(
+def run_text(
     phrase: str,
     out: Path,
     options: TextOptions | None = None,

@@ -41,7 +41,7 @@ NEXT, JITTER, DOT = 0.001, 0.01, 0.015
 SCORED = 24
 
 
-def fit_doodle(
+def run_doodle(
     source: Path,
     out: Path,
     options: DoodleOptions | None = None,

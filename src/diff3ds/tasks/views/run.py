@@ -37,7 +37,7 @@ PREVIEWS = 8
 UNKNOWN = 0.5
 
 
-def fit_views(
+def run_views(
     source: Path | None,
     out: Path,
     options: ViewsOptions | None = None,

@@ -1,0 +1,123 @@
+"""A phrase, a picture or posed pictures to a sketch, as functions: what the commands do, without files or progress."""
+
+import logging
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from diff3ds._typed import typed
+
+if TYPE_CHECKING:
+    from diff3ds.sketch import Sketch
+
+_LOG = logging.getLogger("diff3ds")
+
+
+def text_to_sketch(phrase: str, out: str | PathLike[str] | None = None, **options: Any) -> "Sketch":
+    """Makes a sketch of a phrase, as `diff3ds text` does.
+
+    What the command says, such as which prior it takes, goes to the logger diff3ds.
+
+    Args:
+        phrase: such as "a chair".
+        out: folder for the files that the command writes; without one nothing is kept.
+        options: those of the command by their names, such as `strokes=56`, `seed=1`, `prior="exemplar"`.
+
+    Raises:
+        TypeError: an option that the command does not have, or a value of another kind.
+        ValueError, OSError, ImportError: as the command, whose message it is.
+    """
+    from diff3ds.tasks.text_image.distill_options import DistillOptions
+    from diff3ds.tasks.text_image.options import PriorOptions, TextOptions
+    from diff3ds.tasks.text_image.text import run_text
+
+    own, prior, settings = _read("text_to_sketch", options, TextOptions, PriorOptions, DistillOptions)
+    with _folder(out, options) as folder:
+        return run_text(phrase, folder, own, prior, settings, say=_say)
+
+
+def image_to_sketch(picture: str | PathLike[str], out: str | PathLike[str] | None = None, **options: Any) -> "Sketch":
+    """Makes a sketch of the object in a picture, as `diff3ds image` does.
+
+    What the command says, such as what it recognises, goes to the logger diff3ds.
+
+    Args:
+        picture: file of a photograph or drawing of one object.
+        out: folder for the files that the command writes; without one nothing is kept.
+        options: those of the command by their names, such as `shows="a mug"`, `mask="mask.png"`, `seed=1`.
+
+    Raises:
+        TypeError: an option that the command does not have, or a value of another kind.
+        ValueError, OSError, ImportError: as the command, whose message it is.
+    """
+    from diff3ds.pictures.options import PictureOptions
+    from diff3ds.tasks.text_image.distill_options import DistillOptions
+    from diff3ds.tasks.text_image.image import run_image
+    from diff3ds.tasks.text_image.options import ImageOptions, PriorOptions
+
+    own, cut, prior, settings = _read(
+        "image_to_sketch", options, ImageOptions, PictureOptions, PriorOptions, DistillOptions
+    )
+    with _folder(out, options) as folder:
+        return run_image(Path(picture), folder, own, cut, prior, settings, say=_say)
+
+
+def views_to_sketch(
+    source: str | PathLike[str] | None, out: str | PathLike[str] | None = None, **options: Any
+) -> "Sketch":
+    """Fits a sketch to posed pictures, as `diff3ds views` does.
+
+    What the command says, such as which options change nothing, goes to the logger diff3ds.
+
+    Args:
+        source: a transforms.json or a folder with one; None is the scene of `diff3ds views --demo`.
+        out: folder for the files that the command writes; without one nothing is kept.
+        options: those of the command by their names, such as `target="color"`, `strokes=200`, `seed=1`.
+
+    Returns:
+        The sketch in the world of the cameras.
+
+    Raises:
+        TypeError: an option that the command does not have, or a value of another kind.
+        ValueError, OSError, ImportError: as the command, whose message it is.
+    """
+    from diff3ds.tasks.views.options import ViewsOptions
+    from diff3ds.tasks.views.run import run_views
+
+    (read,) = _read("views_to_sketch", options, ViewsOptions)
+    with _folder(out, options) as folder:
+        return run_views(None if source is None else Path(source), folder, read, say=_say)
+
+
+def _read(function: str, options: Mapping[str, Any], *kinds: Callable[..., Any]) -> tuple[Any, ...]:
+    """The dataclasses of options that these make."""
+    names = [{field.name for field in fields(kind)} for kind in kinds]  # type: ignore[arg-type] # dataclasses
+    known = sorted(set().union(*names))
+    for name in options:
+        if name not in known:
+            raise TypeError(f"{function} has no option {name!r}; it has {', '.join(known)}")
+    hints = {name: hint for kind in kinds for name, hint in get_type_hints(kind).items()}
+    given = {name: typed(name, value, hints[name]) for name, value in options.items()}
+    return tuple(
+        kind(**{name: given[name] for name in own & given.keys()}) for kind, own in zip(kinds, names, strict=True)
+    )
+
+
+@contextmanager
+def _folder(out: str | PathLike[str] | None, options: Mapping[str, Any]) -> Iterator[Path]:
+    """The folder of a run; without one, a new one that is gone at the end."""
+    if out is not None:
+        yield Path(out)
+        return
+    if idle := [name for name in ("resume", "overwrite") if options.get(name)]:
+        raise ValueError(f"{idle[0]} is for the run in a folder: give out as well")
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder) / "run"
+
+
+def _say(line: str) -> None:
+    _LOG.log(logging.WARNING if line.startswith("warning: ") else logging.INFO, line.removeprefix("warning: "))
