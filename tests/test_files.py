@@ -9,7 +9,7 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file
 
-from diff3ds import _files
+from diff3ds import _files, _tensor_files
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -46,10 +46,10 @@ def full(*arguments: object) -> None:
 
 def test_a_disk_that_fills_up_is_an_oserror_that_says_what_to_do(tmp_path, monkeypatch):
     path = tmp_path / "a.safetensors"
-    _files.write_tensors(path, {"a": torch.ones(3)}, {"about": "1"})
+    _tensor_files.write_tensors(path, {"a": torch.ones(3)}, {"about": "1"})
     monkeypatch.setattr("safetensors.torch.save_file", full)
     with pytest.raises(OSError, match=r"make room.*--resume") as raised:
-        _files.write_tensors(path, {"a": torch.zeros(3)}, {"about": "2"})
+        _tensor_files.write_tensors(path, {"a": torch.zeros(3)}, {"about": "2"})
     assert raised.value.errno == errno.ENOSPC
     assert raised.value.filename == str(path)
     assert load_file(path)["a"].tolist() == [1, 1, 1]
@@ -62,7 +62,7 @@ def test_other_failures_to_write_tensors_are_oserrors_too(tmp_path, monkeypatch)
 
     monkeypatch.setattr("safetensors.torch.save_file", fail)
     with pytest.raises(OSError, match="Input/output error") as raised:
-        _files.write_tensors(tmp_path / "a.safetensors", {}, {})
+        _tensor_files.write_tensors(tmp_path / "a.safetensors", {}, {})
     assert raised.value.errno == errno.EIO
 
 
