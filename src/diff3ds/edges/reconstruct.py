@@ -103,7 +103,8 @@ def reconstruct(
         start: curves to refine instead of those found by carving.
         reached: the result of a stage, to go on from.
         save: called with the result of every stage.
-        report, capped: see `watch`.
+        report: told how far it is; see `watch`.
+        capped: told of what there was too much; see `watch`.
 
     Raises:
         ValueError: the views show no edges that agree.

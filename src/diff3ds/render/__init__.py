@@ -87,7 +87,8 @@ def render(
         antialiasing: `Analytic(blur=0.0)` or `MonteCarlo(samples=4, generator=None)`, which say what they do; or
             "analytic" or "montecarlo", short for them with the next three arguments.
         blur: that of `Analytic`, together with "analytic" only.
-        samples, generator: those of `MonteCarlo`, where antialiasing is "montecarlo"; "analytic" ignores them.
+        samples: that of `MonteCarlo`, where antialiasing is "montecarlo"; "analytic" ignores it.
+        generator: the same, of `MonteCarlo`.
         backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
 
     Raises:

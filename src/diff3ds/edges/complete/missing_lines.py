@@ -80,7 +80,8 @@ def bridged(
     Args:
         ridges: of the views.
         enough: so many views confirm an edge.
-        tick, capped: see `watch`.
+        tick: told how far it is; see `watch`.
+        capped: told of what there was too much; see `watch`.
     """
     if not len(curves):
         return curves

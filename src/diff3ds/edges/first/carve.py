@@ -39,7 +39,8 @@ def carve(
         reach: half the side of the cube, world units.
         cell: side of the last cells.
         least_views: so many views have to confirm a cell.
-        tick, capped: see `watch`.
+        tick: told how far it is; see `watch`.
+        capped: told of what there was too much; see `watch`.
     """
     side = cell * 2**HALVINGS
     axis = side * (np.arange(np.ceil(2 * reach / side)) + 0.5) - reach
