@@ -259,7 +259,7 @@ def shrink(folder):
 
 
 def clear(folder):
-    save_png(folder / "one.png", torch.full((SIZE, SIZE, 4), 0.5))
+    save_png(folder / "one.png", torch.zeros(SIZE, SIZE, 4))
     return folder / "one.png", "one.png: a background must be opaque, but has transparent pixels"
 
 

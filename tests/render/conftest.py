@@ -6,7 +6,7 @@ import pytest
 from cuda_backends import on_device, use_device, use_emulation
 from emulated import Emulated
 
-from diff3ds.render import available_backends, get_num_threads, set_num_threads
+from diff3ds.render import available_backends, set_num_threads
 
 # The CUDA kernels are emulated everywhere, and run on the device where there is one, or one is promised.
 CUDA = ["cuda", *on_device("cuda on the device")]
@@ -47,10 +47,9 @@ def antialiasing(request) -> str:
 
 @pytest.fixture
 def threads():
-    """Sets the number of threads of the kernels; put back afterwards."""
-    before = get_num_threads()
+    """Sets the number of threads of the kernels; afterwards it follows torch's again."""
     yield set_num_threads
-    set_num_threads(before)
+    set_num_threads(None)
 
 
 @pytest.fixture

@@ -263,6 +263,6 @@ def test_forbidden_connections_are_named(monkeypatch):
 
 
 def test_only_the_reference_renders(monkeypatch):
-    monkeypatch.setattr("diff3ds.available_backends", lambda: ["reference"])
+    monkeypatch.setattr("diff3ds.tasks.doctor.available_backends", lambda: ["reference"])
     (found,) = (finding for finding in diagnose().base if finding.name == "renderers")
     assert (found.found, found.advice) == ("reference", doctor.KERNEL_ADVICE)

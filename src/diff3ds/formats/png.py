@@ -81,8 +81,10 @@ def size_of(path: str | Path) -> tuple[int, int]:
     try:
         with Image.open(path) as picture:
             return picture.height, picture.width
-    except (UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{path}: not a picture, or one that is too large") from error
+    except UnidentifiedImageError as error:
+        raise ValueError(f"{path}: cannot be read as a picture ({described(Path(path))})") from error
+    except Image.DecompressionBombError as error:
+        raise ValueError(f"{path}: cannot be read as a picture ({error})") from error
 
 
 def load_reduced(
