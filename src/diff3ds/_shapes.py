@@ -3,6 +3,8 @@
 import sys
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 # Tests load jaxtyping as a pytest plugin before they import this package; users need not have it installed.
@@ -32,4 +34,7 @@ else:
 
     Bool = Float = Int = UInt8 = _Unchecked
 
-__all__ = ["Bool", "Float", "Int", "Tensor", "UInt8"]
+# Coordinates, lengths and weights outside of what torch differentiates.
+Array = NDArray[np.float64]
+
+__all__ = ["Array", "Bool", "Float", "Int", "Tensor", "UInt8"]

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from edge_scenes import arc, segment
 
-from diff3ds.edges.first.chains import follow_chains, polyline_length, resampled
+from diff3ds.edges.first.chains import follow_chains
 from diff3ds.edges.first.triangulate import EdgePoints
+from diff3ds.edges.shapes.lines import polyline_length
 
 
 def edge_points(*lines, scatter=0.0):
@@ -63,13 +64,3 @@ def test_short_chains_go():
     assert len(follow_chains(edge_points(short, long), 1.0, 7.0)) == 2
     assert len(follow_chains(edge_points(short, long), 1.0, 9.0)) == 1
     assert follow_chains(edge_points(short)[np.zeros(9, bool)], 1.0, 5.0) == []
-
-
-def test_resampled_lines_keep_their_ends_and_have_even_steps():
-    line = np.array([[0, 0, 0], [3, 0, 0], [3, 4, 0.0]])
-    even = resampled(line, 0.5)
-    assert polyline_length(line) == 7
-    assert len(even) == 15
-    np.testing.assert_allclose(even[[0, -1]], line[[0, -1]], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(even, axis=0), axis=1), 0.5, rtol=1e-9)
-    np.testing.assert_allclose(resampled(line, 100.0), line[[0, -1]], rtol=0, atol=0)

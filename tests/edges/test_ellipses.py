@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 import diff3ds as ds
 from diff3ds.edges.clean.simplify import concatenated, joined, sampled, simplest
-from diff3ds.edges.first.chains import resampled
-from diff3ds.edges.first.segment import SCATTER, segmented
+from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
 from diff3ds.edges.shapes.ellipses import fit_ellipse, fit_elliptic_arcs
-from diff3ds.edges.shapes.primitives import Kind, Primitive, arc_control, bernstein
+from diff3ds.edges.shapes.lines import resampled
+from diff3ds.edges.shapes.primitives import POINT_SCATTER, Kind, Primitive, arc_control, bernstein
 
 CENTER, (U, V, N) = np.array([0.3, -0.2, 0.5]), turned().T
 T = torch.linspace(0, 1, 41, dtype=torch.float64)
@@ -91,7 +91,7 @@ def test_scattered_points_give_the_axes_and_the_centre(a, b, sweep):
     """Of 20 arcs from anywhere on the ellipse; those that are refused are not determined to 5 %."""
     errors = []
     for seed in range(20):
-        fitted = fit_ellipse(elliptic(a, b, sweep, 0.314 * seed, SCATTER, seed), 1.0)
+        fitted = fit_ellipse(elliptic(a, b, sweep, 0.314 * seed, POINT_SCATTER, seed), 1.0)
         if fitted is not None:
             axes = np.linalg.norm(fitted.u) / a - 1, np.linalg.norm(fitted.v) / b - 1
             errors.append([*axes, *(fitted.center - CENTER) / a])
@@ -253,7 +253,7 @@ def test_halves_meet_at_a_tip():
 
 def test_a_scattered_chain_along_an_ellipse_becomes_one():
     """Lines, arcs and cubics first, as chains are cut; then what they are together."""
-    chain = segmented(elliptic(60, 45, 340, 0.5, SCATTER), 1.0)
+    chain = segmented(elliptic(60, 45, 340, 0.5, POINT_SCATTER), 1.0)
     assert len(chain) > 2
     curves = joined(curves_of(chain), 1.0)
     assert kinds_of(curves) == [Kind.ELLIPSE] * 2

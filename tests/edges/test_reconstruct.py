@@ -19,7 +19,6 @@ from diff3ds.edges.reconstruct import (
     NOTHING,
     PLACED,
     REFINED,
-    Result,
     confirming,
     first_curves,
     reconstruct,
@@ -187,7 +186,3 @@ def test_views_that_agree_on_nothing():
     wrong = lines_between(((0.7, 0.7, 0.1), (0.7, 0.6, 0.5)))
     with pytest.raises(ValueError, match=NOTHING.split(":")[0]):
         reconstruct(CAMERAS, RIDGES, start=wrong)
-
-
-def test_a_result_is_a_stage_with_curves_and_a_bias(stages):
-    assert all(isinstance(r, Result) for r in stages[0])

@@ -10,7 +10,7 @@ from edge_scenes import around, circular_arc, lines_between, segment, turned, vi
 
 from diff3ds.edges.clean.simplify import concatenated, joined, pruned, sampled, simplest
 from diff3ds.edges.clean.weld import welded
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import curves_of
 from diff3ds.edges.shapes.primitives import Kind
 
 U, V, _ = turned(4)
@@ -168,7 +168,6 @@ def test_concatenated_curves_keep_their_vertices_and_circles_apart():
     assert len(both.vertex.unique()) == 2 + 3 + 2
     assert both.vertex[2, 1] == both.vertex[3, 0]
     none = curves_of([])
-    assert isinstance(concatenated(none, corner), Curves)
     assert concatenated(none, corner).vertex.tolist() == corner.vertex.tolist()
     assert len(concatenated(corner, none)) == 2
 

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import torch
 
+from diff3ds._shapes import Array
 from diff3ds.camera import Cameras
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.clean.simplify import concatenated, joined, pruned
@@ -18,7 +19,7 @@ from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
-from diff3ds.edges.evidence.ridges import Array, Ridges
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import part_support
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.first.carve import carve

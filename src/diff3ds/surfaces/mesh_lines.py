@@ -8,9 +8,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float, Int
+from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.clean.simplify import simplest
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind, Primitive
 

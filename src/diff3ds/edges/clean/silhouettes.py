@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, agreement, crowded, samples
 from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.lines import unit
 
 # The section's radius that tells an outline, pixels, and how many standard deviations it has to be from zero: between
 # those of 396 edges and 55 outlines of generated objects, as is the spread below.
@@ -38,8 +38,7 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     x, tangents = samples(curves)
     shown = agreement(views, x, tangents)
     planes = views.planes[views.match(x).ridge]
-    normals = planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True) + 1e-12
+    normals = unit(planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents)
     offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
     count = PARTS * SAMPLES
     each = [slice(i * count, (i + 1) * count) for i in range(len(curves))]

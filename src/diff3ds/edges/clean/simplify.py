@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import part_support
-from diff3ds.edges.first.chains import resampled
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
 from diff3ds.edges.shapes.ellipses import fit_elliptic_arcs
+from diff3ds.edges.shapes.lines import pairs_by_ends, resampled, unit
 from diff3ds.edges.shapes.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.watch import Tick, no_tick
 
@@ -23,10 +22,8 @@ DOUBLED, DOUBLED_SHARE = 1.2, 0.9
 GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
 # An arc that turns by more than this beside a line is a rounded corner.
 CORNER = np.deg2rad(60.0)
-# A narrow ellipse turns its tip within the gap, by up to a right angle.
+# A narrow ellipse turns its tip within the gap, by up to a right angle (cosine).
 TIP = 0.0
-# Samples of a curve per pixel when curves are fitted again.
-DENSE = 1.0
 
 
 def pruned(curves: Curves, views: EdgeViews, enough: float, shortest: float) -> Curves:
@@ -108,27 +105,19 @@ def joined(curves: Curves, pixel: float, tick: Tick = no_tick) -> Curves:
     return _curves([pieces[i] for i in sorted(alive)])
 
 
-def _ends(pieces: list[_Piece], rows: list[int]) -> Float[Array, "M 3"]:
-    """First and last points, one piece after the other."""
-    return np.array([pieces[i].points[end] for i in rows for end in (0, -1)]).reshape(-1, 3)
+def _ends(pieces: list[_Piece], rows: list[int]) -> Float[Array, "M 2 3"]:
+    """First and last points of pieces."""
+    return np.array([pieces[i].points[[0, -1]] for i in rows]).reshape(-1, 2, 3)
 
 
 def _neighbours(pieces: list[_Piece], rows: list[int], pixel: float) -> list[tuple[int, int]]:
     """Pairs of pieces with ends so near that one may continue the other, the smaller number first."""
-    from scipy.spatial import cKDTree
-
-    if not rows:
-        return []
-    near = cKDTree(_ends(pieces, rows)).query_pairs(GAP * pixel, output_type="ndarray") // 2
-    pairs = np.unique(np.sort(near[near[:, 0] != near[:, 1]], axis=1), axis=0)
-    return [(rows[i], rows[k]) for i, k in pairs]
+    return [(rows[i], rows[k]) for i, k in pairs_by_ends(_ends(pieces, rows), GAP * pixel)]
 
 
 def _near_ends(pieces: list[_Piece], points: Float[Array, "M 3"], rows: list[int], pixel: float) -> list[int]:
     """Pieces that end so near to an end of these points that one may continue the other."""
-    if not rows:
-        return []
-    off = np.linalg.norm(_ends(pieces, rows)[:, None] - points[[0, -1]], axis=2).min(1).reshape(-1, 2).min(1)
+    off = np.linalg.norm(_ends(pieces, rows)[:, :, None] - points[[0, -1]], axis=3).min((1, 2))
     return [rows[i] for i in np.nonzero(off <= GAP * pixel)[0]]
 
 
@@ -170,7 +159,7 @@ def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
     pieces = []
     for i, samples in enumerate(sampled(curves)):
         other = int(curves.other[i])
-        points = resampled(samples, DENSE * pixel)
+        points = resampled(samples, pixel)
         if other < 0:
             pieces.append(_Piece(simplest(points, pixel) or [strokes[i]], points))
         elif i < other:
@@ -254,8 +243,7 @@ def _end_tangent(points: Array) -> Float[Array, " 3"]:
     """Unit tangent at the first point, pointing into the curve: that of the parabola through three points."""
     half = min((len(points) - 1) // 2, 2)
     step = 4 * (points[half] - points[0]) - (points[2 * half] - points[0])
-    step = step if half else points[-1] - points[0]
-    return step / (np.linalg.norm(step) + 1e-12)
+    return unit(step if half else points[-1] - points[0])
 
 
 def concatenated(first: Curves, second: Curves) -> Curves:

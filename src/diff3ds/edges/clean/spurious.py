@@ -9,10 +9,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
-from diff3ds.edges.evidence.support import AGREEING, PARTS, SAMPLES, SLANT, agreement, headings, samples
+from diff3ds.edges.evidence.support import AGREEING, PARTS, SAMPLES, SLANT, agreement, headings, samples, spaced_samples
 from diff3ds.edges.shapes.curve_set import Curves
 
 # Another curve that passes so near, pixels, and runs the same way explains a ridge as well. Empirical.
@@ -23,8 +22,6 @@ BESIDE = 1.5
 OWN, LEAST = 0.5, 0.3
 # What more of the views show may be one of several curves that lie in a plane with the cameras.
 MOST_SHOWN = 0.75
-# Chords that curves are measured by.
-CHORDS = 33
 
 
 def without_phantoms(curves: Curves, views: EdgeViews) -> Curves:
@@ -67,7 +64,7 @@ def _explained(
     shown = agreement(views, x, tangents)
     pixel = views.project(x)[0]
     heading = headings(views, x, tangents, pixel)
-    places, directions, owner = _along(curves, views.pixel)
+    places, directions, owner = spaced_samples(curves, views.pixel)
     passing, depth = views.project(places)
     ahead = headings(views, places, directions, passing)
     passing = np.where(depth[..., None] > 0, passing, np.inf)
@@ -92,17 +89,3 @@ def _neighbours(
     seen = np.nonzero(np.isfinite(passing).all(1))[0]
     pairs = cKDTree(pixel[rows]).sparse_distance_matrix(cKDTree(passing[seen]), BESIDE, output_type="ndarray")
     return rows[pairs["i"]], seen[pairs["j"]]
-
-
-def _along(
-    curves: Curves, pixel: float
-) -> tuple[Float[Array, "D 3"], Float[Array, "D 3"], Int[NDArray[np.int64], " D"]]:
-    """Places about a pixel apart along all curves, unit tangents there, and whose they are."""
-    chords = np.diff(curves.at(torch.linspace(0, 1, CHORDS)).double().numpy(), axis=1)
-    counts = np.ceil(np.linalg.norm(chords, axis=2).sum(1) / pixel).astype(np.int64) + 2
-    fine = curves.at(torch.linspace(0, 1, int(counts.max()))).double().numpy()
-    slopes = np.gradient(fine, axis=1)
-    slopes /= np.linalg.norm(slopes, axis=2, keepdims=True) + 1e-12
-    owner = np.repeat(np.arange(len(curves)), counts)
-    at = np.concatenate([np.linspace(0, fine.shape[1] - 1, count).round().astype(np.int64) for count in counts])
-    return fine[owner, at], slopes[owner, at], owner

@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Array, Float
 from diff3ds.edges.clean.simplify import sampled
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.lines import nearest_to_lines, unit
 
 # Lengths in pixels. Ends within this distance meet, unless that is a large share of one of their curves. Empirical.
 WITHIN, SHARE = 3.0, 0.4
@@ -24,10 +24,9 @@ def welded(curves: Curves, pixel: float) -> Curves:
     samples = sampled(curves)
     group = _groups(curves, samples, pixel)
     ends = np.stack([samples[:, 0], samples[:, -1]], 1).reshape(-1, 3)
-    tangents = np.stack([samples[:, 2] - samples[:, 0], samples[:, -3] - samples[:, -1]], 1).reshape(-1, 3)
-    tangents = tangents / (np.linalg.norm(tangents, axis=1, keepdims=True) + 1e-12)
+    tangents = unit(np.stack([samples[:, 2] - samples[:, 0], samples[:, -3] - samples[:, -1]], 1).reshape(-1, 3))
     names, vertex = np.unique(group, return_inverse=True)
-    places = np.stack([_meeting(ends[group == n], tangents[group == n], pixel) for n in names])
+    places = np.stack([_vertex(ends[group == n], tangents[group == n], pixel) for n in names])
     target = torch.from_numpy(places[vertex.reshape(-1, 2)]).to(curves.points.dtype)
     moved = curves.points.clone()
     shift = target - moved[:, [0, 3]]
@@ -56,13 +55,10 @@ def _groups(curves: Curves, samples: Array, pixel: float) -> NDArray[np.int64]:
     return group
 
 
-def _meeting(ends: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: float) -> Float[Array, " 3"]:
-    """The point nearest to the tangents through the ends."""
+def _vertex(ends: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: float) -> Float[Array, " 3"]:
+    """Where the tangents through these ends meet; the ends' mean if that is far."""
     middle = ends.mean(0)
     if len(ends) == 1:
         return middle
-    across = np.eye(3) - tangents[:, :, None] * tangents[:, None, :]
-    matrix = across.sum(0) + OWN * len(ends) * np.eye(3)
-    right = (across @ ends[..., None])[..., 0].sum(0) + OWN * len(ends) * middle
-    point = np.linalg.solve(matrix, right)
+    point = nearest_to_lines(ends, tangents, middle, OWN * len(ends))
     return point if np.linalg.norm(point - middle) < FARTHEST * pixel else middle

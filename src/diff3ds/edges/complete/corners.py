@@ -10,14 +10,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import NEAR, agreement
-from diff3ds.edges.first.chains import resampled
-from diff3ds.edges.measure.fillets import fillets_of, meeting, tangent_arc
+from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.lines import meeting, resampled, tangents_of, unit
 from diff3ds.edges.shapes.primitives import Kind, Primitive
 from diff3ds.edges.watch import Tick, no_tick
 
@@ -135,7 +134,7 @@ def _meeting_pairs(
     pairs = np.sort(cKDTree(near).query_pairs(2 * LONGEST * pixel, output_type="ndarray"), axis=1)
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     first, second = pairs[line[pairs[:, 0]] != line[pairs[:, 1]]].T
-    along = (near - far) / (np.linalg.norm(near - far, axis=1, keepdims=True) + 1e-12)
+    along = unit(near - far)
     across = np.cross(along[first], along[second])
     length = np.linalg.norm(across, axis=1)
     apart = np.abs(((near[second] - near[first]) * across).sum(1)) / np.maximum(length, 1e-9)
@@ -169,7 +168,7 @@ def _sides(points: Float[Array, "N 4 3"], one: tuple[int, int], other: tuple[int
     place = meeting(far, near, PASS * pixel)
     if place is None:
         return None
-    ways = [(f - place) / (np.linalg.norm(f - place) + 1e-12) for f in far]
+    ways = [unit(f - place) for f in far]
     reach, room = ([float((p - place) @ way) for p, way in zip(ps, ways, strict=True)] for ps in (near, far))
     if abs(ways[0] @ ways[1]) > TURN or min(reach) < -PASS * pixel or max(reach) < OPEN * pixel:
         return None
@@ -255,7 +254,7 @@ def _within(line: Float[Array, "M 3"], place: Float[Array, " 3"], radius: float)
 
 def _counts(x: Float[Array, "L P 3"], views: EdgeViews) -> Float[Array, "L P"]:
     """How many views have a ridge at places along lines that runs along."""
-    flat, tangents = x.reshape(-1, 3), _tangents(x).reshape(-1, 3)
+    flat, tangents = x.reshape(-1, 3), tangents_of(x).reshape(-1, 3)
     seen = agreement(views, flat, tangents) & (views.match(flat).distance < SEEN)
     return seen.sum(0).reshape(x.shape[:2]).astype(np.float64)
 
@@ -267,16 +266,11 @@ def _is_shown(line: Float[Array, "P 3"], views: EdgeViews, enough: float) -> boo
 
 def _off(lines: list[Array], views: EdgeViews, enough: float) -> float:
     """How near enough views have a ridge that runs along, pixels, mean over the places."""
-    x, tangents = np.concatenate(lines), np.concatenate([_tangents(line) for line in lines])
+    x, tangents = np.concatenate(lines), np.concatenate([tangents_of(line) for line in lines])
     match = views.match(x)
     across = np.abs(((views.points[match.ridge] - match.pixel) * views.normals[match.ridge]).sum(-1))
     off = np.sort(np.where(agreement(views, x, tangents), np.minimum(across, NEAR), NEAR), axis=0)
     return float(off[min(int(np.ceil(enough)), len(off)) - 1].mean())
-
-
-def _tangents(x: Float[Array, "... M 3"]) -> Float[Array, "... M 3"]:
-    step = np.gradient(x, axis=-2)
-    return np.asarray(step / (np.linalg.norm(step, axis=-1, keepdims=True) + 1e-12))
 
 
 def _near(samples: Float[Array, "N S 3"], path: Float[Array, "M 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:

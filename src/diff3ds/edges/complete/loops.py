@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import sampled
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.lines import unit
 
 # Samples of a curve: chords of a half circle are .2 % of its radius beside it.
 SAMPLES = 25
@@ -46,8 +46,7 @@ class Loop:
         length = np.concatenate([[0.0], np.linalg.norm(chord, axis=1).cumsum()])
         at = (np.arange(count) + 0.5) / count * length[-1]
         flat = np.column_stack([np.interp(at, length, axis) for axis in closed.T])
-        along = chord[np.clip(np.searchsorted(length, at) - 1, 0, len(chord) - 1)]
-        along = along / (np.linalg.norm(along, axis=1, keepdims=True) + 1e-12)
+        along = unit(chord[np.clip(np.searchsorted(length, at) - 1, 0, len(chord) - 1)])
         # Twice the area, positive if the loop runs from u to v.
         area = (closed[:-1, 0] * closed[1:, 1] - closed[1:, 0] * closed[:-1, 1]).sum()
         across = np.sign(area) * np.column_stack([-along[:, 1], along[:, 0]])

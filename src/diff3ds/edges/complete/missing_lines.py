@@ -8,14 +8,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
 from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
-from diff3ds.edges.evidence.ridges import Array, Ridges
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import agreement
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.lines import outward_tangent, unit
 from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
@@ -155,8 +156,7 @@ def _vertices(curves: Curves) -> tuple[NDArray[np.int64], Float[Array, "N 3"], N
 def _counts(ends: Float[Array, "P 2 3"], share: Float[Array, " S"], rest: EdgeViews) -> Float[Array, "P S"]:
     """How many views show each place of each line."""
     x = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
-    along = np.repeat(ends[:, 1] - ends[:, 0], len(share), axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-12
+    along = np.repeat(unit(ends[:, 1] - ends[:, 0]), len(share), axis=0)
     x = x.reshape(-1, 3)
     shown = agreement(rest, x, along) & (rest.match(x).distance < SEEN)
     return shown.sum(0).reshape(len(ends), -1).astype(np.float64)
@@ -199,8 +199,7 @@ def _smooth(curves: Curves, name: int) -> bool:
     at = np.argwhere(curves.vertex.numpy() == name)
     if len(at) != 2:
         return False
-    steps = [points[i, 1] - points[i, 0] if end == 0 else points[i, 2] - points[i, 3] for i, end in at]
-    first, second = (step / (np.linalg.norm(step) + 1e-12) for step in steps)
+    first, second = (outward_tangent(points[i], end) for i, end in at)
     return bool(first @ second < -SMOOTH)
 
 

@@ -11,17 +11,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.clean.weld import WITHIN
 from diff3ds.edges.complete.loops import Loop, find_loops
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, agreement, crowded, samples
-from diff3ds.edges.first.chains import resampled
 from diff3ds.edges.measure.holes import INSIDE
 from diff3ds.edges.measure.offsets import fitted
 from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.lines import resampled
 from diff3ds.edges.watch import Tick, no_tick
 
 # Places around a rim: a multiple of the samples of a part.

@@ -6,13 +6,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import agreement
 from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.lines import pairs_by_ends
 from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, arc_control, fit_circle
 from diff3ds.edges.watch import Tick, no_tick
 
@@ -83,22 +83,10 @@ def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iter
         if circle is not None and length[i] >= LEAST_SWEEP * circle.radius:
             yield circle, (int(i),)
     short = np.nonzero(alone & (length < LONGEST_SIDE * pixel))[0]
-    ends = points[:, [0, -1]]
-    for i, k in _pairs_in_a_row(short, ends[short], pixel):
+    for i, k in short[pairs_by_ends(points[short][:, [0, -1]], GAP * pixel)].tolist():
         circle = fit_circle(np.concatenate([points[i], points[k]]))
         if circle is not None and circle.distances.max() < LOOSE * pixel and circle.radius < LONGEST_SIDE * pixel:
             yield circle, (i, k)
-
-
-def _pairs_in_a_row(rows: NDArray[np.int64], ends: Float[Array, "M 2 3"], pixel: float) -> list[tuple[int, int]]:
-    """Pairs of these curves, of which the ends are given, that follow each other within a gap."""
-    from scipy.spatial import cKDTree
-
-    if not len(rows):
-        return []
-    near = cKDTree(ends.reshape(-1, 3)).query_pairs(GAP * pixel, output_type="ndarray") // 2
-    pairs = np.unique(np.sort(near[near[:, 0] != near[:, 1]], axis=1), axis=0)
-    return [(int(rows[i]), int(rows[k])) for i, k in pairs]
 
 
 def _whole_ones(curves: Curves, points: Float[Array, "N S 3"]) -> list[Circle]:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array, Ridges
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import agreement, crowded, samples
 from diff3ds.edges.shapes.curve_set import Curves
 

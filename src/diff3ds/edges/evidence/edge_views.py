@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.edges.evidence.ridges import Array, Ridges
+from diff3ds.edges.evidence.ridges import Ridges
 
 # Distance in pixels of a point that a view does not contain.
 OUTSIDE = 99.0
@@ -72,10 +72,6 @@ class EdgeViews:
         rows = self.projection[:, :, :3]
         along = (rows[:, 0] * rows[:, 2]).sum(1)
         return np.asarray(np.sqrt((rows[:, 0] ** 2).sum(1) - along**2))
-
-    def view_of_ridges(self) -> Int[NDArray[np.int64], " R"]:
-        """The view of every ridge point."""
-        return np.repeat(np.arange(len(self)), np.diff(self.start))
 
     def project(self, x: Float[Array, "M 3"]) -> tuple[Float[Array, "V M 2"], Float[Array, "V M"]]:
         """Pixels and depths of world points."""

@@ -6,9 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
-
-Array = NDArray[np.float64]
+from diff3ds._shapes import Array, Bool, Float
 
 # Edge maps: standard deviation of the Gaussian derivatives in pixels, and least value of a ridge. Empirical
 # on the maps of two detectors, PiDiNet (thick lines) and DexiNed (thin ones).

@@ -4,10 +4,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._shapes import Array, Bool, Float, Int, Tensor
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.lines import tangents_of, unit
 
 PARTS = 6
 # Samples of a part, and the share of them that has to agree.
@@ -21,6 +21,8 @@ CROWDED, APART = 3.5, 5.0
 CLEAR = 0.3
 # Step along the tangent, relative to the size of a pixel, that shows its direction in the image.
 STEP = 0.1
+# Chords that curves are measured by, to take samples of them at even steps.
+CHORDS = 32
 
 Flags = Bool[NDArray[np.bool_], "V M"]
 
@@ -44,9 +46,20 @@ def samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
     """Points in the middle of even steps along the curves, one curve after the other, and unit tangents."""
     count = PARTS * SAMPLES
     x = curves.at((torch.arange(count) + 0.5) / count).double().numpy()
-    tangents = np.gradient(x, axis=1)
-    tangents /= np.linalg.norm(tangents, axis=2, keepdims=True) + 1e-12
-    return x.reshape(-1, 3), tangents.reshape(-1, 3)
+    return x.reshape(-1, 3), tangents_of(x).reshape(-1, 3)
+
+
+def spaced_samples(
+    curves: Curves, step: float
+) -> tuple[Float[Array, "D 3"], Float[Array, "D 3"], Int[NDArray[np.int64], " D"]]:
+    """Points at even parameters, about a step apart, along all curves, unit tangents there, and whose they are."""
+    chords = np.diff(curves.at(torch.linspace(0, 1, CHORDS + 1)).double().numpy(), axis=1)
+    counts = np.ceil(np.linalg.norm(chords, axis=2).sum(1) / step).astype(np.int64) + 2
+    fine = curves.at(torch.linspace(0, 1, int(counts.max()))).double().numpy()
+    owner = np.repeat(np.arange(len(curves)), counts)
+    # Of short curves fewer of the points: all of them, for all views, would be too many.
+    at = np.concatenate([np.linspace(0, fine.shape[1] - 1, count).round().astype(np.int64) for count in counts])
+    return fine[owner, at], tangents_of(fine)[owner, at], owner
 
 
 def _by_parts(agree: Flags, curves: int) -> Bool[NDArray[np.bool_], "V N P"]:
@@ -66,8 +79,7 @@ def headings(
     views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: Float[Array, "V M 2"]
 ) -> Float[Array, "V M 2"]:
     """Directions of tangents in the images, unit vectors; `pixel` is where the points are."""
-    ahead = views.project(x + STEP * views.pixel * tangents)[0] - pixel
-    return np.asarray(ahead / (np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12))
+    return unit(views.project(x + STEP * views.pixel * tangents)[0] - pixel)
 
 
 def crowded(

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Array
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array, Ridges
-from diff3ds.edges.evidence.support import NEAR, SLANT
+from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.evidence.support import NEAR, SLANT, headings, spaced_samples
 from diff3ds.edges.shapes.curve_set import Curves
 
 # Samples of curves, pixels apart.
@@ -22,24 +21,10 @@ def unexplained(views: EdgeViews, ridges: Sequence[Ridges], curves: Curves) -> l
     Args:
         ridges: those of the views.
     """
-    counts = np.ceil(_lengths(curves) / (APART * views.pixel)).astype(np.int64) + 2
-    most = int(counts.max())
-    points = curves.at(torch.linspace(0, 1, most)).double().numpy()
-    tangents = np.gradient(points, axis=1)
-    # Of short curves fewer samples: all of them, for all views, would be too many.
-    owner = np.repeat(np.arange(len(curves)), counts)
-    at = np.concatenate([np.linspace(0, most - 1, count).round().astype(np.int64) for count in counts])
-    points, tangents = points[owner, at], tangents[owner, at]
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True) + 1e-12
+    points, tangents, _ = spaced_samples(curves, APART * views.pixel)
     pixel = views.project(points)[0]
-    ahead = views.project(points + 0.1 * views.pixel * tangents)[0] - pixel
-    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True) + 1e-12
+    ahead = headings(views, points, tangents, pixel)
     return [ridge[~_passed(ridge, pixel[view], ahead[view])] for view, ridge in enumerate(ridges)]
-
-
-def _lengths(curves: Curves) -> Float[Array, " N"]:
-    polyline = curves.at(torch.linspace(0, 1, 33))
-    return (polyline[:, 1:] - polyline[:, :-1]).norm(dim=2).sum(1).double().numpy()
 
 
 def _passed(ridge: Ridges, pixel: Array, ahead: Array) -> NDArray[np.bool_]:

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float, Int
+from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
 # Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Float
-from diff3ds.edges.evidence.ridges import Array
+from diff3ds._shapes import Array, Float
 from diff3ds.edges.first.triangulate import EdgePoints
+from diff3ds.edges.shapes.lines import polyline_length, resampled, tangents_of
 
 # Lengths are in units of a pixel. All values are empirical.
 # The next point of a chain is at most so far away, ahead (cosine to the direction at least AHEAD), beside the tangent
@@ -93,20 +93,6 @@ def _beside(found: EdgePoints, tree: object, line: Array, pixel: float) -> NDArr
     dense = resampled(line, SAMPLED * pixel)
     near = tree.query_ball_point(dense, TAKEN * pixel)  # type: ignore[attr-defined]
     others = np.unique(np.concatenate([np.asarray(n, np.int64) for n in near]))
-    tangents = np.gradient(dense, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True) + 1e-12
     closest = cKDTree(dense).query(found.points[others])[1]
-    along = np.abs((found.directions[others] * tangents[closest]).sum(1))
+    along = np.abs((found.directions[others] * tangents_of(dense)[closest]).sum(1))
     return others[along > TAKEN_COSINE]
-
-
-def polyline_length(line: Float[Array, "M 3"]) -> float:
-    """Length of a polyline."""
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-
-
-def resampled(line: Float[Array, "M 3"], step: float) -> Float[Array, "K 3"]:
-    """Points at even distances along a polyline, about `step` apart, the ends included."""
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    even = np.linspace(0, at[-1], max(2, round(at[-1] / step) + 1))
-    return np.stack([np.interp(even, at, line[:, k]) for k in range(3)], 1)

@@ -4,8 +4,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
-from diff3ds.edges.evidence.ridges import Array
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.first.triangulate import EdgePoints
 from diff3ds.edges.shapes.curve_set import curves_of
 from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, arc_control, fit_circle

@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from diff3ds._shapes import Float
-from diff3ds.edges.evidence.ridges import Array
-from diff3ds.edges.first.chains import resampled
-from diff3ds.edges.shapes.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds._shapes import Array, Float
+from diff3ds.edges.shapes.lines import resampled
+from diff3ds.edges.shapes.primitives import FREEDOM, POINT_SCATTER, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 
-# Lengths in pixels. Scatter of points on a chain, at which one counts fully, and beyond which it counts no more: a
-# stray point is no reason for another stroke. Empirical.
-SCATTER, STRAY = 0.45, 3.0
+# Points on a chain that are farther off count no more, in units of their scatter: a stray point is no reason for
+# another stroke. Empirical.
+STRAY = 3.0
 # Price of a free number in the same units as a point's squared distance over scatter.
 PRICE = 1.0
 # A fit is good if 95 % of the points lie within this.
@@ -53,7 +52,7 @@ def _best(points: Float[Array, "M 3"], pixel: float, below: float = np.inf) -> t
 
 
 def _cost(primitive: Primitive, pixel: float) -> float:
-    off = np.minimum(primitive.distances / (SCATTER * pixel), STRAY)
+    off = np.minimum(primitive.distances / (POINT_SCATTER * pixel), STRAY)
     return float((off**2).sum() + PRICE * FREEDOM[primitive.kind])
 
 

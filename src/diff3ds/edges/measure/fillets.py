@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from diff3ds._shapes import Float
+from diff3ds._shapes import Array, Float
 from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import SAMPLES, agreement, crowded
-from diff3ds.edges.first.chains import resampled
 from diff3ds.edges.measure.equal_radii import agreed
 from diff3ds.edges.measure.offsets import Shape, fitted, near_joints
 from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.lines import meeting, outward_tangent, resampled, unit
 from diff3ds.edges.shapes.primitives import Kind
 
 # An arc and a line that meet at less than this angle are meant to be tangent; for that, the arc moves to the
@@ -90,7 +89,7 @@ def _alike(
 def _ways(points: Float[Array, "N 4 3"], fillet: Fillet) -> list[Array]:
     """Unit vectors along the lines, away from where they would meet."""
     near = [points[fillet.arc][0], points[fillet.arc][3]]
-    return [_unit(f - n) for f, n in zip(fillet.away(points), near, strict=True)]
+    return [unit(f - n) for f, n in zip(fillet.away(points), near, strict=True)]
 
 
 def _beside(old: Curves, new: Curves, fillet: Fillet, pixel: float) -> float:
@@ -120,19 +119,13 @@ def fillets_of(curves: Curves, points: Float[Array, "N 4 3"]) -> list[Fillet]:
             curve, at = np.nonzero(vertex == vertex[arc, end])
             others = [(int(c), int(e)) for c, e in zip(curve, at, strict=True) if c != arc]
             if len(others) == 1 and int(curves.kind[others[0][0]]) == Kind.LINE:
-                out = _heading(points[others[0][0]], others[0][1])
-                into = -_heading(points[arc], end)
+                out = outward_tangent(points[others[0][0]], others[0][1])
+                into = -outward_tangent(points[arc], end)
                 if out @ into > np.cos(SMOOTH):
                     met.append(others[0])
         if len(met) == 2 and met[0][0] != met[1][0]:
             found.append(Fillet(int(arc), (met[0][0], met[1][0]), (met[0][1], met[1][1])))
     return found
-
-
-def _heading(points: Float[Array, "4 3"], end: int) -> Float[Array, " 3"]:
-    """Unit tangent at an end, pointing out of the curve."""
-    step = points[0] - points[1] if end == 0 else points[3] - points[2]
-    return step / (np.linalg.norm(step) + 1e-12)
 
 
 def _guessed(points: Float[Array, "N 4 3"], fillet: Fillet, old: Float[Array, "S 3"]) -> float | None:
@@ -145,7 +138,7 @@ def _guessed(points: Float[Array, "N 4 3"], fillet: Fillet, old: Float[Array, "S
     corner = meeting(far, near)
     if corner is None:
         return None
-    ways = [_unit(f - corner) for f in far]
+    ways = [unit(f - corner) for f in far]
     longest = max(float(np.linalg.norm(n - corner)) for n in near)
     lengths = longest * GUESSES
     return float(min(lengths, key=lambda length: (_off_corner(old - corner, ways, length) ** 2).mean()))
@@ -157,8 +150,8 @@ def _off_corner(x: Float[Array, "S 3"], ways: list[Array], length: float) -> Flo
     side = along.argmax(1)
     beside = np.linalg.norm(x - along.max(1)[:, None] * np.stack(ways)[side], axis=1)
     half = np.arccos(np.clip(ways[0] @ ways[1], -1, 1)) / 2
-    offset = x - length / np.cos(half) * _unit(ways[0] + ways[1])
-    height = offset @ _unit(np.cross(ways[0], ways[1]))
+    offset = x - length / np.cos(half) * unit(ways[0] + ways[1])
+    height = offset @ unit(np.cross(ways[0], ways[1]))
     around = np.hypot(np.sqrt(np.maximum((offset**2).sum(1) - height**2, 0)) - length * np.tan(half), height)
     return np.where(along.max(1) > length, beside, around)
 
@@ -171,11 +164,11 @@ def _make_tangent(points: Float[Array, "N 4 3"], fillet: Fillet, length: float |
     if corner is None:
         return
     length = length or float(np.mean([np.linalg.norm(corner - p) for p in near]))
-    ends = [corner + length * _unit(f - corner) for f in far]
+    ends = [corner + length * unit(f - corner) for f in far]
     for (line, end), place, away in zip(zip(fillet.lines, fillet.ends, strict=True), ends, far, strict=True):
         stops = (place, away) if end == 0 else (away, place)
         points[line] = stops[0] + np.linspace(0, 1, 4)[:, None] * (stops[1] - stops[0])
-    points[fillet.arc] = tangent_arc(corner, [_unit(f - corner) for f in far], length)
+    points[fillet.arc] = tangent_arc(corner, [unit(f - corner) for f in far], length)
 
 
 def _measured(points: Float[Array, "N 4 3"], fillet: Fillet, views: EdgeViews, outward: float) -> float | None:
@@ -186,11 +179,11 @@ def _measured(points: Float[Array, "N 4 3"], fillet: Fillet, views: EdgeViews, o
     if corner is None:
         return None
     length = float(np.linalg.norm(near[0] - corner))
-    ways = [_unit(f - corner) for f in far]
+    ways = [unit(f - corner) for f in far]
     beside = [min(length, float(np.linalg.norm(f - n))) for f, n in zip(far, near, strict=True)]
     shape = _rounded_corner(corner, ways, length, beside, 0.5 * views.pixel)
     before, x, after = shape(np.zeros(4))
-    tangents = (after - before) / np.linalg.norm(after - before, axis=1, keepdims=True)
+    tangents = unit(after - before)
     shown = agreement(views, x, tangents)
     shown &= ~crowded(views, x, tangents, at=shown)
     joints = near_joints(x, np.stack([corner + length * way for way in ways]), views.pixel)
@@ -205,7 +198,7 @@ def _rounded_corner(corner: Array, ways: list[Array], length: float, beside: lis
     along = (np.arange(SAMPLES) + 0.5) / SAMPLES
     turns = (np.arange(ARC_PARTS * SAMPLES) + 0.5) / (ARC_PARTS * SAMPLES)
     opening = np.arccos(np.clip(ways[0] @ ways[1], -1, 1))
-    out, across = -_unit(ways[0] + ways[1]), _unit(ways[1] - ways[0])
+    out, across = -unit(ways[0] + ways[1]), unit(ways[1] - ways[0])
 
     def places(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
         at, tangent = corner + value[:3], length + value[3]
@@ -232,25 +225,3 @@ def tangent_arc(corner: Float[Array, " 3"], ways: list[Array], length: float) ->
     weight = np.linalg.norm(ends[1] - ends[0]) / (2 * length)
     inner = [(end + 2 * weight * corner) / (1 + 2 * weight) for end in ends]
     return np.stack([ends[0], inner[0], inner[1], ends[1]])
-
-
-def meeting(far: list[Array], near: list[Array], apart: float = np.inf) -> Float[Array, " 3"] | None:
-    """The middle between the nearest points of two lines; None if they are parallel, or pass each other farther apart.
-
-    Args:
-        far: a point of each line.
-        near: another point of each line.
-    """
-    a, b = (_unit(n - f) for n, f in zip(near, far, strict=True))
-    across = 1 - (a @ b) ** 2
-    if across < 1e-3:
-        return None
-    gap = near[1] - near[0]
-    s = (gap @ a - (gap @ b) * (a @ b)) / across
-    t = ((gap @ a) * (a @ b) - gap @ b) / across
-    one, other = near[0] + s * a, near[1] + t * b
-    return (one + other) / 2 if np.linalg.norm(one - other) <= apart else None
-
-
-def _unit(vector: Float[Array, " 3"]) -> Float[Array, " 3"]:
-    return vector / (np.linalg.norm(vector) + 1e-12)

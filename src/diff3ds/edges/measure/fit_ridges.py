@@ -6,9 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, agreement, crowded, samples
 from diff3ds.edges.measure.holes import other_ends, seen_through
 from diff3ds.edges.measure.offsets import Shape, fitted, near_joints, residuals

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import Array
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle
 

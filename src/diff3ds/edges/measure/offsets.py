@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.ridges import AROUND, Array
+from diff3ds.edges.evidence.ridges import AROUND
 from diff3ds.edges.evidence.support import SAMPLES
 
 # Rounds of reweighting; residuals in pixels that count half, in the first and the last of them. Empirical.

@@ -6,8 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
-from diff3ds.edges.evidence.ridges import Array
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind
 

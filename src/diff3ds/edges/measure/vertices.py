@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Bool, Float
-from diff3ds.edges.evidence.ridges import Array
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.lines import nearest_to_lines, outward_tangent
 from diff3ds.edges.shapes.primitives import Kind, Primitive, angles_of, arc_control, fit_circle, turned
 
 # Pull of a vertex towards where it was, against each curve that was placed: decides along curves that meet smoothly.
@@ -34,27 +34,13 @@ def met(curves: Curves, old: Float[Array, "N 4 3"], sure: Bool[NDArray[np.bool_]
         if not known:
             continue
         through = np.stack([points[r, 3 * e] for r, e in known])
-        along = np.stack([_tangent(points[r], e) for r, e in known])
-        place = _meeting(before, through, along)
+        along = np.stack([outward_tangent(points[r], e) for r, e in known])
+        place = nearest_to_lines(through, along, before, OWN)
         if np.linalg.norm(place - before) > FARTHEST * pixel:
             place = before
         for r, e in here:
             _end_at(points[r], e, place, int(curves.kind[r]))
     return replace(curves, points=torch.from_numpy(points).to(curves.points.dtype))
-
-
-def _tangent(points: Float[Array, "4 3"], end: int) -> Float[Array, " 3"]:
-    step = points[1] - points[0] if end == 0 else points[3] - points[2]
-    return np.asarray(step / (np.linalg.norm(step) + 1e-12))
-
-
-def _meeting(
-    before: Float[Array, " 3"], through: Float[Array, "K 3"], along: Float[Array, "K 3"]
-) -> Float[Array, " 3"]:
-    """The point nearest to lines, and of equally near ones the nearest to where it was."""
-    across = np.eye(3) - along[:, :, None] * along[:, None, :]
-    matrix = across.sum(0) + OWN * np.eye(3)
-    return np.linalg.solve(matrix, (across @ through[..., None])[..., 0].sum(0) + OWN * before)
 
 
 def _end_at(points: Float[Array, "4 3"], end: int, place: Array, kind: int) -> None:

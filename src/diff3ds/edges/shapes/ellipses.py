@@ -4,16 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diff3ds._shapes import Float
-from diff3ds.edges.evidence.ridges import Array
-from diff3ds.edges.first.segment import SCATTER
-from diff3ds.edges.shapes.primitives import Kind, Primitive, arcs_along, fit_circle
+from diff3ds._shapes import Array, Float
+from diff3ds.edges.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs_along, fit_circle
 
 # Rounds of the geometric fit; each takes two steps towards the closest points.
 ROUNDS, CLOSER = 12, 2
 # A circle that 98 % of the points are this near to, pixels, is a badly measured circle: a good one is half as far.
 ROUND = 1.0
-# Standard error of the half axes, as a share of them, with every point off by `segment.SCATTER`. Half of an ellipse
+# Standard error of the half axes, as a share of them, with every point off by `POINT_SCATTER`. Half of an ellipse
 # of 30 by 18 pixels has that, a third of one of 150 by 90, but not half of one of 15 by 10. Empirical.
 UNSURE = 0.05
 # The algebraic fit of an arc comes out small, by less than half where the points determine it.
@@ -85,7 +83,7 @@ def fit_ellipse(points: Float[Array, "M 3"], pixel: float) -> Ellipse | None:
         local = (x - center) @ turn
     angle = _closest(local, half, angle)
     jacobian, off = _linearised(local, half, angle)
-    if (_errors(jacobian, SCATTER * pixel) > UNSURE * half).any() or half.min() ** 2 < pixel * half.max():
+    if (_errors(jacobian, POINT_SCATTER * pixel) > UNSURE * half).any() or half.min() ** 2 < pixel * half.max():
         return None
     u, v = (half * turn).T @ axes[:2]
     return Ellipse(middle + center @ axes[:2], u, v, np.unwrap(angle), np.hypot(off, rise))

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diff3ds._shapes import Float
-from diff3ds.edges.evidence.ridges import Array
+from diff3ds._shapes import Array, Float
 
+# Scatter of triangulated points about the curve that they lie on, pixels. Empirical.
+POINT_SCATTER = 0.45
 # Iterations of the geometric circle fit, and of the parameters of a cubic's points.
 CIRCLE_ROUNDS, CUBIC_ROUNDS = 10, 4
 # Relative to the radius, a step that changes nothing any more: some roundings.
