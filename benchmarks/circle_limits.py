@@ -21,7 +21,7 @@ from curve_scores import CENTRE_ERROR, LEAST_ANGLE, LEAST_RADIUS, RADIUS_ERROR
 
 from diff3ds.edges.evidence.bias import Bias, corrected, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
-from diff3ds.edges.evidence.support import agreement, crowded
+from diff3ds.edges.evidence.support import crowded, inliers
 from diff3ds.edges.measure.fit_ridges import LOOKS, circle_at, shown_of, undisturbed
 from diff3ds.edges.measure.offsets import near_joints
 from diff3ds.edges.shapes.primitives import Circle, angles_of
@@ -89,7 +89,7 @@ def outcomes(out: Path, name: str, flat: bool) -> list[Outcome]:
     units = np.concatenate([t / (np.linalg.norm(t, axis=1, keepdims=True) + 1e-12) for t in tangents])
     x = np.concatenate(drawn)
     clear = ~crowded(views, x, units)
-    free = undisturbed(views, x, units, agreement(views, x, units), clear)
+    free = undisturbed(views, x, units, inliers(views, x, units), clear)
     found = []
     for k, curve in enumerate(truth):
         if curve["type"] != "circle" or curve["angle"] < LEAST_ANGLE - 1e-3 or curve["radius"] <= LEAST_RADIUS:

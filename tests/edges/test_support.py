@@ -16,7 +16,7 @@ from edge_scenes import (
 )
 
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.evidence.support import PARTS, agreement, clear_support, crowded, headings, part_support, samples
+from diff3ds.edges.evidence.support import PARTS, clear_support, crowded, headings, inliers, part_support, samples
 from diff3ds.edges.evidence.unexplained import unexplained
 
 CAMERAS = around(24, 128)
@@ -53,10 +53,10 @@ def test_ridges_that_run_across_support_nothing():
     np.testing.assert_allclose(tangents, np.tile([1.0, 0, 0], (len(x), 1)), rtol=0, atol=1e-5)
     np.testing.assert_allclose(x[:, 0], (np.arange(len(x)) + 0.5) / len(x) - 0.5, rtol=0, atol=1e-6)
     views = views_of(CAMERAS, [line])
-    assert agreement(views, x, tangents).mean() > 0.99
+    assert inliers(views, x, tangents).mean() > 0.99
     sideways = np.tile([0.0, 1, 0], (len(x), 1))
     # But where both directions appear as one.
-    assert agreement(views, x, sideways).mean() < 0.3
+    assert inliers(views, x, sideways).mean() < 0.3
 
 
 def test_headings_are_those_of_projected_steps():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import PARTS, SAMPLES, agreement, crowded, samples
+from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, inliers, samples
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.lines import unit
 
@@ -36,7 +36,7 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
         doubt: take what may be either for an outline.
     """
     x, tangents = samples(curves)
-    shown = agreement(views, x, tangents)
+    shown = inliers(views, x, tangents)
     planes = views.planes[views.match(x).ridge]
     normals = unit(planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents)
     offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel

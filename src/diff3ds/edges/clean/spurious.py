@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import AGREEING, PARTS, SAMPLES, SLANT, agreement, headings, samples, spaced_samples
+from diff3ds.edges.evidence.support import AGREEING, PARTS, SAMPLES, SLANT, headings, inliers, samples, spaced_samples
 from diff3ds.edges.shapes.curve_set import Curves
 
 # Another curve that passes so near, pixels, and runs the same way explains a ridge as well. Empirical.
@@ -61,7 +61,7 @@ def _explained(
     """Where samples of the curves agree with the views, and which other curves pass there too: view, sample, curve."""
     count = PARTS * SAMPLES
     x, tangents = samples(curves)
-    shown = agreement(views, x, tangents)
+    shown = inliers(views, x, tangents)
     pixel = views.project(x)[0]
     heading = headings(views, x, tangents, pixel)
     places, directions, owner = spaced_samples(curves, views.pixel)

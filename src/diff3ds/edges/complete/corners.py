@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import concatenated, sampled
+from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import NEAR, agreement
+from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
 from diff3ds.edges.shapes.lines import meeting, resampled, tangents_of, unit
@@ -31,8 +32,8 @@ STEP, SEEN = 0.5, 0.8
 # Places of an arc, the share of them that enough views have to show, and how many those are, relative to the views that
 # confirm an edge: the lines are known.
 PLACES, COVERED, SHOWN = 16, 0.85, 0.7
-# Curves that lie so near to the corner, pixels, in this share, are pieces of it.
-ALONG, SHARE = 1.5, 0.8
+# A curve that stays runs along so much of a doubled arc.
+DOUBLED = 0.2
 # Ridges lie nearer to the arc than to what was there by so much, pixels: else it may be a chamfer or sharp. Of corners
 # of 60 reconstructions of generated parts true ones gained .24 to .7, false ones .05 at most. Of several pieces, or
 # where a bent one meets the lines at angles, the arc is the simpler one and must only be no worse.
@@ -199,19 +200,20 @@ def _corner(
     arcs = np.stack([tangent_arc(sides.place, sides.ways, length) for length in lengths])
     candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
     x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
-    counts = _counts(x, views)
-    good = (counts >= enough).mean(1)
-    best = int(np.lexsort((counts.mean(1), good))[-1])
+    shown = Hypothesis.through(x).shown(views, SEEN)
+    good, mean_views = fraction_shown(shown, enough), shown.sum(0).mean(1)
+    best = int(np.lexsort((mean_views, good))[-1])
     # To where the lines end now: a line may go on too far, or too little.
     stems = [
         resampled(sides.place + np.array([[lengths[best]], [near]]) * way, pixel / 2)
         for near, way in zip(sides.near, sides.ways, strict=True)
     ]
     longer = [stem for stem, near in zip(stems, sides.near, strict=True) if near > lengths[best] + pixel]
-    if good[best] < COVERED or not all(_is_shown(stem, views, enough) for stem in longer):
+    stems_shown = (fraction_shown(Hypothesis.through(stem).shown(views, SEEN), enough) for stem in longer)
+    if good[best] < COVERED or any(fraction < COVERED for fraction in stems_shown):
         return None
     path = np.concatenate([stems[0][::-1], resampled(x[best], pixel / 2), stems[1]])
-    along = _near(samples, path, pixel) & alone
+    along = pieces_of(path, samples, pixel) & alone
     along[list(sides.lines)] = False
     pieces = tuple(np.nonzero(along)[0].tolist())
     if _doubled(samples, {*pieces, *sides.lines}, x[best], pixel):
@@ -220,7 +222,7 @@ def _corner(
     before = _before(samples, sides, pieces, lengths[best], pixel)
     if _off([x[best]], views, enough) > _off(before, views, enough) - nearer:
         return None
-    return _Corner(sides, arcs[best], pieces, float(counts[best].mean()))
+    return _Corner(sides, arcs[best], pieces, float(mean_views[best]))
 
 
 def _before(
@@ -252,40 +254,19 @@ def _within(line: Float[Array, "M 3"], place: Float[Array, " 3"], radius: float)
     return [near] if len(near) > 1 else []
 
 
-def _counts(x: Float[Array, "L P 3"], views: EdgeViews) -> Float[Array, "L P"]:
-    """How many views have a ridge at places along lines that runs along."""
-    flat, tangents = x.reshape(-1, 3), tangents_of(x).reshape(-1, 3)
-    seen = agreement(views, flat, tangents) & (views.match(flat).distance < SEEN)
-    return seen.sum(0).reshape(x.shape[:2]).astype(np.float64)
-
-
-def _is_shown(line: Float[Array, "P 3"], views: EdgeViews, enough: float) -> bool:
-    """Whether enough views show most of a line."""
-    return bool((_counts(line[None], views) >= enough).mean() >= COVERED)
-
-
 def _off(lines: list[Array], views: EdgeViews, enough: float) -> float:
     """How near enough views have a ridge that runs along, pixels, mean over the places."""
     x, tangents = np.concatenate(lines), np.concatenate([tangents_of(line) for line in lines])
     match = views.match(x)
     across = np.abs(((views.points[match.ridge] - match.pixel) * views.normals[match.ridge]).sum(-1))
-    off = np.sort(np.where(agreement(views, x, tangents), np.minimum(across, NEAR), NEAR), axis=0)
+    off = np.sort(np.where(inliers(views, x, tangents), np.minimum(across, NEAR), NEAR), axis=0)
     return float(off[min(int(np.ceil(enough)), len(off)) - 1].mean())
-
-
-def _near(samples: Float[Array, "N S 3"], path: Float[Array, "M 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
-    """Which curves lie along a path."""
-    from scipy.spatial import cKDTree
-
-    return np.asarray((cKDTree(path).query(samples)[0] < ALONG * pixel).mean(1) >= SHARE)
 
 
 def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 3"], pixel: float) -> bool:
     """Whether a curve that stays runs along part of the arc."""
-    from scipy.spatial import cKDTree
-
     rest = [resampled(line, pixel / 2) for i, line in enumerate(samples) if i not in gone]
-    return bool(rest) and bool((cKDTree(np.concatenate(rest)).query(x)[0] < ALONG * pixel).mean() > 1 - SHARE)
+    return bool(rest) and bool(pieces_of(np.concatenate(rest), x[None], pixel, fraction=DOUBLED)[0])
 
 
 def _with(curves: Curves, corner: _Corner) -> Curves:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
 from diff3ds.edges.clean.simplify import concatenated, sampled
+from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.evidence.support import agreement
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
-from diff3ds.edges.shapes.lines import outward_tangent, unit
+from diff3ds.edges.shapes.lines import outward_tangent, resampled, unit
 from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
@@ -119,8 +119,8 @@ def _likely(curves: Curves, views: EdgeViews, enough: float, capped: Capped) -> 
     for share in (np.arange(GLANCE) + 0.5) / GLANCE:
         # In pieces, so that memory is bounded.
         blocks = [b for b in np.array_split(pairs, len(pairs) * len(views) // BLOCK + 1) if len(b)]
-        shown = [_counts(places[block], np.array([share]), views)[:, 0] >= enough for block in blocks]
-        pairs = pairs[np.concatenate(shown)] if shown else pairs
+        shown = [_between(places[block], np.array([share])).shown(views, SEEN).sum(0) >= enough for block in blocks]
+        pairs = pairs[np.concatenate(shown)[:, 0]] if shown else pairs
     return [(int(names[a]), int(names[b])) for a, b in pairs]
 
 
@@ -153,13 +153,10 @@ def _vertices(curves: Curves) -> tuple[NDArray[np.int64], Float[Array, "N 3"], N
     return names, points[first], degree
 
 
-def _counts(ends: Float[Array, "P 2 3"], share: Float[Array, " S"], rest: EdgeViews) -> Float[Array, "P S"]:
-    """How many views show each place of each line."""
-    x = ends[:, :1] + share[:, None] * (ends[:, 1:] - ends[:, :1])
-    along = np.repeat(unit(ends[:, 1] - ends[:, 0]), len(share), axis=0)
-    x = x.reshape(-1, 3)
-    shown = agreement(rest, x, along) & (rest.match(x).distance < SEEN)
-    return shown.sum(0).reshape(len(ends), -1).astype(np.float64)
+def _between(ends: Float[Array, "P 2 3"], share: Float[Array, " S"]) -> Hypothesis:
+    """Lines between pairs of vertices, sampled at these shares of the way."""
+    way = ends[:, 1:] - ends[:, :1]
+    return Hypothesis(ends[:, :1] + share[:, None] * way, np.repeat(unit(way), len(share), axis=1))
 
 
 def _bridge(
@@ -172,7 +169,8 @@ def _bridge(
     start, stop = places[pair]
     share = (np.arange(SAMPLES) + 0.5) / SAMPLES
     # Lines that lie along it.
-    along = _beside(drawing.ends.reshape(-1, 3), start, stop, pixel).reshape(-1, 2).all(1)
+    line = _between(np.stack([start, stop])[None], share)
+    along = pieces_of(resampled(np.stack([start, stop]), pixel / 4), drawing.ends, pixel, within=SEEN, fraction=1.0)
     pieces = tuple(drawing.lines[along].tolist())
     inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
     ends = curves.vertex.numpy()[list(pieces)].reshape(-1)
@@ -183,20 +181,20 @@ def _bridge(
     whole = len(pieces) > 1
     if not whole and any(_smooth(curves, name) for name in vertices):
         return None
-    open_ = drawing.tree.query(start + share[:, None] * (stop - start))[0] > OPEN * pixel
+    open_ = drawing.tree.query(line.x[0])[0] > OPEN * pixel
     if open_.sum() * np.linalg.norm(stop - start) / SAMPLES < (0 if whole else SHORTEST) * pixel:
         return None
-    counts = _counts(np.stack([start, stop])[None], share, views if whole else rest)[0]
-    counts = counts if whole else counts[open_]
-    if (counts >= enough).mean() < MOST:
+    shown = line.shown(views if whole else rest, SEEN)[:, 0]
+    shown = shown if whole else shown[:, open_]
+    if fraction_shown(shown, enough) < MOST:
         return None
-    return _Bridge(vertices, pieces, float(counts.mean()))
+    return _Bridge(vertices, pieces, float(shown.sum(0).mean()))
 
 
 def _smooth(curves: Curves, name: int) -> bool:
     """Whether two curves meet smoothly at the vertex, and no third: outlines of a rounded edge start there, no edge."""
     points = curves.points.double().numpy()
-    at = np.argwhere(curves.vertex.numpy() == name)
+    at = np.argwhere(curves.vertex.numpy() == name).tolist()
     if len(at) != 2:
         return False
     first, second = (outward_tangent(points[i], end) for i, end in at)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.clean.weld import WITHIN
+from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.complete.loops import Loop, find_loops
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import PARTS, SAMPLES, agreement, crowded, samples
+from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, samples
 from diff3ds.edges.measure.holes import INSIDE
 from diff3ds.edges.measure.offsets import fitted
 from diff3ds.edges.shapes.curve_set import Curves
@@ -33,8 +34,6 @@ SHALLOWEST, STEP, SEEN = 5.0, 1.0, 1.2
 SHOWN, COVERED = 0.55, 0.4
 # So many views have to look at a place, for this share of the places.
 FEWEST, LOOKED_AT = 2, 0.6
-# Curves that lie so near to a bottom, pixels, in this share, are pieces of it.
-NEAR, SHARE = 1.5, 0.8
 # A bottom is there already if other curves are this near, pixels, to so much of it: what shows it from outside says
 # better how deep it lies.
 BESIDE, THERE = 3.0, 0.95
@@ -68,7 +67,7 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = 
         return curves
     gone = np.zeros(len(curves), bool)
     for bottom in bottoms:
-        gone |= _along(curves, bottom, views.pixel)
+        gone |= pieces_of(np.concatenate(_dense(bottom, views.pixel / 2)), sampled(curves), views.pixel)
     gone[rims] = False
     found = drawn[torch.from_numpy(~gone)]
     for bottom in bottoms:
@@ -98,13 +97,13 @@ def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float |
 
 def _many(looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
     """Whether enough views look at most places."""
-    return bool((looked.sum(0) >= FEWEST).mean() >= LOOKED_AT)
+    return bool(fraction_shown(looked, FEWEST) >= LOOKED_AT)
 
 
 def _confirmed(seen: Bool[NDArray[np.bool_], "V S"], looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
     """Whether the views that look at a bottom show it."""
-    each = seen.sum(0) >= np.maximum(looked.sum(0) / 2, FEWEST)
-    return bool(seen.sum() >= SHOWN * looked.sum() and each.mean() >= COVERED)
+    min_views = np.maximum(looked.sum(0) / 2, FEWEST)
+    return bool(seen.sum() >= SHOWN * looked.sum() and fraction_shown(seen, min_views) >= COVERED)
 
 
 def _seen(
@@ -114,7 +113,7 @@ def _seen(
     x, tangents, inwards = loop.places(PLACES)
     below = x + depth * loop.normal
     looked = _looked_at(loop, depth, below + INSIDE * views.pixel * inwards, views)
-    return agreement(views, below, tangents) & (views.match(below).distance < SEEN) & looked, looked
+    return Hypothesis(below, tangents).shown(views, SEEN) & looked, looked
 
 
 def _beside_others(loop: Loop, depth: float, curves: Curves, views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
@@ -159,14 +158,6 @@ def _off(bottom: Curves, others: list[Curves], distance: float) -> float:
 
     there = np.concatenate([line for curves in others for line in _dense(curves, distance / 4)])
     return float((cKDTree(there).query(np.concatenate(_dense(bottom, distance / 4)))[0] > distance).mean())
-
-
-def _along(curves: Curves, bottom: Curves, pixel: float) -> Bool[NDArray[np.bool_], " N"]:
-    """Which curves lie along a bottom."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(np.concatenate(_dense(bottom, pixel / 2)))
-    return np.asarray((tree.query(sampled(curves))[0] < NEAR * pixel).mean(1) >= SHARE)
 
 
 def _dense(curves: Curves, step: float) -> list[Array]:

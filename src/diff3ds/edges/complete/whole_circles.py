@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.simplify import concatenated, sampled
+from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import agreement
-from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of
+from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of, tangents_on
 from diff3ds.edges.shapes.curve_set import Curves, curves_of
 from diff3ds.edges.shapes.lines import pairs_by_ends
 from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, arc_control, fit_circle
@@ -20,6 +20,8 @@ from diff3ds.edges.watch import Tick, no_tick
 # views that confirm an edge. Of 12 whole circles in parts all had .87 or more, of 25 arcs of generated objects that
 # end where they should all .82 or less.
 SAMPLES, COVERED, SHOWN = 60, 0.85, 0.7
+# This fraction of a circle has to be shown before it is placed.
+PROMISING = 0.5
 # An arc of less says too little about its circle. Empirical.
 LEAST_SWEEP = np.deg2rad(75.0)
 # All around about as many views pass a circle: so many, relative to the median. Of true circles at .95 of the places or
@@ -39,8 +41,6 @@ LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
 # places; by this share of the views that confirm an edge, as its radius and axis are known already. Less deep holes
 # cannot be told from rims seen badly, pixels; radii that differ by a larger share are no twins'. Empirical.
 STEP, COARSE, TRIES, FEWER, SHALLOWEST, ALIKE = 2.0, 24, 2, 0.55, 6.0, 0.03
-# Curves that lie so near to a circle belong to it, pixels, if this share of them does.
-NEAR, SHARE = 1.5, 0.8
 
 
 def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick: Tick = no_tick) -> Curves:
@@ -61,10 +61,10 @@ def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick
             continue
         circle = _whole(start, views, enough, outward)
         if circle is not None:
-            free &= ~_on(circle, points, views.pixel)
+            free &= ~_along(circle, points, views.pixel)
             found.append(circle)
     for twin in _twins([*_whole_ones(curves, points), *found], views, enough, outward):
-        free &= ~_on(twin, points, views.pixel)
+        free &= ~_along(twin, points, views.pixel)
         found.append(twin)
     keep = torch.from_numpy(free) | (curves.other >= 0)
     halves = [[_half(c, 0.0), _half(c, np.pi)] for c in found]
@@ -127,10 +127,7 @@ def _shares(circles: list[Circle], views: EdgeViews, enough: float) -> Float[Arr
     """The share of each circle's places that enough views show."""
     if not circles:
         return np.zeros(0)
-    angle = 2 * np.pi * np.arange(COARSE) / COARSE
-    x = np.concatenate([points_on(circle, angle) for circle in circles])
-    tangents = np.concatenate([(points_on(c, angle + np.pi / 2) - c.center) / c.radius for c in circles])
-    return np.asarray((agreement(views, x, tangents).sum(0) >= enough).reshape(-1, COARSE).mean(1))
+    return fraction_shown(_around(circles, _angles(COARSE)).shown(views), enough)
 
 
 def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
@@ -141,13 +138,12 @@ def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
 
 def _promising(circle: Circle, views: EdgeViews, enough: float) -> bool:
     """Whether enough views show something like half of the circle, before it is placed."""
-    angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-    return bool((shown_of(circle, angle, views).sum(0) >= SHOWN * enough).mean() >= 0.5)
+    return bool(fraction_shown(_around([circle], _angles(SAMPLES)).shown(views), SHOWN * enough)[0] >= PROMISING)
 
 
 def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> Circle | None:
     """The circle placed by all that the views show of it; None if that is not all around."""
-    angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    angle = _angles(SAMPLES)
     for _ in range(ROUNDS):
         moved = circle_at(circle, angle, shown_of(circle, angle, views), views, outward)
         if moved is None or not _promising(moved, views, enough):
@@ -157,19 +153,27 @@ def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> C
         if still:
             break
     shown = shown_of(circle, angle, views)
-    counts = (shown & (circle_residuals(circle, angle, views, outward) < SEEN_WITHIN)).sum(0)
+    passed = shown & (circle_residuals(circle, angle, views, outward) < SEEN_WITHIN)
     # A square passes its inscribed circle in many views, but seldom at its corners; other lines pass by here and there.
-    least = np.maximum(max(SHOWN * enough, EVEN * float(np.median(counts))), PASSED * shown.sum(0))
-    return circle if (counts >= least).mean() >= COVERED else None
+    least = np.maximum(max(SHOWN * enough, EVEN * float(np.median(passed.sum(0)))), PASSED * shown.sum(0))
+    return circle if fraction_shown(passed, least) >= COVERED else None
 
 
-def _on(circle: Circle, points: Float[Array, "N S 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
+def _along(circle: Circle, points: Float[Array, "N S 3"], pixel: float) -> Bool[NDArray[np.bool_], " N"]:
     """Which curves lie along the circle."""
-    offset = points - circle.center
-    up = np.cross(circle.u, circle.v)
-    rise = offset @ up
-    flat = np.hypot(offset @ circle.u, offset @ circle.v)
-    return np.asarray((np.hypot(flat - circle.radius, rise) < NEAR * pixel).mean(1) >= SHARE)
+    around = _angles(int(np.ceil(4 * np.pi * circle.radius / pixel)))
+    return pieces_of(points_on(circle, around), points, pixel)
+
+
+def _angles(count: int) -> Float[Array, " S"]:
+    """So many angles, evenly spaced all around."""
+    return 2 * np.pi * np.arange(count) / count
+
+
+def _around(circles: list[Circle], angle: Float[Array, " S"]) -> Hypothesis:
+    """The circles sampled at these angles."""
+    x, tangents = ([on(circle, angle) for circle in circles] for on in (points_on, tangents_on))
+    return Hypothesis(np.stack(x), np.stack(tangents))
 
 
 def _half(circle: Circle, start: float) -> Primitive:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.evidence.support import agreement, crowded, samples
+from diff3ds.edges.evidence.support import crowded, inliers, samples
 from diff3ds.edges.shapes.curve_set import Curves
 
 # Rounds of reweighting, and the residuals in pixels that count half in the first and the last of them. Few fit at the
@@ -85,7 +85,7 @@ def estimate_bias(views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -
     match = views.match(x)
     normal = views.normals[match.ridge]
     offset = ((views.points[match.ridge] - match.pixel) * normal).sum(-1)
-    shown = agreement(views, x, tangent)
+    shown = inliers(views, x, tangent)
     agree = shown & ~crowded(views, x, tangent, at=shown)
     # The offset along the normal is explained by the bias and by a displacement of the sample.
     explained = np.concatenate([normal, sides[match.ridge][..., None]], -1)

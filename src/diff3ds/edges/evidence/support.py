@@ -30,13 +30,13 @@ Flags = Bool[NDArray[np.bool_], "V M"]
 def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
     """Whether each of the `PARTS` equal parts of each curve lies on an edge in each view."""
     x, tangents = samples(curves)
-    return torch.from_numpy(_by_parts(agreement(views, x, tangents), len(curves)))
+    return torch.from_numpy(_by_parts(inliers(views, x, tangents), len(curves)))
 
 
 def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
     """As `part_support`, without the views where another line runs so close that neither can be placed."""
     x, tangents = samples(curves)
-    shown = agreement(views, x, tangents)
+    shown = inliers(views, x, tangents)
     clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown), len(curves))
     shown = _by_parts(shown, len(curves))
     return torch.from_numpy(np.where(clear.sum(0) >= CLEAR * shown.sum(0), clear, shown))
@@ -67,12 +67,16 @@ def _by_parts(agree: Flags, curves: int) -> Bool[NDArray[np.bool_], "V N P"]:
     return np.asarray(share >= AGREEING)
 
 
-def agreement(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]) -> Flags:
-    """Whether points on a curve lie on ridges that run along it."""
+def inliers(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"], within: float = NEAR) -> Flags:
+    """Whether sample points of a curve lie on ridges that run along it.
+
+    Args:
+        within: so near lies the ridge, pixels.
+    """
     match = views.match(x)
     heading = headings(views, x, tangents, match.pixel)
     across = np.abs((heading * views.normals[match.ridge]).sum(-1))
-    return np.asarray((match.distance < NEAR) & (across < SLANT))
+    return np.asarray((match.distance < within) & (across < SLANT))
 
 
 def headings(

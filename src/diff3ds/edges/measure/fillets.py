@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Array, Float
 from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import SAMPLES, agreement, crowded
+from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers
 from diff3ds.edges.measure.equal_radii import agreed
 from diff3ds.edges.measure.offsets import Shape, fitted, near_joints
 from diff3ds.edges.shapes.curve_set import Curves
@@ -184,7 +184,7 @@ def _measured(points: Float[Array, "N 4 3"], fillet: Fillet, views: EdgeViews, o
     shape = _rounded_corner(corner, ways, length, beside, 0.5 * views.pixel)
     before, x, after = shape(np.zeros(4))
     tangents = unit(after - before)
-    shown = agreement(views, x, tangents)
+    shown = inliers(views, x, tangents)
     shown &= ~crowded(views, x, tangents, at=shown)
     joints = near_joints(x, np.stack([corner + length * way for way in ways]), views.pixel)
     inside = corner + 2 * length * (ways[0] + ways[1])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import PARTS, SAMPLES, agreement, crowded, samples
+from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, inliers, samples
 from diff3ds.edges.measure.holes import other_ends, seen_through
 from diff3ds.edges.measure.offsets import Shape, fitted, near_joints, residuals
 from diff3ds.edges.measure.planes import shared_planes
@@ -43,7 +43,7 @@ def placed(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tic
     if not len(curves):
         return curves
     x, tangents = samples(curves)
-    shown = agreement(views, x, tangents)
+    shown = inliers(views, x, tangents)
     clear = ~crowded(views, x, tangents)
     free = undisturbed(views, x, tangents, shown, clear)
     old = curves.constrained(curves.points)[0].double().numpy()
@@ -175,8 +175,7 @@ def apart(one: Float[Array, "S 3"], other: Float[Array, "S 3"]) -> float:
 
 def shown_of(circle: Circle, angle: Float[Array, " S"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
     """Which views show which places of a circle."""
-    x = points_on(circle, angle)
-    return agreement(views, x, (points_on(circle, angle + np.pi / 2) - circle.center) / circle.radius)
+    return inliers(views, points_on(circle, angle), tangents_on(circle, angle))
 
 
 def circle_at(
@@ -237,6 +236,11 @@ def _stepped(circle: Circle, step: Float[Array, " 6"], up: Float[Array, " 3"]) -
     u = u / np.sqrt(u @ u)
     v = v - (v @ u) * u
     return Circle(circle.center + step[:3], u, v / np.sqrt(v @ v), circle.radius + step[3], circle.distances)
+
+
+def tangents_on(circle: Circle, angle: Float[Array, " S"]) -> Float[Array, "S 3"]:
+    """Unit tangents of a circle at angles from its vector u."""
+    return np.cos(angle)[:, None] * circle.v - np.sin(angle)[:, None] * circle.u
 
 
 def points_on(circle: Circle, angle: Float[Array, " S"]) -> Float[Array, "S 3"]:

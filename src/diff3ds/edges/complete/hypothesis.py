@@ -1,0 +1,70 @@
+"""The test of a proposed curve: how many views show it at its sample points, and which known curves are pieces of it.
+
+Circles, missing lines, rounded corners and bottoms of pockets are all found like this: a curve is proposed, the views
+that show it are counted at sample points, it is accepted if enough views show nearly all of them, and the curves that
+lie along it go.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Array, Bool, Float
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.support import NEAR, inliers
+from diff3ds.edges.shapes.lines import tangents_of
+
+# A known curve is a piece of a proposed one if this fraction of its samples lies so near to it, pixels.
+PIECE_WITHIN, PIECE_FRACTION = 1.5, 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A proposed curve, or several with as many sample points each.
+
+    Attributes:
+        x: the sample points, in order along the curve.
+        tangents: unit tangents there.
+    """
+
+    x: Float[Array, "*c S 3"]
+    tangents: Float[Array, "*c S 3"]
+
+    @staticmethod
+    def through(x: Float[Array, "*c S 3"]) -> "Hypothesis":
+        """The curve through sample points that lie close together."""
+        return Hypothesis(x, tangents_of(x))
+
+    def shown(self, views: EdgeViews, within: float = NEAR) -> Bool[NDArray[np.bool_], "V *c S"]:
+        """Which views show which sample points: those with a ridge that runs along the curve so near, pixels."""
+        found = inliers(views, self.x.reshape(-1, 3), self.tangents.reshape(-1, 3), within)
+        return found.reshape(len(views), *self.x.shape[:-1])
+
+
+def fraction_shown(
+    shown: Bool[NDArray[np.bool_], "V *c S"], min_views: float | Float[Array, "*c S"]
+) -> Float[Array, "*c"]:
+    """The fraction of each curve's sample points that at least so many views show."""
+    return np.asarray((shown.sum(0) >= min_views).mean(-1))
+
+
+def pieces_of(
+    path: Float[Array, "M 3"],
+    samples: Float[Array, "N S 3"],
+    pixel: float,
+    within: float = PIECE_WITHIN,
+    fraction: float = PIECE_FRACTION,
+) -> Bool[NDArray[np.bool_], " N"]:
+    """Which known curves lie along a proposed one.
+
+    Args:
+        path: points along the proposed curve, half a pixel apart or less.
+        samples: points along each known curve.
+        pixel: world units of a pixel.
+        within: so near lies a sample that lies on the proposed curve, pixels.
+        fraction: of a known curve's samples that have to lie there.
+    """
+    from scipy.spatial import cKDTree
+
+    return np.asarray((cKDTree(path).query(samples)[0] < within * pixel).mean(-1) >= fraction)
