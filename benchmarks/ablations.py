@@ -16,7 +16,6 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +26,11 @@ from PIL import Image, ImageDraw, ImageFont
 from report import environment, show, write_json
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
 
 CATEGORIES_SHOWN = ("chair", "lamp", "house", "mug")
@@ -71,8 +71,8 @@ def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
     ds.set_num_threads(1)
     begun, phrase = time.perf_counter(), CATEGORIES[category].captions()[0]
     with tempfile.TemporaryDirectory() as run:
-        options = replace(DistillOptions(seed=seed, sheet_every=0, sharpen=False), **RECIPES[recipe])
-        sketch = run_text(phrase, Path(run) / "run", prior=PriorOptions(prior="exemplar"), settings=options)
+        spec = with_options(RunSpec(Phrase(phrase)), prior="exemplar", seed=seed, sheet_every=0, sharpen=False)
+        sketch = run_text(with_options(spec, **RECIPES[recipe]), Path(run) / "run")
     seconds = time.perf_counter() - begun
     known = exemplars_of(phrase, seed)
     judge = sight.load(looks)

@@ -32,11 +32,13 @@ from report import environment, show, write_json
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.small_prior.prior_data import combinations
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.prior_options import PriorOptions
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
 
 POOL, POOL_SEEDS, KIND_POOL, THIN = 24, 3_000_000, 6, 8
@@ -81,8 +83,8 @@ def draw(category: str, kind: tuple[str, ...], seed: int, prior: PriorOptions, l
     phrase = CATEGORIES[category].captions(kind)[0]
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as run:
-        options = DistillOptions(seed=seed, sheet_every=0)
-        sketch = run_text(phrase, Path(run) / "run", prior=prior, settings=options)
+        spec = with_options(RunSpec(Phrase(phrase), prior), seed=seed, sheet_every=0)
+        sketch = run_text(spec, Path(run) / "run")
     seconds = time.perf_counter() - begun
     judge = sight.load(looks)
     named = sight.recognised(judge, sketch)

@@ -26,19 +26,22 @@ from report import environment, say, show, write_json
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.bezier import evaluate
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.library.members import member
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.distillation import Commission, distill
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
+from diff3ds.tasks.text_image.distillation import distill
+from diff3ds.tasks.text_image.run_spec import AnyRun, RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 
 SHAPES = ("chair", "table", "house", "mug", "lamp", "car", "bottle", "rocket")
-SIZE, WIDTH, GUIDANCE = 64, 0.05, 50.0
+SIZE, WIDTH = 64, 0.05
 # The paper's rate times its steps.
 RATE_STEPS = 0.002 * 4000
 # Points on a stroke, and points of a sketch that are compared.
 SAMPLES, POINTS = 200, 20_000
-PAPER = DistillOptions("paper", width=WIDTH, sheet_every=0)
+PAPER = with_options(RunSpec(Phrase("")), width=WIDTH, sheet_every=0)
 # The paper's recipe with one thing changed.
 ABLATIONS: dict[str, dict[str, Any]] = {
     "the paper's recipe": {},
@@ -101,7 +104,7 @@ def scores(sketch: ds.Sketch, truth: ds.Sketch) -> dict[str, float]:
     return figures
 
 
-def recover(shape: str, options: DistillOptions) -> dict[str, float]:
+def recover(shape: str, spec: AnyRun) -> dict[str, float]:
     """Figures of one run."""
     torch.set_num_threads(1)
     ds.set_num_threads(1)
@@ -114,12 +117,12 @@ def recover(shape: str, options: DistillOptions) -> dict[str, float]:
     denoiser = ExemplarDenoiser(draw, fitting, SIZE)
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        sketch = distill(denoiser, options, Path(folder), Commission({"phrase": shape}, GUIDANCE))
+        sketch = distill(ConditionedPrior("exact", denoiser), with_options(spec, phrase=shape), Path(folder))
     seconds = time.perf_counter() - begun
     return {**scores(sketch, known[shape]), "strokes": len(sketch), "seconds": seconds}
 
 
-def run(jobs: dict[Any, tuple[str, DistillOptions]]) -> dict[Any, dict[str, float]]:
+def run(jobs: dict[Any, tuple[str, AnyRun]]) -> dict[Any, dict[str, float]]:
     """Figures of all runs, one a core."""
     figures = {}
     with ProcessPoolExecutor(os.cpu_count()) as pool:
@@ -132,9 +135,9 @@ def run(jobs: dict[Any, tuple[str, DistillOptions]]) -> dict[Any, dict[str, floa
 
 def shapes(chosen: argparse.Namespace) -> dict[str, Any]:
     """The paper's recipe on every shape: medians over the seeds, and the worst."""
-    options = replace(PAPER, steps=chosen.steps, rate=RATE_STEPS / chosen.steps)
+    spec = with_options(PAPER, steps=chosen.steps, rate=RATE_STEPS / chosen.steps)
     jobs = {
-        (shape, seed): (shape, replace(options, seed=seed)) for shape in chosen.shapes for seed in range(chosen.seeds)
+        (shape, seed): (shape, with_options(spec, seed=seed)) for shape in chosen.shapes for seed in range(chosen.seeds)
     }
     found = run(jobs)
     rows = {}
@@ -155,7 +158,7 @@ def ablations(chosen: argparse.Namespace) -> dict[str, Any]:
     jobs = {
         (name, shape, seed): (
             shape,
-            replace(
+            with_options(
                 PAPER, **{"steps": chosen.steps, "rate": RATE_STEPS / chosen.steps, "seed": seed, **ABLATIONS[name]}
             ),
         )

@@ -23,11 +23,12 @@ from PIL import Image
 from report import environment, show, write_json
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.formats import save_png, tile_images
 from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
 
 FRAMES, FRAME_SIZE, FRAME_MS, QUALITY = 24, 128, 120, 40
@@ -43,8 +44,8 @@ def sketched(phrase: str, category: str, chosen: argparse.Namespace) -> tuple[ds
         return ds.Sketch(points, weights), held["seconds"]
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as run:
-        options = DistillOptions(seed=chosen.seed, sheet_every=0)
-        sketch = run_text(phrase, Path(run) / "run", prior=PriorOptions(prior=chosen.prior), settings=options)
+        spec = with_options(RunSpec(Phrase(phrase)), prior=chosen.prior, seed=chosen.seed, sheet_every=0)
+        sketch = run_text(spec, Path(run) / "run")
     return sketch, time.perf_counter() - begun
 
 

@@ -32,15 +32,16 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition import recognise as recogniser
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.recognise import DISTANCE, described, matches, recognise
-from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.image import run_image
-from diff3ds.tasks.text_image.options import ImageOptions, PriorOptions
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Picture
 
 # Of the first member; the recogniser's tables and pools have seeds below 100.
 FIRST_SEED, SIZE = 1000, 512
@@ -267,10 +268,8 @@ def sketched(shown: Shown, weight: float, keep: Path | None) -> dict[str, float]
         save_png(path, shown.picture)
         begun = time.perf_counter()
         try:
-            sketch = run_image(
-                path, out, ImageOptions(reference_loss=weight), prior=PriorOptions(prior="exemplar"),
-                settings=DistillOptions(sheet_every=0, overwrite=True)
-            )  # fmt: skip
+            spec = RunSpec(Picture(path, reference_loss=weight))
+            sketch = run_image(with_options(spec, prior="exemplar", sheet_every=0, overwrite=True), out)
         except ValueError as error:
             print(error, file=sys.stderr)
             return {}

@@ -27,16 +27,19 @@ from random_mvdream import Scale, random_mvdream
 from report import environment, say, show, write_json
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.progress import Progress
-from diff3ds.tasks.text_image.distill_options import PRESETS, DistillOptions
-from diff3ds.tasks.text_image.distillation import Commission, distill
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
+from diff3ds.tasks.text_image.distillation import distill
+from diff3ds.tasks.text_image.run_spec import PRESETS, RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 
-FACTOR, VIEWS, GUIDANCE = 8, 4, 50.0
+FACTOR, VIEWS = 8, 4
 # Views of a step, their size, and the published seconds of a step.
 SETTINGS = {
     "MVDream, 4 x 256²": (256, 4, 0.9),
@@ -74,8 +77,10 @@ class FreePrior:
 
 def step_seconds(prior: Denoiser, device: torch.device, steps: int = STEPS) -> list[float]:
     """Seconds of every step of a run of the paper's recipe, until the device is done with it."""
-    options = DistillOptions("paper", batch=VIEWS, steps=steps + WARM_UP + 1, radius=RADIUS, sheet_every=0)
-    wanted = Commission({"phrase": "anything"}, GUIDANCE, network={"device": str(device)})
+    spec = with_options(
+        RunSpec(Phrase("anything")), batch=VIEWS, steps=steps + WARM_UP + 1, radius=RADIUS, sheet_every=0
+    )
+    known = ConditionedPrior("timed", prior, network=Network({}, device, "float32"))
     ends: list[float] = []
 
     def report(progress: Progress) -> None:
@@ -83,7 +88,7 @@ def step_seconds(prior: Denoiser, device: torch.device, steps: int = STEPS) -> l
         ends.append(time.perf_counter())
 
     with tempfile.TemporaryDirectory() as folder:
-        distill(prior, options, Path(folder), wanted, report)
+        distill(known, spec, Path(folder), report)
     return [b - a for a, b in pairwise(ends)][WARM_UP:]
 
 

@@ -27,7 +27,7 @@ ALLOWED = {
     "_files": set(),
     "_interrupt": set(),
     "_modes": {"_shapes"},
-    "_options": set(),
+    "_options": {"_settings"},
     "_settings": set(),
     "_shapes": set(),
     "_start": {"cli", "_interrupt"},

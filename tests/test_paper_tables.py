@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from diff3ds.formats import save_png
-from diff3ds.tasks.text_image.options import FOR_PHRASES, FOR_PICTURES
+from diff3ds.tasks.text_image.prior_options import FOR_PHRASES, FOR_PICTURES
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path.append(str(BENCHMARKS))

@@ -1,15 +1,16 @@
 """Options of a command line, read by tyro into dataclasses; what is wrong with them, in the words of their user."""
 
 import contextlib
-import dataclasses
 import io
 import re
 import sys
 import traceback
 from collections.abc import Mapping
-from typing import Any, get_type_hints
+from typing import Any
 
 import tyro
+
+from diff3ds._settings import option_hints
 
 _COLORS = re.compile(r"\x1b\[[\d;]*m")
 # By what tyro calls the values of options.
@@ -66,19 +67,13 @@ def as_typed(message: str, command: type | None) -> str:
     Fields of one word are words of other sentences as well: they are options where they "must" be something, and where
     a run that is to be resumed "had" another one.
     """
-    names = _fields(command) if command is not None else []
+    names = [*option_hints(command)] if command is not None else []
     joined, single = ("|".join(n for n in names if ("_" in n) is wanted) for wanted in (True, False))
     patterns = [rf"(?<![\w./-])({joined})(?!\w|[./-]\w)"] if joined else []
     patterns += [rf"^({single})(?= must\b)", rf"(?<=\bhad )({single})(?==)"] if single else []
     for pattern in patterns:
         message = re.sub(pattern, lambda found: "--" + found[0].replace("_", "-"), message)
     return message
-
-
-def _fields(command: type) -> list[str]:
-    """Names of all fields of the dataclasses of options that a command has."""
-    kinds = [kind for kind in get_type_hints(command).values() if dataclasses.is_dataclass(kind)]
-    return [field.name for kind in kinds for field in dataclasses.fields(kind)]
 
 
 def _no_number(said: str) -> ValueError | None:

@@ -19,19 +19,12 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 from diff3ds._interrupt import STOPPED, importing
 from diff3ds._options import as_typed, read_options
 from diff3ds._version import __version__
-from diff3ds.pictures.options import PictureOptions
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
 from diff3ds.tasks.small_prior.options import TrainOptions
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.options import (
-    BUILT_IN,
-    FOR_PHRASES,
-    FOR_PICTURES,
-    ImageOptions,
-    PriorOptions,
-    TextOptions,
-)
+from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase, Picture
 from diff3ds.tasks.views.options import DoodleOptions, ViewsOptions
 from diff3ds.weights.options import FetchOptions
 
@@ -125,11 +118,7 @@ class Text:
     pictures of the progress. Ctrl-C ends the run early and writes what was reached; --resume goes on from there.
     """
 
-    text: OmitArgPrefixes[TextOptions]
-    model: OmitArgPrefixes[PriorOptions]
-    distill: OmitArgPrefixes[DistillOptions]
-    # What to draw, such as "a chair".
-    phrase: Positional[str]
+    spec: Annotated[OmitArgPrefixes[RunSpec[Phrase]], arg(name="")]
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
     # No progress, only errors.
@@ -137,13 +126,13 @@ class Text:
 
     def run(self) -> None:
         """Runs the command."""
-        self.model.require((*FOR_PHRASES, *BUILT_IN))
+        self.spec.prior.require((*FOR_PHRASES, *BUILT_IN))
         with importing():
             from diff3ds.tasks.text_image.text import run_text
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = run_text(self.phrase, self.out, self.text, self.model, self.distill, report, _sayer(console))
+            sketch = run_text(self.spec, self.out, report, _sayer(console))
         _written(console, len(sketch), self.out)
 
 
@@ -157,12 +146,7 @@ class Image:
     "diff3ds text" writes.
     """
 
-    image: OmitArgPrefixes[ImageOptions]
-    cut: OmitArgPrefixes[PictureOptions]
-    model: OmitArgPrefixes[PriorOptions]
-    distill: OmitArgPrefixes[DistillOptions]
-    # A photograph or drawing of one object.
-    picture: Positional[Path]
+    spec: Annotated[OmitArgPrefixes[RunSpec[Picture]], arg(name="")]
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
     # No progress, only errors.
@@ -170,15 +154,13 @@ class Image:
 
     def run(self) -> None:
         """Runs the command."""
-        self.model.require((*FOR_PICTURES, *BUILT_IN))
+        self.spec.prior.require((*FOR_PICTURES, *BUILT_IN))
         with importing():
             from diff3ds.tasks.text_image.image import run_image
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            sketch = run_image(
-                self.picture, self.out, self.image, self.cut, self.model, self.distill, report, _sayer(console)
-            )
+            sketch = run_image(self.spec, self.out, report, _sayer(console))
         _written(console, len(sketch), self.out)
 
 

@@ -13,7 +13,7 @@ from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.guidance.zero123 import ReferencePose, load_zero123
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.priors import kind_of, loaded
 from diff3ds.weights.options import Source
 
@@ -78,7 +78,7 @@ def test_the_averaged_weights_of_a_training_say_the_same(pair, expected, picture
     assert set(torch.serialization.get_safe_globals()) == known
     assert "pytorch_lightning" not in sys.modules
     options = PriorOptions(prior="zero123", weights=str(file), allow_pickle=True)
-    assert loaded("zero123", options, prior.unet)["weights"] == str(file.resolve())
+    assert loaded("zero123", options, prior.unet).weights["weights"] == str(file.resolve())
 
 
 def test_without_averages_the_weights_themselves_count(picture, tmp_path):

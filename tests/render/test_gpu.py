@@ -10,19 +10,25 @@ import torch
 from gpu_promise import lack, promised
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
 from diff3ds.guidance.small_network import SmallNetwork
 from diff3ds.guidance.small_shape import Shape
 from diff3ds.render.cuda.gpu import Gpu
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.distillation import Commission, distill
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
+from diff3ds.tasks.text_image.distillation import distill
 from diff3ds.tasks.text_image.reference_view import Reference
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 
 if not promised() and not torch.cuda.is_available():
     pytest.skip("no GPU here, and none promised by DIFF3DS_GPU", allow_module_level=True)
 
 pytestmark = pytest.mark.gpu
+
+SPEC = with_options(RunSpec(Phrase("a thing")), strokes=8, width=0.05)
+THERE = Network({}, torch.device("cuda"), "float32")
 
 
 @pytest.fixture
@@ -191,9 +197,8 @@ def tiny_mvdream(device: torch.device):
 def test_a_step_of_a_distillation_waits_for_nothing(gpu, prior, method, tmp_path, monkeypatch):
     """With a known view, once memory is known and a loss has been shown."""
     monkeypatch.setattr("diff3ds.tasks.progress.time", SimpleNamespace(monotonic=lambda: 0.0))
-    options = DistillOptions(steps=20, strokes=8, method=method, sheet_every=0, delete_length=0.0)
+    spec = with_options(SPEC, steps=20, method=method, sheet_every=0, delete_length=0.0)
     reference = Reference(torch.full((64, 64, 3), 0.5), ds.orbit(0.0, size=64), 1.0)
-    wanted = Commission({"phrase": "a thing"}, 7.5, width=0.05, reference=reference, network={"device": "cuda"})
     watched = []
 
     def report(progress) -> None:
@@ -202,7 +207,7 @@ def test_a_step_of_a_distillation_waits_for_nothing(gpu, prior, method, tmp_path
         torch.cuda.set_sync_debug_mode("error" if watch else "default")
 
     try:
-        distill(prior(gpu), options, tmp_path, wanted, report)
+        distill(ConditionedPrior("watched", prior(gpu), network=THERE, reference=reference), spec, tmp_path, report)
     finally:
         torch.cuda.set_sync_debug_mode("default")
     assert sum(watched) == 10
@@ -211,7 +216,7 @@ def test_a_step_of_a_distillation_waits_for_nothing(gpu, prior, method, tmp_path
 def test_a_prior_on_the_device_has_its_strokes_drawn_there(gpu, tmp_path, monkeypatch):
     """And the sketch is the one that strokes drawn on the CPU become, to rounding."""
     denoiser = small_prior(gpu)
-    options, seen, encode = DistillOptions(steps=4, strokes=8, sheet_every=2), [], denoiser.encode
+    spec, seen, encode = with_options(SPEC, steps=4, sheet_every=2), [], denoiser.encode
 
     def watched(images, generator):
         seen.append(images.device.type)
@@ -219,8 +224,8 @@ def test_a_prior_on_the_device_has_its_strokes_drawn_there(gpu, tmp_path, monkey
 
     monkeypatch.setattr(denoiser, "encode", watched)
     there, here = (
-        distill(denoiser, options, tmp_path / name, Commission({"phrase": "a thing"}, 7.5, width=0.05, network=place))
-        for name, place in (("there", {"device": "cuda"}), ("here", {}))
+        distill(ConditionedPrior("watched", denoiser, network=network), spec, tmp_path / name)
+        for name, network in (("there", THERE), ("here", None))
     )
     assert seen == ["cuda"] * 4 + ["cpu"] * 4
     assert there.points.device.type == "cpu"

@@ -2,25 +2,32 @@
 
 import json
 import math
-from dataclasses import fields, replace
 from functools import partial
+from typing import get_args
 
 import pytest
 import safetensors.torch
 import torch
 
 import diff3ds as ds
+from diff3ds._settings import option_hints, with_options
 from diff3ds.formats import load_image
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import FitConfig
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.text_image import distillation
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.distillation import Commission, Reference, distill, turntable
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
+from diff3ds.tasks.text_image.distillation import distill, start_of, turntable
+from diff3ds.tasks.text_image.reference_view import Reference
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 
 SIZE = 16
-QUICK = DistillOptions(steps=12, strokes=6, width=0.1, rate=0.02, radius=0.7, sheet_every=0, delete_length=0.0)
+PLAIN = RunSpec(Phrase("a bar"))
+QUICK = with_options(
+    PLAIN, steps=12, strokes=6, width=0.1, rate=0.02, radius=0.7, guidance=7.5, sheet_every=0, delete_length=0.0
+)
 
 
 def bar(*ends: float) -> ds.Sketch:
@@ -38,8 +45,12 @@ def prior() -> ExemplarDenoiser:
     return ExemplarDenoiser(draw, torch.tensor([False, True]), SIZE)
 
 
-def run(prior, out, options=QUICK, report=lambda progress: None, **other):
-    return distill(prior, options, out, Commission({"phrase": "a bar"}, 7.5, **other), report)
+def run(prior, out, spec=QUICK, report=lambda progress: None, **other):
+    return distill(ConditionedPrior("members", prior, **other), spec, out, report)
+
+
+def start(prior, spec=QUICK) -> ds.Sketch:
+    return start_of(ConditionedPrior("members", prior), spec)
 
 
 def same(one: ds.Sketch, other: ds.Sketch) -> bool:
@@ -49,7 +60,7 @@ def same(one: ds.Sketch, other: ds.Sketch) -> bool:
 
 def test_a_run_leaves_its_folder(prior, tmp_path):
     seen = []
-    sketch = run(prior, tmp_path, replace(QUICK, sheet_every=5), report=seen.append)
+    sketch = run(prior, tmp_path, with_options(QUICK, sheet_every=5), report=seen.append)
     names = {path.name for path in tmp_path.iterdir()}
     written = {"sketch.json", "sketch.step", "sketch.svg", "preview.png", "run.json"}
     assert names == written | {distillation.CHECKPOINT, distillation.SHEETS}
@@ -78,12 +89,12 @@ def test_a_run_that_was_stopped_ends_like_one_that_was_not(prior, tmp_path):
         run(prior, tmp_path / "part", report=stop)
     assert json.loads((tmp_path / "part" / "run.json").read_text())["stopped_early"]
     assert not same(ds.load(tmp_path / "part" / "sketch.json"), whole)
-    assert same(run(prior, tmp_path / "part", replace(QUICK, resume=True)), whole)
+    assert same(run(prior, tmp_path / "part", with_options(QUICK, resume=True)), whole)
 
 
 def test_a_run_whose_disk_filled_up_goes_on_when_there_is_room(prior, tmp_path, monkeypatch):
     """The disk fills up after step 7; what is kept is the checkpoint of step 5."""
-    options = replace(QUICK, sheet_every=0)
+    options = with_options(QUICK, sheet_every=0)
     whole = run(prior, tmp_path / "whole", options)
     monkeypatch.setattr(distillation, "FitConfig", partial(FitConfig, checkpoint_every=5))
     write = safetensors.torch.save_file
@@ -99,7 +110,7 @@ def test_a_run_whose_disk_filled_up_goes_on_when_there_is_room(prior, tmp_path, 
         run(prior, tmp_path / "part", options, report=fill)
     monkeypatch.setattr("safetensors.torch.save_file", write)
     assert read_checkpoint(tmp_path / "part" / distillation.CHECKPOINT).index == 5
-    assert same(run(prior, tmp_path / "part", replace(options, resume=True)), whole)
+    assert same(run(prior, tmp_path / "part", with_options(options, resume=True)), whole)
 
 
 @pytest.mark.parametrize(
@@ -108,14 +119,14 @@ def test_a_run_whose_disk_filled_up_goes_on_when_there_is_room(prior, tmp_path, 
 def test_only_the_same_run_is_resumed(prior, tmp_path, change):
     run(prior, tmp_path)
     with pytest.raises(ValueError, match=r"the run to resume had"):
-        run(prior, tmp_path, replace(QUICK, resume=True, **change))
+        run(prior, tmp_path, with_options(QUICK, resume=True, **change))
     with pytest.raises(ValueError, match=r"the run to resume had phrase=a bar, not two bars"):
-        distill(prior, replace(QUICK, resume=True), tmp_path, Commission({"phrase": "two bars"}, 7.5))
+        run(prior, tmp_path, with_options(QUICK, resume=True, phrase="two bars"))
 
 
 def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path):
     """Measured by the points along its strokes that lie near the bar."""
-    options = replace(QUICK, steps=150, blur=1.0, final_rate=0.1, delete_length=0.1)
+    options = with_options(QUICK, steps=150, blur=1.0, final_rate=0.1, delete_length=0.1)
     sketch = run(prior, tmp_path, options)
 
     def share_near(sketch: ds.Sketch) -> float:
@@ -123,13 +134,13 @@ def test_the_prior_pulls_the_sketch_towards_what_it_is_asked_for(prior, tmp_path
         truth = bar(0.6, 0.4)
         return float((ds.bezier.closest_point(truth.points, truth.weights, points).distance < 0.15).float().mean())
 
-    assert share_near(distillation._start(options, options.values(), options.width)) < 0.1
+    assert share_near(start(prior, options)) < 0.1
     assert share_near(sketch) > 0.8
 
 
 def test_short_strokes_are_deleted_from_half_way_on(prior, tmp_path):
     counts = []
-    options = replace(QUICK, delete_length=0.5, delete_every=0.1)
+    options = with_options(QUICK, delete_length=0.5, delete_every=0.1)
     run(prior, tmp_path, options, report=lambda progress: counts.append(progress.strokes))
     assert counts[:5] == [6] * 5
     assert counts[-1] < 6
@@ -145,14 +156,14 @@ def test_short_strokes_are_deleted_from_half_way_on(prior, tmp_path):
     ],
 )
 def test_only_the_chosen_parameters_move(prior, tmp_path, parameters, moved):
-    options = replace(QUICK, optimize=parameters, steps=4)
+    options = with_options(QUICK, optimize=parameters, steps=4)
     found = run(prior, tmp_path, options).tensors()
-    start = distillation._start(options, options.values(), options.width).tensors()
-    assert {name for name in found if not torch.equal(found[name], start[name])} == moved
+    before = start(prior, options).tensors()
+    assert {name for name in found if not torch.equal(found[name], before[name])} == moved
 
 
 def test_widths_stay_in_their_range_whatever_the_rate(prior, tmp_path):
-    options = replace(QUICK, optimize=("width",), width_rate=2.0, width_range=(0.05, 0.15))
+    options = with_options(QUICK, optimize=("width",), width_rate=2.0, width_range=(0.05, 0.15))
     widths = run(prior, tmp_path, options).width
     assert float(widths.min()) > 0.0499
     assert float(widths.max()) < 0.1501
@@ -166,7 +177,7 @@ def test_the_reference_view_is_matched(prior, tmp_path):
     differences = []
     for weight in (0.0, 1e6):
         sketch = run(
-            prior, tmp_path / str(weight), replace(QUICK, steps=40), reference=Reference(picture, cameras, weight)
+            prior, tmp_path / str(weight), with_options(QUICK, steps=40), reference=Reference(picture, cameras, weight)
         )
         differences.append(float((ds.render(sketch, cameras).color[0] - picture).square().mean()))
     assert differences[1] < 0.6 * differences[0]
@@ -216,51 +227,61 @@ def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
 )
 def test_options_that_make_no_sense(wrong, message):
     with pytest.raises(ValueError, match=message):
-        replace(QUICK, **wrong)
+        with_options(QUICK, **wrong)
 
 
-NUMBERS = [f.name for f in fields(DistillOptions) if "float" in str(f.type)]
+HINTS = option_hints(RunSpec[Phrase])
+NUMBERS = [name for name, hint in HINTS.items() if float in (hint, *get_args(hint))]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("name", NUMBERS)
 def test_numbers_must_be_finite(name, value):
-    pair = "tuple" in str(DistillOptions.__annotations__[name])
+    pair = "tuple" in str(HINTS[name])
     with pytest.raises(ValueError, match=f"^{name} must be finite, got "):
-        replace(QUICK, **{name: (0.5, value) if pair else value})
+        with_options(QUICK, **{name: (0.5, value) if pair else value})
 
 
 def test_widths_must_start_in_their_range(prior, tmp_path):
-    options = replace(QUICK, width=None, optimize=("width",), width_range=(0.01, 0.1), steps=1)
+    options = with_options(QUICK, width=None, optimize=("width",), width_range=(0.01, 0.1), steps=1)
     with pytest.raises(ValueError, match=r"strokes start with width 0\.006, outside width_range 0\.01 to 0\.1"):
         run(prior, tmp_path, options)
-    run(prior, tmp_path, options, width=0.05)
+    run(prior, tmp_path, with_options(options, width=0.05))
 
 
 def test_methods_have_their_own_weight_of_guidance():
-    options = DistillOptions(method="sdi")
-    assert options.recipe(50.0, 4).guidance == 8.5
-    assert replace(options, guidance=3.0).recipe(50.0, 4).guidance == 3.0
-    assert DistillOptions().recipe(50.0, 4).guidance == 50.0
-    assert DistillOptions().recipe(50.0, 4, "swift").guidance == 7.5
+    options = with_options(PLAIN, method="sdi")
+    assert options.recipe(4, "paper").guidance == 8.5
+    assert with_options(options, guidance=3.0).recipe(4, "paper").guidance == 3.0
+    assert PLAIN.recipe(4, "paper").guidance == 50.0
+    assert PLAIN.recipe(4, "swift").guidance == 7.5
 
 
 def test_pictures_of_an_overwritten_run_go(prior, tmp_path):
-    run(prior, tmp_path, replace(QUICK, sheet_every=4))
-    run(prior, tmp_path, replace(QUICK, sheet_every=4, steps=4))
+    run(prior, tmp_path, with_options(QUICK, sheet_every=4))
+    run(prior, tmp_path, with_options(QUICK, sheet_every=4, steps=4))
     assert [path.name for path in (tmp_path / "progress").iterdir()] == ["step_00004.png"]
 
 
+def test_an_option_goes_to_its_group_whatever_that_is():
+    changed = with_options(PLAIN, negative="a table", fov=40.0, prior="exemplar")
+    assert changed.cameras == with_options(PLAIN.cameras, fov=40.0)
+    assert (changed.subject.negative, changed.prior.prior) == ("a table", "exemplar")
+    assert changed.score == PLAIN.score
+    with pytest.raises(TypeError, match="RunSpec has no option 'colour'"):
+        with_options(PLAIN, colour="red")
+
+
 def test_options_come_before_the_preset():
-    assert DistillOptions().values().steps == 4000
-    assert DistillOptions().values("swift").steps == 400
-    assert DistillOptions(preset="paper", rate=0.5).values("swift").rate == 0.5
-    assert DistillOptions(preset="paper", rate=0.5).values("swift").radius == 1.5
+    assert PLAIN.values("paper").steps == 4000
+    assert PLAIN.values("swift").steps == 400
+    assert with_options(PLAIN, preset="paper", rate=0.5).values("swift").rate == 0.5
+    assert with_options(PLAIN, preset="paper", rate=0.5).values("swift").radius == 1.5
 
 
 def test_a_batch_must_fill_the_groups_of_the_prior(prior, tmp_path):
     with pytest.raises(ValueError, match="batch must be a multiple of 4, the views of this prior, got 6"):
-        run(prior, tmp_path, replace(QUICK, batch=6))
+        run(prior, tmp_path, with_options(QUICK, batch=6))
 
 
 def test_the_turntable_goes_all_around():

@@ -19,7 +19,7 @@ from tiny_zero123 import save_zero123
 from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
 from diff3ds.tasks.evaluate.judges import JudgeOptions
-from diff3ds.tasks.text_image.options import BUILT_IN
+from diff3ds.tasks.text_image.prior_options import BUILT_IN
 from diff3ds.tasks.views.doodle import DoodleOptions
 from diff3ds.weights.catalog import KNOWN
 

@@ -9,14 +9,15 @@ from nearness import points_on
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.cli import FAULT, main
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
 from diff3ds.tasks.exact_prior.exemplars import FITTING, exemplars_of, requested
 from diff3ds.tasks.text_image import sharpen
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
 
 
@@ -120,11 +121,12 @@ def test_negative_phrases_are_for_others(tmp_path, capsys):
 def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path, monkeypatch):
     """Also what is summed before the first step, and between the steps and those on finer pictures."""
     monkeypatch.setattr(sharpen, "STEPS", 3)
-    settings, found, threads = DistillOptions(steps=3, sheet_every=0), [], torch.get_num_threads()
+    found, threads = [], torch.get_num_threads()
+    spec = with_options(RunSpec(Phrase("a mug")), steps=3, sheet_every=0)
     for count in (1, 2):
         torch.set_num_threads(count)
         try:
-            found.append(run_text("a mug", tmp_path / str(count), settings=settings))
+            found.append(run_text(spec, tmp_path / str(count)))
         finally:
             torch.set_num_threads(threads)
     assert torch.equal(found[0].points, found[1].points)
@@ -145,7 +147,7 @@ def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
 
 def test_words_of_size_are_said_to_change_nothing(tmp_path):
     said = []
-    few = DistillOptions(steps=1, strokes=4, sharpen=False)
-    run_text("a small chair", tmp_path / "exemplar", None, PriorOptions("exemplar"), few, say=said.append)
-    run_text("a big chair", tmp_path / "small", None, PriorOptions("small"), few, say=said.append)
+    for phrase, prior in (("a small chair", "exemplar"), ("a big chair", "small")):
+        spec = with_options(RunSpec(Phrase(phrase)), prior=prior, steps=1, strokes=4, sharpen=False)
+        run_text(spec, tmp_path / prior, say=said.append)
     assert said == [f"'{word}' changes nothing: every sketch fills the same ball" for word in ("small", "big")]

@@ -289,7 +289,7 @@ def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
 def test_the_network_is_taken_where_it_can_work(device, weights, best, reason, monkeypatch):
     monkeypatch.setattr(priors, "pick_device", lambda name: torch.device(device))
     monkeypatch.setattr(priors, "has_weights", lambda name: weights and name == "zero123")
-    name, said = priors.best_for_pictures("auto")
+    name, said = priors.best_prior("zero123", "auto")
     assert name == best
     assert reason in said
 

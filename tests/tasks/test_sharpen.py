@@ -9,14 +9,18 @@ import torch
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.bezier import evaluate
 from diff3ds.cli import STOPPED, main
 from diff3ds.formats import load_image
 from diff3ds.library import member
 from diff3ds.tasks.text_image import sharpen
-from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.reference_view import Reference
+from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.sharpen import Sharpening, likely
+from diff3ds.tasks.text_image.subject import Phrase
+
+PLAIN = RunSpec(Phrase("a house"))
 
 
 def drawn(name: str, seed: int = 0, width: float = 0.05) -> ds.Sketch:
@@ -46,7 +50,7 @@ def test_the_members_that_look_most_like_it_are_followed():
 def test_strokes_find_their_lines():
     truth = drawn("house")
     start = shaken(truth, 0.03)
-    last = list(Sharpening([truth, drawn("house", 1)]).steps(start, DistillOptions()))[-1].sketch
+    last = list(Sharpening([truth, drawn("house", 1)]).steps(start, PLAIN))[-1].sketch
     assert away(last, truth) < 0.35 * away(start, truth)
     assert torch.allclose(last.width, torch.tensor(sharpen.WIDTH))
 
@@ -59,7 +63,7 @@ def test_a_reference_is_followed_too():
 
     def difference(weight: float) -> float:
         following = Sharpening([truth], Reference(picture, camera, weight) if weight else None)
-        last = list(following.steps(truth, DistillOptions()))[-1].sketch
+        last = list(following.steps(truth, PLAIN))[-1].sketch
         return float((ds.render(last, camera).color[0] - picture).square().mean())
 
     assert difference(3e5) < 0.5 * difference(0.0)
@@ -77,7 +81,7 @@ def test_a_reference_is_followed_too():
     ],
 )
 def test_widths_that_the_user_chose_and_positions_that_stay_are_left_alone(given, sharpens):
-    assert DistillOptions(**given).sharpens is sharpens
+    assert with_options(PLAIN, **given).sharpens is sharpens
 
 
 def command(out, *more: str) -> list[str]:

@@ -20,7 +20,7 @@ from diff3ds.tasks.exact_prior.exemplars import exemplars_in
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.recognition.lines import lines_of
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.prior_options import PriorOptions
 
 FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
 

@@ -11,6 +11,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.cli import main
 from diff3ds.formats import save_png
 from diff3ds.guidance.small import SCHEDULE, Vocabulary, read_network, write_network
@@ -22,8 +23,8 @@ from diff3ds.tasks.small_prior import small_prior
 from diff3ds.tasks.small_prior.prior_data import Examples, words
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import distillation
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
 
 FEW = ["--steps", "3", "--strokes", "6", "--sheet-every", "0"]
@@ -82,8 +83,7 @@ def test_a_picture_is_the_networks_reference(weights, tmp_path, capsys):
 
 
 def test_the_request_reaches_the_network(weights):
-    options = PriorOptions(prior="small", weights=str(weights))
-    plain, arms = (trained(options).asked(Request("chair", kind)) for kind in ((), ("armrests",)))
+    plain, arms = (trained(str(weights)).asked(Request("chair", kind)) for kind in ((), ("armrests",)))
     cameras = ds.orbit([0.0, 90, 180, 270], 15, 1.9, size=64)
     noisy = torch.randn(4, 1, 64, 64, generator=torch.Generator().manual_seed(0))
     asked = (noisy, torch.full((4,), 500), cameras, ("conditional", "unconditional"))
@@ -138,7 +138,7 @@ def test_files_that_say_absurd_things_are_refused(weights, tmp_path):
 
 @pytest.fixture(scope="module")
 def shipped():
-    return trained(PriorOptions(prior="small"))
+    return trained()
 
 
 def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
@@ -165,8 +165,8 @@ def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
 
 
 def test_the_network_of_the_package_makes_a_sketch(tmp_path):
-    settings = DistillOptions(steps=150, strokes=60, sheet_every=0)
-    sketch = run_text("a bow", tmp_path / "run", prior=PriorOptions(prior="small"), settings=settings)
+    spec = with_options(RunSpec(Phrase("a bow")), prior="small", steps=150, strokes=60, sheet_every=0)
+    sketch = run_text(spec, tmp_path / "run")
     pool = [member("bow", torch.Generator().manual_seed(seed)).sketch for seed in range(12)]
     assert max(f_score(sketch, known) for known in pool) > 0.8
     others = [member(name, torch.Generator().manual_seed(0)).sketch for name in ("chair", "mug", "car", "tree")]

@@ -16,8 +16,9 @@ from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.guidance.recipe import USUAL, Work
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.text_image import distillation, priors
-from diff3ds.tasks.text_image.options import PriorOptions
+from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.priors import load_for_phrase
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.options import Source
 
@@ -248,12 +249,12 @@ def test_the_suffix_follows_the_phrase(checkpoints):
     """As MVDream's own scripts for pictures join the two."""
     options = PriorOptions("mvdream", weights=str(checkpoints["mvdream"]), device="cpu")
     plain, suffixed = (
-        load_for_phrase("mvdream", phrase, None, False, options, USUAL, suffix)
+        load_for_phrase("mvdream", Phrase(phrase, suffix=suffix), options, USUAL)
         for phrase, suffix in (("a chair, 3d asset", ""), (" a chair ", ", 3d asset"))
     )
     assert torch.equal(plain._texts["conditional"], suffixed._texts["conditional"])
     with pytest.raises(ValueError, match="the phrase is empty"):
-        load_for_phrase("mvdream", " ", None, False, options, USUAL, ", 3d asset")
+        load_for_phrase("mvdream", Phrase(" ", suffix=", 3d asset"), options, USUAL)
 
 
 def test_a_suffix_is_kept_in_the_run_and_refused_by_the_built_in_prior(checkpoints, drawing, tmp_path, capsys):

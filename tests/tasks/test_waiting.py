@@ -10,6 +10,7 @@ from other_device import NAME
 from queued_device import QueuedDevice
 
 import diff3ds as ds
+from diff3ds._settings import with_options
 from diff3ds.guidance import upload
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.small import SmallDenoiser, Vocabulary
@@ -18,9 +19,11 @@ from diff3ds.guidance.small_shape import Shape
 from diff3ds.guidance.upload import uploaded
 from diff3ds.render import Rendering
 from diff3ds.tasks.text_image import distillation
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.distillation import Commission, distill
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
+from diff3ds.tasks.text_image.distillation import distill
 from diff3ds.tasks.text_image.reference_view import Reference
+from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
 
 THERE = torch.device(NAME)
 # Steps before the device is watched (a prior may keep things at first), and those that are.
@@ -84,7 +87,7 @@ def latent(kind: str):
 
 def watched(device: QueuedDevice, prior, method: str, out, reference: Reference | None = None) -> None:
     """Runs a distillation, some of whose steps must not wait."""
-    options = DistillOptions(strokes=3, method=method, sheet_every=0)
+    spec = with_options(RunSpec(Phrase("a thing")), strokes=3, width=0.05, method=method, sheet_every=0)
 
     def report(progress) -> None:
         device.busy = progress.done < BEFORE + WATCHED
@@ -92,7 +95,7 @@ def watched(device: QueuedDevice, prior, method: str, out, reference: Reference 
             raise EnoughError
 
     with pytest.raises(EnoughError):
-        distill(prior, options, out, Commission({"phrase": "a thing"}, 7.5, width=0.05, reference=reference), report)
+        distill(ConditionedPrior("watched", prior, reference=reference), spec, out, report)
 
 
 @pytest.mark.parametrize("values", [torch.arange(6.0)[::2], torch.tensor([1, 2]).expand(3, 2), torch.tensor(0.1)])

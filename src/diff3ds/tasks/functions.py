@@ -2,13 +2,13 @@
 
 import logging
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any
 
+from diff3ds._settings import Options, option_hints, with_options
 from diff3ds._typed import typed
 
 if TYPE_CHECKING:
@@ -31,13 +31,13 @@ def text_to_sketch(phrase: str, out: str | PathLike[str] | None = None, **option
         TypeError: an option that the command does not have, or a value of another kind.
         ValueError, OSError, ImportError: as the command, whose message it is.
     """
-    from diff3ds.tasks.text_image.distill_options import DistillOptions
-    from diff3ds.tasks.text_image.options import PriorOptions, TextOptions
+    from diff3ds.tasks.text_image.run_spec import RunSpec
+    from diff3ds.tasks.text_image.subject import Phrase
     from diff3ds.tasks.text_image.text import run_text
 
-    own, prior, settings = _read("text_to_sketch", options, TextOptions, PriorOptions, DistillOptions)
+    spec = _filled("text_to_sketch", RunSpec(Phrase(phrase)), option_hints(RunSpec[Phrase]), options)
     with _folder(out, options) as folder:
-        return run_text(phrase, folder, own, prior, settings, say=_say)
+        return run_text(spec, folder, say=_say)
 
 
 def image_to_sketch(picture: str | PathLike[str], out: str | PathLike[str] | None = None, **options: Any) -> "Sketch":
@@ -54,16 +54,13 @@ def image_to_sketch(picture: str | PathLike[str], out: str | PathLike[str] | Non
         TypeError: an option that the command does not have, or a value of another kind.
         ValueError, OSError, ImportError: as the command, whose message it is.
     """
-    from diff3ds.pictures.options import PictureOptions
-    from diff3ds.tasks.text_image.distill_options import DistillOptions
     from diff3ds.tasks.text_image.image import run_image
-    from diff3ds.tasks.text_image.options import ImageOptions, PriorOptions
+    from diff3ds.tasks.text_image.run_spec import RunSpec
+    from diff3ds.tasks.text_image.subject import Picture
 
-    own, cut, prior, settings = _read(
-        "image_to_sketch", options, ImageOptions, PictureOptions, PriorOptions, DistillOptions
-    )
+    spec = _filled("image_to_sketch", RunSpec(Picture(Path(picture))), option_hints(RunSpec[Picture]), options)
     with _folder(out, options) as folder:
-        return run_image(Path(picture), folder, own, cut, prior, settings, say=_say)
+        return run_image(spec, folder, say=_say)
 
 
 def views_to_sketch(
@@ -88,23 +85,18 @@ def views_to_sketch(
     from diff3ds.tasks.views.options import ViewsOptions
     from diff3ds.tasks.views.run import run_views
 
-    (read,) = _read("views_to_sketch", options, ViewsOptions)
+    read = _filled("views_to_sketch", ViewsOptions(), option_hints(ViewsOptions), options)
     with _folder(out, options) as folder:
         return run_views(None if source is None else Path(source), folder, read, say=_say)
 
 
-def _read(function: str, options: Mapping[str, Any], *kinds: Callable[..., Any]) -> tuple[Any, ...]:
-    """The dataclasses of options that these make."""
-    names = [{field.name for field in fields(kind)} for kind in kinds]  # type: ignore[arg-type] # dataclasses
-    known = sorted(set().union(*names))
+def _filled(function: str, spec: Options, hints: Mapping[str, Any], options: Mapping[str, Any]) -> Options:
+    """Options of a command with these by their names, checked by the type hints of all."""
+    known = sorted(hints.keys() - {"phrase", "picture"})
     for name in options:
         if name not in known:
             raise TypeError(f"{function} has no option {name!r}; it has {', '.join(known)}")
-    hints = {name: hint for kind in kinds for name, hint in get_type_hints(kind).items()}
-    given = {name: typed(name, value, hints[name]) for name, value in options.items()}
-    return tuple(
-        kind(**{name: given[name] for name in own & given.keys()}) for kind, own in zip(kinds, names, strict=True)
-    )
+    return with_options(spec, **{name: typed(name, value, hints[name]) for name, value in options.items()})
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """The built-in prior: it has seen members of a library, and knows which of them the phrase or picture means."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,11 +13,9 @@ from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.members import RADIUS, member
 from diff3ds.library.phrase import Request, parse
 from diff3ds.render import render
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.folder_phrase import asked_of, fits
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.join_ends import close_gaps
 
 # Members that the phrase means, and members of every other kind. More of the latter cost time and change little.
 FITTING, OTHERS = 6, 1
@@ -27,10 +24,11 @@ SIZE, GROUP = 64, 4
 WIDTH = 0.05
 # Space between several things in a row, in their widths. Empirical.
 GAP = 0.25
-# Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
-HIDDEN = 0.02
 # Points on a stroke when extents are measured.
 SAMPLES = 33
+
+# Straight RGB.
+Color = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,7 @@ class Exemplars:
 
     members: tuple[Sketch, ...]
     fitting: tuple[bool, ...]
-    color: tuple[float, float, float] | None
+    color: Color | None
     ignored: tuple[str, ...] = ()
 
     @property
@@ -80,9 +78,7 @@ def exemplars_of(phrase: str, seed: int) -> Exemplars:
     return replace(known, ignored=request.ignored)
 
 
-def exemplars_like(
-    wanted: Sequence[Sketch], category: str, seed: int, color: tuple[float, float, float] | None = None
-) -> Exemplars:
+def exemplars_like(wanted: Sequence[Sketch], category: str, seed: int, color: Color | None = None) -> Exemplars:
     """Members that are given, of one category, and some of everything else.
 
     Args:
@@ -106,9 +102,7 @@ def exemplars_in(folder: SketchFolder, phrase: str) -> Exemplars:
     return replace(exemplars_among(folder, wanted, request.color), ignored=request.ignored)
 
 
-def exemplars_among(
-    folder: SketchFolder, wanted: Mapping[int, Sketch], color: tuple[float, float, float] | None = None
-) -> Exemplars:
+def exemplars_among(folder: SketchFolder, wanted: Mapping[int, Sketch], color: Color | None = None) -> Exemplars:
     """Members that are given, by their places in a folder, and all others there.
 
     Args:
@@ -120,7 +114,7 @@ def exemplars_among(
 
 
 def _among_others(
-    wanted: Sequence[Sketch], category: str, generator: torch.Generator, color: tuple[float, float, float] | None
+    wanted: Sequence[Sketch], category: str, generator: torch.Generator, color: Color | None
 ) -> Exemplars:
     others = [member(name, generator).sketch for name in CATEGORIES if name != category for _ in range(OTHERS)]
     return Exemplars((*wanted, *others), (True,) * len(wanted) + (False,) * len(others), color)
@@ -137,7 +131,7 @@ def arranged(sketch: Sketch, request: Request) -> Sketch:
     return painted(_fitted(Sketch.concatenate(several)), request.color)
 
 
-def painted(sketch: Sketch, color: tuple[float, float, float] | None) -> Sketch:
+def painted(sketch: Sketch, color: Color | None) -> Sketch:
     """With strokes of this colour, straight RGB; None leaves them."""
     if color is None:
         return sketch
@@ -164,13 +158,3 @@ def _fitted(sketch: Sketch) -> Sketch:
     middle = (points.amin(0) + points.amax(0)) / 2
     scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
     return replace(sketch, points=(sketch.points - middle) * scale)
-
-
-def thin_lines(sketch: Sketch, settings: DistillOptions) -> Sketch:
-    """Strokes as thin as others, and without the gaps that thick ones hide."""
-    away = sum(settings.distance) / 2
-    image_height = 2 * away * math.tan(math.radians(settings.fov / 2))
-    met = close_gaps(sketch, min(float(sketch.width.median()), HIDDEN) * image_height)
-    if settings.width is not None or "width" in settings.optimize:
-        return met
-    return replace(met, width=torch.full_like(met.width, DEFAULT_WIDTH))

@@ -15,7 +15,6 @@ from diff3ds.guidance.small_network import SmallNetwork
 from diff3ds.library.phrase import Request, parse
 from diff3ds.tasks.exact_prior.folder_phrase import Name, asked_of
 from diff3ds.tasks.small_prior.prior_data import AXES, said, words
-from diff3ds.tasks.text_image.options import PriorOptions
 
 # Where the weights lie in a package that has them.
 SHIPPED = Path(small.__file__).with_name("small.safetensors")
@@ -40,10 +39,9 @@ class Trained:
     digest: str
 
     @property
-    def about(self) -> dict[str, object]:
-        """What run.json says of it; a resumed run must have the same, on any device."""
-        precision = "bfloat16" if half_is_fast(self.device) else "float32"
-        return {"weights_sha256": self.digest, "device": str(self.device), "precision": precision}
+    def precision(self) -> str:
+        """The precision in which it computes there."""
+        return "bfloat16" if half_is_fast(self.device) else "float32"
 
     def understood(self, phrase: str) -> Request:
         """What a phrase asks for: by the library's grammar, or that of the folder that it was trained on.
@@ -77,14 +75,14 @@ class Trained:
         return SmallDenoiser(self.network, self.vocabulary, given, view, self.device)
 
 
-def trained(options: PriorOptions) -> Trained:
-    """The network that the options name, or the one of the package.
+def trained(weights: str | None = None, device: str = "auto") -> Trained:
+    """The network in a file, by default the one of the package.
 
     Raises:
         FileNotFoundError: there are no weights.
         ValueError: they are no weights of a small prior; no such device.
     """
-    path = Path(options.weights).expanduser() if options.weights else SHIPPED
+    path = Path(weights).expanduser() if weights else SHIPPED
     network, vocabulary = read_network(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Trained(network, vocabulary, pick_device(options.device), str(path), digest)
+    return Trained(network, vocabulary, pick_device(device), str(path), digest)

@@ -1,13 +1,14 @@
 """Score distillation of a sketch: what `diff3ds text` and `diff3ds image` do once they have a prior."""
 
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import torch
 
+from diff3ds._settings import option_values
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import save_png, tile_images
@@ -20,63 +21,31 @@ from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import CameraSampler, FitConfig, Objective, Rates, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.exact_prior.exemplars import painted
 from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
 from diff3ds.tasks.shown_loss import ShownLoss
-from diff3ds.tasks.text_image.distill_options import DistillOptions, Preset, PresetName
-from diff3ds.tasks.text_image.reference_view import Reference, followed
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
+from diff3ds.tasks.text_image.reference_view import followed
+from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions
 from diff3ds.tasks.text_image.sharpen import STEPS, Sharpening
+from diff3ds.tasks.text_image.tidy import tidied
 
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
 # What a preview shows: all around, seen a little from above.
 PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
 
 
-@dataclass(frozen=True, eq=False)
-class Commission:
-    """What a command wants of a distillation, beside the user's options.
-
-    Attributes:
-        about: the subject and the prior, for run.json; a resumed run must have the same.
-        guidance: weight of classifier-free guidance where neither options, method nor preset have one.
-        preset: where the options name none.
-        width: of the strokes at the start, where the options have none.
-        color: of the strokes at the start, straight RGB; None is black.
-        finish: makes the sketch of the results from that of the last step.
-        reference: the picture of `diff3ds image`.
-        sharpening: further steps on finer pictures, or None.
-        network: which weights the prior has, the device and the precision, for run.json; a resumed run must have the
-            same, on any device.
-    """
-
-    about: Mapping[str, object]
-    guidance: float
-    preset: PresetName = "paper"
-    width: float = DEFAULT_WIDTH
-    color: tuple[float, float, float] | None = None
-    finish: Callable[[Sketch], Sketch] = lambda sketch: sketch
-    reference: Reference | None = None
-    sharpening: Sharpening | None = None
-    network: Mapping[str, object] = field(default_factory=dict)
-
-
-def distill(
-    denoiser: Denoiser,
-    options: DistillOptions,
-    out: Path,
-    wanted: Commission,
-    report: Report = lambda progress: None,
-) -> Sketch:
+def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = lambda progress: None) -> Sketch:
     """Makes a sketch that a prior likes and writes the folder of the run.
 
     Ctrl-C ends it early; what was reached is written, then `Stopped` is raised, a KeyboardInterrupt.
 
     Args:
-        denoiser: the prior, conditioned on a phrase or picture.
-        options: of the user.
+        prior: what looks at the sketch.
+        spec: what the user wants.
         out: a folder that `claim` has found free.
-        wanted: what the command adds to them.
         report: called after every step.
 
     Raises:
@@ -84,32 +53,29 @@ def distill(
         FloatingPointError: the prior predicts no numbers; says what to do.
     """
     begun = time.perf_counter()
-    values, width = options.values(wanted.preset), _width(options, wanted)
-    recipe = options.recipe(wanted.guidance, denoiser.group, wanted.preset)
-    judge = ScoreDistillation(denoiser, recipe, values.steps, options.seed)
-    network = {name: value for name, value in wanted.network.items() if name != "device"}
-    identity = {**wanted.about, **network, **_identity(options, values, recipe), "width": width}
-    config = replace(_config(options, values, out, identity), companion=judge.particles)
-    place = _place(wanted)
-    objective, cameras = placed(*followed(judge, _orbits(denoiser, options), wanted.reference, place), place)
-    if not options.resume:
+    config = _config(prior, spec, out)
+    score = ScoreDistillation(prior.denoiser, _recipe(prior, spec), config.steps, spec.descent.seed)
+    place = _place(prior.network)
+    orbits = _orbits(prior.denoiser, spec.cameras)
+    objective, cameras = placed(*followed(score, orbits, prior.reference, place), place)
+    if not spec.output.resume:
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
             sheet.unlink()
-    steps = fit(_start(options, values, width, wanted.color).to(place), objective, cameras, config)
+    steps = fit(start_of(prior, spec).to(place), objective, cameras, replace(config, companion=score.particles))
     try:
-        stopped = _stopped(steps, judge, options, out, report)
+        stopped = _stopped(steps, score, spec.output, out, report)
     except FloatingPointError as error:
-        raise FloatingPointError(f"{error}: {_advice(wanted)}") from error
+        raise FloatingPointError(f"{error}: {_advice(prior.network)}") from error
     state = read_checkpoint(out / CHECKPOINT)
     sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
-    if wanted.sharpening is not None and options.sharpens and not stopped:
-        sketch, stopped = _sharpened(sketch, wanted.sharpening, options, report)
-        seconds["sharpen"] = time.perf_counter() - begun - seconds["distill"]
-    sketch, around = wanted.finish(sketch), turntable()
-    given, chosen = {**wanted.about, **asdict(options)}, {**asdict(values), "width": width, **asdict(recipe)}
-    chosen |= {"network": dict(wanted.network)} if wanted.network else {}
-    info = RunInfo(given, chosen, seconds, list(state.losses), {}, stopped)
+    if prior.built_in:
+        if prior.built_in.sharpening and spec.sharpens and not stopped:
+            sketch, stopped = _sharpened(sketch, prior.built_in.sharpening, spec, report)
+            seconds["sharpen"] = time.perf_counter() - begun - seconds["distill"]
+        sketch = tidied(painted(sketch, prior.built_in.color), spec.cameras, spec.width_is_free)
+    around = turntable()
+    info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
     if stopped:
         raise Stopped
@@ -117,7 +83,7 @@ def distill(
 
 
 def _stopped(
-    steps: Generator[Step], judge: ScoreDistillation, options: DistillOptions, out: Path, report: Report
+    steps: Generator[Step], score: ScoreDistillation, output: OutputOptions, out: Path, report: Report
 ) -> bool:
     """Goes through all steps, and says whether Ctrl-C came before the end."""
     shown = ShownLoss()
@@ -125,27 +91,27 @@ def _stopped(
         try:
             for step in steps:
                 done = step.index + 1
-                low, high = judge.recipe.annealing.bounds(step.index, judge.steps)
-                report(Progress("distill", done, judge.steps, shown.of(step), len(step.sketch), f"t {low}-{high}"))
-                if options.sheet_every and done % options.sheet_every == 0:
-                    save_png(out / SHEETS / f"step_{done:05d}.png", contact_sheet(step, judge))
+                low, high = score.recipe.annealing.bounds(step.index, score.steps)
+                report(Progress("distill", done, score.steps, shown.of(step), len(step.sketch), f"t {low}-{high}"))
+                if output.sheet_every and done % output.sheet_every == 0:
+                    save_png(out / SHEETS / f"step_{done:05d}.png", contact_sheet(step, score))
         except KeyboardInterrupt:
             return True
     return False
 
 
-def _advice(wanted: Commission) -> str:
+def _advice(network: Network | None) -> str:
     """What to do about a loss that is no number."""
-    if wanted.network.get("precision") == "float16":
+    if network and network.precision == "float16":
         overflow = "the prior's numbers may overflow in float16: start anew with --precision bfloat16 (or float32)"
         return f"{overflow}. If that does not help, its weights are damaged: fetch them again"
     return "the weights of the prior may be damaged: fetch them again, or name others by --weights"
 
 
-def _sharpened(sketch: Sketch, sharpening: Sharpening, options: DistillOptions, report: Report) -> tuple[Sketch, bool]:
+def _sharpened(sketch: Sketch, sharpening: Sharpening, spec: AnyRun, report: Report) -> tuple[Sketch, bool]:
     """The sketch after the last steps, and whether Ctrl-C came before their end: a resumed run does them anew."""
     try:
-        with closing(sharpening.steps(sketch, options)) as steps:
+        with closing(sharpening.steps(sketch, spec)) as steps:
             for step in steps:
                 sketch = step.sketch
                 report(Progress("sharpen", step.index + 1, STEPS, step.loss, len(sketch)))
@@ -154,10 +120,11 @@ def _sharpened(sketch: Sketch, sharpening: Sharpening, options: DistillOptions, 
     return sketch, False
 
 
-def _place(wanted: Commission) -> torch.device:
+def _place(network: Network | None) -> torch.device:
     """Where strokes are drawn: beside the prior's network, if the renderer runs there, else on the CPU."""
-    network = torch.device(str(wanted.network.get("device", "cpu")))
-    return network if network.type == "cuda" and "cuda" in available_backends() else torch.device("cpu")
+    if network and network.device.type == "cuda" and "cuda" in available_backends():
+        return network.device
+    return torch.device("cpu")
 
 
 def placed(objective: Objective, cameras: CameraSampler, place: torch.device) -> tuple[Objective, CameraSampler]:
@@ -178,68 +145,86 @@ def placed(objective: Objective, cameras: CameraSampler, place: torch.device) ->
     return judged, drawn
 
 
-def _width(options: DistillOptions, wanted: Commission) -> float:
-    width = wanted.width if options.width is None else options.width
-    least, most = options.width_range
-    if "width" in options.optimize and not least <= width <= most:
-        raise ValueError(f"strokes start with width {width}, outside width_range {least} to {most}: give another one")
-    return width
-
-
 def turntable() -> Cameras:
     """Eight views all around."""
     azimuths = [360 * i / PREVIEWS for i in range(PREVIEWS)]
     return orbit(azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
 
 
-def contact_sheet(step: Step, judge: ScoreDistillation) -> Float[Tensor, "H W 3"]:
+def contact_sheet(step: Step, score: ScoreDistillation) -> Float[Tensor, "H W 3"]:
     """The renderings of a step above what the prior sees in them."""
-    assert judge.latest is not None
-    seen = judge.denoiser.decode(judge.latest)
-    seen = seen.cpu()
+    assert score.latest is not None
+    seen = score.denoiser.decode(score.latest).cpu()
     drawn = step.rendering.color[: len(seen)].movedim(-1, 1).cpu()
     resized = torch.nn.functional.interpolate(drawn, seen.shape[1:3], mode="bilinear", antialias=True)
     return tile_images(torch.cat([resized.movedim(1, -1).clamp(0, 1), seen]), columns=len(seen))
 
 
-def _start(
-    options: DistillOptions, values: Preset, width: float, color: tuple[float, float, float] | None = None
-) -> Sketch:
-    generator = torch.Generator().manual_seed(options.seed)
-    sketch = Sketch.random(values.strokes, radius=values.radius, width=width, generator=generator)
-    return sketch if color is None else replace(sketch, color=torch.tensor(color).repeat(len(sketch), 1))
+def start_of(prior: ConditionedPrior, spec: AnyRun) -> Sketch:
+    """The random strokes that the descent starts with."""
+    values, generator = spec.values(prior.preset), torch.Generator().manual_seed(spec.descent.seed)
+    sketch = Sketch.random(values.strokes, radius=values.radius, width=spec.width(prior.width), generator=generator)
+    return painted(sketch, prior.built_in.start_color if prior.built_in else None)
 
 
-def _orbits(denoiser: Denoiser, options: DistillOptions) -> Orbits:
-    size = options.size or denoiser.size
-    return Orbits(options.batch, denoiser.group, size, options.distance, options.elevation, options.fov)
+def _orbits(denoiser: Denoiser, cameras: CameraOptions) -> Orbits:
+    size = cameras.size or denoiser.size
+    return Orbits(cameras.batch, denoiser.group, size, cameras.distance, cameras.elevation, cameras.fov)
 
 
-def _config(options: DistillOptions, values: Preset, out: Path, identity: Mapping[str, object]) -> FitConfig:
+def _recipe(prior: ConditionedPrior, spec: AnyRun) -> Recipe:
+    return spec.recipe(prior.denoiser.group, prior.preset)
+
+
+def _config(prior: ConditionedPrior, spec: AnyRun, out: Path) -> FitConfig:
+    values, descent, strokes = spec.values(prior.preset), spec.descent, spec.strokes
     wanted = {
         "points": ("position", values.rate),
-        "color": ("color", options.color_rate),
-        "opacity": ("alpha", options.alpha_rate),
-        "width": ("width", options.width_rate),
+        "color": ("color", descent.color_rate),
+        "opacity": ("alpha", descent.alpha_rate),
+        "width": ("width", descent.width_rate),
     }
-    rates = {name: rate for name, (parameter, rate) in wanted.items() if parameter in options.optimize}
-    deletion = NoiseDeletion(options.delete_length, options.delete_from, options.delete_every)
+    rates = {name: rate for name, (parameter, rate) in wanted.items() if parameter in descent.optimize}
+    deletion = NoiseDeletion(strokes.delete_length, strokes.delete_from, strokes.delete_every)
     return FitConfig(
         steps=values.steps,
         rates=Rates(**{"points": 0.0, **rates}),
         final_rate=values.final_rate,
         blur=values.blur,
-        width_range=options.width_range,
-        refinements=[deletion] if options.delete_length else [],
-        seed=options.seed,
+        width_range=strokes.width_range,
+        refinements=[deletion] if strokes.delete_length else [],
+        seed=descent.seed,
         checkpoint=out / CHECKPOINT,
-        resume=options.resume,
-        identity=identity,
+        resume=spec.output.resume,
+        identity=_identity(prior, spec),
     )
 
 
-def _identity(options: DistillOptions, values: Preset, recipe: Recipe) -> dict[str, object]:
+def _told(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
+    """The subject, and the prior that was told it."""
+    return {**spec.subject.record, "prior": prior.name, **prior.told}
+
+
+def _given(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
+    """What run.json says that the user wanted."""
+    return {**_told(prior, spec), **spec.options()}
+
+
+def _filled_in(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
+    """What took the places of options that were left out."""
+    return {**asdict(spec.values(prior.preset)), "width": spec.width(prior.width), **asdict(_recipe(prior, spec))}
+
+
+def _chosen(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
+    """What run.json says that was found out or filled in."""
+    return {**_filled_in(prior, spec), **({"network": prior.network.record} if prior.network else {})}
+
+
+def _identity(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
     """What else than `fit` knows of a resumed run must share, in the types of JSON."""
-    names = ("batch", "size", "fov", "delete_length", "delete_from", "delete_every")
-    pairs = {name: list(getattr(options, name)) for name in ("distance", "elevation", "width_range", "optimize")}
-    return {**{name: getattr(options, name) for name in names}, **pairs, **asdict(values), **asdict(recipe)}
+    network = {
+        name: value for name, value in (prior.network.record if prior.network else {}).items() if name != "device"
+    }
+    options = {**option_values(spec.cameras), **option_values(spec.strokes), "optimize": spec.descent.optimize}
+    shared = {name: list(value) if isinstance(value, tuple) else value for name, value in options.items()}
+    return {**_told(prior, spec), **network, **shared, **_filled_in(prior, spec)}

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from diff3ds._shapes import Float, Tensor
@@ -10,29 +10,27 @@ from diff3ds.camera import orbit
 from diff3ds.formats import save_png
 from diff3ds.guidance.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
-from diff3ds.pictures.options import PictureOptions
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.exact_prior.exemplars import FITTING, SIZE, WIDTH, Exemplars, exemplars_like
+from diff3ds.tasks.exact_prior.exemplars import FITTING, SIZE, WIDTH, Color, Exemplars, exemplars_like
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
-from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
+from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.recognise import Recognised, alike, drawn_over, recognise
 from diff3ds.tasks.results import claim
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import sharpen
-from diff3ds.tasks.text_image.built_in import Chosen, Color, check, run, start_width
-from diff3ds.tasks.text_image.distill_options import DistillOptions
-from diff3ds.tasks.text_image.distillation import CHECKPOINT, Commission, distill
-from diff3ds.tasks.text_image.options import BUILT_IN, FOR_PICTURES, ImageOptions, PriorOptions
-from diff3ds.tasks.text_image.priors import best_for_pictures, load_for_picture, loaded, named_prior
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
+from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
+from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PICTURES
+from diff3ds.tasks.text_image.priors import choose_prior, load_for_picture, loaded
 from diff3ds.tasks.text_image.reference_view import Reference
+from diff3ds.tasks.text_image.run_spec import CameraOptions, RunSpec
+from diff3ds.tasks.text_image.subject import Picture
 from diff3ds.weights.catalog import KNOWN
 
-# The paper's weight of guidance for pictures.
-GUIDANCE = 7.5
 # With the built-in prior, whose loss is a sum over the pixels of four views. Empirical (benchmarks/recognise.py).
 REFERENCE_LOSS = 3000.0
 # The distance at which Stable-Zero123 has all its cameras; of the reference picture's camera.
@@ -41,113 +39,99 @@ DISTANCE = 2.0
 
 @torch_on_one_thread()
 def run_image(
-    picture: Path,
+    spec: RunSpec[Picture],
     out: Path,
-    options: ImageOptions | None = None,
-    cut: PictureOptions | None = None,
-    prior: PriorOptions | None = None,
-    settings: DistillOptions | None = None,
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Sketch:
     """Makes a sketch of the object in a picture and writes the folder of the run, with the picture as it was taken.
 
     Args:
-        picture: file: RGBA, or with a mask, or with a plain background.
+        spec: the picture (RGBA, or with a mask, or with a plain background), and how its object is drawn.
         out: folder of the results and of the checkpoint.
-        options: of this command; by default those of its class, as the next three.
-        cut: where the object is, and how it is framed.
-        prior: which prior, and its weights.
-        settings: of the distillation.
         report: called after every step.
         say: told which prior is taken and why, what a user should know of it, and what is recognised.
 
     Raises:
         ValueError, OSError: as `read_reference`, `claim`, the prior's loader or `recognise`, and `distill`.
     """
-    options, cut = options or ImageOptions(), cut or PictureOptions()
-    prior, settings = prior or PriorOptions(), settings or DistillOptions()
-    if prior.prior is None:
-        name, reason = best_for_pictures(prior.device)
-        say(f"prior: {reason}")
-    else:
-        name = named_prior(prior, (*FOR_PICTURES, *BUILT_IN))
+    name = choose_prior(spec.prior, FOR_PICTURES, say)
     if name in BUILT_IN:
-        return _built_in(picture, out, options, cut, prior, name, settings, report, say)
-    if options.shows:
+        return distill(_built_in(name, spec, out, say), spec, out, report)
+    if name == "stable-zero123":
+        spec = replace(spec, cameras=_at_its_distance(spec.cameras))
+    return distill(_network(name, spec, out, say), spec, out, report)
+
+
+def _network(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str], None]) -> ConditionedPrior:
+    """A network with weights, told the picture, which is written as it was taken."""
+    subject, cameras = spec.subject, spec.cameras
+    if subject.shows:
         raise ValueError("--shows is for the built-in prior: networks see what is there")
-    settings = _at_its_distance(settings) if name == "stable-zero123" else settings
-    reference = read_reference(picture, options=cut)
-    claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
+    picture = read_reference(subject.picture, options=subject.cut).image
+    claim(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     if KNOWN[name].warning:
         say(KNOWN[name].warning)
-    low, high = settings.elevation
-    if not low <= options.view_elevation <= high:
+    low, high = cameras.elevation
+    if not low <= subject.view_elevation <= high:
         say(
-            f"warning: no camera comes by the picture's own view: --view-elevation {options.view_elevation:g} lies "
+            f"warning: no camera comes by the picture's own view: --view-elevation {subject.view_elevation:g} lies "
             f"outside --elevation {low:g} {high:g}; widen the latter"
         )
-    pose = ReferencePose(options.view_elevation, distance=DISTANCE)
-    denoiser = load_for_picture(name, reference.image, pose, prior, settings.work())
-    if not settings.resume:
-        save_png(out / "reference.png", reference.image)
-    known = Reference(
-        reference.image,
-        orbit(pose.azimuth, pose.elevation, pose.distance, fov=settings.fov, size=reference.image.shape[0]),
-        options.reference_loss or 0.0,
-    )
-    about, network = {**_subject(picture, cut, options, known), "prior": name}, loaded(name, prior, denoiser.unet)
-    wanted = Commission(about, GUIDANCE, reference=known if known.weight else None, network=network)
-    return distill(denoiser, settings, out, wanted, report)
+    pose = ReferencePose(subject.view_elevation, distance=DISTANCE)
+    denoiser = load_for_picture(name, picture, pose, spec.prior, spec.work())
+    if not spec.output.resume:
+        save_png(out / "reference.png", picture)
+    camera = orbit(pose.azimuth, pose.elevation, pose.distance, fov=cameras.fov, size=picture.shape[0])
+    weight = subject.reference_loss or 0.0
+    reference = Reference(picture, camera, weight) if weight else None
+    return ConditionedPrior(name, denoiser, _told(subject, weight), loaded(name, spec.prior, denoiser.unet), reference)
 
 
-def _built_in(
-    picture: Path,
-    out: Path,
-    options: ImageOptions,
-    cut: PictureOptions,
-    prior: PriorOptions,
-    name: str,
-    settings: DistillOptions,
-    report: Report,
-    say: Callable[[str], None],
-) -> Sketch:
-    """What the picture shows is recognised, its lines are the reference; the prior is members like it, or a network."""
-    check(settings)
-    reference = read_reference(picture, options=cut)
-    lines = lines_of(reference)
-    folder = None if prior.library is None else read_sketches(prior.library, prior.up)
-    if folder is None:
-        found, exemplars = _looked_up(lines, options.shows, settings.seed)
-    else:
-        for warning in folder.warnings:
-            say(warning)
-        say(f"library: {folder}")
-        found, exemplars = recognise_in(folder, lines, options.shows)
-    claim(out, out / CHECKPOINT, settings.resume, settings.overwrite)
-    say(f"{'taken for' if options.shows else 'recognised'}: {found}")
-    like = exemplars.members[0]
-    weight = options.reference_loss
+def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str], None]) -> ConditionedPrior:
+    """A prior that is built in: what the picture shows is recognised, its lines are the reference."""
+    spec.check_built_in()
+    subject = spec.subject
+    picture = read_reference(subject.picture, options=subject.cut)
+    lines = lines_of(picture)
+    folder = None if spec.prior.library is None else read_sketches(spec.prior.library, spec.prior.up)
+    found, exemplars = _recognised(lines, folder, spec, say)
+    claim(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
+    say(f"{'taken for' if subject.shows else 'recognised'}: {found}")
+    weight = REFERENCE_LOSS if subject.reference_loss is None else subject.reference_loss
 
-    def seen(size: int, width: float, color: Color | None = None) -> Reference:
-        resized = found.camera.resize(size)
-        drawn = inked(drawn_over(lines, like, resized, width), color)
-        return Reference(drawn, resized, REFERENCE_LOSS if weight is None else weight)
+    def drawn(size: int, width: float, color: Color | None = None) -> Reference:
+        """The lines of the picture in strokes of this width and colour."""
+        camera = found.camera.resize(size)
+        black = drawn_over(lines, exemplars.members[0], camera, width)
+        return Reference(inked(black, color), camera, weight)
 
+    told = {**_told(subject, weight), "recognised": found.as_json()}
+    size, width, color = spec.cameras.size or SIZE, spec.width(WIDTH), exemplars.color
     if name == "small":
-        small = trained(prior)
-        view = seen(small.network.shape.size, WIDTH)
+        small = trained(spec.prior.weights, spec.prior.device)
+        view = drawn(small.network.shape.size, WIDTH)
         denoiser = small.asked(Request(found.category, found.attributes), view.picture[None], view.cameras)
-        chosen = Chosen.of_network(denoiser, small.about, exemplars.color)
+        prior = ConditionedPrior.of_small(small, denoiser, color, told, drawn(size, width) if weight else None)
     else:
-        chosen = Chosen.of_members(exemplars, folder, settings)
-    known = seen(settings.size or SIZE, start_width(settings), chosen.start)
-    if not settings.resume:
-        save_png(out / "reference.png", reference.image)
-        save_png(out / "lines.png", seen(len(reference.image), DEFAULT_WIDTH).picture)
-    about = {**_subject(picture, cut, options, known), "prior": name, "recognised": found.as_json()}
-    both = (known, seen(sharpen.SIZE, sharpen.WIDTH, chosen.start)) if known.weight else ()
-    return run(chosen, about, GUIDANCE, settings, out, report, *both)
+        both = (drawn(size, width, color), drawn(sharpen.SIZE, sharpen.WIDTH, color)) if weight else ()
+        prior = ConditionedPrior.of_exemplars(exemplars, folder, spec, told, *both)
+    if not spec.output.resume:
+        save_png(out / "reference.png", picture.image)
+        save_png(out / "lines.png", drawn(len(picture.image), DEFAULT_WIDTH).picture)
+    return prior
+
+
+def _recognised(
+    lines: Lines, folder: SketchFolder | None, spec: RunSpec[Picture], say: Callable[[str], None]
+) -> tuple[Recognised, Exemplars]:
+    """What lines show, and members like it, of the built-in library or of the user's own."""
+    if folder is None:
+        return _looked_up(lines, spec.subject.shows, spec.descent.seed)
+    for warning in folder.warnings:
+        say(warning)
+    say(f"library: {folder}")
+    return recognise_in(folder, lines, spec.subject.shows)
 
 
 def inked(picture: Float[Tensor, "H W 3"], color: Color | None) -> Float[Tensor, "H W 3"]:
@@ -176,21 +160,16 @@ def _asked(shows: str | None) -> Request | None:
     return request
 
 
-def _subject(picture: Path, cut: PictureOptions, options: ImageOptions, known: Reference) -> dict[str, object]:
-    """What run.json says of the picture."""
-    cutting = {key: str(value) if isinstance(value, Path) else value for key, value in asdict(cut).items()}
-    digest = hashlib.sha256(picture.read_bytes()).hexdigest()
+def _told(subject: Picture, weight: float) -> dict[str, object]:
+    """What run.json says of the picture beside its options."""
     return {
-        "picture": str(picture),
-        "picture_sha256": digest,
-        **cutting,
-        **asdict(options),
-        "reference_loss": known.weight,
+        "picture_sha256": hashlib.sha256(subject.picture.read_bytes()).hexdigest(),
+        "reference_loss": weight,
     }
 
 
-def _at_its_distance(settings: DistillOptions) -> DistillOptions:
+def _at_its_distance(cameras: CameraOptions) -> CameraOptions:
     """The cameras of Stable-Zero123, which knows one distance only."""
-    if settings.distance not in (DistillOptions().distance, (DISTANCE, DISTANCE)):
-        raise ValueError(f"stable-zero123 sees from {DISTANCE} only: leave --distance out, got {settings.distance}")
-    return replace(settings, distance=(DISTANCE, DISTANCE))
+    if cameras.distance not in (CameraOptions().distance, (DISTANCE, DISTANCE)):
+        raise ValueError(f"stable-zero123 sees from {DISTANCE} only: leave --distance out, got {cameras.distance}")
+    return replace(cameras, distance=(DISTANCE, DISTANCE))

@@ -1,5 +1,6 @@
 """Which prior a run has: known ones by name, others by what their weights are."""
 
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -12,7 +13,9 @@ from diff3ds.guidance.recipe import Work
 from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.guidance.stable_zero123 import load_stable_zero123
 from diff3ds.guidance.zero123 import ReferencePose, Zero123, load_zero123
-from diff3ds.tasks.text_image.options import PriorOptions, is_place, require_name
+from diff3ds.tasks.text_image.conditioned_prior import Network
+from diff3ds.tasks.text_image.prior_options import BUILT_IN, PriorOptions, is_place, require_name
+from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.weights import single_file
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.locate import find, locate
@@ -20,18 +23,27 @@ from diff3ds.weights.options import Source
 
 # Channels of the UNet of a prior that takes the picture's latents beside the noisy ones.
 PICTURE_CHANNELS = 8
+# The names of the best networks in sentences.
+CALLED = {"mvdream": "MVDream", "zero123": "Zero123-XL"}
 
 
-def named_prior(options: PriorOptions, names: tuple[str, ...]) -> str:
-    """The name of the prior, of `names`; of weights that are named alone, what they are.
+def choose_prior(options: PriorOptions, networks: tuple[str, ...], say: Callable[[str], None]) -> str:
+    """The name of the prior that the options name or point at; without either, the best that can work here.
+
+    Args:
+        networks: the priors with weights that the command can use, the best first.
+        say: told which prior is taken, where none was named, and why.
 
     Raises:
         ValueError: no such prior, or one of another kind; weights that are none of them.
         FileNotFoundError: weights that are not on this disk.
     """
-    assert options.prior is not None
+    if options.prior is None:
+        name, reason = best_prior(networks[0], options.device)
+        say(f"prior: {reason}")
+        return name
     name = kind_of(options) if is_place(options.prior) else options.prior
-    require_name(name, names)
+    require_name(name, (*networks, *BUILT_IN))
     return name
 
 
@@ -74,18 +86,9 @@ def has_weights(name: str) -> bool:
     return True
 
 
-def best_for_phrases(device: str) -> tuple[str, str]:
-    """The prior of a phrase for which none was named, and why it is this one."""
-    return _best("mvdream", "MVDream", device)
-
-
-def best_for_pictures(device: str) -> tuple[str, str]:
-    """The prior of a picture for which none was named, and why it is this one."""
-    return _best("zero123", "Zero123-XL", device)
-
-
-def _best(name: str, called: str, device: str) -> tuple[str, str]:
-    """A network where it can work, else the built-in prior."""
+def best_prior(name: str, device: str) -> tuple[str, str]:
+    """A network where it can work, else the built-in prior, and why it is this one."""
+    called = CALLED[name]
     if pick_device(device).type == "cpu":
         return "exemplar", f"the built-in prior, because {called} has no GPU here"
     if not has_weights(name):
@@ -93,21 +96,16 @@ def _best(name: str, called: str, device: str) -> tuple[str, str]:
     return name, f"{called}, whose weights and a GPU are here"
 
 
-def load_for_phrase(
-    name: str, phrase: str, negative: str | None, perp_neg: bool, options: PriorOptions, work: Work, suffix: str = ""
-) -> MVDream | StableDiffusion:
+def load_for_phrase(name: str, subject: Phrase, options: PriorOptions, work: Work) -> MVDream | StableDiffusion:
     """A network that knows phrases.
-
-    Args:
-        suffix: appended to the phrase.
 
     Raises:
         ImportError, FileNotFoundError, ValueError: as its loader.
     """
     source, device, precision = options.source(), options.device, options.precision
-    phrase = check_phrase(phrase) + suffix
+    phrase, negative = check_phrase(subject.phrase) + subject.suffix, subject.negative
     if name == "mvdream":
-        if perp_neg:
+        if subject.perp_neg:
             raise ValueError("perp_neg is for stable-diffusion: MVDream knows its cameras")
         if work.views % VIEWS:
             said = f"the views that MVDream sees at once, got {work.views}"
@@ -115,7 +113,14 @@ def load_for_phrase(
         negative = NEGATIVE if negative is None else negative
         return load_mvdream(phrase, negative, source, device=device, precision=precision, work=work)
     return load_stable_diffusion(
-        phrase, negative or "", source, prior=name, perp_neg=perp_neg, device=device, precision=precision, work=work
+        phrase,
+        negative or "",
+        source,
+        prior=name,
+        perp_neg=subject.perp_neg,
+        device=device,
+        precision=precision,
+        work=work,
     )
 
 
@@ -132,11 +137,10 @@ def load_for_picture(
     return load(picture, pose, options.source(), device=options.device, precision=options.precision, work=work)
 
 
-def loaded(name: str, options: PriorOptions, unet: Any) -> dict[str, object]:
-    """What run.json says of a network: which weights, of which a single file lacks the text's, device and precision."""
+def loaded(name: str, options: PriorOptions, unet: Any) -> Network:
+    """The network of a prior: which weights it has, of which a single file lacks the text's, and how it computes."""
     checkpoint = find(name, options.source())
-    words = {}
+    weights: dict[str, object] = {"weights": checkpoint.origin()}
     if checkpoint.path.is_file() and name == "mvdream":
-        words = {"text_encoder": find_words(checkpoint).origin()}
-    precision = str(unet.dtype).removeprefix("torch.")
-    return {"weights": checkpoint.origin(), **words, "device": str(unet.device), "precision": precision}
+        weights["text_encoder"] = find_words(checkpoint).origin()
+    return Network(weights, torch.device(unet.device), str(unet.dtype).removeprefix("torch."))

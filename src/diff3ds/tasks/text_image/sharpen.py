@@ -19,8 +19,8 @@ from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.text_image.distill_options import DistillOptions
 from diff3ds.tasks.text_image.reference_view import Reference, followed
+from diff3ds.tasks.text_image.run_spec import AnyRun
 
 # Pixels, width of the strokes (2.6 pixels), views a step. Empirical, as all that follows.
 SIZE, WIDTH, GROUP = 128, 0.02, 4
@@ -45,23 +45,24 @@ class Sharpening:
     members: Sequence[Sketch]
     reference: Reference | None = None
 
-    def steps(self, sketch: Sketch, options: DistillOptions) -> Generator[Step]:
-        """Goes on with a sketch, step by step; the same sketch and options give the same steps."""
+    def steps(self, sketch: Sketch, spec: AnyRun) -> Generator[Step]:
+        """Goes on with a sketch, step by step; the same sketch and description of the run give the same steps."""
+        seed, views, deleted = spec.descent.seed, spec.cameras, spec.strokes.delete_length
         members = [_thin(member) for member in likely(sketch, self.members)]
 
         def draw(cameras: Cameras) -> Float[Tensor, "M V H W 3"]:
             return torch.stack([render(member, cameras).color for member in members])
 
         prior = ExemplarDenoiser(draw, torch.ones(len(members), dtype=torch.bool), SIZE, GROUP)
-        judge = ScoreDistillation(prior, RECIPE, STEPS, options.seed)
-        orbits = Orbits(options.batch, GROUP, SIZE, options.distance, options.elevation, options.fov)
-        deletion = NoiseDeletion(options.delete_length, DELETE_FROM, DELETE_EVERY)
+        judge = ScoreDistillation(prior, RECIPE, STEPS, seed)
+        orbits = Orbits(views.batch, GROUP, SIZE, views.distance, views.elevation, views.fov)
+        deletion = NoiseDeletion(deleted, DELETE_FROM, DELETE_EVERY)
         config = FitConfig(
             steps=STEPS,
             rates=Rates(points=RATE),
             final_rate=FINAL_RATE,
-            refinements=[deletion] if options.delete_length else [],
-            seed=options.seed,
+            refinements=[deletion] if deleted else [],
+            seed=seed,
         )
         objective, cameras = followed(judge, orbits, self.reference)
         return fit(_thin(sketch), objective, cameras, config)

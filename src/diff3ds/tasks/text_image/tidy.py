@@ -1,5 +1,6 @@
-"""Ends of strokes that nearly meet are made to meet: small images leave gaps that only thin strokes show."""
+"""From the thick strokes of a built-in prior to the sketch of the results: thin lines, whose ends meet."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,25 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import closest_point
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.tasks.text_image.run_spec import CameraOptions
 
 # A stroke goes on in another where both point along the gap between them, to this cosine (30 degrees).
 ALONG = 0.866
+# Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
+HIDDEN = 0.02
+
+
+def tidied(sketch: Sketch, cameras: CameraOptions, thin: bool) -> Sketch:
+    """Strokes without the gaps that thick ones hide in the small pictures of these cameras.
+
+    Args:
+        thin: give them the width of other sketches as well.
+    """
+    away = sum(cameras.distance) / 2
+    image_height = 2 * away * math.tan(math.radians(cameras.fov / 2))
+    met = close_gaps(sketch, min(float(sketch.width.median()), HIDDEN) * image_height)
+    return replace(met, width=torch.full_like(met.width, DEFAULT_WIDTH)) if thin else met
 
 
 def close_gaps(sketch: Sketch, distance: float) -> Sketch:

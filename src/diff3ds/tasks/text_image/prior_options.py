@@ -1,9 +1,8 @@
-"""Options of `diff3ds text` and `diff3ds image`: what each has of its own, and which prior looks at the sketch."""
+"""Which prior looks at the sketch of `diff3ds text` or `diff3ds image`, and where it computes: options."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from diff3ds._settings import require_finite
 from diff3ds.guidance.recipe import Precision
 from diff3ds.tasks.exact_prior.options import Up
 from diff3ds.weights.catalog import KNOWN
@@ -12,46 +11,6 @@ from diff3ds.weights.options import Source
 BUILT_IN = ("exemplar", "small")
 FOR_PHRASES = ("mvdream", "stable-diffusion", "stable-diffusion-768")
 FOR_PICTURES = ("zero123", "stable-zero123")
-
-
-@dataclass(frozen=True)
-class TextOptions:
-    """Options of `diff3ds text` that `diff3ds image` lacks.
-
-    Attributes:
-        negative: a phrase for what the sketch should not look like; by default MVDream's own, and none for others.
-        suffix: appended to the phrase, such as ", 3d asset", with which MVDream was trained on things.
-        perp_neg: keep stable-diffusion from drawing the front on every side, for twice the time.
-    """
-
-    negative: str | None = None
-    suffix: str = ""
-    perp_neg: bool = False
-
-
-@dataclass(frozen=True)
-class ImageOptions:
-    """Options of `diff3ds image` that `diff3ds text` lacks.
-
-    Attributes:
-        view_elevation: from how high the picture was taken, degrees; within the elevations of the cameras, so that
-            they come by. The built-in prior finds it by itself.
-        reference_loss: weight of the difference between the sketch and the picture, seen from where it was taken,
-            beside the prior's loss; by default none, as in the paper, and 3000 with the built-in prior.
-        shows: for the built-in prior: what the picture shows, a phrase such as "a chair with armrests"; by default it
-            is recognised.
-    """
-
-    view_elevation: float = 0.0
-    reference_loss: float | None = None
-    shows: str | None = None
-
-    def __post_init__(self) -> None:
-        require_finite(self)
-        if not -90 < self.view_elevation < 90:
-            raise ValueError(f"view_elevation must lie in (-90, 90) degrees, got {self.view_elevation}")
-        if self.reference_loss is not None and not self.reference_loss >= 0:
-            raise ValueError(f"reference_loss must not be negative, got {self.reference_loss}")
 
 
 @dataclass(frozen=True)
