@@ -1,12 +1,20 @@
-"""Settings shared by all tests: repeatable property tests, and the folder with data for development."""
+"""Settings shared by all tests: one thread each, repeatable property tests, the folder with data for development."""
 
+import gc
 import os
 from pathlib import Path
+
+# One thread a process, before torch starts any: pytest-xdist fills the processors, and tests that need more say so.
+os.environ["OMP_NUM_THREADS"] = "1"
 
 import hypothesis
 import jaxtyping
 import pytest
 import torch
+from gpu_promise import promised
+
+# Each takes up to 1.5 GB of memory.
+MOST_WORKERS = 8
 
 # Before any library of the hub is imported: nothing is looked for on the network.
 os.environ["HF_HUB_OFFLINE"] = "1"
@@ -14,6 +22,17 @@ os.environ["HF_HUB_OFFLINE"] = "1"
 # Derandomised: a run fails or passes for what the code does, not for the day's luck. No deadline: machines differ.
 hypothesis.settings.register_profile("diff3ds", derandomize=True, deadline=None, print_blob=False, database=None)
 hypothesis.settings.load_profile("diff3ds")
+
+
+def pytest_xdist_auto_num_workers(config) -> int:
+    """All tests, or a folder of them, share the processors; files named one by one run here, and on a GPU all do."""
+    named_files = any(".py" in argument for argument in config.args)
+    return 0 if named_files or promised() else min(len(os.sched_getaffinity(0)), MOST_WORKERS)
+
+
+def pytest_collection_finish() -> None:
+    """What collection has made stays to the end: the search for garbage need not look at it again and again."""
+    gc.freeze()
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy", reason="the scorer needs scipy (extra dev)")
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 from curve_scores import bezier, circle_of, score
 

@@ -33,8 +33,9 @@ def ridges_along(cameras, lines, shown=None):
     found = []
     for view in range(len(cameras)):
         own = lines[view] if isinstance(lines[0], list) else lines
+        camera = cameras[[view]]
         parts = [
-            image_line(project(cameras[[view]], line)[0][0], cameras.size)
+            image_line(project(camera, line)[0][0], cameras.size)
             for i, line in enumerate(own)
             if shown is None or shown[view, i]
         ]

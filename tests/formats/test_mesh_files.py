@@ -5,10 +5,12 @@ import struct
 
 import numpy as np
 import pytest
+from needs import needs
 
 from diff3ds.formats.mesh import load_mesh
 
-trimesh = pytest.importorskip("trimesh")
+pytestmark = needs("trimesh")
+
 
 # A square at z = 2, right-handed about z.
 OBJ = "mtllib none.mtl\nv 0 0 2\nv 3 0 2\nv 3 1 2\nv 0 1 2\nf 1 2 3 4\n"
@@ -42,6 +44,8 @@ def test_a_square_in_every_format(suffix, text, tmp_path):
 
 def test_gltf_stands_upright_and_looks_at_us(tmp_path):
     """Its y is our z, its z, the front, our x; a scene's places count."""
+    import trimesh
+
     scene = trimesh.Scene()
     one = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]], process=False)
     scene.add_geometry(one, transform=trimesh.transformations.translation_matrix([0, 0, 5]))
@@ -80,6 +84,8 @@ def test_a_mesh_has_bounds(tmp_path, monkeypatch):
 
 def test_a_scene_that_shows_one_mesh_many_times_has_bounds(tmp_path, monkeypatch):
     """Few bytes, much memory: instances count as often as they are shown, and a file's promises count too."""
+    import trimesh
+
     one = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 1, 2]], process=False)
     scene = trimesh.Scene(one)
     (name,) = scene.geometry

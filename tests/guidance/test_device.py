@@ -1,10 +1,9 @@
 """Which device and number format a prior gets, and what is said where its memory does not suffice."""
 
 import pytest
-import torch
-
-pytest.importorskip("diffusers")
 import tiny
+import torch
+from needs import needs
 
 from diff3ds.guidance import device, latent
 from diff3ds.guidance.latent import check_memory
@@ -12,6 +11,8 @@ from diff3ds.guidance.recipe import Work
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.options import Source
+
+pytestmark = needs("diffusers")
 
 
 @pytest.fixture(scope="module")

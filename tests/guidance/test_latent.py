@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+import tiny
 import torch
+from needs import needs
 from PIL import Image
 from torch.nn.functional import interpolate
-
-pytest.importorskip("diffusers")
-import tiny
 
 from diff3ds.camera import orbit
 from diff3ds.guidance import latent
@@ -17,6 +16,8 @@ from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.recipe import Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.weights.locate import Checkpoint
+
+pytestmark = needs("diffusers")
 
 SIZE = 16
 

@@ -3,11 +3,9 @@
 import json
 
 import pytest
-import torch
-
-pytest.importorskip("diffusers")
-pytest.importorskip("ftfy")
 import tiny
+import torch
+from needs import needs
 from safetensors.torch import save_file
 
 from diff3ds.camera import orbit
@@ -19,6 +17,8 @@ from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.weights.options import Source
+
+pytestmark = needs("diffusers", "ftfy")
 
 LAYOUTS = ("stock", "ashawkey", "lzq49")
 CAMERAS = orbit([0.0, 90.0, 180.0, 270.0], 15.0, 1.9, size=64)

@@ -4,14 +4,14 @@ import json
 import math
 
 import pytest
+import tiny
 import torch
+from needs import needs
 
 from diff3ds.guidance import prompts
 from diff3ds.weights.locate import Checkpoint
 
-pytest.importorskip("transformers")
-pytest.importorskip("ftfy")
-import tiny
+pytestmark = needs("transformers", "ftfy")
 
 
 def degrees(*values: float) -> torch.Tensor:

@@ -6,15 +6,16 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from needs import needs
 
-pytest.importorskip("diffusers")
-pytest.importorskip("ftfy")
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import random_mvdream
 import step_cost
 
 from diff3ds.guidance.latent import VAE_WEIGHTS
 from diff3ds.guidance.multiview_attention import check_joined
+
+pytestmark = needs("diffusers", "ftfy")
 
 # Weights of the UNet of Stable Diffusion 2.1, and of the two layers that tell MVDream's of 16 numbers of a camera.
 STABLE_DIFFUSION, CAMERA = 865_910_724, 16 * 1280 + 1280 + 1280 * 1280 + 1280

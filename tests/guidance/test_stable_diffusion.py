@@ -1,11 +1,9 @@
 """Stable Diffusion on tiny random checkpoints, against the network called by hand."""
 
 import pytest
-import torch
-
-pytest.importorskip("diffusers")
-pytest.importorskip("ftfy")
 import tiny
+import torch
+from needs import needs
 
 from diff3ds.camera import orbit
 from diff3ds.guidance import formulas, prompts
@@ -14,6 +12,8 @@ from diff3ds.guidance.prompts import BACK, FRONT, SIDE
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.weights.options import Source
+
+pytestmark = needs("diffusers", "ftfy")
 
 CAMERAS = orbit([0.0, 90.0, 180.0], [10.0, 20.0, 30.0], 1.9, size=64)
 TIMES = torch.tensor([850, 500, 100])

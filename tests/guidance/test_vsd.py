@@ -3,12 +3,9 @@
 import itertools
 
 import pytest
-import torch
-
-pytest.importorskip("diffusers")
-pytest.importorskip("peft")
-pytest.importorskip("ftfy")
 import tiny
+import torch
+from needs import needs
 
 from diff3ds.camera import orbit
 from diff3ds.guidance.exemplar import ExemplarDenoiser
@@ -19,6 +16,8 @@ from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.stable_diffusion import StableDiffusion
 from diff3ds.guidance.vsd import RATE, Particles
+
+pytestmark = needs("diffusers", "peft", "ftfy")
 
 CAMERAS = orbit([0.0, 90.0, 180.0, 270.0], 15.0, 1.9)
 TIMES = torch.full((4,), 500)

@@ -5,17 +5,18 @@ import types
 
 import pytest
 import torch
+from needs import needs
+from safetensors.torch import save_file
 from tiny import make_single_mvdream
 from tiny_zero123 import save_pair
-
-pytest.importorskip("diffusers")
-from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.guidance.zero123 import ReferencePose, load_zero123
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.priors import kind_of, loaded
 from diff3ds.weights.options import Source
+
+pytestmark = needs("diffusers")
 
 BRANCHES = ("conditional", "unconditional")
 CAMERAS = ds.orbit([0.0, 130.0], [10.0, 30.0], [1.9, 2.0])

@@ -5,12 +5,12 @@ import shutil
 
 import pytest
 import torch
+from needs import needs
 
 from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 
-pytest.importorskip("transformers")
-pytest.importorskip("ftfy")
+pytestmark = needs("transformers", "ftfy")
 
 
 def pixels_of(images, size):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 from metrics.tiny_networks import features, heads, save, save_blip, save_clip
+from needs import needs
 
 import diff3ds as ds
 from diff3ds.formats import load_image, save_png
@@ -20,8 +21,8 @@ from diff3ds.tasks.evaluate.evaluate import evaluate, find_runs, prompt_file, re
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.score_table import Row, markdown, summaries
 
-pytest.importorskip("transformers")
-pytest.importorskip("ftfy")
+pytestmark = needs("transformers", "ftfy")
+
 
 SMALL = EvaluateOptions(size=64)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from needs import needs
 from PIL import Image
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
@@ -22,12 +23,11 @@ from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.options import Source
 
-pytest.importorskip("diffusers")
-pytest.importorskip("transformers")
-pytest.importorskip("ftfy")
 sys.path.insert(0, str(Path(__file__).parents[1] / "guidance"))
 from tiny import save_mvdream, save_stable_diffusion
 from tiny_zero123 import save_zero123
+
+pytestmark = needs("diffusers", "transformers", "ftfy")
 
 STEPS = 6
 QUICK = ["--steps", str(STEPS), "--strokes", "5", "--width", "0.05", "--radius", "0.7", "--sheet-every", "3", "--quiet"]

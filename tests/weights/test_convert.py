@@ -1,12 +1,13 @@
 """Names and shapes of checkpoints: a round trip through the original's names, and the converters of diffusers."""
 
 import pytest
-import torch
-
-pytest.importorskip("diffusers")
 import tiny
+import torch
+from needs import needs
 
 from diff3ds.weights import convert
+
+pytestmark = needs("diffusers")
 
 
 @pytest.fixture(scope="module")

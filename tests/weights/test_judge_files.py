@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 import torch
+from needs import needs
 from safetensors.torch import save_file
 
 from diff3ds.weights.judge_files import find_file, find_folder, read_network
 
-pytest.importorskip("huggingface_hub")
+pytestmark = needs("huggingface_hub")
 
 
 @pytest.fixture

@@ -6,12 +6,10 @@ import re
 import shutil
 
 import pytest
-import torch
-
-pytest.importorskip("diffusers")
-pytest.importorskip("ftfy")
 import tiny
+import torch
 from huggingface_hub import constants
+from needs import needs
 from safetensors.torch import load_file, save_file
 
 from diff3ds.guidance.stable_diffusion import load_stable_diffusion
@@ -20,6 +18,8 @@ from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.locate import Checkpoint, find, lacking, locate, needed
 from diff3ds.weights.options import Source
 from diff3ds.weights.read import header, load_part, load_tensors, read_tensors
+
+pytestmark = needs("diffusers", "ftfy")
 
 COMMIT = "4e63672c03103b6c636b8fb4119ba982469b2955"
 
