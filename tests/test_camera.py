@@ -188,8 +188,8 @@ BAD_CAMERAS = [
     ((_matrices(2)[0], _matrices(3)[1], 8), ValueError, "one matrix a view, got 2 and 3"),
     ((*_with(math.nan, (1, 0, 3), 0), 8), ValueError, "world_to_camera of view 1 has a value that is not finite"),
     ((*_with(math.inf, (1, 0, 2), 1), 8), ValueError, "intrinsics of view 1 has a value that is not finite"),
-    ((*_with(0.0, (1, 1, 1), 1), 8), ValueError, r"intrinsics of view 1: focal lengths must be positive, got \[1.0, 0"),
-    ((*_with(-2.0, (0, 0, 0), 1), 8), ValueError, r"intrinsics of view 0: focal lengths .* got \[-2.0, 1.0\]"),
+    ((*_with(0.0, (1, 1, 1), 1), 8), ValueError, r"view 1 has focal lengths that are not positive: \[1.0, 0"),
+    ((*_with(-2.0, (0, 0, 0), 1), 8), ValueError, r"intrinsics of view 0 has focal lengths .*: \[-2.0, 1.0\]"),
     ((*_matrices(), 0), ValueError, "size must be a positive int .* got 0"),
     ((*_matrices(), (8, -1)), ValueError, r"size must be .* got \(8, -1\)"),
     ((*_matrices(), (8, 8, 3)), ValueError, r"size must be .* got \(8, 8, 3\)"),
@@ -213,7 +213,7 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: ds.orbit(0.0, 90.0), r"elevation in \(-90, 90\) degrees"),
+        (lambda: ds.orbit(0.0, 90.1), r"elevation in \[-90, 90\] degrees"),
         (lambda: ds.orbit(0.0, 0.0, 0.0), "distance positive"),
         (lambda: ds.orbit(0.0, 0.0, math.nan), "distance positive"),
         (lambda: ds.orbit(math.nan), "azimuth must be finite, .* got nan, 0.0 and 2.0"),
@@ -221,6 +221,10 @@ def test_bad_cameras_are_refused_by_name(arguments, error, message):
         (lambda: ds.orbit([0.0, 1.0], [0.0, 1.0, 2.0]), r"one value or one a view, got \[2, 3\] values"),
         (lambda: ds.orbit(0.0, fov=180.0), r"fov must lie in \(0, 180\) degrees, got 180"),
         (lambda: ds.orbit(0.0, fov=0.0), r"fov must lie in \(0, 180\)"),
+        (lambda: ds.orbit(0.0, height=0.0), r"height must be positive and finite, in world units, got 0\.0"),
+        (lambda: ds.orbit([0.0, 1.0], height=[1.0, math.inf]), r"height must be positive and finite, .* \[1\.0, inf\]"),
+        (lambda: ds.orbit(0.0, height=[1.0, 2.0]), r"height must have one value or one for each of 1 views"),
+        (lambda: ds.orbit(0.0, fov=60.0, height=2.0), r"give one of them, got fov=60\.0 and height=2\.0"),
         (
             lambda: ds.orbit([0.0, 1.0], fov=[50.0, 60.0, 70.0]),
             r"fov must have one value or one for each of 2 views, got shape \(3,\)",
@@ -246,8 +250,8 @@ def test_bad_arguments_are_refused_by_name(call, message):
 
 
 @pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "fov", "target"])
-@pytest.mark.parametrize(("value", "kind"), [("x", "str"), (None, "NoneType"), ([[1.0], [1.0, 2.0]], "list")])
+@pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "fov", "height", "target"])
+@pytest.mark.parametrize(("value", "kind"), [("x", "str"), ({}, "dict"), ([[1.0], [1.0, 2.0]], "list")])
 def test_arguments_of_an_orbit_are_numbers(name, value, kind):
     with pytest.raises(TypeError, match=f"^{name} must be a number, a list of numbers or a tensor, got {kind}"):
         ds.orbit(**{"azimuth": 0.0, name: value})
@@ -264,12 +268,14 @@ def test_projections_are_kept_on_the_cpu_alone():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ((slice(0, 3), slice(0, 3), 1.1), "view 1 is no rotation"),
+        ((0, slice(0, 3), 1.1), r"view 1 is no rotation .* right angles, but \[\[-0\.55, 0\.9526, 0\.0\], "),
         ((slice(0, 3), slice(0, 3), 1.001), "view 1 is no rotation"),
         ((slice(0, 3), slice(0, 3), 0.0), "view 1 is no rotation"),
-        ((1, slice(0, 4), -1.0), "view 1 is mirrored"),
+        ((1, slice(0, 4), -1.0), r"view 1 is mirrored: its rotation has determinant -1, axes \[\[-0\.5"),
         ((slice(0, 3), 0, -1.0), "view 1 is mirrored"),
-        ((3, 3, 2.0), r"view 1 has a last row that is not \(0, 0, 0, 1\)"),
+        ((3, 3, 2.0), r"view 1 has a last row that is not \(0, 0, 0, 1\), but \[0\.0, 0\.0, 0\.0, 2\.0\]"),
+        ((2, 3, math.inf), "view 1 has a value that is not finite, inf"),
+        ((slice(0, 3), slice(0, 3), math.nan), "view 1 has a value that is not finite, nan"),
     ],
 )
 def test_what_is_no_rotation_is_refused(change, message):
@@ -285,3 +291,57 @@ def test_what_is_no_rotation_is_refused(change, message):
 def test_rounded_rotations_are_rotations(dtype):
     cameras = ds.orbit(list(range(0, 360, 7)), 23.0, 3.0).to(dtype)
     assert cameras.world_to_camera.dtype == dtype
+
+
+def test_a_last_row_of_intrinsics_is_refused():
+    """It would make other depths of these."""
+    pose, lens = _matrices()
+    lens[1, 2, 2] = 0.5
+    with pytest.raises(ValueError, match=r"view 1 has a last row that is not \(0, 0, 1\), but \[0\.0, 0\.0, 0\.5\]"):
+        ds.Cameras(pose, lens, (8, 8))
+
+
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+@pytest.mark.parametrize("azimuth", [-90.0, 0.0, 37.0, 180.0])
+def test_plan_views_are_upright_as_their_neighbours(azimuth, pole):
+    """The image of straight above and below is the limit of those beside it, to the angle between them."""
+    exact = ds.orbit(azimuth, pole, 3.0).world_to_camera
+    _close(exact[:, :3, :3] @ exact[:, :3, :3].mT, torch.eye(3)[None], 1e-6)
+    for away in (1e-3, 0.05, 0.15, 1.0):  # on both sides of where the meridian says what is up
+        beside = ds.orbit(azimuth, math.copysign(90 - away, pole), 3.0).world_to_camera
+        _close(exact, beside, 3 * math.radians(away) + 1e-6)
+
+
+def test_a_plan_has_x_to_the_right_and_y_up():
+    """Azimuth -90 from above, 10 px a unit; from below y is down."""
+    points = [(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    for elevation, y in ((90.0, 40.0), (-90.0, 60.0)):
+        plan = ds.orbit(-90.0, elevation, 3.0, height=10.0, size=100)
+        assert plan.orthographic
+        homogeneous = torch.cat([torch.tensor(points), torch.ones(4, 1)], 1).double()
+        big_x, big_y, weight, depth = (homogeneous @ plan.projection[0].T).unbind(-1)
+        _close(weight, torch.ones(4))
+        _close(big_x, [50, 60, 50, 50])
+        _close(big_y, [50, 50, y, 50])
+        _close(depth, [3, 3, 3, 3 - math.copysign(1, elevation)])
+
+
+def test_orthographic_cameras_stay_so():
+    cameras = ds.orbit([0.0, 90.0], 20.0, height=[2.0, 4.0], size=(60, 40))
+    _close(cameras.intrinsics[:, 1, 1], [30, 15])
+    for other in (cameras[1], cameras.to(torch.float64), cameras.resize(30)):
+        assert other.orthographic
+    _close(cameras.resize((30, 40)).intrinsics[:, 1, 1], [15, 7.5])
+    assert not ds.orbit(0.0).orthographic
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_one_kind_of_view():
+    """No list of kinds is taken for one."""
+    with pytest.raises(TypeError, match="orthographic must be True or False, for all views of Cameras, got list"):
+        ds.Cameras(*_matrices(), 8, orthographic=[True, False])
+
+
+def test_gradients_reach_the_eye_of_orthographic_cameras():
+    eye = torch.tensor([[1.0, 2.0, 3.0]], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda e: ds.look_at(e, height=2.0).projection, eye)

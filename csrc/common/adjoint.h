@@ -39,11 +39,17 @@ template <class F, class S> HD void parameter_adjoint(const Jet<F> &j, F tau, F 
   add_slope(m, tau, e * sx, e * sy, -e * (sx * j.px + sy * j.py), one);
 }
 
-// Adds g = dL/d(depth) of a hit: depth = z / w at tau, and tau moves.
+// Adds g = dL/d(depth) of a hit: depth = z / w at tau, or w / z in an orthographic view, and tau moves.
 template <class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
   const Jet<F> j = jet(c, tau);
   F w1;
-  const F iw = S(1) / cubic(c.w, tau, w1), depth = j.z * iw, zero = g * S(0);
+  const F w = cubic(c.w, tau, w1), zero = g * S(0);
+  if (c.orthographic) {
+    const F iz = S(1) / j.z, depth = w * iz;
+    add_value<true>(m, tau, zero, zero, -g * depth * iz, g * iz);
+    return parameter_adjoint(j, tau, qx, qy, g * (w1 - depth * j.z1) * iz, m, one);
+  }
+  const F iw = S(1) / w, depth = j.z * iw;
   add_value<true>(m, tau, zero, zero, g * iw, -g * depth * iw);
   parameter_adjoint(j, tau, qx, qy, g * (j.z1 - depth * w1) * iw, m, one);
 }

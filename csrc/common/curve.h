@@ -8,14 +8,15 @@ namespace stroke {
 
 constexpr int TILE = 16;  // tiles are TILE x TILE pixels
 // A tame part of a stroke: four cubics in tau = t - 1/2 (small powers: little cancellation in float32). On screen it is
-// o + (x, y) / z, its depth z / w.
+// o + (x, y) / z, its depth z / w, or w / z in an orthographic view.
 template <class S> struct Piece {
   S x[4], y[4], z[4], w[4];
   S ox, oy;
   S half_width;  // px, or px times depth where widths are in world units
   S color[3], opacity;
-  S flat_w;     // 1 / w where w is constant, else 0
+  S flat_w;     // 1 / w where w is constant and depth is z / w, else 0
   S parabola2;  // CPU: square of the parameter step within which the parabola that touches the curve stands for it
+  bool orthographic;
 };
 
 // A chord of a piece: from a along e; (ix, iy) = e / |e|^2. At its fraction s the curve's parameter is about tau0 + s (dtau + (1 - s) bow): exact
@@ -76,5 +77,8 @@ template <class F, class S> HD Point<F> point_at(const Piece<S> &c, F tau) {
 }
 template <class F> HD F distance2(const Point<F> &p, F qx, F qy) { return (p.x - qx) * (p.x - qx) + (p.y - qy) * (p.y - qy); }
 
-template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) { return c.flat_w > S(0) ? z * c.flat_w : z / cubic(c.w, tau); }
+template <class F, class S> HD F depth_at(const Piece<S> &c, F tau, F z) {
+  if (c.flat_w > S(0)) return z * c.flat_w;
+  return c.orthographic ? cubic(c.w, tau) / z : z / cubic(c.w, tau);
+}
 }  // namespace stroke

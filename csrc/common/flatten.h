@@ -32,7 +32,7 @@ using v4d = Four<double>;
 typedef double v4d __attribute__((vector_size(32)));
 #endif
 
-// Four homogeneous control points (X, Y, Z, W).
+// Four homogeneous control points (X, Y, Z, W): the pixel is (X, Y) / Z, the depth Z / W, or W / Z in an orthographic view.
 struct Control {
   v4d c[4];
 };
@@ -64,12 +64,17 @@ constexpr double MAX_COORDINATE = 1e100;
 HD double low(const v4d *p, int k) { return least(p[0][k], p[1][k], p[2][k], p[3][k]); }
 HD double high(const v4d *p, int k) { return most(p[0][k], p[1][k], p[2][k], p[3][k]); }
 
+// The place in (X, Y, Z, W) of the curve's own weight, which depth is divided by.
+HD int weight_place(bool orthographic) { return orthographic ? 2 : 3; }
+// Positive where the depth is more than `near`.
+HD double near_margin(const v4d &c, double near, bool orthographic) { return orthographic ? c[3] - near * c[2] : c[2] - near * c[3]; }
+
 // Whether a stroke with these numbers can be drawn.
-template <class S> HD bool drawable(const double *cubic, double half_width, const S *color, double opacity) {
+template <class S> HD bool drawable(const double *cubic, bool orthographic, double half_width, const S *color, double opacity) {
   bool good = half_width >= 0 && half_width < MAX_COORDINATE && opacity >= 0 && opacity <= 1;
   for (int k = 0; k < 3; k++) good = good && color[k] - color[k] == 0;  // finite
   for (int k = 0; k < 16; k++) good = good && abs(cubic[k]) < MAX_COORDINATE;
-  for (int k = 3; k < 16; k += 4) good = good && cubic[k] > 0;
+  for (int k = weight_place(orthographic); k < 16; k += 4) good = good && cubic[k] > 0;
   return good;
 }
 
@@ -141,7 +146,7 @@ template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piec
     for (int j = 0; j < 4; j++) s += (k.c[j] - v4d{ox, oy, 0, 0} * k.c[j][2]) * bern(j, i);
     c.x[i] = S(s[0]), c.y[i] = S(s[1]), c.z[i] = S(s[2]), c.w[i] = S(s[3]);
   }
-  const bool flat_w = k.c[0][3] == k.c[1][3] && k.c[0][3] == k.c[2][3] && k.c[0][3] == k.c[3][3];
+  const bool flat_w = !c.orthographic && k.c[0][3] == k.c[1][3] && k.c[0][3] == k.c[2][3] && k.c[0][3] == k.c[3][3];
   c.flat_w = flat_w ? S(1 / k.c[0][3]) : S(0);
   c.ox = S(ox), c.oy = S(oy);
   Arc<float> arc;

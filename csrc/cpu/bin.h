@@ -32,7 +32,7 @@ template <class S> std::vector<Part<S>> &parts_of(size_t chunks) {
   return *parts;
 }
 template <class S> void check(const Input<S> &in, size_t i, const double *cubic, double half_width, const S *color, double opacity) {
-  if (drawable(cubic, half_width, color, opacity)) return;
+  if (drawable(cubic, in.options.orthographic, half_width, color, opacity)) return;
   throw InvalidStroke("stroke " + std::to_string(i % in.strokes) + " in view " + std::to_string(i / in.strokes));
 }
 
@@ -42,13 +42,13 @@ template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_
   const S half_width = S(in.options.width_scale) * in.half_width[in.half_width_per_view ? i : n];
   check(in, i, in.cubics + 16 * i, half_width, in.color + 3 * n, in.opacity[n]);
   double cubic[16], largest = 0;
-  for (int k = 3; k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
+  for (int k = weight_place(in.options.orthographic); k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
   st.scale[i] = 1 / largest;
   for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] * st.scale[i];
   const double reach = reach_of(cubic, half_width, in.options.world, in.options.near, st.job.filter.reach, in.width, in.height);
   st.reach[i] = S(reach);
   Piece<S> appearance{};
-  appearance.half_width = half_width, appearance.opacity = in.opacity[n];
+  appearance.half_width = half_width, appearance.opacity = in.opacity[n], appearance.orthographic = in.options.orthographic;
   for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
   flattener.add(part.flat, cubic, in.options.near, reach, uint32_t(i), appearance);
 }

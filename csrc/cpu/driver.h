@@ -18,7 +18,7 @@ struct InvalidStroke : std::invalid_argument {
 
 // What a drawing needs besides tensors: `Options` of render/drawing.py field by field, bound by name in module.cpp.
 struct Options {
-  bool world;
+  bool world, orthographic;
   double near, blur;
   int strata;  // samples per pixel and direction, 0: analytic
   uint64_t seed;

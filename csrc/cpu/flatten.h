@@ -181,7 +181,7 @@ class Flattener {
   }
 
 public:
-  // Visible spans: where margin = Z - near W, a cubic, is positive. Halves intervals until the coefficients agree on a sign; f(a, b) in order.
+  // Visible spans: where the margin of depth over near, a cubic, is positive. Halves intervals until the coefficients agree on a sign; f(a, b) in order.
   template <class Visit> static void visible_spans(const double *margin, Visit f) {
     double open = -1, end = -1;
     auto visit = [&](auto &self, const double *g, double a, double b, int depth) -> void {
@@ -207,12 +207,12 @@ public:
   // outline: chords turn little, as the Monte Carlo boundary samples need.
   Flattener(int height, int width, bool outline) : reach_(0), frame_{0, double(width), 0, double(height)}, outline_(outline) {}
 
-  // Adds one stroke: cubic 4 x (X, Y, Z, W), normalised so that the largest W is 1. reach: px beyond which nothing is covered.
+  // Adds one stroke: cubic 4 x (X, Y, Z, W), normalised so that the largest weight is 1. reach: px beyond which nothing is covered.
   template <class S> void add(Flat<S> &out, const double *cubic, double near, double reach, uint32_t stroke, const Piece<S> &appearance) {
     double margin[4];
     for (int i = 0; i < 4; i++) {
       whole_.c[i] = v4d{cubic[4 * i], cubic[4 * i + 1], cubic[4 * i + 2], cubic[4 * i + 3]};
-      margin[i] = whole_.c[i][2] - near * whole_.c[i][3];
+      margin[i] = near_margin(whole_.c[i], near, appearance.orthographic);
     }
     const double old = reach_;
     frame_.left -= reach - old, frame_.top -= reach - old, frame_.right += reach - old, frame_.bottom += reach - old;

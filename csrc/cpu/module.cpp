@@ -262,10 +262,16 @@ NB_MODULE(_kernels, m) {
   nb::class_<Options>(m, "Options")
       .def(
           "__init__",
-          [](Options *self, bool world, double near, double blur, int strata, uint64_t seed, double width_scale) {
-            new (self) Options{.world = world, .near = near, .blur = blur, .strata = strata, .seed = seed, .width_scale = width_scale};
+          [](Options *self, bool world, bool orthographic, double near, double blur, int strata, uint64_t seed, double width_scale) {
+            new (self) Options{.world = world,
+                               .orthographic = orthographic,
+                               .near = near,
+                               .blur = blur,
+                               .strata = strata,
+                               .seed = seed,
+                               .width_scale = width_scale};
           },
-          nb::kw_only(), "world"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a);
+          nb::kw_only(), "world"_a, "orthographic"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a);
   bind<float>(m, "State32");
   bind<double>(m, "State64");
   m.def("forward", &py_forward, "curves"_a, "appearance"_a, "size"_a, "options"_a, "save"_a);

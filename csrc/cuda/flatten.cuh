@@ -4,7 +4,7 @@
 #include "cuda/warp.cuh"
 
 namespace stroke {
-// A stroke as the flattening wants it: normalised so that the largest W is 1.
+// A stroke as the flattening wants it: normalised so that the largest weight is 1.
 struct Whole {
   Control control;
   Frame frame;
@@ -16,23 +16,23 @@ __device__ inline bool load_stroke(const Job &J, u32 i, Whole &s) {
   const u32 n = i % J.strokes;
   const double *cubic = J.cubics + 16 * u64(i);
   const double half_width = J.half_width[J.half_width_per_view ? i : n] * real(J.width_scale);
-  if (!drawable(cubic, half_width, J.color + 3 * n, double(J.opacity[n]))) return false;
+  if (!drawable(cubic, J.orthographic, half_width, J.color + 3 * n, double(J.opacity[n]))) return false;
   double largest = 0, scaled[16];
-  for (int k = 3; k < 16; k += 4) largest = most(largest, cubic[k]);
+  for (int k = weight_place(J.orthographic); k < 16; k += 4) largest = most(largest, cubic[k]);
   s.scale = 1 / largest;
   for (int k = 0; k < 16; k++) scaled[k] = cubic[k] / largest, s.control.c[k / 4][k % 4] = scaled[k];
   s.reach = reach_of(scaled, half_width, J.world, J.near, J.filter_reach, J.width, J.height);
   s.frame = {-s.reach, J.width + s.reach, -s.reach, J.height + s.reach};
   s.appearance = {};
-  s.appearance.half_width = real(half_width), s.appearance.opacity = J.opacity[n];
+  s.appearance.half_width = real(half_width), s.appearance.opacity = J.opacity[n], s.appearance.orthographic = J.orthographic;
   for (int k = 0; k < 3; k++) s.appearance.color[k] = J.color[3 * n + k];
   return true;
 }
 
-// Visible spans: where Z - near W, a cubic, is positive. f(a, b), at most twice.
-template <class Visit> __device__ void visible_spans(const Control &k, double near, Visit f) {
+// Visible spans: where the margin of depth over near, a cubic, is positive. f(a, b), at most twice.
+template <class Visit> __device__ void visible_spans(const Control &k, double near, bool orthographic, Visit f) {
   double margin[4], map[16], open = -1;
-  for (int i = 0; i < 4; i++) margin[i] = k.c[i][2] - near * k.c[i][3];
+  for (int i = 0; i < 4; i++) margin[i] = near_margin(k.c[i], near, orthographic);
   // Dyadic intervals, halved until the coefficients agree on a sign.
   u64 index = 0;
   for (int depth = 0;;) {
@@ -86,7 +86,7 @@ template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
   if (!WRITE && !good) J.counters[BAD] = i + 1;
   if (good) {
     if (WRITE) J.reach[i] = real(s.reach), J.scale[i] = s.scale;
-    visible_spans(s.control, J.near, [&](double a, double b) {
+    visible_spans(s.control, J.near, J.orthographic, [&](double a, double b) {
       visit_pieces(s, a, b, [&](const Control &k, const v4d *p, double start, double stop) {
         const u32 piece = at + n++;
         if (!WRITE || piece >= end) return;

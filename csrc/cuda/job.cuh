@@ -93,13 +93,13 @@ struct Job {
   u64 seed;
   long long background_view, background_row, background_pixel;
   double near, inv_sigma, filter_reach, width_scale;
-  int views, strokes, height, width, tiles_x, tiles_y, world, strata, half_width_per_view, save;
+  int views, strokes, height, width, tiles_x, tiles_y, world, orthographic, strata, half_width_per_view, save;
   int controls;  // control points of a stroke in space; 0 where cubics are given
 };
 
 // What job.py repeats to know how much memory the arrays take.
 static_assert(TILE == 16 && WARPS == 8 && NGRAD == 21 && COUNTERS == 10);
-static_assert(sizeof(Piece<real>) == 25 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc<float>) == 80);
+static_assert(sizeof(Piece<real>) == 26 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc<float>) == 80);
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
 static_assert(sizeof(TilePiece) == 16 && sizeof(WarpFragments) == 8 && sizeof(Cover) == 4 * sizeof(real));
 

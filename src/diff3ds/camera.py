@@ -1,13 +1,13 @@
-"""Pinhole cameras, batched: orbits and look-at.
+"""Pinhole and orthographic cameras, batched: orbits and look-at.
 
 Conventions (docs/reference/conventions.md): world z up, OpenCV camera axes (x right, y down, z forward), pixels from
 the top-left corner with centres at half integers, degrees at the surface.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any, cast
 
 import torch
 
@@ -18,36 +18,48 @@ from diff3ds._shapes import Float, Tensor
 
 Angle = float | Sequence[float] | Tensor
 Size = int | tuple[int, int]
+# An attribute of cameras, what may be wrong with it, which views are good, and the values of all.
+Fault = tuple[str, str, Tensor, Tensor]
 
 DEFAULT_NEAR = 0.01
-# How far the product of a rotation with its transpose, and the last row, may be from what they should be: rounding, and
-# in dtypes of few bits some steps of theirs.
+# How far the product of a rotation with its transpose, and the last rows, may be from what they should be: rounding,
+# and in dtypes of few bits some steps of theirs.
 RIGID, STEPS = 1e-3, 8
+# Degrees from the horizon; beyond, z is nearly the view's axis, and an orbit's meridian says what is up.
+STEEP = 89.9
+# Vertical field of view in degrees of cameras that are given none.
+DEFAULT_FOV = 60.0
 
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """V pinhole cameras that make images of one size.
+    """V pinhole cameras, or V orthographic ones, that make images of one size.
 
     Attributes:
         world_to_camera: rigid transforms (a rotation, which mirrors nothing, and a translation), bottom row
             (0, 0, 0, 1).
-        intrinsics: in pixels, bottom row (0, 0, 1).
+        intrinsics: in pixels, or of orthographic cameras in pixels a world unit; bottom row (0, 0, 1).
         size: (height, width) of the images in pixels.
         near: depth in world units; what is closer, or behind, is not drawn.
+        orthographic: whether all of them are: without perspective, nothing shrinks with its depth.
 
     Raises:
         TypeError, ValueError: an attribute of the wrong type, shape, dtype or device, a value that is not finite, a
-            matrix that is not rigid, a focal length that is not positive; the message names the attribute and the view.
+            matrix that is not rigid, a focal length that is not positive; the message names the attribute, the view
+            and the value.
     """
 
     world_to_camera: Float[Tensor, "V 4 4"]
     intrinsics: Float[Tensor, "V 3 3"]
     size: tuple[int, int]
     near: float = DEFAULT_NEAR
+    orthographic: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", check_size(self.size))
+        if not isinstance(self.orthographic, bool):
+            got = type(self.orthographic).__name__
+            raise TypeError(f"orthographic must be True or False, for all views of Cameras, got {got}")
         for name, side in (("world_to_camera", 4), ("intrinsics", 3)):
             value = getattr(self, name)
             if not isinstance(value, Tensor) or not value.is_floating_point():
@@ -68,29 +80,17 @@ class Cameras:
             self._check_values()
 
     def _check_values(self) -> None:
-        for name in ("world_to_camera", "intrinsics"):
-            finite = getattr(self, name).detach().isfinite().flatten(1).all(1)
+        pose, lens = self.world_to_camera.detach(), self.intrinsics.detach()
+        for name, value in (("world_to_camera", pose), ("intrinsics", lens)):
+            finite = value.isfinite().flatten(1)
             if not bool(finite.all()):
-                raise ValueError(f"{name} of view {int(finite.int().argmin())} has a value that is not finite")
-        self._check_rigid()
-        focal = self.intrinsics.detach()[:, [0, 1], [0, 1]]
-        if not bool((focal > 0).all()):
-            view = int((focal <= 0).any(1).int().argmax())
-            raise ValueError(f"intrinsics of view {view}: focal lengths must be positive, got {focal[view].tolist()}")
-
-    def _check_rigid(self) -> None:
-        pose = self.world_to_camera.detach()
-        tolerance = max(RIGID, STEPS * torch.finfo(pose.dtype).eps)
-        pose = pose.double()
-        axes, one = pose[:, :3, :3], torch.eye(4, dtype=torch.float64)
-        off = (axes @ axes.mT - one[:3, :3]).abs().amax((1, 2))
-        for fault, good in (
-            ("has a last row that is not (0, 0, 0, 1)", (pose[:, 3] - one[3]).abs().amax(1) <= tolerance),
-            ("is no rotation and translation: its axes are not of length 1 at right angles", off <= tolerance),
-            ("is mirrored: its rotation has determinant -1", axes.det() > 0),
-        ):
+                view, place = (~finite).nonzero()[0].tolist()
+                got = value.flatten(1)[view, place].item()
+                raise ValueError(f"{name} of view {view} has a value that is not finite, {got}")
+        for name, fault, good, value in (*_pose_faults(pose), *_lens_faults(lens)):
             if not bool(good.all()):
-                raise ValueError(f"world_to_camera of view {int(good.int().argmin())} {fault}")
+                view = int(good.int().argmin())
+                raise ValueError(f"{name} of view {view} {fault} {_rounded(value[view].tolist())}")
 
     def __len__(self) -> int:
         return self.world_to_camera.shape[0]  # much faster than torch's len
@@ -102,7 +102,7 @@ class Cameras:
 
     @property
     def centers(self) -> Float[Tensor, "V 3"]:
-        """Positions of the cameras in the world."""
+        """Positions of the cameras in the world: points of depth 0 on their axes."""
         rotation, translation = self.world_to_camera[:, :3, :3], self.world_to_camera[:, :3, 3:]
         return -(rotation.mT @ translation)[..., 0]
 
@@ -120,7 +120,7 @@ class Cameras:
     def projection(self) -> Float[Tensor, "V 4 4"]:
         """Float64 matrices from homogeneous world points (w P, w) to (X, Y, Z, W), docs eq. 1.
 
-        The pixel is (X / Z, Y / Z), the depth Z / W.
+        The pixel is (X / Z, Y / Z), the depth Z / W; without perspective Z is w, and the depth W / Z.
         """
         pose, lens = self.world_to_camera, self.intrinsics
         # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
@@ -139,6 +139,9 @@ class Cameras:
 
     def _projection(self) -> Float[Tensor, "V 4 4"]:
         to_camera, intrinsics = self.world_to_camera.double(), self.intrinsics.double()
+        if self.orthographic:
+            # Weight and depth trade places: pixels are divided by the former now.
+            to_camera = to_camera[:, [0, 1, 3, 2]]
         return torch.cat([intrinsics @ to_camera[:, :3], to_camera[:, 3:]], 1)
 
 
@@ -158,28 +161,31 @@ def look_at(
     eye: Float[Tensor, "V 3"],
     target: Sequence[float] | Float[Tensor, " 3"] | Float[Tensor, "V 3"] = (0.0, 0.0, 0.0),
     *,
-    fov: Angle = 60.0,
+    fov: Angle | None = None,
+    height: Angle | None = None,
     size: Size = 512,
-    up: Sequence[float] = (0.0, 0.0, 1.0),
+    up: Sequence[float] | Float[Tensor, " 3"] | Float[Tensor, "V 3"] = (0.0, 0.0, 1.0),
     near: float = DEFAULT_NEAR,
 ) -> Cameras:
     """Cameras at `eye` that look at `target`; `up` points upwards in the images.
 
     Args:
-        fov: vertical field of view in degrees, one for all or one a view.
+        fov: vertical field of view in degrees, one for all or one a view; 60 unless a height is given.
+        height: of what orthographic cameras show, in world units from the lower edge of the images to the upper one;
+            one for all or one a view. Instead of a field of view.
         size: image size in pixels, an int or (height, width).
 
     Raises:
         TypeError, ValueError: what is no numbers, wrong shapes, values that are not finite, an eye on its target, a
-            view along `up`, a field of view outside (0, 180).
+            view along `up`, a field of view outside (0, 180), a height that is not positive, or both.
     """
-    height, width = check_size(size)
+    rows, columns = check_size(size)
     eye = as_numbers("eye", eye)
     eye = eye if eye.is_floating_point() else eye.to(torch.get_default_dtype())
     if eye.ndim != 2 or eye.shape[1] != 3:
         raise ValueError(f"eye must have shape (V, 3), got {tuple(eye.shape)}")
     center, upwards = _place("target", target, eye), _place("up", up, eye)
-    focal = _focal_lengths(as_numbers("fov", fov, eye.dtype, eye.device), height, len(eye))
+    focal = _pixels_a_unit(fov, height, rows, eye)
     forward = center - eye
     right = torch.linalg.cross(forward, upwards.expand_as(forward))
     lengths = torch.linalg.vector_norm(torch.stack([forward, right]), dim=-1)
@@ -187,15 +193,15 @@ def look_at(
     if not bool(sideways.all()):
         view = int(sideways.int().argmin())
         raise ValueError(
-            f"eye of view {view} must be finite, apart from its target and not above or below it (up is {up}), "
+            f"eye of view {view} must be finite, apart from its target and not above or below it (up is {upwards}), "
             f"got {eye[view].tolist()}"
         )
     forward, right = forward / lengths[0, :, None], right / lengths[1, :, None]
     rotation = torch.stack([right, torch.linalg.cross(forward, right), forward], 1)
     top = torch.cat([rotation, -(rotation @ eye[..., None])], -1)
     bottom = eye.new_tensor([0.0, 0.0, 0.0, 1.0]).expand(len(eye), 1, 4)
-    intrinsics = _intrinsics(focal, focal, width / 2, height / 2)
-    return Cameras(torch.cat([top, bottom], 1), intrinsics, (height, width), near)
+    intrinsics = _intrinsics(focal, focal, columns / 2, rows / 2)
+    return Cameras(torch.cat([top, bottom], 1), intrinsics, (rows, columns), near, height is not None)
 
 
 def orbit(
@@ -203,18 +209,23 @@ def orbit(
     elevation: Angle = 0.0,
     distance: Angle = 2.0,
     *,
-    fov: Angle = 60.0,
+    fov: Angle | None = None,
+    height: Angle | None = None,
     size: Size = 512,
     target: Sequence[float] = (0.0, 0.0, 0.0),
     near: float = DEFAULT_NEAR,
 ) -> Cameras:
     """Cameras on a sphere that look at its centre, z up.
 
+    Plan views, from straight above or below, are upright as their neighbours of the same azimuth are: from above,
+    azimuth -90 has x to the right and y up.
+
     Args:
-        azimuth: degrees, 0 on +x, counter-clockwise seen from +z; a number or one a view, as are the next three.
-        elevation: degrees above the horizon, in (-90, 90).
+        azimuth: degrees, 0 on +x, counter-clockwise seen from +z; a number or one a view, as are the next four.
+        elevation: degrees above the horizon, in [-90, 90].
         distance: from the target, world units.
-        fov: vertical field of view in degrees.
+        fov: vertical field of view in degrees; 60 unless a height is given.
+        height: of what orthographic cameras show, world units, as `look_at` has it.
         size: image size in pixels, an int or (height, width).
 
     Raises:
@@ -227,17 +238,22 @@ def orbit(
     if len(lengths) > 1:
         raise ValueError(f"azimuth, elevation and distance must have one value or one a view, got {lengths} values")
     around, up, radius = torch.broadcast_tensors(*values)  # type: ignore[no-untyped-call]
-    if not bool((around.isfinite() & (up.abs() < 90) & (radius > 0) & radius.isfinite()).all()):
+    if not bool((around.isfinite() & (up.abs() <= 90) & (radius > 0) & radius.isfinite()).all()):
         raise ValueError(
-            "azimuth must be finite, elevation in (-90, 90) degrees and distance positive, "
+            "azimuth must be finite, elevation in [-90, 90] degrees and distance positive, "
             f"got {azimuth}, {elevation} and {distance}"
         )
+    steep = up.abs() > STEEP
     around, up = torch.deg2rad(around.double()), torch.deg2rad(up.double())
     direction = torch.stack([up.cos() * around.cos(), up.cos() * around.sin(), up.sin()], -1)
+    # Along the meridian: the part of z across the view, but well defined on the poles too.
+    north = torch.stack([-up.sin() * around.cos(), -up.sin() * around.sin(), up.cos()], -1)
+    upwards = torch.where(steep[:, None], north, north.new_tensor([0.0, 0.0, 1.0]))
     center = as_numbers("target", target, torch.float64)
     if center.shape != (3,):
         raise ValueError(f"target must have 3 coordinates, got shape {tuple(center.shape)}")
-    cameras = look_at(center + radius[:, None] * direction, center, fov=fov, size=size, near=near)
+    eye = center + radius[:, None] * direction
+    cameras = look_at(eye, center, fov=fov, height=height, size=size, up=upwards, near=near)
     return cameras.to(torch.get_default_dtype())
 
 
@@ -250,12 +266,53 @@ def _place(name: str, value: object, eye: Float[Tensor, "V 3"]) -> Tensor:
     return value
 
 
-def _focal_lengths(fov: Tensor, height: int, views: int) -> Tensor:
-    if fov.shape not in ((), (1,), (views,)):
-        raise ValueError(f"fov must have one value or one for each of {views} views, got shape {tuple(fov.shape)}")
-    if not bool(((fov > 0) & (fov < 180)).all()):
-        raise ValueError(f"fov must lie in (0, 180) degrees, got {fov.tolist()}")
-    return (height / 2 / torch.tan(torch.deg2rad(fov) / 2)).expand(views)
+def _pixels_a_unit(
+    fov: Angle | None, height: Angle | None, rows: int, eye: Float[Tensor, "V 3"]
+) -> Float[Tensor, " V"]:
+    """Pixels of a world unit at depth 1, or with a height at any depth."""
+    if fov is not None and height is not None:
+        raise ValueError(
+            "fov is of cameras with perspective, height of orthographic ones: give one of them, "
+            f"got fov={fov} and height={height}"
+        )
+    name, given = ("fov", DEFAULT_FOV if fov is None else fov) if height is None else ("height", height)
+    value, views = as_numbers(name, given, eye.dtype, eye.device), len(eye)
+    if value.shape not in ((), (1,), (views,)):
+        raise ValueError(f"{name} must have one value or one for each of {views} views, got shape {tuple(value.shape)}")
+    if name == "height":
+        if not bool(((value > 0) & value.isfinite()).all()):
+            raise ValueError(f"height must be positive and finite, in world units, got {value.tolist()}")
+        return (rows / value).expand(views)
+    if not bool(((value > 0) & (value < 180)).all()):
+        raise ValueError(f"fov must lie in (0, 180) degrees, got {value.tolist()}")
+    return (rows / 2 / torch.tan(torch.deg2rad(value) / 2)).expand(views)
+
+
+def _pose_faults(pose: Float[Tensor, "V 4 4"]) -> Iterator[Fault]:
+    tolerance, pose = _tolerance(pose.dtype), pose.double()
+    axes, one = pose[:, :3, :3], torch.eye(4, dtype=torch.float64)
+    last = (pose[:, 3] - one[3]).abs().amax(1) <= tolerance
+    yield "world_to_camera", "has a last row that is not (0, 0, 0, 1), but", last, pose[:, 3]
+    square = (axes @ axes.mT - one[:3, :3]).abs().amax((1, 2)) <= tolerance
+    fault = "is no rotation and translation: its axes are not of length 1 at right angles, but"
+    yield "world_to_camera", fault, square, axes
+    yield "world_to_camera", "is mirrored: its rotation has determinant -1, axes", axes.det() > 0, axes
+
+
+def _lens_faults(lens: Float[Tensor, "V 3 3"]) -> Iterator[Fault]:
+    last = (lens[:, 2] - lens.new_tensor([0.0, 0.0, 1.0])).abs().amax(1) <= _tolerance(lens.dtype)
+    yield "intrinsics", "has a last row that is not (0, 0, 1), but", last, lens[:, 2]
+    focal = lens[:, [0, 1], [0, 1]]
+    yield "intrinsics", "has focal lengths that are not positive:", (focal > 0).all(1), focal
+
+
+def _tolerance(dtype: torch.dtype) -> float:
+    return max(RIGID, STEPS * torch.finfo(dtype).eps)
+
+
+def _rounded(value: Any) -> Any:
+    """Numbers of an error, rounded for the eye."""
+    return [_rounded(v) for v in value] if isinstance(value, list) else float(f"{value:.4g}")
 
 
 def _intrinsics(fx: Tensor, fy: Tensor, cx: float | Tensor, cy: float | Tensor) -> Float[Tensor, "V 3 3"]:

@@ -1,6 +1,6 @@
 """Exact projection of sketches: linear in homogeneous control points (docs/explanation/mathematics.md, eq. 1)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier.curves import elevate_homogeneous, homogeneous
@@ -14,13 +14,14 @@ class Strokes2D:
 
     Attributes:
         cubics: homogeneous control points (X, Y, Z, W), float64. On screen the curve is (X / Z, Y / Z) in pixels from
-            the top-left corner, its camera depth is Z / W in world units.
+            the top-left corner, its camera depth is Z / W in world units, and W / Z in orthographic views.
         half_width: pixels (`width_space="image"`), or pixels times depth ("world": the half width at a point is this
             over its depth). One row, shared by all views, or one a view.
         color: straight RGB.
         opacity: in [0, 1].
-        width_space: see half_width.
-        near: parts with depth Z / W <= near are not drawn.
+        width_space: see half_width; orthographic views have none but "image".
+        near: parts with depth <= near are not drawn.
+        orthographic: whether the views are.
     """
 
     cubics: Float[Tensor, "V N 4 4"]
@@ -29,11 +30,28 @@ class Strokes2D:
     opacity: Float[Tensor, " N"]
     width_space: WidthSpace = "image"
     near: float = DEFAULT_NEAR
+    orthographic: bool = False
 
     def detach(self) -> "Strokes2D":
         """The same strokes without their history, and without tangents of forward mode."""
-        appearance = self.half_width.detach(), self.color.detach(), self.opacity.detach()
-        return Strokes2D(self.cubics.detach(), *appearance, self.width_space, self.near)
+        names = ("cubics", "half_width", "color", "opacity")
+        return replace(self, **{name: getattr(self, name).detach() for name in names})
+
+    @property
+    def depth_ratio(self) -> tuple[int, int]:
+        """The places in (X, Y, Z, W) of the two whose quotient is depth; the second is the weight of the curve."""
+        return (3, 2) if self.orthographic else (2, 3)
+
+    def depth(self, points: Float[Tensor, "*P 4"]) -> Float[Tensor, "*P"]:
+        """Camera depth of homogeneous points, world units."""
+        over, under = self.depth_ratio
+        return points[..., over] / points[..., under]
+
+    @property
+    def margin(self) -> Float[Tensor, "V N 4"]:
+        """Bernstein coefficients of what is positive where the depth is more than `near`."""
+        over, under = self.depth_ratio
+        return self.cubics[..., over] - self.near * self.cubics[..., under]
 
 
 def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
@@ -48,18 +66,22 @@ def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
     check_devices(sketch, cameras)
     control = elevate_homogeneous(homogeneous(sketch.points.double(), sketch.weights.double()))
     cubics = control @ cameras.projection[:, None].mT
-    return Strokes2D(
-        cubics, half_widths(sketch, cameras), sketch.color, sketch.opacity, sketch.width_space, cameras.near
-    )
+    appearance = half_widths(sketch, cameras), sketch.color, sketch.opacity
+    return Strokes2D(cubics, *appearance, width_space(sketch, cameras), cameras.near, cameras.orthographic)
 
 
 def half_widths(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "U N"]:
     """`Strokes2D.half_width` of a sketch."""
     if sketch.width_space == "image":
         return (sketch.width * (cameras.size[0] / 2))[None]
-    # Pixels may be oblong; a tube is as wide as in the mean of both directions.
+    # Pixels may be oblong; a tube is as wide as in the mean of both directions. Without perspective that is all.
     focal = (cameras.intrinsics[:, 0, 0] * cameras.intrinsics[:, 1, 1]).sqrt().to(sketch.width.dtype)
     return focal[:, None] * sketch.width / 2
+
+
+def width_space(sketch: Sketch, cameras: Cameras) -> WidthSpace:
+    """`Strokes2D.width_space` of a sketch: widths in world units are pixels where nothing shrinks with depth."""
+    return "image" if cameras.orthographic else sketch.width_space
 
 
 def check_devices(sketch: Sketch, cameras: Cameras) -> None:

@@ -38,7 +38,7 @@ def random_sketch(dtype: torch.dtype, g: torch.Generator) -> Sketch:
     return Sketch(*tensors, width_space=_pick(["image", "world"], g))
 
 
-def random_cameras(g: torch.Generator) -> Cameras:
+def random_cameras(g: torch.Generator, orthographic: bool) -> Cameras:
     """One to three views of any size from 1 to 70, near, far, or in the middle of the strokes."""
     size = int(torch.randint(1, 71, (), generator=g)), int(torch.randint(1, 71, (), generator=g))
     views = _pick([1, 1, 2, 3], g)
@@ -48,7 +48,7 @@ def random_cameras(g: torch.Generator) -> Cameras:
     fov = _pick([1.0, 60.0, 150.0], g)
     cameras = look_at(eye, eye + forward, fov=fov, size=size)
     pose, intrinsics = (t.requires_grad_() for t in (cameras.world_to_camera, cameras.intrinsics))
-    return Cameras(pose, intrinsics, size, near=_pick([1e-6, 0.01, 1.0], g))
+    return Cameras(pose, intrinsics, size, _pick([1e-6, 0.01, 1.0], g), orthographic)
 
 
 def run_case(seed: int, backend: str | None = None) -> str:
@@ -59,7 +59,8 @@ def run_case(seed: int, backend: str | None = None) -> str:
     """
     g = torch.Generator().manual_seed(seed)
     dtype = _pick([torch.float32, torch.float64], g)
-    sketch, cameras = random_sketch(dtype, g), random_cameras(g)
+    # Intrinsics are pixels a unit then: the same numbers do.
+    sketch, cameras = random_sketch(dtype, g), random_cameras(g, orthographic=seed % 4 == 3)
     if _chance(0.3, g):
         options = {"antialiasing": "montecarlo", "samples": _pick([1, 4, 9], g), "generator": g}
     else:

@@ -77,7 +77,7 @@ def supersampled(strokes: Strokes2D, size: tuple[int, int]) -> np.ndarray:
     cubics = strokes.cubics[0].detach().numpy()
     appearance = (t.detach().numpy() for t in (strokes.half_width[0], strokes.color, strokes.opacity))
     half_width, color, opacity = appearance
-    for n in np.argsort([c[0, 2] / c[0, 3] for c in cubics]):
+    for n in np.argsort(strokes.depth(strokes.cubics[0, :, 0].detach()).numpy()):
         share = _share(cubics[n].tobytes(), float(half_width[n]), size, strokes.width_space == "world")
         image = image + (clear * opacity[n] * share)[..., None] * color[n]
         clear = clear * (1 - opacity[n] * share)

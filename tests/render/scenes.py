@@ -14,23 +14,26 @@ SAMPLES = {"reference": 16, "cpu": 64, "cuda": 16}
 
 
 def strokes_at(
-    points, *, half_width=1.0, depth=1.0, weights=1.0, color=0.0, opacity=1.0, dtype=torch.float64, **options
-) -> Strokes2D:
+    points, *, half_width=1.0, depth=1.0, weights=1.0, color=0.0, opacity=1.0, dtype=torch.float64, orthographic=False,
+    **options,
+) -> Strokes2D:  # fmt: skip
     """Strokes by control points on the screen (N, K, 2) and their depths (N, K), one view.
 
-    `weights` are those of the curve in space; on screen they are multiplied by the depths. Numbers do for all strokes.
+    `weights` are those of the curve in space; with perspective they are multiplied by the depths on screen. Numbers do
+    for all strokes.
     """
     points = torch.as_tensor(points, dtype=torch.float64)
     count, controls = points.shape[:2]
     w = torch.as_tensor(weights, dtype=torch.float64).expand(count, controls)
-    z = w * torch.as_tensor(depth, dtype=torch.float64).expand(count, controls)
-    cubics = elevate_homogeneous(torch.cat([points * z[..., None], z[..., None], w[..., None]], -1))
+    deep = w * torch.as_tensor(depth, dtype=torch.float64).expand(count, controls)
+    z, other = (w, deep) if orthographic else (deep, w)
+    cubics = elevate_homogeneous(torch.cat([points * z[..., None], z[..., None], other[..., None]], -1))
 
     def filled(value, *shape) -> torch.Tensor:
         return torch.as_tensor(value, dtype=dtype).expand(*shape).clone()
 
     appearance = filled(half_width, 1, count), filled(color, count, 3), filled(opacity, count)
-    return Strokes2D(cubics[None], *appearance, **options)
+    return Strokes2D(cubics[None], *appearance, orthographic=orthographic, **options)
 
 
 def draw(strokes: Strokes2D, size, backend: str, antialiasing: str = "analytic", seed: int = 0, **options) -> Rendering:

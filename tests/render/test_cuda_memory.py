@@ -1,6 +1,7 @@
 """Memory of the CUDA kernels, emulated: lists that must grow, calls that do not wait, what is read and written."""
 
 import gc
+import re
 import weakref
 from importlib import import_module
 
@@ -13,12 +14,35 @@ from gpu_promise import lack
 from scenes import tracked
 
 from diff3ds.render import rasterize
-from diff3ds.render.cuda.job import COUNTERS, Arrays, Shape
+from diff3ds.render.cuda.job import COUNTERS, WARPS, Arrays, Shape
+from diff3ds.render.cuda.sources import source_folder
 
 if compiler() is None:
     lack(NO_COMPILER)
 
 limits = import_module("diff3ds.render.cuda.limits")
+
+
+@pytest.mark.parametrize("real", [4, 8])
+def test_lists_have_room_for_what_they_hold(real):
+    """As many bytes as the sources assert of their structures."""
+    text = (source_folder() / "cuda" / "job.cuh").read_text(encoding="utf-8")
+    asserted = re.findall(r"sizeof\((\w+)(?:<\w+>)?\) == (\d+)( \* sizeof\(real\))?", text)
+    size = {name: int(number) * (real if reals else 1) for name, number, reals in asserted}
+    shape, lengths = Shape(2, 10, 30, 40, 0, real, save=True), dict.fromkeys(limits.LISTS, 1000)
+    lists = {
+        "pieces": size["Piece"],
+        "piece_info": size["PieceInfo"],
+        "arcs": size["Arc"],
+        "chords": size["Chord"],
+        "chord_info": size["ChordInfo"],
+        "tangents": size["Tangents"],
+        "tile_pieces": size["TilePiece"],
+        "warp_fragments": WARPS * size["WarpFragments"],
+        "fragments": size["Cover"],
+    }
+    room = shape.forward(lengths)
+    assert {name: room[name] for name in lists} == {name: 1000 * bytes_ for name, bytes_ in lists.items()}
 
 
 class Dirty(Arrays):

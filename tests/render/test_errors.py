@@ -64,6 +64,12 @@ def test_values(backend, antialiasing, strokes, name, index, value, message):
             "opacity must be on the device of cubics, cpu, got meta",
         ),
         ({"width_space": "metres"}, ValueError, 'width_space must be "image" or "world", got \'metres\''),
+        ({"orthographic": 1}, TypeError, "orthographic must be True or False, got int"),
+        (
+            {"orthographic": True, "width_space": "world"},
+            ValueError,
+            "orthographic strokes have half widths in pixels (width_space=\"image\"), got 'world'",
+        ),
         ({"near": 0.0}, ValueError, "near must be a positive number, got 0.0"),
         ({"near": NAN}, ValueError, "near must be a positive number, got nan"),
     ],
@@ -142,7 +148,7 @@ def test_arguments_of_render(backend):
 def _on_meta(cameras):
     """Cameras on a device without values, past the checks of values."""
     away = object.__new__(type(cameras))
-    for name in ("world_to_camera", "intrinsics", "size", "near"):
+    for name in ("world_to_camera", "intrinsics", "size", "near", "orthographic"):
         value = getattr(cameras, name)
         object.__setattr__(away, name, value.to("meta") if isinstance(value, torch.Tensor) else value)
     return away

@@ -72,19 +72,24 @@ def test_off_the_image(backend, antialiasing):
     assert_empty(draw(strokes, 32, backend, antialiasing, background=BACKGROUND), tensors)
 
 
-def looking(size: int = 32):
+LENSES = pytest.mark.parametrize("lens", [{}, {"height": 1.0}], ids=["perspective", "orthographic"])
+
+
+def looking(lens: dict, size: int = 32):
     """A camera at the origin that looks along x."""
-    return look_at(torch.zeros(1, 3, dtype=torch.float64), (1.0, 0.0, 0.0), size=size, near=0.1)
+    return look_at(torch.zeros(1, 3, dtype=torch.float64), (1.0, 0.0, 0.0), size=size, near=0.1, **lens)
 
 
-def test_behind_the_camera(backend, antialiasing):
+@LENSES
+def test_behind_the_camera(backend, antialiasing, lens):
     points = torch.tensor([[[-1.0, -0.2, 0.1], [-2.0, 0.3, 0.1]], [[-0.5, 0, 0], [0.05, 0, 0]]], dtype=torch.float64)
     sketch = Sketch(points.requires_grad_(), width=0.2)
     options = {"background": BACKGROUND, "backend": backend, "antialiasing": antialiasing}
-    assert_empty(render(sketch, looking(), **options), [points])
+    assert_empty(render(sketch, looking(lens), **options), [points])
 
 
-def test_through_the_camera_plane(backend, antialiasing):
+@LENSES
+def test_through_the_camera_plane(backend, antialiasing, lens):
     """As if the curve were cut where its depth is `near`: the sub-curve in front gives the same picture."""
     points = torch.tensor([[[-1.0, -0.3, 0.1], [0.0, 0.4, 0.3], [0.5, -0.3, -0.3], [2.0, 0.2, 0.1]]]).double()
     weights = torch.tensor([[1.0, 0.7, 1.5, 1.0]]).double()
@@ -100,7 +105,7 @@ def test_through_the_camera_plane(backend, antialiasing):
     for sketch in (Sketch(points, weights, width=0.1), front):
         generator = torch.Generator().manual_seed(0)
         options = {"backend": backend, "antialiasing": antialiasing, "generator": generator}
-        images.append(render(sketch, looking(), **options))
+        images.append(render(sketch, looking(lens), **options))
     assert images[0].alpha.sum() > 20
     torch.testing.assert_close(images[0].alpha, images[1].alpha, rtol=0, atol=1e-5)
     torch.testing.assert_close(images[0].depth, images[1].depth, rtol=0, atol=1e-3)

@@ -13,11 +13,13 @@ from scenes import SHAPES, strokes_at
 from diff3ds.render import rasterize
 
 SIZE = (36, 38)
+# Widths in pixels or in the world; or orthographic, where both are the same.
+VIEWS = ["image", "world", "orthographic"]
 # A correct estimator fails with this chance, for the fixed seeds it passes for good.
 QUANTILE = 1 - 1e-4
 
 
-def layers(width_space: str):
+def layers(view: str):
     """Three strokes at depths that do not overlap, so that no order changes: thin, bent and thick, with a cusp.
 
     The last is at one depth: where two parts of a stroke of different widths meet, the nearer part decides, and that
@@ -30,10 +32,11 @@ def layers(width_space: str):
         shapes,
         depth=depth,
         weights=[[1.0, 1.5, 0.8, 1.2], [1.0] * 4, [1.0] * 4],
-        half_width=half_width if width_space == "image" else half_width * depth.mean(1),
+        half_width=half_width * depth.mean(1) if view == "world" else half_width,
         color=[[0.9, 0.1, 0.3], [0.2, 0.7, 0.4], [0.1, 0.3, 0.8]],
         opacity=[0.9, 0.7, 0.6],
-        width_space=width_space,
+        width_space="world" if view == "world" else "image",
+        orthographic=view == "orthographic",
     )
 
 
@@ -46,10 +49,10 @@ def chi_square_limit(count: int) -> float:
     return scipy.stats.chi2.ppf(QUANTILE, count)
 
 
-@pytest.mark.parametrize("width_space", ["image", "world"])
-def test_image_has_no_bias(width_space):
+@pytest.mark.parametrize("view", VIEWS)
+def test_image_has_no_bias(view):
     """Sum over the pixels of squared errors by variance: chi-square, pixels are drawn independently."""
-    strokes = layers(width_space)
+    strokes = layers(view)
     draws = np.stack([draw(strokes, seed, 16).alpha[0].numpy() for seed in range(400)])
     truth = supersampled(strokes, SIZE)[..., 3]
     error, variance = draws.mean(0) - truth, draws.var(0, ddof=1) / len(draws)
@@ -81,9 +84,9 @@ def directions(strokes, generator: torch.Generator):
 
 
 @functools.cache
-def picture_slopes(width_space: str) -> np.ndarray:
+def picture_slopes(view: str) -> np.ndarray:
     """Central differences of the loss of the supersampled picture along all directions."""
-    strokes, upstream, step = layers(width_space), smooth_upstream(), 0.05
+    strokes, upstream, step = layers(view), smooth_upstream(), 0.05
 
     def loss(name: str, way: torch.Tensor) -> float:
         return float((supersampled(replace(strokes, **{name: getattr(strokes, name) + way}), SIZE) * upstream).sum())
@@ -93,16 +96,16 @@ def picture_slopes(width_space: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("backend", "seeds"), [("cpu", 200), ("reference", 12)])
-@pytest.mark.parametrize("width_space", ["image", "world"])
-def test_gradient_has_no_bias(backend, seeds, width_space):
+@pytest.mark.parametrize("view", VIEWS)
+def test_gradient_has_no_bias(backend, seeds, view):
     """Mean over seeds against central differences of the picture, along directions of all inputs.
 
     The components are correlated: Hotelling's T², which for many seeds is the chi-square of the decorrelated ones; with
     few, of each input alone. Differences of .05 px leave errors of 1e-3, the tolerance beside the noise.
     """
-    strokes, upstream = layers(width_space), smooth_upstream()
+    strokes, upstream = layers(view), smooth_upstream()
     ways = list(directions(strokes, torch.Generator().manual_seed(0)))
-    slopes = picture_slopes(width_space)
+    slopes = picture_slopes(view)
     names = ("cubics", "half_width", "color", "opacity")
     inputs = [getattr(strokes, n).requires_grad_() for n in names]
     draws = []

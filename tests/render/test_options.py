@@ -121,7 +121,7 @@ def test_objects_cannot_be_changed():
 @pytest.mark.skipif(kernels() is None, reason="no compiled kernels")
 def test_the_kernels_take_options_by_name_only():
     """So that two languages need not agree on an order."""
-    options = Options(world=False, near=0.01, blur=0.0, strata=0, seed=0, width_scale=1.0)
+    options = Options(world=False, orthographic=False, near=0.01, blur=0.0, strata=0, seed=0, width_scale=1.0)
     kernels().Options(**options._asdict())
     for wrong in (lambda: kernels().Options(*options), lambda: kernels().Options(**{**options._asdict(), "far": 1.0})):
         with pytest.raises(TypeError, match="incompatible function arguments"):

@@ -51,7 +51,7 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
         tolerance: pixels.
     """
     cubics = strokes.cubics[view].double()
-    spans = visible_spans(cubics[None], strokes.near)
+    spans = visible_spans(strokes.margin[view, None])
     stroke, start, stop = spans.stroke, spans.start, spans.stop
     half_width = strokes.half_width[min(view, len(strokes.half_width) - 1)].double()
     scale = cubics[..., 2] if strokes.width_space == "image" else cubics[..., 3]
@@ -66,7 +66,7 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
         fits = ahead & ~hidden & (error <= tolerance) & _within(points, size)
         middle = (start + stop) / 2
         place = (bernstein(middle, 3)[:, None] @ cubics[stroke])[:, 0]
-        columns = Pieces(stroke, start, stop, points, place[:, 2] / place[:, 3])
+        columns = Pieces(stroke, start, stop, points, strokes.depth(place))
         done.append(Pieces(*(column[fits] for column in columns)))
         rest = ~fits & ~hidden
         stroke = stroke[rest].repeat(2)

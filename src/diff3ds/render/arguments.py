@@ -52,6 +52,12 @@ def check_strokes(strokes: Strokes2D) -> None:
     check_plain(cubics=cubics, half_width=strokes.half_width, color=color, opacity=strokes.opacity)
     if strokes.width_space not in ("image", "world"):
         raise ValueError(f'width_space must be "image" or "world", got {strokes.width_space!r}')
+    if not isinstance(strokes.orthographic, bool):
+        raise TypeError(f"orthographic must be True or False, got {type(strokes.orthographic).__name__}")
+    if strokes.orthographic and strokes.width_space != "image":
+        raise ValueError(
+            f'orthographic strokes have half widths in pixels (width_space="image"), got {strokes.width_space!r}'
+        )
     if not 0 < strokes.near < math.inf:
         raise ValueError(f"near must be a positive number, got {strokes.near}")
 
@@ -59,9 +65,10 @@ def check_strokes(strokes: Strokes2D) -> None:
 def check_stroke_values(strokes: Strokes2D) -> None:
     """Raises InvalidStrokeError for the first value out of range; names the field, the view, stroke and value."""
     cubics = strokes.cubics.detach()
+    weights = cubics[..., strokes.depth_ratio[1]]
     rules = {
         "cubics": (cubics, cubics.abs() < MAX_COORDINATE, f"finite, below {MAX_COORDINATE:g}"),
-        "cubics (the weights W)": (cubics[..., 3], cubics[..., 3] > 0, "positive"),
+        f"cubics (the weights {'Z' if strokes.orthographic else 'W'})": (weights, weights > 0, "positive"),
     }
     width, color, opacity = (getattr(strokes, name).detach() for name in ("half_width", "color", "opacity"))
     rules["half_width"] = (width, (width >= 0) & (width < MAX_COORDINATE), "finite and not negative")

@@ -55,7 +55,7 @@ def half_width_at(strokes: Strokes2D, view: Tensor, stroke: Tensor, depth: Tenso
 def point_on_stroke(strokes: Strokes2D, hits: Hits, t: Tensor | None = None) -> tuple[Tensor, Tensor]:
     """Screen position and camera depth at the hits' parameters, or at t."""
     value = (bernstein(hits.t if t is None else t, 3)[:, None] @ strokes.cubics[hits.view, hits.stroke])[:, 0]
-    return value[:, :2] / value[:, 2:3], value[:, 2] / value[:, 3]
+    return value[:, :2] / value[:, 2:3], strokes.depth(value)
 
 
 def moving_parameter(strokes: Strokes2D, hits: Hits) -> Tensor:
@@ -69,7 +69,7 @@ def moving_parameter(strokes: Strokes2D, hits: Hits) -> Tensor:
 def find_near(strokes: Strokes2D, size: tuple[int, int], reach: float) -> Near:
     """All (span, pixel) of which the pixel may hold a point within `reach` px of the stroke's edge."""
     strokes = strokes.detach()
-    spans = visible_spans(strokes.cubics, strokes.near)
+    spans = visible_spans(strokes.margin)
     control = span_controls(strokes, spans)
     far = _largest_half_width(strokes, spans, control) + reach
     none = torch.zeros(0, dtype=torch.int64, device=control.device)

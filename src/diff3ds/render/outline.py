@@ -52,7 +52,7 @@ class _Strokes(NamedTuple):
 
     def half_width(self, span: Tensor, value: Float[Tensor, "P 4"]) -> Float[Tensor, " P"]:
         """At homogeneous points of spans."""
-        depth = value[:, 2] / value[:, 3]
+        depth = self.strokes.depth(value)
         return half_width_at(self.strokes, self.spans.view[span], self.spans.stroke[span], depth)
 
     def outline(self, span: Tensor, u: Tensor, position: Tensor, normal: Tensor) -> Outline:

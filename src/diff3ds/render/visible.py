@@ -19,23 +19,22 @@ class Spans(NamedTuple):
 
 
 @torch.no_grad()
-def visible_spans(cubics: Float[Tensor, "V N 4 4"], near: float) -> Spans:
-    """The maximal intervals of [0, 1] on which depth Z / W > near, that is Z - near W > 0."""
-    views, strokes = cubics.shape[:2]
-    margin = cubics[..., 2] - near * cubics[..., 3]
+def visible_spans(margin: Float[Tensor, "V N 4"]) -> Spans:
+    """The maximal intervals of [0, 1] on which a cubic is positive: `Strokes2D.margin`."""
+    views, strokes = margin.shape[:2]
     view, stroke = torch.meshgrid(torch.arange(views), torch.arange(strokes), indexing="ij")
-    view, stroke = view.to(cubics.device), stroke.to(cubics.device)
+    view, stroke = view.to(margin.device), stroke.to(margin.device)
     # Cubic in t: positive coefficients mean positive all along, negative ones negative.
     clear = (margin > 0).all(-1)
     cut = ~clear & (margin > 0).any(-1)
-    parts = [_whole(view[clear], stroke[clear], cubics), _cut(view[cut], stroke[cut], margin[cut])]
+    parts = [_whole(view[clear], stroke[clear]), _cut(view[cut], stroke[cut], margin[cut])]
     spans = Spans(*(torch.cat(column) for column in zip(*parts, strict=True)))
     order = (spans.view * strokes + spans.stroke).argsort(stable=True)
     return Spans(*(column[order] for column in spans))
 
 
-def _whole(view: Tensor, stroke: Tensor, cubics: Tensor) -> Spans:
-    zero = torch.zeros(len(view), dtype=torch.float64, device=cubics.device)
+def _whole(view: Tensor, stroke: Tensor) -> Spans:
+    zero = torch.zeros(len(view), dtype=torch.float64, device=view.device)
     return Spans(view, stroke, zero, zero + 1)
 
 

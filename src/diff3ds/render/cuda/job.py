@@ -38,7 +38,8 @@ class Job(ctypes.Structure):
         *((f"background_{axis}", ctypes.c_int64) for axis in ("view", "row", "pixel")),
         *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach", "width_scale")),
         *((name, ctypes.c_int32) for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y")),
-        *((name, ctypes.c_int32) for name in ("world", "strata", "half_width_per_view", "save", "controls")),
+        *((name, ctypes.c_int32) for name in ("world", "orthographic", "strata")),
+        *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "controls")),
     )
 
     def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
@@ -113,7 +114,7 @@ class Shape:
             "reach": self.real * self.seen,
             "scale": 8 * self.seen,
             "piece_first": 4 * (self.seen + 1),
-            "pieces": 24 * self.real * pieces,
+            "pieces": 26 * self.real * pieces,
             "piece_info": 168 * pieces,
             "arcs": 80 * pieces,
             "chord_first": 4 * (pieces + 1),

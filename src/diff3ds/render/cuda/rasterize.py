@@ -148,7 +148,7 @@ def _settled(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
 
 
 def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
-    job = Job(seed=options.seed, near=options.near, world=options.world)
+    job = Job(seed=options.seed, near=options.near, world=options.world, orthographic=options.orthographic)
     job.half_width_per_view = tensors["half_width"].ndim == 2 and len(tensors["half_width"]) > 1
     for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y", "strata", "save", "controls"):
         setattr(job, name, getattr(shape, name))
