@@ -9,7 +9,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.methods import Look, Verdict, judge
+from diff3ds.guidance.methods import ScoreGradient, ScoreQuery, score
 from diff3ds.guidance.recipe import Method
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.vsd import Particles
@@ -62,12 +62,12 @@ class StubParticles(Particles):
 LATENTS = torch.randn(SHAPE, generator=torch.Generator().manual_seed(1))
 
 
-def judged(method: Method, timestep: int) -> Verdict:
+def judged(method: Method, timestep: int) -> ScoreGradient:
     timesteps = torch.full((COUNT,), timestep)
     cameras = ds.orbit([0.0, 90.0, 180.0, 270.0], 10.0, size=24)
     generator = torch.Generator().manual_seed(7)
     particles = StubParticles() if method == "vsd" else None
-    return judge(method, Look(Stub(), LATENTS, timesteps, LOW, cameras, GUIDANCE, RESCALE, generator, particles))
+    return score(method, ScoreQuery(Stub(), LATENTS, timesteps, LOW, cameras, GUIDANCE, RESCALE, generator, particles))
 
 
 class Written:

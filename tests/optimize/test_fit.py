@@ -200,7 +200,7 @@ def test_bad_configurations_say_what_is_wrong(unchecked, change, message):
         ({"project": 3}, "project must be a function of sketch, cameras and step, got 3"),
         ({"identity": 3}, "identity must be a mapping from names to what JSON knows, got 3"),
         ({"checkpoint": 3}, "checkpoint must be a path or None, got 3"),
-        ({"companion": 3}, "companion must be an object with the methods state and restore, got 3"),
+        ({"stateful": 3}, "stateful must be an object with the methods state and restore, got 3"),
     ],
 )
 def test_configurations_of_another_kind_say_what_is_wrong(unchecked, change, message):
@@ -340,7 +340,7 @@ class Counter:
 def test_what_learns_beside_the_sketch_is_resumed(start, views, tmp_path):
     def run(steps, path, resume=False):
         counter = Counter()
-        config = ds.FitConfig(steps=8, rates=ALL_RATES, checkpoint=path, resume=resume, companion=counter)
+        config = ds.FitConfig(steps=8, rates=ALL_RATES, checkpoint=path, resume=resume, stateful=counter)
         for step in ds.fit(start, counter, views, config):
             if step.index + 1 == steps:
                 # Work that is lost with the step in which a run is stopped does not count.
@@ -354,7 +354,7 @@ def test_what_learns_beside_the_sketch_is_resumed(start, views, tmp_path):
 
 
 def test_a_run_stopped_in_its_first_step_is_resumed_with_what_learns_beside_it(start, views, tmp_path):
-    config = ds.FitConfig(steps=2, checkpoint=tmp_path / "run.safetensors", resume=True, companion=Counter())
+    config = ds.FitConfig(steps=2, checkpoint=tmp_path / "run.safetensors", resume=True, stateful=Counter())
 
     def interrupt(rendering, cameras, index):
         raise KeyboardInterrupt
@@ -362,7 +362,7 @@ def test_a_run_stopped_in_its_first_step_is_resumed_with_what_learns_beside_it(s
     with pytest.raises(KeyboardInterrupt):
         list(ds.fit(start, interrupt, views, config))
     counter = Counter()
-    steps = list(ds.fit(start, counter, views, replace(config, companion=counter)))
+    steps = list(ds.fit(start, counter, views, replace(config, stateful=counter)))
     assert (len(steps), counter.count) == (2, 2)
 
 

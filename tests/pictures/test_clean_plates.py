@@ -14,7 +14,7 @@ from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.optimize.fit import fit
 from diff3ds.pictures.background import with_alpha
-from diff3ds.pictures.clean_plates import Plates, load_plates
+from diff3ds.pictures.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.store import Store, as_bytes, store_of
 from diff3ds.tasks.views.color_sketch import color_scores, plan_color
@@ -38,7 +38,7 @@ def opaque(color):
 
 
 @pytest.fixture
-def plates(generator):
+def clean_plates(generator):
     """Gray and green patches of four pixels, of eight bits, others in every view."""
     patches = torch.rand(12, 12, 12, 3, generator=generator) * torch.tensor([0.2, 0.5, 0.2]) + torch.tensor(
         [0.2, 0.4, 0.2]
@@ -50,8 +50,10 @@ def posed(pixels):
     return PosedPictures(CAMERAS, "color", store_of(pixels), tuple(f"{i}.png" for i in range(12)))
 
 
-def plan_over(plates, pixels, **options):
-    return plan_color(posed(pixels), ViewsOptions(**options), None, Plates(Path("plates"), store_of(opaque(plates))))
+def plan_over(clean_plates, pixels, **options):
+    return plan_color(
+        posed(pixels), ViewsOptions(**options), None, CleanPlates(Path("plates"), store_of(opaque(clean_plates)))
+    )
 
 
 def loss_of(sketch, plan, step):
@@ -64,35 +66,37 @@ def loss_of(sketch, plan, step):
 
 
 @pytest.mark.parametrize("alpha", [True, False])
-def test_the_truth_over_its_plates_has_no_loss(plates, alpha):
+def test_the_truth_over_its_plates_has_no_loss(clean_plates, alpha):
     """Without alpha, what differs from the background by its noise at most is taken for background."""
     drawn = ds.render(truth(), CAMERAS, background=0.0)
-    over = ds.render(truth(), CAMERAS, background=plates).color
+    over = ds.render(truth(), CAMERAS, background=clean_plates).color
     pixels = torch.cat([drawn.color, drawn.alpha[..., None]], -1) if alpha else opaque(over)
-    plan = plan_over(plates, pixels, strokes=8, steps=8, batch=12)
-    faint = (over - plates).abs().amax(-1) <= SAME
+    plan = plan_over(clean_plates, pixels, strokes=8, steps=8, batch=12)
+    faint = (over - clean_plates).abs().amax(-1) <= SAME
     # Three numbers of eight bits: the target's colour and alpha, and the background.
     bound = (1.5 / 255) ** 2 + (0 if alpha else SAME**2 * float((faint & (drawn.alpha > 0)).float().mean()))
     assert loss_of(truth(), plan, 7) < bound < 2e-4
     # Over the background of another view the same is far off wherever the picture shows the background.
-    other = plan_over(plates.roll(1, 0), opaque(over), strokes=8, steps=8, batch=12)
+    other = plan_over(clean_plates.roll(1, 0), opaque(over), strokes=8, steps=8, batch=12)
     assert loss_of(truth(), other, 7) > 100 * loss_of(truth(), plan, 7)
     assert loss_of(truth()[:1], plan, 7) > 100 * loss_of(truth(), plan, 7)
 
 
-def test_pictures_are_cut_out_of_their_plates(plates):
-    drawn = ds.render(truth(), CAMERAS, background=plates)
-    cut, background = with_alpha(posed(opaque(drawn.color)), Plates(Path("plates"), store_of(opaque(plates))))
+def test_pictures_are_cut_out_of_their_plates(clean_plates):
+    drawn = ds.render(truth(), CAMERAS, background=clean_plates)
+    cut, background = with_alpha(
+        posed(opaque(drawn.color)), CleanPlates(Path("plates"), store_of(opaque(clean_plates)))
+    )
     alpha = cut.batch(range(12)).alpha
     assert (alpha[drawn.alpha == 0] == 0).all()
     # The bar that is half transparent is as green as some patches behind it.
     assert alpha[drawn.alpha > 0.3].mean() > 0.97
-    assert torch.equal(background.store.batch([3]).pixels[0, ..., :3], plates[3])
+    assert torch.equal(background.store.batch([3]).pixels[0, ..., :3], clean_plates[3])
 
 
-def test_strokes_are_found_before_textured_plates(plates):
-    drawn = ds.render(truth(), CAMERAS, background=plates)
-    plan = plan_over(plates, opaque(drawn.color), strokes=40, steps=250)
+def test_strokes_are_found_before_textured_plates(clean_plates):
+    drawn = ds.render(truth(), CAMERAS, background=clean_plates)
+    plan = plan_over(clean_plates, opaque(drawn.color), strokes=40, steps=250)
     (last,) = deque(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config), maxlen=1)
     found = plan.frame.to_world(last.sketch)
     scores = color_scores(found, plan, None)
@@ -116,7 +120,10 @@ def test_plates_of_many_sizes_have_the_levels_of_their_pictures():
     cut = [Store(as_bytes(opaque(x) * known[..., None]), known) for x in (drawn, color.expand_as(drawn))]
     pictures = replace(posed(opaque(drawn)), store=cut[0])
     options = ViewsOptions(strokes=8, steps=8, background="0.2,0.6,0.4")
-    plans = [plan_color(pictures, options, None, plates) for plates in (None, Plates(Path("plates"), cut[1]))]
+    plans = [
+        plan_color(pictures, options, None, clean_plates)
+        for clean_plates in (None, CleanPlates(Path("plates"), cut[1]))
+    ]
     losses = [[loss_of(truth()[:1], plan, step) for step in range(8)] for plan in plans]
     assert losses[0] == losses[1]
     assert min(losses[0]) > 1e-4
@@ -139,7 +146,7 @@ def test_a_plate_of_each_view_is_read_as_its_picture_is(tmp_path, generator, len
     """Pictures that are their own backgrounds, of three sizes, reduced, with and without lens distortion."""
     images = [torch.rand(*size, 3, generator=generator) for size in ((40, 60), (60, 40), (20, 30), (40, 60))]
     path = write(tmp_path / "data", images, **lens)
-    found, pictures = load_plates(path, tmp_path / "data", 30).store, load_posed(path, "color", 30).store
+    found, pictures = load_clean_plates(path, tmp_path / "data", 30).store, load_posed(path, "color", 30).store
     assert torch.equal(found.pixels, pictures.pixels)
     assert torch.equal(found.known, pictures.known)
     assert found.pixels.shape == (4, 30, 30, 4)
@@ -154,12 +161,12 @@ def test_plates_in_folders_of_the_same_names(tmp_path):
             folder.mkdir(parents=True)
             save_png(folder / "0.png", torch.full((8, 8, 3), value))
     ds.save_transforms(tmp_path / "transforms.json", CAMERAS[:2].resize(8), ["left/0.png", "right/0.png"])
-    store = load_plates(tmp_path / "transforms.json", tmp_path / "plates").store
+    store = load_clean_plates(tmp_path / "transforms.json", tmp_path / "plates").store
     assert store.pixels[:, 0, 0, 0].tolist() == [51, 204]
     # One picture for both may be a mistake.
     save_png(tmp_path / "plates" / "0.png", torch.ones(8, 8, 3))
     with pytest.raises(ValueError, match=r"0\.png: background of both .*left.* and .*plates.right.0\.png"):
-        load_plates(tmp_path / "transforms.json", tmp_path / "plates")
+        load_clean_plates(tmp_path / "transforms.json", tmp_path / "plates")
 
 
 def test_one_picture_is_scaled_to_every_view(tmp_path):
@@ -168,7 +175,7 @@ def test_one_picture_is_scaled_to_every_view(tmp_path):
     picture = torch.zeros(30, 20, 3)
     picture[:, :10] = 1
     save_png(tmp_path / "a.png", picture)
-    store = load_plates(path, tmp_path / "a.png").store
+    store = load_clean_plates(path, tmp_path / "a.png").store
     for i, (height, width) in enumerate(((40, 60), (20, 10))):
         expected = torch.zeros(40, 60)
         expected[:height, : width // 2] = 255
@@ -184,7 +191,7 @@ def test_one_picture_goes_through_the_lens_of_the_views(tmp_path):
     small = large.reshape(60, 3, 90, 3, 3).mean((1, 3))
     path = write(tmp_path / "data", [small, small], k1=-0.1, p1=0.02)
     save_png(tmp_path / "large.png", large)
-    found, own = load_plates(path, tmp_path / "large.png").store, load_plates(path, tmp_path / "data").store
+    found, own = load_clean_plates(path, tmp_path / "large.png").store, load_clean_plates(path, tmp_path / "data").store
     both = found.known & own.known
     # The border of what is known may lie a pixel apart.
     assert float((found.known != own.known).float().mean()) < 0.02

@@ -10,7 +10,7 @@ import torch
 import diff3ds as ds
 from diff3ds.formats import save_png
 from diff3ds.pictures import read as reading
-from diff3ds.pictures.clean_plates import load_plates
+from diff3ds.pictures.clean_plates import load_clean_plates
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.lens import straightened, undistorted
 from diff3ds.pictures.resample import area_means
@@ -74,10 +74,12 @@ def test_each_picture_is_decoded_once(noise, decoded, tmp_path, size, drawn):
 def test_one_picture_behind_all_is_decoded_once(noise, decoded, tmp_path):
     path = photographs(tmp_path, 4, noise[:4])
     save_png(tmp_path / "behind.png", noise[5])
-    plates = load_plates(path, tmp_path / "behind.png", 80)
+    clean_plates = load_clean_plates(path, tmp_path / "behind.png", 80)
     assert decoded[0] == {"behind.png": 1}
     for view in range(4):
-        torch.testing.assert_close(plates.store.batch([view]).pixels[0, ..., :3], noise[5], rtol=0, atol=0.51 / 255)
+        torch.testing.assert_close(
+            clean_plates.store.batch([view]).pixels[0, ..., :3], noise[5], rtol=0, atol=0.51 / 255
+        )
 
 
 def test_threads_change_nothing(noise, decoded, tmp_path):

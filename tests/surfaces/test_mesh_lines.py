@@ -1,4 +1,4 @@
-"""Feature lines of meshes whose edges are known: boxes, cylinders, plates with round corners, spheres."""
+"""Feature lines of meshes whose edges are known: boxes, cylinders, clean_plates with round corners, spheres."""
 
 import math
 

@@ -15,7 +15,7 @@ from diff3ds.formats import load_image
 from diff3ds.guidance.exemplar import ExemplarDenoiser
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import FitConfig
-from diff3ds.tasks.results import claim
+from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import distill, start_of, turntable
@@ -186,23 +186,23 @@ def test_the_reference_view_is_matched(prior, tmp_path):
 def test_a_folder_with_a_run_is_kept(prior, tmp_path):
     checkpoint = tmp_path / "checkpoint.safetensors"
     with pytest.raises(ValueError, match="no checkpoint to resume from"):
-        claim(tmp_path, checkpoint, resume=True, overwrite=False)
-    claim(tmp_path / "new", tmp_path / "new" / "checkpoint.safetensors", resume=False, overwrite=False)
+        check_output_folder(tmp_path, checkpoint, resume=True, overwrite=False)
+    check_output_folder(tmp_path / "new", tmp_path / "new" / "checkpoint.safetensors", resume=False, overwrite=False)
     assert not (tmp_path / "new").exists()
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file is a file, not a folder for results"):
-        claim(tmp_path / "file" / "run", tmp_path / "file" / "run" / "c", resume=False, overwrite=False)
+        check_output_folder(tmp_path / "file" / "run", tmp_path / "file" / "run" / "c", resume=False, overwrite=False)
     run(prior, tmp_path)
     with pytest.raises(ValueError, match="holds a run: give another folder"):
-        claim(tmp_path, checkpoint, resume=False, overwrite=False)
-    claim(tmp_path, checkpoint, resume=False, overwrite=True)
-    claim(tmp_path, checkpoint, resume=True, overwrite=False)
+        check_output_folder(tmp_path, checkpoint, resume=False, overwrite=False)
+    check_output_folder(tmp_path, checkpoint, resume=False, overwrite=True)
+    check_output_folder(tmp_path, checkpoint, resume=True, overwrite=False)
 
 
 def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 1 << 20}))
     with pytest.raises(OSError, match="1 MiB are free, and a run may need 64"):
-        claim(tmp_path, tmp_path / "checkpoint.safetensors", resume=False, overwrite=False)
+        check_output_folder(tmp_path, tmp_path / "checkpoint.safetensors", resume=False, overwrite=False)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from diff3ds.tasks.progress import Stopped
 from diff3ds.tasks.small_prior import prior_data, prior_train
 from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.small_prior.prior_data import Examples, OwnSketches, combinations, draw_request, inked, said, words
-from diff3ds.tasks.small_prior.prior_train import CHECKPOINT, LOG, NETWORK, rate_share, train_prior
+from diff3ds.tasks.small_prior.prior_train import CHECKPOINT, LOG, NETWORK, rate_fraction, train_prior
 
 TINY = {"batch": 2, "depth": 1, "width": 16, "patch": 16, "workers": 0, "checkpoint_every": 100}
 
@@ -89,10 +89,10 @@ def test_phrases_have_words():
 
 
 def test_the_rate_rises_stays_and_falls_to_nothing():
-    assert rate_share(0, 1000) == 1 / prior_train.WARM_UP
-    assert rate_share(500, 1000) == 1
-    assert rate_share(800, 1000) == pytest.approx(0.5)
-    assert rate_share(1000, 1000) == 0
+    assert rate_fraction(0, 1000) == 1 / prior_train.WARM_UP
+    assert rate_fraction(500, 1000) == 1
+    assert rate_fraction(800, 1000) == pytest.approx(0.5)
+    assert rate_fraction(1000, 1000) == 0
 
 
 def test_a_network_learns(tmp_path, monkeypatch):

@@ -23,7 +23,7 @@ def pick_device(name: str = "auto") -> torch.device:
 
 
 def pick_dtype(precision: Precision, device: torch.device, upcast: bool = False) -> torch.dtype:
-    """What a UNet computes in. auto: float32 on a CPU, else float16, or bfloat16 if float16 may overflow.
+    """Chooses what a UNet computes in. auto: float32 on a CPU, else float16, or bfloat16 if float16 may overflow.
 
     Args:
         upcast: the configuration asks for attention in float32 (`upcast_attention`, Stable Diffusion 2.1 at 768

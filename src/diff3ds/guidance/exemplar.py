@@ -87,8 +87,8 @@ class ExemplarDenoiser:
         kept = self.schedule.alpha_bar(timesteps, noisy)
         likely = self.likelihood(noisy, kept, members)
         fitting = likely.masked_fill(~self._fitting, -torch.inf)
-        shares = torch.stack([(fitting if branch == "conditional" else likely).softmax(1) for branch in branches])
-        means = torch.einsum("rgm,mgd->rgd", shares, members.pixels).reshape(len(branches), *noisy.shape)
+        fractions = torch.stack([(fitting if branch == "conditional" else likely).softmax(1) for branch in branches])
+        means = torch.einsum("rgm,mgd->rgd", fractions, members.pixels).reshape(len(branches), *noisy.shape)
         return torch.stack([formulas.epsilon_from_clean(mean, noisy, kept) for mean in means])
 
     def likelihood(
@@ -107,7 +107,7 @@ class ExemplarDenoiser:
         return (terms / noise[:, None]).sum(2)
 
     def _members(self, cameras: Cameras) -> "Members":
-        """What the members look like; kept for the next call, because most methods ask several times in a step."""
+        """Draws the members, and keeps the pictures for the next call: most methods ask several times in a step."""
         if self._seen is None or self._seen[0] is not cameras:
             with torch.no_grad():
                 drawn = self._draw(cameras.resize(self.size)).movedim(-1, 2)

@@ -74,15 +74,15 @@ def loss_of(latents: Images, gradient: Images, clip: float | None = None) -> Flo
     return torch.where(sound, loss, torch.full_like(loss, math.nan))
 
 
-def rescaled(guided: Images, conditional: Images, share: float, group: int) -> Images:
-    """Guided latents ẑ₀ with their contrast brought a share of the way to that of the conditional ones.
+def rescaled(guided: Images, conditional: Images, fraction: float, group: int) -> Images:
+    """Guided latents ẑ₀ with their contrast brought a fraction of the way to that of the conditional ones.
 
     A large guidance weight exaggerates contrast (Lin et al. 2024, section 3.4). The standard deviations are over all
     views of an object.
     """
     spread = [x.reshape(-1, group * x[0].numel()).std(1) + TINY for x in (conditional, guided)]
     factor = (spread[0] / spread[1]).repeat_interleave(group)[:, None, None, None]
-    return guided * (share * factor + 1 - share)
+    return guided * (fraction * factor + 1 - fraction)
 
 
 def perpendicular(direction: Images, main: Images) -> Images:

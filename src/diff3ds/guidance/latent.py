@@ -126,7 +126,7 @@ def place_autoencoder(network: Any, size: int, device: torch.device, work: Work)
 
 
 def vae_dtype(dtype: torch.dtype) -> torch.dtype:
-    """What an autoencoder computes in beside a UNet of this dtype: never float16."""
+    """Chooses what an autoencoder computes in beside a UNet of this dtype: never float16."""
     return torch.bfloat16 if dtype == torch.bfloat16 else torch.float32
 
 

@@ -17,7 +17,8 @@ from diff3ds.guidance.vsd import Particles
 
 # Below this timestep the images of a prior's training are in reach of the noisy one (Katzir et al. 2024).
 LATE = 200
-# Asynchronous score distillation looks back by up to this share of the time since the lowest timestep (Ma et al. 2024).
+# Asynchronous score distillation looks back by up to this fraction of the time since the lowest timestep (Ma et al.
+# 2024).
 LOOK_BACK = 0.1
 # Interval score matching: timesteps between the two predictions, and at most between those of the inversion
 # (Liang et al. 2024, and their code).
@@ -28,8 +29,8 @@ INVERTED_GUIDANCE, INVERTED_NOISE, INVERTED_STEP = -6.5, 0.3, 100
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """One look of a prior at renderings.
+class ScoreQuery:
+    """The question to a prior, how these latents of renderings should change.
 
     Attributes:
         denoiser: the prior.
@@ -38,7 +39,7 @@ class Look:
         low: lowest timestep that the run draws.
         cameras: of the renderings.
         guidance: weight λ of classifier-free guidance.
-        rescale: share of `formulas.rescaled`, for reconstruction.
+        rescale: fraction of `formulas.rescaled`, for reconstruction.
         generator: of all noise.
         particles: what the renderings look like to the prior; for vsd, which trains it.
     """
@@ -76,8 +77,8 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
-    """What a prior says about renderings.
+class ScoreGradient:
+    """The answer of a prior to a query.
 
     Attributes:
         gradient: with respect to the latents, before any weighting.
@@ -90,9 +91,9 @@ class Verdict:
     weighted: bool = True
 
 
-def judge(method: Method, look: Look) -> Verdict:
-    """The verdict of a prior, by this method."""
-    methods: dict[Method, Callable[[Look], Verdict]] = {
+def score(method: Method, query: ScoreQuery) -> ScoreGradient:
+    """Asks a prior for the gradient at the latents, by this method of score distillation."""
+    methods: dict[Method, Callable[[ScoreQuery], ScoreGradient]] = {
         "sds": sds,
         "reconstruction": reconstruction,
         "csd": csd,
@@ -102,103 +103,105 @@ def judge(method: Method, look: Look) -> Verdict:
         "sdi": sdi,
         "vsd": vsd,
     }
-    return methods[method](look)
+    return methods[method](query)
 
 
-def sds(look: Look) -> Verdict:
+def sds(query: ScoreQuery) -> ScoreGradient:
     """Score distillation sampling (Poole et al. 2023): the guided prediction less the noise that was added."""
-    noise = look.noise()
-    noisy = look.denoiser.schedule.add_noise(look.latents, noise, look.timesteps)
-    epsilon = look.guided(noisy, look.timesteps)
-    return Verdict(epsilon - noise, formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
+    noise = query.noise()
+    noisy = query.denoiser.schedule.add_noise(query.latents, noise, query.timesteps)
+    epsilon = query.guided(noisy, query.timesteps)
+    return ScoreGradient(epsilon - noise, formulas.clean_from_epsilon(epsilon, noisy, query.alpha_bar(query.timesteps)))
 
 
-def reconstruction(look: Look) -> Verdict:
-    """Towards the guided latents with their contrast restored (Shi et al. 2024, MVDream, section 3.4)."""
-    noise = look.noise()
-    noisy = look.denoiser.schedule.add_noise(look.latents, noise, look.timesteps)
-    conditional, baseline = look.predict(noisy, look.timesteps, "conditional", "negative")
-    kept = look.alpha_bar(look.timesteps)
-    epsilon = formulas.guided(conditional, baseline, look.guidance)
+def reconstruction(query: ScoreQuery) -> ScoreGradient:
+    """Pulls towards the guided latents with their contrast restored (Shi et al. 2024, MVDream, section 3.4)."""
+    noise = query.noise()
+    noisy = query.denoiser.schedule.add_noise(query.latents, noise, query.timesteps)
+    conditional, baseline = query.predict(noisy, query.timesteps, "conditional", "negative")
+    kept = query.alpha_bar(query.timesteps)
+    epsilon = formulas.guided(conditional, baseline, query.guidance)
     clean, plain = (formulas.clean_from_epsilon(e, noisy, kept) for e in (epsilon, conditional))
-    if look.rescale:
-        clean = formulas.rescaled(clean, plain, look.rescale, look.denoiser.group)
-    return Verdict(look.latents - clean, clean, weighted=False)
+    if query.rescale:
+        clean = formulas.rescaled(clean, plain, query.rescale, query.denoiser.group)
+    return ScoreGradient(query.latents - clean, clean, weighted=False)
 
 
-def csd(look: Look) -> Verdict:
+def csd(query: ScoreQuery) -> ScoreGradient:
     """Classifier score distillation (Yu et al. 2024): only what the phrase adds."""
-    noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
-    conditional, unconditional = look.predict(noisy, look.timesteps, "conditional", "unconditional")
+    noisy = query.denoiser.schedule.add_noise(query.latents, query.noise(), query.timesteps)
+    conditional, unconditional = query.predict(noisy, query.timesteps, "conditional", "unconditional")
     gradient = formulas.classifier_score(conditional, unconditional)
-    return Verdict(gradient, formulas.clean_from_epsilon(conditional, noisy, look.alpha_bar(look.timesteps)))
+    return ScoreGradient(gradient, formulas.clean_from_epsilon(conditional, noisy, query.alpha_bar(query.timesteps)))
 
 
-def nfsd(look: Look) -> Verdict:
+def nfsd(query: ScoreQuery) -> ScoreGradient:
     """Noise-free score distillation (Katzir et al. 2024): the noise that was added does not enter the gradient."""
-    noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
-    predictions = look.predict(noisy, look.timesteps, "conditional", "unconditional", "negative")
-    late = uploaded((look.timesteps < LATE).to(noisy.dtype), noisy.device)
-    gradient = formulas.noise_free(predictions[0], predictions[1], predictions[2], look.guidance, late)
-    epsilon = formulas.guided(predictions[0], predictions[1], look.guidance)
-    return Verdict(gradient, formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
+    noisy = query.denoiser.schedule.add_noise(query.latents, query.noise(), query.timesteps)
+    predictions = query.predict(noisy, query.timesteps, "conditional", "unconditional", "negative")
+    late = uploaded((query.timesteps < LATE).to(noisy.dtype), noisy.device)
+    gradient = formulas.noise_free(predictions[0], predictions[1], predictions[2], query.guidance, late)
+    epsilon = formulas.guided(predictions[0], predictions[1], query.guidance)
+    return ScoreGradient(gradient, formulas.clean_from_epsilon(epsilon, noisy, query.alpha_bar(query.timesteps)))
 
 
-def asd(look: Look) -> Verdict:
+def asd(query: ScoreQuery) -> ScoreGradient:
     """Asynchronous score distillation (Ma et al. 2024): less the conditional prediction at a little more noise."""
-    noise = look.noise()
-    back = torch.rand(len(look.timesteps) // look.denoiser.group, generator=look.generator)
-    shift = LOOK_BACK * (look.timesteps - look.low) * back.repeat_interleave(look.denoiser.group)
-    later = (look.timesteps + shift.round().long()).clamp(max=len(look.denoiser.schedule) - 1)
-    now, then = (look.denoiser.schedule.add_noise(look.latents, noise, t) for t in (look.timesteps, later))
-    epsilon = look.guided(now, look.timesteps)
-    (reference,) = look.predict(then, later, "conditional")
-    return Verdict(epsilon - reference, formulas.clean_from_epsilon(epsilon, now, look.alpha_bar(look.timesteps)))
+    noise = query.noise()
+    back = torch.rand(len(query.timesteps) // query.denoiser.group, generator=query.generator)
+    shift = LOOK_BACK * (query.timesteps - query.low) * back.repeat_interleave(query.denoiser.group)
+    later = (query.timesteps + shift.round().long()).clamp(max=len(query.denoiser.schedule) - 1)
+    now, then = (query.denoiser.schedule.add_noise(query.latents, noise, t) for t in (query.timesteps, later))
+    epsilon = query.guided(now, query.timesteps)
+    (reference,) = query.predict(then, later, "conditional")
+    return ScoreGradient(
+        epsilon - reference, formulas.clean_from_epsilon(epsilon, now, query.alpha_bar(query.timesteps))
+    )
 
 
-def ism(look: Look) -> Verdict:
+def ism(query: ScoreQuery) -> ScoreGradient:
     """Interval score matching (Liang et al. 2024): noise from inverting the latents, not from drawing it.
 
     Inverts in even steps without guidance; their code has steps of 200 from a fixed grid.
     """
-    before = (look.timesteps - INTERVAL).clamp(min=0)
-    noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), torch.zeros_like(before))
+    before = (query.timesteps - INTERVAL).clamp(min=0)
+    noisy = query.denoiser.schedule.add_noise(query.latents, query.noise(), torch.zeros_like(before))
     count = max(1, math.ceil(int(before.max()) / INVERSION))
     grid = [before * i // count for i in range(count + 1)]
     epsilon = torch.zeros_like(noisy)
-    for now, then in zip(grid, [*grid[1:], look.timesteps], strict=True):
-        (epsilon,) = look.predict(noisy, now, "unconditional")
-        noisy = formulas.ddim_step(noisy, epsilon, look.alpha_bar(now), look.alpha_bar(then))
-    guided = look.guided(noisy, look.timesteps)
-    return Verdict(guided - epsilon, formulas.clean_from_epsilon(guided, noisy, look.alpha_bar(look.timesteps)))
+    for now, then in zip(grid, [*grid[1:], query.timesteps], strict=True):
+        (epsilon,) = query.predict(noisy, now, "unconditional")
+        noisy = formulas.ddim_step(noisy, epsilon, query.alpha_bar(now), query.alpha_bar(then))
+    guided = query.guided(noisy, query.timesteps)
+    return ScoreGradient(guided - epsilon, formulas.clean_from_epsilon(guided, noisy, query.alpha_bar(query.timesteps)))
 
 
-def sdi(look: Look) -> Verdict:
+def sdi(query: ScoreQuery) -> ScoreGradient:
     """Score distillation via inversion (Lukoianov et al. 2024): towards what the prior makes of inverted latents."""
-    count = max(1, math.ceil(int(look.timesteps.max()) / INVERTED_STEP))
-    grid = [look.timesteps * i // count for i in range(count + 1)]
-    noisy = look.latents
+    count = max(1, math.ceil(int(query.timesteps.max()) / INVERTED_STEP))
+    grid = [query.timesteps * i // count for i in range(count + 1)]
+    noisy = query.latents
     for now, then in itertools.pairwise(grid):
-        epsilon = look.guided(noisy, now, INVERTED_GUIDANCE)
-        start, end = look.alpha_bar(now), look.alpha_bar(then)
+        epsilon = query.guided(noisy, now, INVERTED_GUIDANCE)
+        start, end = query.alpha_bar(now), query.alpha_bar(then)
         # Song et al. 2021, equation 16, for a step from less to more noise.
         deviation = INVERTED_NOISE * ((1 - start) / (1 - end) * (1 - end / start)).clamp(min=0).sqrt()
-        noisy = formulas.ddim_step(noisy, epsilon, start, end, deviation) + deviation * look.noise()
-    epsilon = look.guided(noisy, look.timesteps)
-    clean = formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps))
-    return Verdict(look.latents - clean, clean, weighted=False)
+        noisy = formulas.ddim_step(noisy, epsilon, start, end, deviation) + deviation * query.noise()
+    epsilon = query.guided(noisy, query.timesteps)
+    clean = formulas.clean_from_epsilon(epsilon, noisy, query.alpha_bar(query.timesteps))
+    return ScoreGradient(query.latents - clean, clean, weighted=False)
 
 
-def vsd(look: Look) -> Verdict:
+def vsd(query: ScoreQuery) -> ScoreGradient:
     """Variational score distillation (Wang et al. 2023): less what a network trained on the renderings predicts.
 
     Raises:
         ValueError: there is no such network.
     """
-    if look.particles is None:
+    if query.particles is None:
         raise ValueError("vsd needs particles, a network that is trained on the renderings")
-    noisy = look.denoiser.schedule.add_noise(look.latents, look.noise(), look.timesteps)
-    epsilon = look.guided(noisy, look.timesteps)
-    own = look.particles.predict(noisy, look.timesteps, look.cameras)
-    look.particles.learn(look.latents, look.cameras, look.generator)
-    return Verdict(epsilon - own, formulas.clean_from_epsilon(epsilon, noisy, look.alpha_bar(look.timesteps)))
+    noisy = query.denoiser.schedule.add_noise(query.latents, query.noise(), query.timesteps)
+    epsilon = query.guided(noisy, query.timesteps)
+    own = query.particles.predict(noisy, query.timesteps, query.cameras)
+    query.particles.learn(query.latents, query.cameras, query.generator)
+    return ScoreGradient(epsilon - own, formulas.clean_from_epsilon(epsilon, noisy, query.alpha_bar(query.timesteps)))

@@ -44,7 +44,7 @@ NEGATIVE = (
 
 
 def camera_vectors(cameras: Cameras) -> Float[Tensor, "B 16"]:
-    """What MVDream is told of cameras: camera to world, row by row, float32.
+    """Writes cameras as MVDream is told them: camera to world, row by row, float32.
 
     Axes of the camera as in OpenGL (x right, y up, looking along -z), world z up, its position brought to the unit
     sphere: neither distance nor field of view is seen. Its azimuth 0, where the camera sees the front of most things
@@ -170,7 +170,7 @@ def load_mvdream(
 
 
 def find_words(checkpoint: Checkpoint, source: Source | None = None) -> Checkpoint:
-    """Where text encoder and tokenizer of a checkpoint are: in it, but a single file has them in another form.
+    """Finds the text encoder and tokenizer of a checkpoint: in it, but a single file has them in another form.
 
     Args:
         source: for a single file; any Stable Diffusion 2.1, whose they are. None looks for those known.

@@ -9,7 +9,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Denoiser, check_groups, draw_timesteps
-from diff3ds.guidance.methods import Look, judge
+from diff3ds.guidance.methods import ScoreQuery, score
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.vsd import Particles
 
@@ -25,11 +25,11 @@ class Pictures(Protocol):
 
 
 class ScoreDistillation:
-    """An objective for `fit`: the loss whose gradient is what a prior says about the renderings.
+    """An objective for `fit`: the loss whose gradient is the score gradient of a prior at the renderings.
 
     All that is random in a step is drawn from the seed and the step's index, so that a resumed run goes on as one that
-    never stopped. `latest` keeps the last verdict, for pictures of the progress. `particles` is the network that vsd
-    trains, None for other methods: the one thing that a resumed run must restore.
+    never stopped. `latest` keeps the clean latents that the prior last saw, for pictures of the progress. `particles`
+    is the network that vsd trains, None for other methods: the one thing that a resumed run must restore.
     """
 
     def __init__(self, denoiser: Denoiser, recipe: Recipe, steps: int, seed: int = 0) -> None:
@@ -56,7 +56,7 @@ class ScoreDistillation:
         low, high = self.recipe.annealing.bounds(step, self.steps)
         timesteps = draw_timesteps(low, high, len(cameras), self.denoiser.group, generator)
         guidance, rescale = self.recipe.guidance, self.recipe.rescale
-        look = Look(
+        query = ScoreQuery(
             self.denoiser,
             latents.detach(),
             timesteps,
@@ -68,11 +68,11 @@ class ScoreDistillation:
             self.particles,
         )
         with torch.no_grad():
-            verdict = judge(self.recipe.method, look)
-            gradient = verdict.gradient
-            if verdict.weighted:
-                gradient = formulas.weighted(look.alpha_bar(timesteps), self.recipe.weighting) * gradient
-        self.latest = verdict.clean
+            found = score(self.recipe.method, query)
+            gradient = found.gradient
+            if found.weighted:
+                gradient = formulas.weighted(query.alpha_bar(timesteps), self.recipe.weighting) * gradient
+        self.latest = found.clean
         return formulas.loss_of(latents, gradient, self.recipe.clip).to(rendering.color.device)
 
 

@@ -49,7 +49,7 @@ class Turned:
     """What perpendicular negative guidance makes of directions, between which it interpolates.
 
     Attributes:
-        positive: share of each of `DIRECTIONS` in the positive text; sums to 1.
+        positive: fraction of each of `DIRECTIONS` in the positive text; sums to 1.
         negative: index in `DIRECTIONS` of the two negative texts.
         weights: of those, at most about 0.
     """
@@ -78,9 +78,9 @@ def turned(azimuth: Float[Tensor, " B"], elevation: Float[Tensor, " B"]) -> Turn
     return Turned(positive, negative, torch.where(above, 0.0, weights))
 
 
-def _falling(values: tuple[float, float, float], share: Tensor) -> Tensor:
+def _falling(values: tuple[float, float, float], fraction: Tensor) -> Tensor:
     a, b, c = values
-    return a * torch.exp(-b * share) + c
+    return a * torch.exp(-b * fraction) + c
 
 
 def check_phrase(phrase: str) -> str:
@@ -136,7 +136,7 @@ def tokens(tokenizer: Any, phrases: Sequence[str]) -> Int[Tensor, "P L"]:
 
 
 def encode_phrases(checkpoint: Checkpoint, phrases: Sequence[str], width: int) -> Float[Tensor, "P L D"]:
-    """What the text encoder of a checkpoint says of phrases, float32, on the CPU. It is loaded for this call only.
+    """Encodes phrases by the text encoder of a checkpoint, float32, on the CPU. It is loaded for this call only.
 
     Args:
         width: D, as the UNet takes it.

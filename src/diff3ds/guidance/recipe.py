@@ -44,9 +44,9 @@ class TimeAnnealing:
     The paper: 0.85 at first; over 3,600 of 4,000 steps down to between 0.10 and 0.30; then constant.
 
     Attributes:
-        low, high: share of all timesteps between which the first step draws.
+        low, high: fraction of all timesteps between which the first step draws.
         final_low, final_high: the same after the annealing.
-        share: share of the steps that the annealing takes; 0 has the final bounds from the start.
+        share: fraction of the steps that the annealing takes; 0 has the final bounds from the start.
     """
 
     low: float = 0.85
@@ -58,7 +58,7 @@ class TimeAnnealing:
     def __post_init__(self) -> None:
         for low, high in ((self.low, self.high), (self.final_low, self.final_high)):
             if not 0 < low <= high < 1:
-                raise ValueError(f"timesteps must be drawn between shares 0 < low <= high < 1, got {low} and {high}")
+                raise ValueError(f"timesteps must be drawn between fractions 0 < low <= high < 1, got {low} and {high}")
         if not 0 <= self.share <= 1:
             raise ValueError(f"share must lie in [0, 1], got {self.share}")
 
@@ -86,7 +86,7 @@ class Recipe:
     Attributes:
         method: reconstruction (MVDream's form of SDS), sds, or a later one: csd, nfsd, asd, ism, sdi, vsd.
         guidance: weight λ of classifier-free guidance. The paper: 50 for a phrase, 7.5 for a picture.
-        rescale: share of the contrast that reconstruction restores, in [0, 1].
+        rescale: fraction of the contrast that reconstruction restores, in [0, 1].
         weighting: w(t) of the methods that have one: sds is 1 - ᾱ.
         clip: entries of the gradient with respect to the latents are limited to ± this; None does not limit them.
         annealing: timesteps that are drawn.

@@ -58,7 +58,7 @@ class Vocabulary:
 
 
 def ink(images: Float[Tensor, "B H W 3"]) -> Float[Tensor, "B 1 H W"]:
-    """How much stroke is in each pixel, whatever its colour: 1 less the darkest channel."""
+    """Measures how much stroke is in each pixel, whatever its colour: 1 less the darkest channel."""
     return (1 - images.amin(-1))[:, None]
 
 

@@ -20,7 +20,7 @@ class Attention(nn.Module):
         self.scale = nn.Parameter(torch.full((heads, 1, 1), math.log(10.0)))
 
     def forward(self, tokens: Float[Tensor, "S N D"]) -> Float[Tensor, "S N D"]:
-        """What each token takes from the others."""
+        """Gives each token what it takes from the others."""
         q, k, v = self.into(tokens).unflatten(-1, (3, self.heads, -1)).permute(2, 0, 3, 1, 4)
         q, k = (nn.functional.normalize(x.float(), dim=-1).to(v.dtype) for x in (q, k))
         # Written out: on CPUs, products in bfloat16 are twice as fast as torch's fused attention.
@@ -90,7 +90,7 @@ class SmallNetwork(nn.Module):
 
         Args:
             noisy: ink, standardised.
-            time: timestep as a share of all.
+            time: timestep as a fraction of all.
             cameras: azimuth and elevation in radians, distance.
             words: 1 for what the object is and has, 0 else; all 0 says nothing.
             reference: a clean view of the object, in the same units.
@@ -133,7 +133,7 @@ _WAVES, _ANGLES = 32, 4 * 2 + 3
 
 
 def _waves(time: Float[Tensor, " S"]) -> Float[Tensor, "S k"]:
-    """Sines and cosines of a share of all timesteps, from half a period to ninety."""
+    """Sines and cosines of a fraction of all timesteps, from half a period to ninety."""
     rates = torch.pi * 2 ** (torch.arange(_WAVES // 2, device=time.device) / 2)
     angles = time[:, None] * rates
     return torch.cat([angles.sin(), angles.cos()], 1)

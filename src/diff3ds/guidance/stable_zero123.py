@@ -10,7 +10,7 @@ from diff3ds.guidance.zero123 import ReferencePose, Zero123, assemble, relative_
 from diff3ds.weights.locate import find
 from diff3ds.weights.options import Source
 
-# Cameras this share nearer or farther than the reference's are at its distance: rounding of float32 matrices.
+# Cameras this fraction nearer or farther than the reference's are at its distance: rounding of float32 matrices.
 SAME_DISTANCE = 1e-3
 
 

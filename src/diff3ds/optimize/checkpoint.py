@@ -14,8 +14,8 @@ from diff3ds.sketch import Sketch, WidthSpace
 
 VERSION = 1
 FIELDS = ("points", "weights", "width", "color", "opacity")
-# Before the names of what learns beside the sketch.
-COMPANION = "companion."
+# Before the names of what learns beside the sketch; files have had it from the start.
+STATEFUL = "companion."
 # 100,000 strokes with their moments take 40 MB.
 MAX_BYTES = 1 << 30
 
@@ -31,7 +31,7 @@ class State:
         age: steps that each stroke has seen.
         random: state of the generator, bytes.
         losses: of all steps so far, but for the last ones on a GPU.
-        companion: what else learns beside the sketch, by name.
+        stateful: what else learns beside the sketch, by name.
         unseen: losses of the last steps on a GPU, which nobody has waited for.
     """
 
@@ -42,11 +42,11 @@ class State:
     age: Float[Tensor, " N"]
     random: Tensor
     losses: tuple[float, ...]
-    companion: dict[str, Tensor] = field(default_factory=dict)
+    stateful: dict[str, Tensor] = field(default_factory=dict)
     unseen: tuple[Tensor, ...] = ()
 
     def all_losses(self) -> tuple[float, ...]:
-        """Of all steps; waits once for those that are unseen."""
+        """The losses of all steps; waits once for those that are unseen."""
         return (*self.losses, *(torch.stack(self.unseen).tolist() if self.unseen else ()))
 
     def generator(self) -> torch.Generator:
@@ -90,7 +90,7 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         "age": state.age,
         "random": state.random,
         "losses": torch.tensor(state.all_losses(), dtype=torch.float64),
-        **{f"{COMPANION}{name}": value for name, value in state.companion.items()},
+        **{f"{STATEFUL}{name}": value for name, value in state.stateful.items()},
     }
     about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
     write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
@@ -120,7 +120,7 @@ def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State
             if any(moments[name].shape != value.shape for name, value in sketch.tensors().items()):
                 raise ValueError("moments and strokes do not fit")
         losses = tuple(tensors["losses"].tolist())
-        beside = {k.removeprefix(COMPANION): v for k, v in tensors.items() if k.startswith(COMPANION)}
+        beside = {k.removeprefix(STATEFUL): v for k, v in tensors.items() if k.startswith(STATEFUL)}
         state = State(int(about["index"]), sketch, first, second, tensors["age"], tensors["random"], losses, beside)
         state.generator()
     except (KeyError, TypeError, ValueError, RuntimeError) as error:

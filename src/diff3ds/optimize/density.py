@@ -47,9 +47,10 @@ class Density:
         most: strokes never get more than this.
         project: what is drawn; see `FitConfig.project`.
         tolerance: root mean square error in what a step observes of a stroke, from which on it may be halved.
-        unseen: a stroke goes that shows less than this share of what the mean one shows; after the last step as well.
-        start, end: shares of the steps before the first change and up to the last one.
-        every: share of the steps between changes.
+        unseen: a stroke goes that shows less than this fraction of what the mean one shows; after the last step as
+            well.
+        start, end: fractions of the steps before the first change and up to the last one.
+        every: fraction of the steps between changes.
         growth: the number of strokes grows at most by this factor in a change.
     """
 
@@ -94,10 +95,10 @@ class Density:
 def footprints(
     sketch: Sketch, observed: Observation, project: Callable[[Sketch, Cameras], Strokes2D] = project
 ) -> tuple[Float[Tensor, " N"], Float[Tensor, " N"]]:
-    """What each stroke shows, in pixels, and the squared error in what it shows; sums over all views.
+    """Measures what each stroke shows, in pixels, and the squared error in it; sums over all views.
 
-    The derivative of a rendering with respect to a stroke's colour is the stroke's share in each pixel, behind all
-    that is before it. Weighted by one in one channel, and by the error in another, both sums come from one pass.
+    The derivative of a rendering with respect to a stroke's colour is the stroke's blend weight in each pixel, behind
+    all that is before it. Weighted by one in one channel, and by the error in another, both sums come from one pass.
     """
     total = sketch.color.new_zeros(len(sketch), 3)
     cameras = observed.cameras

@@ -35,7 +35,7 @@ Projection = Callable[[Sketch, Cameras, int], Strokes2D]
 
 
 @runtime_checkable
-class Companion(Protocol):
+class Stateful(Protocol):
     """What learns beside the sketch, inside the objective, and must be in the checkpoint for a run to go on from it."""
 
     def state(self) -> dict[str, Tensor]:
@@ -74,7 +74,7 @@ class FitConfig:
     Attributes:
         steps: gradient steps.
         rates: learning rates at the first step.
-        final_rate: learning rates fall exponentially, to this share of their start.
+        final_rate: learning rates fall exponentially, to this fraction of their start.
         blur: of the renderings, pixels: a number, or a function of the step's index; only where `antialiasing` is a
             name.
         width_range: least and greatest width, in units of `Sketch.width`, if widths have a rate.
@@ -90,7 +90,7 @@ class FitConfig:
         checkpoint_every: steps.
         resume: go on from the checkpoint if it exists; the run continues as if it had never stopped.
         identity: what else a run must share to go on from a checkpoint, as JSON knows it.
-        companion: what learns in the objective; it is kept in the checkpoint and restored from it.
+        stateful: what learns in the objective; it is kept in the checkpoint and restored from it.
     """
 
     steps: int = 1000
@@ -108,7 +108,7 @@ class FitConfig:
     checkpoint_every: int = 100
     resume: bool = False
     identity: Mapping[str, object] = field(default_factory=dict)
-    companion: Companion | None = None
+    stateful: Stateful | None = None
 
     def __post_init__(self) -> None:
         self._check_kinds()
@@ -141,14 +141,14 @@ class FitConfig:
     def _check_kinds(self) -> None:
         """Raises TypeError for the first field of another kind; names it."""
         functions = isinstance(self.refinements, Sequence) and all(callable(r) for r in self.refinements)
-        learns = self.companion is None or isinstance(self.companion, Companion)
+        learns = self.stateful is None or isinstance(self.stateful, Stateful)
         rules = {
             "rates": (isinstance(self.rates, Rates), "Rates(points=..., ...)"),
             "project": (self.project is None or callable(self.project), "a function of sketch, cameras and step"),
             "refinements": (functions, "a sequence of functions"),
             "checkpoint": (isinstance(self.checkpoint, str | PathLike | None), "a path or None"),
             "identity": (isinstance(self.identity, Mapping), "a mapping from names to what JSON knows"),
-            "companion": (learns, "an object with the methods state and restore"),
+            "stateful": (learns, "an object with the methods state and restore"),
         }
         for name, (holds, expected) in rules.items():
             if not holds:
@@ -214,12 +214,12 @@ def fit(
     if config.rates.width and not bool((sketch.width > 0).all()):
         raise ValueError("a stroke of width 0 cannot grow: give all strokes a width to fit widths")
     sampler = _sampler(cameras)
-    companion = config.companion.state() if config.companion is not None else {}
-    state = replace(start(sketch.detach(), config.seed), companion=companion)
+    stateful = config.stateful.state() if config.stateful is not None else {}
+    state = replace(start(sketch.detach(), config.seed), stateful=stateful)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
         state = read_checkpoint(config.checkpoint, _settings(config)).to(sketch.points.device)
-        if config.companion is not None:
-            config.companion.restore(state.companion)
+        if config.stateful is not None:
+            config.stateful.restore(state.stateful)
     return _run(state, objective, sampler, config)
 
 
@@ -246,7 +246,7 @@ def _checked(views: Cameras, step: int) -> Cameras:
 
 
 def _settings(config: FitConfig) -> dict[str, object]:
-    """What must be the same for a run to go on from a checkpoint."""
+    """Names what must be the same for a run to go on from a checkpoint."""
     names = ("steps", "final_rate", "seed")
     how = antialiasing_from(config.antialiasing, samples=config.samples)
     mode, samples = ("montecarlo", how.samples) if isinstance(how, MonteCarlo) else ("analytic", MonteCarlo().samples)
@@ -285,8 +285,8 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
         edit = refine(state.index, config.steps, state.sketch, generator)
         if edit is not None:
             state = state.edited(edit)
-    if config.companion is not None:
-        state = replace(state, companion=config.companion.state())
+    if config.stateful is not None:
+        state = replace(state, stateful=config.stateful.state())
     step = Step(state.index, state.sketch, loss, Rendering(*(x.detach() for x in vars(rendering).values())))
     state = replace(state, index=state.index + 1, unseen=(*state.unseen, loss), random=generator.get_state())
     return (_looked_at(state) if _known_at_once(loss) else state), step

@@ -38,8 +38,8 @@ class NoiseDeletion:
 
     Attributes:
         length: strokes shorter than this go, world units. The paper: 0.1 in a ball of radius 1.5.
-        start: share of the steps before the first deletion; the paper: 2,000 of 4,000.
-        every: share of the steps between deletions; the paper: 100 of 4,000.
+        start: fraction of the steps before the first deletion; the paper: 2,000 of 4,000.
+        every: fraction of the steps between deletions; the paper: 100 of 4,000.
     """
 
     length: float = 0.1
@@ -77,8 +77,8 @@ class SupportPruning:
         ink: their targets, thickened by the distance that counts as agreement.
         least: mean `support` of a stroke to stay.
         length: shortest stroke to stay, world units.
-        replace: shares of the steps at which the count is restored by new strokes.
-        drop: shares of the steps at which strokes are only dropped.
+        replace: fractions of the steps at which the count is restored by new strokes.
+        drop: fractions of the steps at which strokes are only dropped.
         fresh: makes so many new strokes.
         count: strokes after a replacement.
     """
@@ -94,7 +94,9 @@ class SupportPruning:
 
     def __call__(self, step: int, steps: int, sketch: Sketch, generator: torch.Generator) -> Edit | None:
         """The strokes to keep and add after this step, or None."""
-        replacing, dropping = (step + 1 in [round(x * steps) for x in shares] for shares in (self.replace, self.drop))
+        replacing, dropping = (
+            step + 1 in [round(x * steps) for x in fractions] for fractions in (self.replace, self.drop)
+        )
         if not (replacing or dropping):
             return None
         supported = support(sketch, self.cameras, self.ink).mean(1)

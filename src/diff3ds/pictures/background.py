@@ -7,12 +7,12 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Bool, Float, Int, Tensor
-from diff3ds.pictures.clean_plates import Plates
+from diff3ds.pictures.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import SAME, PosedPictures
 from diff3ds.pictures.options import parse_color, parse_color_or_path
 from diff3ds.pictures.store import byte_array, opaque_views
 
-# A colour that takes this share of the pixels along the borders is a background; photographs have none.
+# A colour that takes this fraction of the pixels along the borders is a background; photographs have none.
 PLAIN = 0.95
 # Pictures named in an error.
 NAMES = 5
@@ -27,14 +27,14 @@ def parse_background(text: str) -> Float[Tensor, " 3"]:
 
 
 def color_or_path(text: str) -> Float[Tensor, " 3"] | Path:
-    """What `parse_color_or_path` finds in a text, a colour as a tensor; errors are its own."""
+    """Reads a text as `parse_color_or_path` does, a colour as a tensor; errors are its own."""
     found = parse_color_or_path(text)
     return found if isinstance(found, Path) else torch.tensor(found)
 
 
 def with_alpha(
-    pictures: PosedPictures, background: Float[Tensor, " 3"] | Plates | None
-) -> tuple[PosedPictures, Tensor | Plates | None]:
+    pictures: PosedPictures, background: Float[Tensor, " 3"] | CleanPlates | None
+) -> tuple[PosedPictures, Tensor | CleanPlates | None]:
     """Coloured pictures whose alpha tells the object, and what lies behind it, None where alpha tells.
 
     Pictures with an alpha of their own stay as they are. Others get alpha 0 in pixels that show the background: the one
@@ -69,15 +69,15 @@ def with_alpha(
 
 
 def behind(
-    background: Float[Tensor, " 3"] | Plates, views: Sequence[int] | Int[Tensor, " B"]
+    background: Float[Tensor, " 3"] | CleanPlates, views: Sequence[int] | Int[Tensor, " B"]
 ) -> Float[Tensor, " 3"] | Float[Tensor, "B H W 3"]:
-    """What lies behind the objects of these views."""
-    return background.store.batch(views).pixels[..., :3] if isinstance(background, Plates) else background
+    """The picture or colour that lies behind the objects of these views."""
+    return background.store.batch(views).pixels[..., :3] if isinstance(background, CleanPlates) else background
 
 
-def described(background: Float[Tensor, " 3"] | Plates | None) -> list[float] | str | None:
+def described(background: Float[Tensor, " 3"] | CleanPlates | None) -> list[float] | str | None:
     """A background as JSON knows it: its colour, or a digest of its pictures."""
-    if isinstance(background, Plates):
+    if isinstance(background, CleanPlates):
         return f"pictures with SHA-256 {background.digest()}"
     return None if background is None else background.tolist()
 
@@ -105,8 +105,8 @@ def _large(difference: Float[Tensor, "*S 3"]) -> Bool[Tensor, "*S"]:
 
 def _smooth(values: Float[Tensor, "B H W 3"], known: Bool[Tensor, "B H W"]) -> Float[Tensor, "B H W 3"]:
     """Means over the known pixels of windows around each pixel."""
-    share = known[..., None].float()
-    sums = torch.cat([values * share, share], -1).movedim(-1, 1)
+    fraction = known[..., None].float()
+    sums = torch.cat([values * fraction, fraction], -1).movedim(-1, 1)
     means = torch.nn.functional.avg_pool2d(sums, WINDOW, 1, WINDOW // 2).movedim(1, -1)
     return means[..., :3] / means[..., 3:].clamp(min=1e-6)
 

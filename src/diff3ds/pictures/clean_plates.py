@@ -15,7 +15,7 @@ from diff3ds.transforms import NAMED, View, present_views
 
 
 @dataclass(frozen=True, eq=False)
-class Plates:
+class CleanPlates:
     """What lies behind the objects of V pictures.
 
     Attributes:
@@ -34,10 +34,10 @@ class Plates:
         return found.hexdigest()
 
 
-def load_plates(
+def load_clean_plates(
     path: Path, source: Path, size: int = 512, scratch: Path | None = None, told: Told = lambda done, total: None
-) -> Plates:
-    """What lies behind the pictures of a transforms file, reduced and undistorted as `load_posed` does it with them.
+) -> CleanPlates:
+    """Loads what lies behind the pictures of a transforms file, reduced and undistorted as `load_posed` does it.
 
     Args:
         path: the transforms.json.
@@ -66,7 +66,7 @@ def load_plates(
         store = load_views(_one_for_all(source, views), sizes, None, scratch, told=told, read=read)
     if not opaque_views(store).all():
         raise ValueError(f"{source}: a background must be opaque, but has transparent pixels: lay it over a colour")
-    return Plates(source, store)
+    return CleanPlates(source, store)
 
 
 def _one_for_all(picture: Path, views: list[View]) -> list[View]:
@@ -106,6 +106,6 @@ def _one_each(folder: Path, views: list[View]) -> list[View]:
 
 
 def _plate(folder: Path, picture: Path) -> Path:
-    """By name, or by name in a folder of the same name, where several cameras count their pictures alike."""
+    """Finds a plate by name, or by name in a folder of that name, where several cameras count their pictures alike."""
     plate = folder / picture.name
     return plate if plate.is_file() else folder / picture.parent.name / picture.name

@@ -6,8 +6,8 @@ from diff3ds._shapes import Float, Tensor
 
 # Alpha that is clearly transparent: what has more is glass, a shadow, or the rest of an editor's work. Empirical.
 CLEAR = 0.25
-# Clear pixels make an area if all their neighbours are clear, and the picture is cut out if such pixels take this share
-# of it: stray ones, slits, dithering and the round corners of a screenshot (.01 %) do not. Empirical.
+# Clear pixels make an area if all their neighbours are clear, and the picture is cut out if such pixels take this
+# fraction of it: stray ones, slits, dithering and the round corners of a screenshot (.01 %) do not. Empirical.
 AREA = 0.005
 
 

@@ -17,7 +17,7 @@ from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
 from diff3ds.transforms import View, near_of, present_views, require_files
 
-# Gray pictures whose background takes more than this share of the pixels are edge maps or line drawings. A drawing's
+# Gray pictures whose background takes more than this fraction of the pixels are edge maps or line drawings. A drawing's
 # lines rarely cover a third; photographs have no single background value.
 DRAWING_BACKGROUND = 0.65
 # How far channels, or background pixels, may lie apart: 5 % hides the noise of JPEG files.
@@ -49,7 +49,7 @@ class PosedPictures:
         return len(self.cameras)
 
     def digest(self) -> str:
-        """Of the pictures and their cameras: a run of others is another run."""
+        """The digest of the pictures and their cameras: a run of others is another run."""
         matrices = (self.cameras.world_to_camera, self.cameras.intrinsics)
         posed = b"".join(m.detach().cpu().contiguous().numpy().tobytes() for m in matrices)
         return hashlib.sha256(posed + self.store.digest().encode()).hexdigest()
@@ -181,7 +181,7 @@ def _nothing(store: Store, views: list[View], masks: Masks) -> str:
 
 
 def _left_nothing(views: list[View], masks: Masks) -> str:
-    """What leaves no pixel of these views known."""
+    """Says what leaves no pixel of these views known."""
     if any(has_left_out(view, masks) for view in views):
         return "masks leave out everything: black pixels do not count, or the others of a dynamic_mask_*.png"
     return "lens distortion leaves nothing: check k1 to k3"

@@ -7,17 +7,17 @@ from diff3ds._shapes import Bool, Float
 
 Array = NDArray[np.float64]
 
-# The ink of a drawing is nowhere deeper than this share of the picture's side, but for a tenth of it: what is deeper
+# The ink of a drawing is nowhere deeper than this fraction of the picture's side, but for a tenth of it: what is deeper
 # is an area. A felt tip of 6 % of the object's size is half as deep.
 DEEP = 0.03
-# A pixel with this share of the darkest ink is a line's.
+# A pixel with this fraction of the darkest ink is a line's.
 INKED = 0.5
-# Ink that spans less than this share of the picture is a speck.
+# Ink that spans less than this fraction of the picture is a speck.
 SPECK = 0.03
-# Lightness of paper changes slowly, over this share of the picture's longer side; grain is smaller than the other.
+# Lightness of paper changes slowly, over this fraction of the picture's longer side; grain is smaller than the other.
 SLOW, GRAIN = 0.06, 0.002
-# Ink is darker than paper by this share at least, and by so many times the grain's median deviation; it takes less than
-# these shares of the picture and of its borders. Empirical.
+# Ink is darker than paper by this fraction at least, and by so many times the grain's median deviation; it takes less
+# than these fractions of the picture and of its borders. Empirical.
 DARKER, DEVIATIONS, MOST, MOST_AT_BORDERS = 0.12, 6.0, 0.25, 0.1
 
 
@@ -45,7 +45,7 @@ def ink_on_paper(image: Float[NDArray[np.float32], "H W 3"]) -> Float[NDArray[np
 
 
 def without_specks(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.bool_], "H W"]:
-    """What hangs together over more than specks do."""
+    """Keeps what hangs together over more than specks do."""
     from scipy.ndimage import find_objects, label
 
     names, _ = label(drawn, np.ones((3, 3)))
@@ -61,7 +61,7 @@ def is_thin(ink: Float[NDArray[np.float32], "H W"]) -> bool:
 
 
 def depth_in(ink: Float[NDArray[np.float32], "H W"]) -> Float[Array, "H W"]:
-    """How deep each pixel lies in the ink, pixels."""
+    """Measures how deep each pixel lies in the ink, pixels."""
     from scipy.ndimage import distance_transform_edt
 
     return np.asarray(distance_transform_edt(ink > INKED * ink.max()))

@@ -62,7 +62,7 @@ def straightened(
     """Area means, as `area_means` makes them, of the picture without distortion, as `undistorted` makes it.
 
     Returns:
-        The means, in which pixels that are not known count as 0; and the share of each that is known.
+        The means, in which pixels that are not known count as 0; and the fraction of each that is known.
     """
     means, known = picture.new_empty((*size, picture.shape[2])), picture.new_empty(size)
     across = even_ends(size[1], extent[1])

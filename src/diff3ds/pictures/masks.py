@@ -9,7 +9,7 @@ from diff3ds.formats.orientation import load_of_size
 from diff3ds.pictures.options import Masks
 from diff3ds.transforms import View
 
-# Masks in JPEG files are not quite black: what has at most this share of the brightest is. Empirical.
+# Masks in JPEG files are not quite black: what has at most this fraction of the brightest is. Empirical.
 BLACK = 0.05
 # instant-ngp's name of a mask beside the picture, white where the picture is left out.
 DYNAMIC = "dynamic_mask_{}.png"
@@ -51,7 +51,7 @@ def counted(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
     return kept
 
 
-def object_share(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
+def object_fraction(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
     """Share of each pixel that is object, by the view's mask; None if no mask says so.
 
     Raises:

@@ -30,7 +30,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Pyramid:
-    """Levels, coarse to fine, each for an equal share of the steps, and the random views of every step.
+    """Levels, coarse to fine, each for an equal fraction of the steps, and the random views of every step.
 
     Which views a step sees depends on the seed and the step alone, so that a resumed run sees the same.
     """
@@ -58,7 +58,7 @@ class Pyramid:
         return self.level(step).cameras[self.views(step)]
 
     def targets(self, step: int) -> Batch:
-        """What the renderings of a step should show."""
+        """The pictures that the renderings of a step should show."""
         return self.level(step).store.batch(self.views(step))
 
     def blur(self, step: int) -> float:
@@ -82,15 +82,15 @@ def build_pyramid(cameras: Cameras, store: Store, steps: int, batch: int, seed: 
 def _fill(levels: list[Level], views: Int[Tensor, " B"]) -> None:
     """Makes the coarse levels of some views, each from the next finer one before its blur."""
     batch = levels[-1].store.batch(views)
-    pixels, share = batch.pixels, batch.known[..., None].float()
+    pixels, fraction = batch.pixels, batch.known[..., None].float()
     for level in reversed(levels[:-1]):
         pixels = area_means(pixels, level.cameras.size)
         means = blurred(pixels, level.blur)
         if not is_all_known(level.store.known):
             # Means over what is known: as at the borders of images, it goes on where nothing is known.
-            share = area_means(share, level.cameras.size)
-            known = share > KNOWN
-            means = means / blurred(share, level.blur).clamp(min=1e-6) * known
+            fraction = area_means(fraction, level.cameras.size)
+            known = fraction > KNOWN
+            means = means / blurred(fraction, level.blur).clamp(min=1e-6) * known
             level.store.known[views] = known[..., 0]
         level.store.pixels[views] = as_bytes(means)
 

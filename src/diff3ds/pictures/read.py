@@ -9,7 +9,7 @@ from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_reduced
 from diff3ds.pictures.cutout import premultiplied
 from diff3ds.pictures.lens import straightened
-from diff3ds.pictures.masks import counted, has_left_out, object_share
+from diff3ds.pictures.masks import counted, has_left_out, object_fraction
 from diff3ds.pictures.options import Masks
 from diff3ds.pictures.resample import area_means
 from diff3ds.transforms import View
@@ -28,13 +28,13 @@ class Decoded:
     Attributes:
         pixels: RGB times alpha, and alpha, of the picture, perhaps reduced.
         times: how many times smaller than the file it is.
-        share: of each pixel that is object, by a mask, or None.
+        fraction: of each pixel that is object, by a mask, or None.
         kept: 1 where the picture counts, 0 where masks leave it out, or None.
     """
 
     pixels: Float[Tensor, "H W 4"]
     times: int
-    share: Float[Tensor, "H W"] | None
+    fraction: Float[Tensor, "H W"] | None
     kept: Float[Tensor, "H W"] | None
 
 
@@ -65,20 +65,20 @@ def decode(view: View, size: tuple[int, int], masks: Masks = "ignore") -> Decode
     image, full, times = load_reduced(view.picture, None if masked else (DECODED * size[0], DECODED * size[1]))
     if full != view.size:
         image, times = load_of_size(view.picture, view.size, "the cameras say"), 1
-    return Decoded(premultiplied(image), times, object_share(view, masks), counted(view, masks))
+    return Decoded(premultiplied(image), times, object_fraction(view, masks), counted(view, masks))
 
 
 def shown(
     picture: Decoded, view: View, size: tuple[int, int], cut: bool = True
 ) -> tuple[Float[Tensor, "h w 4"], Bool[Tensor, "h w"]]:
-    """What a view shows of these files, as `read_view` gives it.
+    """Cuts, undistorts and reduces these files to what a view shows, as `read_view` gives it.
 
     Args:
         cut: whether a mask cuts the object out.
     """
     pixels, kept = picture.pixels, picture.kept
-    if picture.share is not None and cut:
-        pixels = pixels * picture.share[..., None]
+    if picture.fraction is not None and cut:
+        pixels = pixels * picture.fraction[..., None]
     extent = (view.size[0] / picture.times, view.size[1] / picture.times)
     if not any(view.distortion):
         means = area_means(pixels[None], size, extent)[0]

@@ -38,7 +38,7 @@ def area_means(
 
 
 def even_ends(count: int, extent: float) -> Float[Tensor, " N"]:
-    """Where so many pixels begin that share this length evenly, and where the last one ends; float64."""
+    """The places where so many pixels begin that share this length evenly, and where the last one ends; float64."""
     return torch.arange(count + 1, dtype=torch.float64) * (extent / count)
 
 
@@ -93,7 +93,7 @@ def means_between(images: Float[Tensor, "*S"], dim: int, ends: Float[Tensor, " N
     for tap in range(int((stop.ceil().long() - first).max())):
         pixel = first + tap
         overlap = torch.minimum(stop, pixel + 1.0) - torch.maximum(start, pixel.double())
-        share = (overlap.clamp(min=0) / length).to(images.dtype)
+        fraction = (overlap.clamp(min=0) / length).to(images.dtype)
         part = images.index_select(dim, pixel.clamp(max=there - 1))
-        total.addcmul_(part, share.reshape([-1 if d == dim else 1 for d in range(images.ndim)]))
+        total.addcmul_(part, fraction.reshape([-1 if d == dim else 1 for d in range(images.ndim)]))
     return total

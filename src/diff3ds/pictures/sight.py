@@ -12,8 +12,8 @@ from diff3ds.camera import Cameras
 # Of all views, those whose optical axes are searched for points that others see, and the depths at which, relative to
 # the distances between the cameras. Enough to meet what fills a tenth of the pictures.
 AXES, DEPTHS, NEAREST, FARTHEST = 32, 48, 0.05, 50.0
-# Read in another way, so large a share of the views must see one point, and this many times the share of those read
-# as they should be, before that is called the fault. Empirical: of cameras around an object all see its centre, in
+# Read in another way, so large a fraction of the views must see one point, and this many times the fraction of those
+# read as they should be, before that is called the fault. Empirical: of cameras around an object all see its centre, in
 # either lens; read wrongly, a sixth to a half.
 MOST_SEE, BETTER = 0.9, 1.5
 # In the whole pictures, or in so large a part around their middle: wide pictures show much whatever the rotations.
@@ -23,7 +23,7 @@ PARTS = (1.0, 0.5, 0.25)
 SPREAD = 0.03
 # So many views: of two or three, chance makes pairs.
 FEWEST = 3
-# Cameras within this share of their distance from the origin stand at one place.
+# Cameras within this fraction of their distance from the origin stand at one place.
 ONE_PLACE = 1e-9
 _AXES = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
 
@@ -52,12 +52,12 @@ def check_sight(path: Path, cameras: Cameras, sizes: list[tuple[int, int]]) -> N
     for part in PARTS if len(cameras) >= FEWEST else ():
         seen, _ = _most_seen(cameras, corners, part)
         for what, other in _other_readings(cameras):
-            share, spread = _most_seen(other, corners, part)
-            if share >= MOST_SEE and share >= BETTER * seen and spread >= SPREAD:
+            fraction, spread = _most_seen(other, corners, part)
+            if fraction >= MOST_SEE and fraction >= BETTER * seen and spread >= SPREAD:
                 where = "" if part == 1 else "near the middle "
                 raise ValueError(
                     f"{path}: the cameras do not look at one thing: no point is {where}in more than {seen:.0%} of the "
-                    f"pictures. But {share:.0%} show one point there if {what}; transform_matrix must be "
+                    f"pictures. But {fraction:.0%} show one point there if {what}; transform_matrix must be "
                     "camera-to-world, with OpenGL axes (x right, y up, looking along -z)"
                 )
     seen, _ = _most_seen(cameras, corners, 1.0)
@@ -69,7 +69,7 @@ def check_sight(path: Path, cameras: Cameras, sizes: list[tuple[int, int]]) -> N
 
 
 def _other_readings(cameras: Cameras) -> Iterator[tuple[str, Cameras]]:
-    """What people write by mistake, and the cameras that they mean."""
+    """Lists what people write by mistake, and the cameras that they mean."""
     # What the file holds.
     to_world = torch.linalg.inv(cameras.world_to_camera) @ _AXES
     transposed = to_world.clone()
@@ -87,10 +87,10 @@ def _posed(cameras: Cameras, world_to_camera: Float[Tensor, "V 4 4"]) -> Cameras
 
 
 def _most_seen(cameras: Cameras, corners: Float[Tensor, "V 2"], part: float) -> tuple[float, float]:
-    """The largest share of the cameras that have one point in this part of their pictures, and from how far apart.
+    """The largest fraction of the cameras that have one point in this part of their pictures, and from how far apart.
 
     Returns:
-        The share, and the least mean square of the sine between any direction and those in which they see the point.
+        The fraction, and the least mean square of the sine between any direction and those in which they see the point.
     """
     points = torch.cat([_on_axes(cameras, corners), _between_axes(cameras, corners)])
     # Of points relative to the cameras: in map coordinates products would lose digits.
@@ -108,7 +108,7 @@ def _most_seen(cameras: Cameras, corners: Float[Tensor, "V 2"], part: float) -> 
 
 
 def _directions(cameras: Cameras, corners: Float[Tensor, "V 2"]) -> Float[Tensor, "V 3"]:
-    """Of the rays through the middle of the pictures."""
+    """The directions of the rays through the middle of the pictures."""
     middle = torch.cat([corners / 2, torch.ones_like(corners[:, :1])], 1)
     rays = torch.linalg.solve(cameras.intrinsics, middle)[..., None]
     return torch.nn.functional.normalize((cameras.world_to_camera[:, :3, :3].mT @ rays)[..., 0], dim=-1)

@@ -66,7 +66,7 @@ class Store:
         return Batch(self.pixels[rows].float().div_(255), self.known[rows])
 
     def digest(self) -> str:
-        """Of all that the pictures show: equal for equal pictures."""
+        """The digest of all that the pictures show: equal for equal pictures."""
         digest = hashlib.sha256(str(tuple(self.pixels.shape)).encode())
         for views in self.chunks():
             digest.update(self.pixels[views].numpy().data)

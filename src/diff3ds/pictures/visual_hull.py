@@ -13,8 +13,8 @@ from diff3ds.pictures.store import Store
 REACH = 1.25
 # Cells along its side: about 1.5 px of a picture of 100 px.
 SIDE = 64
-# A cell is empty where more than this share of the views that contain it show no content there: one picture of twenty
-# with a wrong camera or mask carves nothing.
+# A cell is empty where more than this fraction of the views that contain it show no content there: one picture of
+# twenty with a wrong camera or mask carves nothing.
 OUTVOTED = 0.05
 # Cells beside an empty one make a layer |n_x| + |n_y| + |n_z| cells thick across a plane of normal n, 3/2 on average.
 THICKNESS = 1.5
@@ -93,7 +93,7 @@ def _surface(solid: Bool[Tensor, "D D D"]) -> Bool[Tensor, "D D D"]:
 
 
 def _outward(solid: Bool[Tensor, "D D D"]) -> Float[Tensor, "D D D 3"]:
-    """Directions in which the share of solid cells falls."""
+    """Directions in which the fraction of solid cells falls."""
     smooth = solid.float()[None, None]
     for _ in range(2):
         smooth = torch.nn.functional.avg_pool3d(smooth, 3, 1, 1, count_include_pad=False)

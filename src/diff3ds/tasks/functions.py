@@ -105,8 +105,8 @@ def _folder(out: str | PathLike[str] | None, options: Mapping[str, Any]) -> Iter
     if out is not None:
         yield Path(out)
         return
-    if idle := [name for name in ("resume", "overwrite") if options.get(name)]:
-        raise ValueError(f"{idle[0]} is for the run in a folder: give out as well")
+    if needless := [name for name in ("resume", "overwrite") if options.get(name)]:
+        raise ValueError(f"{needless[0]} is for the run in a folder: give out as well")
     with tempfile.TemporaryDirectory() as folder:
         yield Path(folder) / "run"
 

@@ -68,7 +68,7 @@ class StageTimes:
         self._since = (0.0, 0.0)
 
     def begin(self, stage: str) -> None:
-        """From here on time counts for this stage."""
+        """Counts time for this stage from here on."""
         now = time.perf_counter(), time.process_time()
         if self._stage is not None:
             spent = self._spent.setdefault(self._stage, [0.0, 0.0])
@@ -76,7 +76,7 @@ class StageTimes:
         self._stage, self._since = stage, now
 
     def seconds(self) -> dict[str, dict[str, float]]:
-        """Of every stage so far: on the clock, and of the processor."""
+        """The seconds of every stage so far: on the clock, and of the processor."""
         if self._stage is not None:
             self.begin(self._stage)
         return {

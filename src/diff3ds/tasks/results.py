@@ -57,7 +57,7 @@ def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Te
     """
     save(out / "sketch.json", sketch)
     save(out / "sketch.step", sketch)
-    save(out / "sketch.svg", sketch, cameras[spread(len(cameras), SVG_VIEWS)])
+    save(out / "sketch.svg", sketch, cameras[evenly_spaced(len(cameras), SVG_VIEWS)])
     save_png(out / "preview.png", preview)
     every = -(-len(info.losses) // MOST_LOSSES) or 1
     content = {
@@ -81,7 +81,7 @@ def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Te
     write_text(out / "run.json", json.dumps(content, indent=1))
 
 
-def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int = ROOM) -> None:
+def check_output_folder(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int = ROOM) -> None:
     """Sees that a run may have this folder, before any work.
 
     Args:
@@ -110,7 +110,7 @@ def claim(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int 
 
 
 @contextmanager
-def folder_of(out: Path) -> Iterator[None]:
+def output_folder(out: Path) -> Iterator[None]:
     """The folder of a run is there from its start; where the run ends before anything is in it, it goes again."""
     made = [path for path in (out, *out.parents) if not path.exists()]
     out.mkdir(parents=True, exist_ok=True)
@@ -123,6 +123,6 @@ def folder_of(out: Path) -> Iterator[None]:
         raise
 
 
-def spread(count: int, wanted: int) -> Int[Tensor, " M"]:
-    """Up to `wanted` indices evenly over so many."""
+def evenly_spaced(count: int, wanted: int) -> Int[Tensor, " M"]:
+    """Picks up to `wanted` of `count` indices, evenly spaced."""
     return torch.arange(min(count, wanted)) * count // min(count, wanted)

@@ -13,7 +13,7 @@ class ShownLoss:
         self._value, self._due = math.nan, -math.inf
 
     def of(self, step: Step) -> float:
-        """Of this step, or of one not long before."""
+        """The loss of this step, or of one not long before."""
         if step.loss_tensor.device.type == "cpu" or time.monotonic() >= self._due:
             self._value, self._due = step.loss, time.monotonic() + 1
         return self._value

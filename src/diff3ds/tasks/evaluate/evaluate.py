@@ -199,7 +199,7 @@ def _scores(
 
 
 def _about(options: EvaluateOptions, networks: JudgeOptions, rows: Sequence[Row]) -> dict[str, Any]:
-    """How the scores came about."""
+    """Describes how the scores were made."""
     views = (
         f"{VIEWS}, azimuth 0 to 315 degrees, elevation {options.elevation:g}, distance {options.distance:g}, field of "
         f"view {options.fov:g}, {options.size} pixels, on white"

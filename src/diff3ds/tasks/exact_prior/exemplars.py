@@ -132,7 +132,7 @@ def arranged(sketch: Sketch, request: Request) -> Sketch:
 
 
 def painted(sketch: Sketch, color: Color | None) -> Sketch:
-    """With strokes of this colour, straight RGB; None leaves them."""
+    """Gives all strokes this colour, straight RGB; None leaves them as they are."""
     if color is None:
         return sketch
     return replace(sketch, color=sketch.color.new_tensor(color).expand(len(sketch), 3).contiguous())
@@ -153,7 +153,7 @@ def _in_a_row(sketch: Sketch, count: int) -> list[Sketch]:
 
 
 def _fitted(sketch: Sketch) -> Sketch:
-    """In the middle of the unit ball, and as large as it allows."""
+    """Moves a sketch to the middle of the unit ball and makes it as large as that allows."""
     points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
     middle = (points.amin(0) + points.amax(0)) / 2
     scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()

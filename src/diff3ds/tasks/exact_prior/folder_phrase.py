@@ -60,7 +60,7 @@ def named(said: str) -> Name | None:
 
 
 def asked_of(names: Sequence[Name], phrase: str, place: str) -> Request:
-    """What a phrase asks for, of what is there: `category` is a noun, `attributes` are words of names.
+    """Reads a phrase by the names of what is there: `category` is a noun, `attributes` are words of names.
 
     Args:
         place: what the names belong to, for messages.
@@ -124,7 +124,7 @@ def _read(request: Request, word: str, known: Collection[str], phrase: str, plac
 
 
 def _behind(words: list[str]) -> list[str]:
-    """What words behind the noun say: of "with a low back without arms", "low", "back" and "without arms"."""
+    """Reads the words behind the noun: "with a low back without arms" gives "low", "back" and "without arms"."""
     behind, prefix = [], ""
     for word in words:
         if word in ("with", "without"):

@@ -48,7 +48,7 @@ class FolderMember:
     name: Name
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For another process, as arrays: torch hands over each tensor as an open file, and a thousand are allowed."""
+        """Hands a member to another process as arrays: torch would open a file a tensor, and a thousand are allowed."""
         arrays = {name: value.numpy() for name, value in self.sketch.tensors().items()}
         return _unpacked, (arrays, self.name)
 
@@ -78,7 +78,7 @@ class SketchFolder:
 
     @property
     def names(self) -> tuple[Name, ...]:
-        """What the members are."""
+        """The names of the members."""
         return tuple(member.name for member in self.members)
 
     @property
@@ -87,7 +87,7 @@ class SketchFolder:
         return {"library": str(self.path), "library_sha256": self.digest}
 
     def __str__(self) -> str:
-        """In words."""
+        """Says it in words."""
         counts = Counter(name.noun for name in self.names)
         kinds = listed(f"{noun} ({count})" for noun, count in counts.items())
         rest = [*self.passed[:SAID], *(["..."] if len(self.passed) > SAID else [])]
@@ -96,7 +96,7 @@ class SketchFolder:
 
 
 def identity_of(folder: SketchFolder | None) -> dict[str, object]:
-    """What a resumed run must share: the folder and its members, or that there is none."""
+    """Names what a resumed run must share: the folder and its members, or that there is none."""
     return {"library": None, "library_sha256": None} if folder is None else folder.identity
 
 
@@ -153,7 +153,7 @@ def _files(folder: Path, deep: bool = False) -> Iterator[Path]:
 
 
 def _named(file: Path, root: Path) -> Name:
-    """What a file is: the name of its sub-folder, or its own."""
+    """Reads what a file shows from the name of its sub-folder, or from its own."""
     said = file.stem if file.parent == root else file.parent.name
     name = named(said)
     if name is None:
@@ -199,10 +199,10 @@ def _feature_lines(file: Path, up: Up) -> tuple[Sketch, str]:
         sketch = mesh_lines(vertices, faces, MOST_STROKES).sketch(DEFAULT_WIDTH)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
-    share = outline_share(vertices, faces)
-    if share >= LEAST_OUTLINE:
+    fraction = outline_share(vertices, faces)
+    if fraction >= LEAST_OUTLINE:
         return sketch, ""
     return sketch, (
-        f"warning: {file}: its sharp edges and borders draw {share:.0%} of its outlines; the others lie on its smooth "
-        "parts and change with the view: they are not drawn"
+        f"warning: {file}: its sharp edges and borders draw {fraction:.0%} of its outlines; the others lie on its "
+        "smooth parts and change with the view: they are not drawn"
     )

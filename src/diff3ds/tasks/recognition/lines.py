@@ -17,8 +17,8 @@ from diff3ds.pictures.reference_picture import FAINT, ReferencePicture
 Array = NDArray[np.float64]
 Kind = Literal["drawing", "photograph"]
 
-# Inside an object that was cut out, paper is the colour of most of it; ink has less than this share, differs by this,
-# and lies deeper than so many pixels, by the median. Empirical.
+# Inside an object that was cut out, paper is the colour of most of it; ink has less than this fraction, differs by
+# this, and lies deeper than so many pixels, by the median. Empirical.
 MOST_INK, PLAIN, RIM = 0.4, 0.12, 2.0
 # Lines whose pixels lie deeper than this, by their median, are wide: over a line of half width h depths are even from
 # 0 to h.
@@ -94,9 +94,9 @@ def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32]
     inside = alpha > INKED * alpha.max()
     colors = rgba[..., :3] / np.maximum(alpha, 1e-3)[..., None]
     differs = np.abs(colors - np.median(colors[inside], axis=0)).max(-1) * inside
-    share = float((differs[inside] > PLAIN).mean())
-    strongest = float(np.quantile(differs, 1 - 0.1 * share * inside.mean())) if share else 0.0
-    if not 0 < share < MOST_INK or strongest < PLAIN:
+    fraction = float((differs[inside] > PLAIN).mean())
+    strongest = float(np.quantile(differs, 1 - 0.1 * fraction * inside.mean())) if fraction else 0.0
+    if not 0 < fraction < MOST_INK or strongest < PLAIN:
         return None
     ink = np.clip(differs / strongest, 0, 1)
     # Mixed colours along the outline are no ink.

@@ -59,11 +59,11 @@ class Recognised:
 
     @property
     def camera(self) -> Cameras:
-        """Where the picture was taken from, as far as its lines tell."""
+        """The camera that took the picture, as far as its lines tell."""
         return cameras_at([(self.azimuth, self.elevation)])
 
     def __str__(self) -> str:
-        """In words."""
+        """Says it in words."""
         side, height = round((self.azimuth + 180) % 360 - 180), round(self.elevation)
         # Azimuths run counter-clockwise seen from above, which is to the right of who faces the front.
         beside = f"{abs(side)} degrees to the {'right' if side > 0 else 'left'} of the front"
@@ -72,7 +72,7 @@ class Recognised:
         return f"{self.caption} ({self.confidence:.0%}), seen from {around}, {upright}"
 
     def as_json(self) -> dict[str, object]:
-        """In the types of JSON."""
+        """Says it in the types of JSON."""
         return {**asdict(self), "attributes": list(self.attributes), "scores": [list(pair) for pair in self.scores]}
 
 
@@ -134,12 +134,12 @@ def confidence(best: float, next_best: float, gap: float) -> float:
 
 
 def gap_to(lines: Lines, category: str, match: Match) -> float:
-    """How far the lines of a match lie from a picture's: see `gap`."""
+    """Measures how far the lines of a match lie from a picture's: see `gap`."""
     return gap(lines, _drawn(category, match.attributes, match.seed), cameras_at([(match.azimuth, match.elevation)]))
 
 
 def gap(lines: Lines, sketch: Sketch, cameras: Cameras) -> float:
-    """How far a sketch's lines, as a camera sees them, lie from a picture's: the mean distance both ways.
+    """Measures how far a sketch's lines, as a camera sees them, lie from a picture's: the mean distance both ways.
 
     In lengths of the longer side of their boxes. Scores forgive what is missing: a bare circle is more like a clock
     than like anything else, but hands and ticks lie far from it.
@@ -266,7 +266,7 @@ def pieces(sketch: Sketch, cameras: Cameras) -> tuple[Float[Tensor, "V N 2"], Fl
 
 
 def descriptors(points: Float[Tensor, "V N 2"], tangents: Float[Tensor, "V N 2"]) -> Float[Tensor, "V D"]:
-    """How much line of which direction lies where: unit vectors, whose dot products compare views.
+    """Describes how much line of which direction lies where, by unit vectors whose dot products compare views.
 
     A histogram of oriented pieces over cells, blurred. A cell holds no more than a line through it: lines that fall
     together count once. Square roots lessen the weight of what is dense.
@@ -276,8 +276,8 @@ def descriptors(points: Float[Tensor, "V N 2"], tangents: Float[Tensor, "V N 2"]
     length = torch.linalg.vector_norm(tangents, dim=-1) * CELLS / SIDE
     count = torch.zeros(len(points) * DIRECTIONS * CELLS * CELLS)
     place = torch.arange(len(points))[:, None] * (DIRECTIONS * CELLS * CELLS) + cell[..., 1] * CELLS + cell[..., 0]
-    lower, share = turn.long(), turn.frac()
-    for direction, weight in ((lower, 1 - share), (lower + 1, share)):
+    lower, fraction = turn.long(), turn.frac()
+    for direction, weight in ((lower, 1 - fraction), (lower + 1, fraction)):
         count.index_add_(0, (place + direction % DIRECTIONS * (CELLS * CELLS)).flatten(), (weight * length).flatten())
     held = count.view(-1, DIRECTIONS, CELLS, CELLS)
     held = held / held.sum(1, keepdim=True).clamp(min=1)

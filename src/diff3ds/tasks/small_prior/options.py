@@ -58,5 +58,5 @@ class TrainOptions:
         self.shape(1)
 
     def shape(self, words: int) -> Shape:
-        """Of the network, for so many words."""
+        """The shape of the network, for so many words."""
         return Shape(words, patch=self.patch, width=self.width, depth=self.depth)

@@ -76,7 +76,7 @@ def combinations(category: str, held_out: bool) -> tuple[tuple[str, ...], ...]:
 
 
 def draw_request(generator: torch.Generator) -> Request:
-    """What one of the training's members is."""
+    """Draws what one of the training's members is to be."""
 
     def one_of(count: int) -> int:
         return int(torch.randint(count, (), generator=generator))
@@ -109,7 +109,7 @@ class Subjects(Protocol):
 
     @property
     def shown(self) -> list[dict[str, float]]:
-        """What is said of some of them, to see what a network has learned so far."""
+        """Picks some of the examples, to see what a network has learned so far."""
         ...
 
     def draw(self, generator: torch.Generator) -> tuple[Sketch, dict[str, float]]:
@@ -210,7 +210,7 @@ def shaken(sketch: Sketch, amount: float, generator: torch.Generator) -> Sketch:
 
 
 def single_thread(worker: int) -> None:
-    """What a worker process does first: the machine's cores belong to the network."""
+    """Keeps a worker process to one thread: the machine's cores belong to the network."""
     torch.set_num_threads(1)
     set_num_threads(1)
 

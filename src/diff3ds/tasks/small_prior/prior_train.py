@@ -27,19 +27,21 @@ from diff3ds.guidance.small_network import SmallNetwork
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Progress, Report, Stopped
-from diff3ds.tasks.results import ROOM_FOR_NETWORKS, claim
+from diff3ds.tasks.results import ROOM_FOR_NETWORKS, check_output_folder
 from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.small_prior.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.small_prior.prior_samples import sample_sheet
 
 CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
-# Steps over which the learning rate rises, and the share of the steps over which it falls to 0 at the end. Empirical.
+# Steps over which the learning rate rises, and the fraction of the steps over which it falls to 0 at the end.
+# Empirical.
 WARM_UP, COOL_DOWN = 50, 0.4
 # Timesteps are drawn evenly between these; at others there is nothing to learn, or nothing to see.
 FIRST, LAST = 20, 980
 # So many steps know a reference view; what else they know is then left out half of the time, in other steps seldom.
 WITH_REFERENCE, WITHOUT_WORDS = 0.35, (0.12, 0.5)
-# The mean of the weights over steps that ships looks back by a share of all steps so far, and by no more than so many.
+# The mean of the weights over steps that ships looks back by a fraction of all steps so far, and by no more than so
+# many.
 MEMORY = 500
 # Matrices of the blocks are moved by Muon (Jordan et al. 2024), all else by AdamW; rates share a scale.
 MUON_DECAY, ADAM_BETAS = 0.01, (0.9, 0.98)
@@ -75,7 +77,7 @@ class Training:
         self.losses: list[float] = []
 
     def identity(self) -> dict[str, Any]:
-        """What a resumed run must share."""
+        """Names what a resumed run must share."""
         own = {name: getattr(self.options, name) for name in ("batch", "rate", "seed")}
         own |= self.subjects.folder.identity if isinstance(self.subjects, OwnSketches) else {}
         return own | asdict(self.network.shape)
@@ -85,7 +87,7 @@ class Training:
         generator = step_generator(self.options.seed, self.step)
         for optimiser in self.optimisers:
             for group in optimiser.param_groups:
-                group["lr"] = self.options.rate * rate_share(self.step, self.options.steps)
+                group["lr"] = self.options.rate * rate_fraction(self.step, self.options.steps)
         loss = self._descend(self._task(batch, generator))
         norm = float(torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP))
         if not math.isfinite(loss + norm):
@@ -95,10 +97,10 @@ class Training:
             for optimiser in self.optimisers:
                 optimiser.step()
                 optimiser.zero_grad()
-            share = 1 / min(MEMORY, 1 + self.step / 5)
+            fraction = 1 / min(MEMORY, 1 + self.step / 5)
             with torch.no_grad():
                 for kept, new in zip(self.mean.parameters(), self.network.parameters(), strict=True):
-                    kept.lerp_(new, share)
+                    kept.lerp_(new, fraction)
             self.step += 1
             self.losses.append(loss)
         return self.losses[-1]
@@ -133,7 +135,7 @@ class Training:
         return sum(loss for _, loss in found) / task[0].numel()
 
     def _gradients(self, part: list[Tensor]) -> tuple[tuple[Tensor | None, ...], float]:
-        """Of the sum of squared errors in some objects of a batch, and this sum."""
+        """Computes the gradients of the sum of squared errors in some objects of a batch, and this sum."""
         wanted, *given = part
         # The cache of a network in half precision is one for all threads.
         half = half_is_fast(self.device)
@@ -214,8 +216,8 @@ def _whole() -> Iterator[None]:
         signal.raise_signal(signal.SIGINT)
 
 
-def rate_share(step: int, steps: int) -> float:
-    """Of the learning rate: up, level, and down to 0 over the last steps."""
+def rate_fraction(step: int, steps: int) -> float:
+    """The fraction of the full learning rate: it rises, stays, and falls to 0 over the last steps."""
     left = (steps - step) / (COOL_DOWN * steps)
     return min((step + 1) / WARM_UP, 1.0, max(left, 0.0))
 
@@ -237,13 +239,14 @@ def train_prior(
         The file of the network.
 
     Raises:
-        ValueError, OSError: as `claim` and `read_sketches`; the folder holds another training than that to be resumed.
+        ValueError, OSError: as `check_output_folder` and `read_sketches`; the folder holds another training than that
+            to be resumed.
         ImportError: torch is older than 2.9.
         FloatingPointError: a loss is not finite.
     """
     options = options or TrainOptions()
     checkpoint = out / CHECKPOINT
-    claim(out, checkpoint, options.resume, options.overwrite, ROOM_FOR_NETWORKS)
+    check_output_folder(out, checkpoint, options.resume, options.overwrite, ROOM_FOR_NETWORKS)
     if (out / NETWORK).exists() and not options.resume and not options.overwrite:
         raise ValueError(f"{out} holds {NETWORK}: give another folder (-o), or --overwrite")
     device = pick_device(options.device)

@@ -44,7 +44,7 @@ class Trained:
         return "bfloat16" if half_is_fast(self.device) else "float32"
 
     def understood(self, phrase: str) -> Request:
-        """What a phrase asks for: by the library's grammar, or that of the folder that it was trained on.
+        """Reads a phrase by the library's grammar, or by that of the folder that the network was trained on.
 
         Raises:
             ValueError: the phrase is not understood.

@@ -31,7 +31,7 @@ class Network:
 
     @property
     def record(self) -> dict[str, object]:
-        """What run.json says of it."""
+        """The entries of run.json about it."""
         return {**self.weights, "device": str(self.device), "precision": self.precision}
 
 

@@ -45,7 +45,7 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     Args:
         prior: what looks at the sketch.
         spec: what the user wants.
-        out: a folder that `claim` has found free.
+        out: a folder that `check_output_folder` has found free.
         report: called after every step.
 
     Raises:
@@ -62,7 +62,7 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
             sheet.unlink()
-    steps = fit(start_of(prior, spec).to(place), objective, cameras, replace(config, companion=score.particles))
+    steps = fit(start_of(prior, spec).to(place), objective, cameras, replace(config, stateful=score.particles))
     try:
         stopped = _stopped(steps, score, spec.output, out, report)
     except FloatingPointError as error:
@@ -101,7 +101,7 @@ def _stopped(
 
 
 def _advice(network: Network | None) -> str:
-    """What to do about a loss that is no number."""
+    """Says what to do about a loss that is no number."""
     if network and network.precision == "float16":
         overflow = "the prior's numbers may overflow in float16: start anew with --precision bfloat16 (or float32)"
         return f"{overflow}. If that does not help, its weights are damaged: fetch them again"
@@ -121,7 +121,7 @@ def _sharpened(sketch: Sketch, sharpening: Sharpening, spec: AnyRun, report: Rep
 
 
 def _place(network: Network | None) -> torch.device:
-    """Where strokes are drawn: beside the prior's network, if the renderer runs there, else on the CPU."""
+    """The device that strokes are drawn on: that of the prior's network, if the renderer runs there, else the CPU."""
     if network and network.device.type == "cuda" and "cuda" in available_backends():
         return network.device
     return torch.device("cpu")
@@ -206,22 +206,22 @@ def _told(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
 
 
 def _given(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
-    """What run.json says that the user wanted."""
+    """The entries of run.json that the user gave."""
     return {**_told(prior, spec), **spec.options()}
 
 
 def _filled_in(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
-    """What took the places of options that were left out."""
+    """The values of the run after presets, defaults and the prior have filled in the options that were left out."""
     return {**asdict(spec.values(prior.preset)), "width": spec.width(prior.width), **asdict(_recipe(prior, spec))}
 
 
 def _chosen(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
-    """What run.json says that was found out or filled in."""
+    """The entries of run.json that were found out or filled in."""
     return {**_filled_in(prior, spec), **({"network": prior.network.record} if prior.network else {})}
 
 
 def _identity(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
-    """What else than `fit` knows of a resumed run must share, in the types of JSON."""
+    """Names what a resumed run must share beside what `fit` itself checks, in the types of JSON."""
     network = {
         name: value for name, value in (prior.network.record if prior.network else {}).items() if name != "device"
     }

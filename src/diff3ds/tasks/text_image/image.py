@@ -19,7 +19,7 @@ from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.recognise import Recognised, alike, drawn_over, recognise
-from diff3ds.tasks.results import claim
+from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import sharpen
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
@@ -53,7 +53,8 @@ def run_image(
         say: told which prior is taken and why, what a user should know of it, and what is recognised.
 
     Raises:
-        ValueError, OSError: as `read_reference`, `claim`, the prior's loader or `recognise`, and `distill`.
+        ValueError, OSError: as `read_reference`, `check_output_folder`, the prior's loader or `recognise`, and
+            `distill`.
     """
     name = choose_prior(spec.prior, FOR_PICTURES, say)
     if name in BUILT_IN:
@@ -69,7 +70,7 @@ def _network(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str], 
     if subject.shows:
         raise ValueError("--shows is for the built-in prior: networks see what is there")
     picture = read_reference(subject.picture, options=subject.cut).image
-    claim(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
+    check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     if KNOWN[name].warning:
         say(KNOWN[name].warning)
     low, high = cameras.elevation
@@ -96,7 +97,7 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
     lines = lines_of(picture)
     folder = None if spec.prior.library is None else read_sketches(spec.prior.library, spec.prior.up)
     found, exemplars = _recognised(lines, folder, spec, say)
-    claim(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
+    check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     say(f"{'taken for' if subject.shows else 'recognised'}: {found}")
     weight = REFERENCE_LOSS if subject.reference_loss is None else subject.reference_loss
 
@@ -125,7 +126,7 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
 def _recognised(
     lines: Lines, folder: SketchFolder | None, spec: RunSpec[Picture], say: Callable[[str], None]
 ) -> tuple[Recognised, Exemplars]:
-    """What lines show, and members like it, of the built-in library or of the user's own."""
+    """Recognises what lines show, and finds members like it, in the built-in library or in the user's own."""
     if folder is None:
         return _looked_up(lines, spec.subject.shows, spec.descent.seed)
     for warning in folder.warnings:
@@ -140,7 +141,7 @@ def inked(picture: Float[Tensor, "H W 3"], color: Color | None) -> Float[Tensor,
 
 
 def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Recognised, Exemplars]:
-    """What lines show, of the built-in library, and members like them."""
+    """Recognises what lines show, and finds members like it, in the built-in library."""
     asked = _asked(shows)
     found = recognise(lines) if asked is None else recognise(lines, asked.category, asked.attributes)
     color = asked.color if asked else None
@@ -161,7 +162,7 @@ def _asked(shows: str | None) -> Request | None:
 
 
 def _told(subject: Picture, weight: float) -> dict[str, object]:
-    """What run.json says of the picture beside its options."""
+    """The entries of run.json about the picture beside its options."""
     return {
         "picture_sha256": hashlib.sha256(subject.picture.read_bytes()).hexdigest(),
         "reference_loss": weight,

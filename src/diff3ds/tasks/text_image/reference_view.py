@@ -28,15 +28,15 @@ class Reference:
 
 
 def followed(
-    judge: ScoreDistillation, orbits: Orbits, reference: Reference | None, place: torch.device | str = "cpu"
+    score: ScoreDistillation, orbits: Orbits, reference: Reference | None, place: torch.device | str = "cpu"
 ) -> tuple[Objective, CameraSampler]:
-    """What the sketch follows: the prior, and a known view, which is drawn behind those of the prior.
+    """Joins a known view to what the prior looks at: it is drawn behind the views of the prior, and adds its loss.
 
     Args:
         place: where strokes are drawn: the picture waits there, instead of being copied in every step.
     """
     if reference is None:
-        return judge, orbits
+        return score, orbits
     count, size = orbits.batch, (orbits.size, orbits.size)
     channels = reference.picture.movedim(-1, 0)[None]
     resized = torch.nn.functional.interpolate(channels, size, mode="bilinear", antialias=True)[0]
@@ -46,7 +46,7 @@ def followed(
         prior = Rendering(rendering.color[:count], rendering.alpha[:count], rendering.depth[:count])
         color = rendering.color[count]
         difference = (color - picture).square().mean()
-        return judge(prior, cameras[:count], step) + reference.weight * difference
+        return score(prior, cameras[:count], step) + reference.weight * difference
 
     return objective, _OneMoreView(orbits, reference.cameras.resize(orbits.size))
 

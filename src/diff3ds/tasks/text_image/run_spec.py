@@ -55,7 +55,7 @@ METHOD_GUIDANCE: dict[Method, float] = {"nfsd": 7.5, "asd": 7.5, "ism": 7.5, "sd
 
 @dataclass(frozen=True)
 class ScoreOptions:
-    """How the prior moves the sketch.
+    """The recipe by which the prior moves the sketch.
 
     Attributes:
         guidance: weight of classifier-free guidance; by default the method's own (nfsd, asd, ism, vsd 7.5; sdi 8.5),
@@ -288,7 +288,7 @@ class RunSpec(Generic[Subject]):
         return replace(PRESETS[self.descent.preset or default], **given)
 
     def recipe(self, group: int, default: PresetName) -> Recipe:
-        """How the prior moves the sketch.
+        """The recipe by which the prior moves the sketch.
 
         Args:
             group: views that the prior sees at once.
@@ -297,7 +297,7 @@ class RunSpec(Generic[Subject]):
         return self.score.recipe(group, self.values(default).guidance or self.subject.GUIDANCE)
 
     def work(self) -> Work:
-        """What the prior does in a step, as far as its memory goes."""
+        """The work of the prior in a step, as far as its memory goes."""
         return Work(self.cameras.batch, conditions(self.score.method or "sds"), self.score.method == "vsd")
 
     def check_built_in(self) -> None:

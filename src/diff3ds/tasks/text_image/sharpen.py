@@ -54,7 +54,7 @@ class Sharpening:
             return torch.stack([render(member, cameras).color for member in members])
 
         prior = ExemplarDenoiser(draw, torch.ones(len(members), dtype=torch.bool), SIZE, GROUP)
-        judge = ScoreDistillation(prior, RECIPE, STEPS, seed)
+        score = ScoreDistillation(prior, RECIPE, STEPS, seed)
         orbits = Orbits(views.batch, GROUP, SIZE, views.distance, views.elevation, views.fov)
         deletion = NoiseDeletion(deleted, DELETE_FROM, DELETE_EVERY)
         config = FitConfig(
@@ -64,7 +64,7 @@ class Sharpening:
             refinements=[deletion] if deleted else [],
             seed=seed,
         )
-        objective, cameras = followed(judge, orbits, self.reference)
+        objective, cameras = followed(score, orbits, self.reference)
         return fit(_thin(sketch), objective, cameras, config)
 
 

@@ -31,7 +31,7 @@ class Phrase:
 
     @property
     def record(self) -> dict[str, object]:
-        """What run.json says of it, whatever the prior."""
+        """The entries of run.json about it, whatever the prior."""
         return {"phrase": self.phrase}
 
 
@@ -68,5 +68,5 @@ class Picture:
 
     @property
     def record(self) -> dict[str, object]:
-        """What run.json says of it, whatever the prior."""
+        """The entries of run.json about it, whatever the prior."""
         return {name: str(value) if isinstance(value, Path) else value for name, value in option_values(self).items()}

@@ -8,7 +8,7 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import exemplars_in, exemplars_of
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.results import claim
+from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
@@ -34,9 +34,9 @@ def run_text(
         say: told which prior is taken and why, and its licence.
 
     Raises:
-        ValueError, OSError: as `claim`, the prior's loader, and `distill`.
+        ValueError, OSError: as `check_output_folder`, the prior's loader, and `distill`.
     """
-    claim(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
+    check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     name = choose_prior(spec.prior, FOR_PHRASES, say)
     if name not in BUILT_IN:
         return distill(_network(name, spec), spec, out, report)

@@ -34,7 +34,7 @@ def close_gaps(sketch: Sketch, distance: float) -> Sketch:
 
     Where a stroke goes on in another one the gap may be twice as wide.
 
-    A stroke follows its ends: every control point moves by the share of both movements that lies at its place, which
+    A stroke follows its ends: every control point moves by the fraction of both movements that lies at its place, which
     for weights of 1 adds a straight line to the curve.
 
     Args:
@@ -49,8 +49,8 @@ def close_gaps(sketch: Sketch, distance: float) -> Sketch:
         alone = (wanted == ends).all(-1)
         wanted[alone] = further[alone]
     moved = wanted - ends
-    share = torch.linspace(0, 1, sketch.points.shape[1], dtype=ends.dtype)[:, None]
-    return replace(sketch, points=sketch.points + (1 - share) * moved[:, :1] + share * moved[:, 1:])
+    fraction = torch.linspace(0, 1, sketch.points.shape[1], dtype=ends.dtype)[:, None]
+    return replace(sketch, points=sketch.points + (1 - fraction) * moved[:, :1] + fraction * moved[:, 1:])
 
 
 def _met(ends: Float[Tensor, "E 3"], distance: float) -> Float[Tensor, "E 3"]:

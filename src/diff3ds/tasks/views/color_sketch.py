@@ -12,7 +12,7 @@ from diff3ds.metrics.ssim import WINDOW, ssim
 from diff3ds.optimize.density import Density, Observation
 from diff3ds.optimize.fit import FitConfig, Objective, Rates
 from diff3ds.pictures.background import behind, described, parse_background, with_alpha
-from diff3ds.pictures.clean_plates import Plates, load_plates
+from diff3ds.pictures.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.frame import frame_of
 from diff3ds.pictures.load_views import Told
@@ -23,7 +23,7 @@ from diff3ds.pictures.visual_hull import Hull, visual_hull
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.results import spread
+from diff3ds.tasks.results import evenly_spaced
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
 from diff3ds.transforms import present_views
@@ -48,21 +48,21 @@ def plan_color(
     pictures: PosedPictures,
     options: ViewsOptions,
     checkpoint: Path | None,
-    plates: Plates | None = None,
+    clean_plates: CleanPlates | None = None,
     report: Report = lambda progress: None,
 ) -> Plan:
-    """How coloured pictures are fitted.
+    """Plans the fit of coloured pictures.
 
     Args:
-        plates: the pictures that lie behind, where the options name no colour.
+        clean_plates: the pictures that lie behind, where the options name no colour.
         report: called before each stage.
 
     Raises:
         ValueError: as `parse_background` and `frame_of`.
     """
     report(Progress("background", 0, None, None, 0))
-    color = None if options.background is None or plates else parse_background(options.background)
-    pictures, background = with_alpha(pictures, plates or color)
+    color = None if options.background is None or clean_plates else parse_background(options.background)
+    pictures, background = with_alpha(pictures, clean_plates or color)
     frame = frame_of(pictures.cameras, pictures.store)
     steps = options.steps or STEPS
     cameras = frame.cameras(pictures.cameras)
@@ -81,7 +81,7 @@ def plan_color(
         checkpoint=checkpoint,
         resume=options.resume,
         identity={
-            "background": described(plates or color),
+            "background": described(clean_plates or color),
             "strokes": options.strokes,
             "batch": options.batch or BATCH,
             "size": options.size,
@@ -136,10 +136,10 @@ def color_scores(
     if held_out is None:
         return scores
     background, size = plan.background, max(plan.pictures.cameras.size)
-    if isinstance(background, Plates):
+    if isinstance(background, CleanPlates):
         if background.source.is_dir():
             return scores
-        background = load_plates(held_out, background.source, size)
+        background = load_clean_plates(held_out, background.source, size)
     pictures = load_posed(held_out, "color", size, masks=masks, told=told("read held-out pictures"))
     try:
         pictures, _ = with_alpha(pictures, background)
@@ -166,7 +166,7 @@ def held_out_views(path: Path | None) -> Path | None:
 def view_scores(
     sketch: Sketch,
     pictures: PosedPictures,
-    background: Tensor | Plates | None,
+    background: Tensor | CleanPlates | None,
     told: Told = lambda done, total: None,
 ) -> dict[str, float]:
     """PSNR and SSIM over a background, by default white; means over the views.
@@ -193,14 +193,14 @@ def view_scores(
 
 def _start(pyramid: Pyramid, count: int, seed: int) -> Sketch:
     level = min(pyramid.levels, key=lambda x: abs(math.log(max(x.cameras.size) / HULL_SIZE)))
-    views = spread(len(level.cameras), HULL_VIEWS)
+    views = evenly_spaced(len(level.cameras), HULL_VIEWS)
     known = level.store.known if is_all_known(level.store.known) else level.store.known[views]
     hull = visual_hull(level.cameras[views], Store(level.store.pixels[views], known[: len(views)]))
     return strokes_on(hull, count, torch.Generator().manual_seed(seed))
 
 
 def _density(pyramid: Pyramid, least: int, most: int) -> Density:
-    views = spread(len(pyramid.levels[0].cameras), LOOKED_AT)
+    views = evenly_spaced(len(pyramid.levels[0].cameras), LOOKED_AT)
     small = [x for x in pyramid.levels if max(x.cameras.size) <= LOOKED_SIZE] or [pyramid.levels[0]]
 
     def observation(level: Level) -> Observation:
@@ -214,9 +214,9 @@ def _density(pyramid: Pyramid, least: int, most: int) -> Density:
     return Density(observation(small[-1]), observed, least=least, most=most)
 
 
-def _objective(pyramid: Pyramid, background: Tensor | Plates | None) -> Objective:
+def _objective(pyramid: Pyramid, background: Tensor | CleanPlates | None) -> Objective:
     shown: Tensor | Pyramid | None
-    if isinstance(background, Plates):
+    if isinstance(background, CleanPlates):
         cameras = pyramid.levels[-1].cameras
         shown = build_pyramid(cameras, background.store, pyramid.steps, pyramid.batch, pyramid.seed)
     else:

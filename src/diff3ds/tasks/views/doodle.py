@@ -26,7 +26,7 @@ from diff3ds.pictures.visual_hull import visual_hull
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, Stopped
-from diff3ds.tasks.results import RunInfo, claim, spread, write_results
+from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, write_results
 from diff3ds.tasks.shown_loss import ShownLoss
 from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.views.options import DoodleOptions
@@ -62,13 +62,13 @@ def run_doodle(
 
     Raises:
         FileNotFoundError, ValueError: weights that are missing or of another network; as `find_transforms`,
-            `load_posed`, `claim`, `frame_of` and `fit`.
+            `load_posed`, `check_output_folder`, `frame_of` and `fit`.
     """
     options = options or DoodleOptions()
     begun = time.perf_counter()
     path = find_transforms(source, "color")
     loss = load_doodle_loss(options)
-    claim(out, out / CHECKPOINT, options.resume, options.overwrite)
+    check_output_folder(out, out / CHECKPOINT, options.resume, options.overwrite)
     plan = plan_doodle(load_posed(path, "color", options.size, out, options.masks), options, loss, out / CHECKPOINT)
     read = time.perf_counter()
     stopped, shown = False, ShownLoss()
@@ -107,7 +107,7 @@ def load_doodle_loss(options: DoodleOptions) -> DoodleLoss:
 def plan_doodle(
     pictures: PosedPictures, options: DoodleOptions, loss: DoodleLoss, checkpoint: Path | None = None
 ) -> Plan:
-    """How 3Doodle fits coloured pictures.
+    """Plans the fit of coloured pictures by 3Doodle.
 
     Raises:
         ValueError: as `parse_background` and `frame_of`.
@@ -145,7 +145,7 @@ def doodle_scores(sketch: Sketch, pictures: PosedPictures, loss: DoodleLoss) -> 
     """
     values = []
     with torch.no_grad():
-        for view in spread(len(pictures), SCORED).tolist():
+        for view in evenly_spaced(len(pictures), SCORED).tolist():
             drawn = render(sketch, pictures.cameras[view]).color
             target = pictures.batch([view])
             wanted = torch.where(target.known[..., None], target.images, drawn)
@@ -168,7 +168,7 @@ def _start(cameras: Cameras, store: Store, options: DoodleOptions) -> Sketch:
     """Short strokes at points of the visual hull, far apart; 3Doodle has points of structure from motion."""
     levels = build_pyramid(cameras, store, 1, 1, 0).levels
     level = min(levels, key=lambda x: abs(math.log(max(x.cameras.size) / HULL_SIZE)))
-    views = spread(len(cameras), HULL_VIEWS)
+    views = evenly_spaced(len(cameras), HULL_VIEWS)
     known = level.store.known if is_all_known(level.store.known) else level.store.known[views]
     hull = visual_hull(level.cameras[views], Store(level.store.pixels[views], known[: len(views)]))
     generator = torch.Generator().manual_seed(options.seed)

@@ -20,7 +20,7 @@ from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.results import spread
+from diff3ds.tasks.results import evenly_spaced
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
 
@@ -100,12 +100,12 @@ def fit_edges(
 
 
 def most_views(size: tuple[int, int]) -> int:
-    """How many views of this size are looked at."""
+    """Counts the views of this size that are looked at, at most."""
     return max(FEWEST_VIEWS, min(MOST_VIEWS, MOST_PIXELS // (size[0] * size[1])))
 
 
 def _settings(pictures: PosedPictures, options: ViewsOptions) -> dict[str, object]:
-    """What must be the same for a run to go on."""
+    """Names what must be the same for a run to go on."""
     names = ["init", "seed", *(["strokes", "steps", "batch"] if options.init == "random" else [])]
     about = {"target": pictures.target, "size": list(pictures.cameras.size), "pictures": pictures.digest()}
     return {**about, **{name: getattr(options, name) for name in names}}
@@ -114,7 +114,7 @@ def _settings(pictures: PosedPictures, options: ViewsOptions) -> dict[str, objec
 def _found(pictures: PosedPictures, tell: Tell, capped: Capped) -> tuple[Int[Tensor, " B"], list[Ridges]]:
     """Views that together are not too full of edges, and the edges that all that follows looks at."""
     most = min(len(pictures), most_views(pictures.cameras.size))
-    views = spread(len(pictures), min(most, FEW_VIEWS))
+    views = evenly_spaced(len(pictures), min(most, FEW_VIEWS))
     known: dict[int, Ridges] = {}
     ridges = ridges_of(pictures, views, tell, known)
     height, width = pictures.cameras.size
@@ -124,7 +124,7 @@ def _found(pictures: PosedPictures, tell: Tell, capped: Capped) -> tuple[Int[Ten
         wanted = min(most, max(FEW_VIEWS, MOST_RIDGES // max(1, ink)))
         if wanted < most:
             capped("views", wanted, most)
-        views = spread(len(pictures), wanted)
+        views = evenly_spaced(len(pictures), wanted)
         ridges = ridges_of(pictures, views, tell, known)
     room = min(full * len(views), MOST_RIDGES)
     count = sum(map(len, ridges))

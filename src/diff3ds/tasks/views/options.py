@@ -56,8 +56,8 @@ class ViewsOptions:
         if self.background is not None:
             parse_color_or_path(self.background)
 
-    def idle(self, target: Target) -> list[str]:
-        """What was given, but changes nothing for pictures of this target: `--steps 500`."""
+    def unused(self, target: Target) -> list[str]:
+        """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""
         if target == "color":
             return ["--init random"] if self.init == "random" else []
         without = ["background", *(["strokes", "steps", "batch"] if self.init == "carve" else [])]

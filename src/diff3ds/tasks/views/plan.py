@@ -5,7 +5,7 @@ from typing import Any
 
 from diff3ds._shapes import Tensor
 from diff3ds.optimize.fit import FitConfig, Objective
-from diff3ds.pictures.clean_plates import Plates
+from diff3ds.pictures.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame
 from diff3ds.pictures.pyramid import Pyramid
@@ -25,7 +25,7 @@ class Plan:
     objective: Objective
     pyramid: Pyramid
     config: FitConfig
-    background: Tensor | Plates | None = None
+    background: Tensor | CleanPlates | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.pyramid import Pyramid, build_pyramid
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.results import spread
+from diff3ds.tasks.results import evenly_spaced
 from diff3ds.tasks.views.edge_sketch import most_views
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
@@ -25,7 +25,7 @@ from diff3ds.tasks.views.plan import Plan
 # kept where they scored best.
 EXTENT = 0.3
 SHORTEST = 0.06
-# Support pruning: agreement within 2 px in at least this share of the views.
+# Support pruning: agreement within 2 px in at least this fraction of the views.
 AGREEMENT = 5
 LEAST_SUPPORT = 0.15
 REPLACE = (0.125, 0.25, 0.3125, 0.375, 0.4375, 0.5, 0.5625, 0.625)
@@ -33,7 +33,7 @@ DROP = (0.75, 0.9, 1.0)
 
 
 def plan_random_edges(pictures: PosedPictures, options: ViewsOptions, checkpoint: Path) -> Plan:
-    """How random curves are fitted to edge maps and line drawings.
+    """Plans the fit of random curves to edge maps and line drawings.
 
     Raises:
         ValueError: as `frame_of`.
@@ -70,7 +70,7 @@ def _refinements(
     cameras: Cameras, pictures: PosedPictures, fresh: Callable[[int, torch.Generator], Sketch], count: int
 ) -> list[Refinement]:
     # As numbers they take room, and so many say what all would.
-    views = spread(len(pictures), most_views(pictures.cameras.size))
+    views = evenly_spaced(len(pictures), most_views(pictures.cameras.size))
     thick = torch.stack([_thickened(pictures.batch([view]).alpha) for view in views.tolist()])
     return [SupportPruning(cameras[views], thick, LEAST_SUPPORT, SHORTEST, REPLACE, DROP, fresh, count)]
 

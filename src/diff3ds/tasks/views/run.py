@@ -14,7 +14,7 @@ from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
 from diff3ds.pictures.background import color_or_path, described
-from diff3ds.pictures.clean_plates import Plates, load_plates
+from diff3ds.pictures.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.cutout import is_inverted
 from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
 from diff3ds.pictures.load_views import Told
@@ -23,7 +23,7 @@ from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
-from diff3ds.tasks.results import RunInfo, claim, folder_of, spread, write_results
+from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
 from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
 from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
@@ -59,14 +59,14 @@ def run_views(
         The sketch in the world of the cameras.
 
     Raises:
-        FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `load_plates`, `frame_of`, `fit` and
+        FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `load_clean_plates`, `frame_of`, `fit` and
             `reconstruct`; a background picture for what has no colours; a folder that holds another run.
         OSError: the folder cannot be made, or there is no room.
     """
     options = options or ViewsOptions()
     if not options.resume:
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
-            claim(out, out / checkpoint, resume=False, overwrite=options.overwrite)
+            check_output_folder(out, out / checkpoint, resume=False, overwrite=options.overwrite)
     if source is None and options.target not in (None, "edges"):
         raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
     times = StageTimes()
@@ -75,7 +75,7 @@ def run_views(
         times.begin(progress.stage)
         report(progress)
 
-    with folder_of(out):
+    with output_folder(out):
         fitted = _run(source, out, options, timed, say, times)
     if fitted.stopped:
         raise Stopped
@@ -94,14 +94,14 @@ def _run(
     begun = time.perf_counter()
     path = find_transforms(source, options.target) if source is not None else None
     pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report)
-    plates = _plates(pictures, path, options, out, report)
+    clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
-    fitted = _fitted(pictures, plates, path, options, out, report, say)
+    fitted = _fitted(pictures, clean_plates, path, options, out, report, say)
     shown = preview(fitted.sketch, fitted.pictures)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
@@ -127,13 +127,13 @@ def _counted(stage: str, report: Report) -> Told:
 def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[str], None]) -> None:
     """Says which options change nothing, and which pictures are treated in another way than the rest."""
     target = pictures.target
-    if idle := options.idle(target):
+    if unused := options.unused(target):
         how = target if target == "color" else f"{target} --init {options.init}"
-        say(f"{', '.join(idle)}: no effect with --target {how}")
+        say(f"{', '.join(unused)}: no effect with --target {how}")
     if pictures.masked and options.masks == "ignore":
         some = f"{pictures.masked} of {len(pictures)} pictures" if pictures.masked < len(pictures) else "the pictures"
         say(f"masks: what is black in the masks of {some} counts nowhere; if white is the object, say --masks object")
-    if target != "edges" and is_inverted(pictures.batch(spread(len(pictures), PREVIEWS)).alpha):
+    if target != "edges" and is_inverted(pictures.batch(evenly_spaced(len(pictures), PREVIEWS)).alpha):
         say("the pictures are opaque all along their borders, and transparent inside: are alpha or masks inverted?")
     if target == "color" and 0 < (opaque := int(opaque_views(pictures.store).sum())) < len(pictures):
         behind = options.background or "the colour along their borders"
@@ -142,16 +142,16 @@ def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[s
 
 def _fitted(
     pictures: PosedPictures,
-    plates: Plates | None,
+    clean_plates: CleanPlates | None,
     path: Path | None,
     options: ViewsOptions,
     out: Path,
     report: Report,
     say: Callable[[str], None],
 ) -> Fitted:
-    """What is reached, in the way that suits the pictures."""
+    """Fits a sketch in the way that suits the pictures."""
     if pictures.target == "color":
-        return _fit_color(pictures, plates, path, options, out, report)
+        return _fit_color(pictures, clean_plates, path, options, out, report)
     if options.init == "random":
         return _fit_random_edges(pictures, options, out, report, say)
     return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
@@ -159,7 +159,7 @@ def _fitted(
 
 def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
     """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target."""
-    views = spread(len(pictures), PREVIEWS)
+    views = evenly_spaced(len(pictures), PREVIEWS)
     drawn = render(sketch, pictures.cameras[views]).color
     targets = pictures.batch(views)
     seen = torch.where(targets.known[..., None], targets.images, torch.tensor(UNKNOWN))
@@ -174,25 +174,30 @@ def demo_pictures(size: int = DEMO_SIZE) -> PosedPictures:
     return PosedPictures(cameras, "edges", store_of(alpha[..., None]), tuple(f"view {i}" for i in range(len(cameras))))
 
 
-def _plates(
+def _clean_plates(
     pictures: PosedPictures, path: Path | None, options: ViewsOptions, scratch: Path, report: Report
-) -> Plates | None:
+) -> CleanPlates | None:
     """The pictures that lie behind, if the options name some."""
     background = None if options.background is None else color_or_path(options.background)
     if not isinstance(background, Path):
         return None
     if path is None or pictures.target != "color":
         raise ValueError(f"{background}: a background picture is for --target color, not {pictures.target}")
-    return load_plates(path, background, options.size, scratch, _counted("read backgrounds", report))
+    return load_clean_plates(path, background, options.size, scratch, _counted("read backgrounds", report))
 
 
 def _fit_color(
-    pictures: PosedPictures, plates: Plates | None, path: Path | None, options: ViewsOptions, out: Path, report: Report
+    pictures: PosedPictures,
+    clean_plates: CleanPlates | None,
+    path: Path | None,
+    options: ViewsOptions,
+    out: Path,
+    report: Report,
 ) -> Fitted:
     held_out_views(path)
     # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.
     with torch_on_one_thread():
-        plan = plan_color(pictures, options, out / CHECKPOINT, plates, report)
+        plan = plan_color(pictures, options, out / CHECKPOINT, clean_plates, report)
     sketch, losses, stopped = _descended(plan, "fit", report)
     world = plan.frame.to_world(sketch)
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
