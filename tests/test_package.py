@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from sweep import sweep
 
 SOURCE = Path(__file__).parents[1] / "src"
 MODULES = {
@@ -130,7 +131,7 @@ def test_the_allowed_arrows_point_one_way():
     assert not ALLOWED["guidance"] & {"sketch", "project", "render", "bezier"}
 
 
-@pytest.mark.parametrize("module", MODULES)
+@sweep("module", MODULES)
 def test_imports_follow_the_arrows(module):
     part = _part(module)
     assert part in ALLOWED, f"say in ALLOWED what {part} may import"

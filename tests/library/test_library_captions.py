@@ -1,7 +1,7 @@
 """What members of the library are called."""
 
-import pytest
 import torch
+from sweep import sweep
 
 from diff3ds.library import CATEGORIES, Attribute, Category, member
 
@@ -30,7 +30,7 @@ def test_articles():
     assert member("mug", torch.Generator()).caption == "a mug"
 
 
-@pytest.mark.parametrize("name", CATEGORIES)
+@sweep("name", CATEGORIES)
 def test_the_usual_caption_names_category_and_attributes(name):
     category = CATEGORIES[name]
     for attributes in category.combinations():
@@ -43,7 +43,7 @@ def test_the_usual_caption_names_category_and_attributes(name):
         assert all(caption == caption.strip() and "  " not in caption for caption in (first, *others))
 
 
-@pytest.mark.parametrize("name", CATEGORIES)
+@sweep("name", CATEGORIES)
 def test_no_caption_means_two_sets_of_attributes(name):
     category = CATEGORIES[name]
     said = [caption for attributes in category.combinations() for caption in category.captions(attributes)]
@@ -55,7 +55,7 @@ def test_no_noun_means_two_categories():
     assert len(nouns) == len(set(nouns))
 
 
-@pytest.mark.parametrize("category", CATEGORIES.values(), ids=CATEGORIES)
+@sweep("category", CATEGORIES.values())
 def test_attributes_exclude_others_of_their_category(category):
     names = [attribute.name for attribute in category.attributes]
     assert len(names) == len(set(names)) <= 4

@@ -7,6 +7,7 @@ import pkgutil
 
 import pytest
 import torch
+from sweep import sweep
 
 from diff3ds import library
 from diff3ds.bezier import evaluate, length
@@ -53,7 +54,7 @@ def test_no_file_is_left_off_the_list():
     assert found == {id(category) for category in CATEGORIES.values()}
 
 
-@pytest.mark.parametrize(("name", "attributes"), ONE_EACH)
+@sweep(("name", "attributes"), ONE_EACH)
 def test_members_fill_the_unit_ball(name, attributes):
     for seed in SEEDS:
         sketch, points = drawn(name, attributes, seed).sketch, on(name, attributes, seed)
@@ -68,14 +69,14 @@ def test_members_fill_the_unit_ball(name, attributes):
         assert float(length(sketch.points, sketch.weights).min()) > 0.005
 
 
-@pytest.mark.parametrize("name", CATEGORIES)
+@sweep("name", CATEGORIES)
 def test_all_attributes_that_go_together_can_be_drawn(name):
     for attributes in CATEGORIES[name].combinations():
         assert 0.94 < float(on(name, attributes).norm(dim=-1).max()) < 0.952
         assert drawn(name, attributes).attributes == attributes
 
 
-@pytest.mark.parametrize(("name", "attributes"), ONE_EACH)
+@sweep(("name", "attributes"), ONE_EACH)
 def test_one_seed_gives_the_same_bytes_and_another_other_proportions(name, attributes):
     first = drawn(name, attributes, 7).sketch
     again = member(name, torch.Generator().manual_seed(7), attributes).sketch
@@ -83,14 +84,14 @@ def test_one_seed_gives_the_same_bytes_and_another_other_proportions(name, attri
     assert hausdorff(on(name, attributes, 7), on(name, attributes, 8)) > 0.005
 
 
-@pytest.mark.parametrize(("name", "attributes"), ONE_EACH)
+@sweep(("name", "attributes"), ONE_EACH)
 def test_no_stroke_is_drawn_twice(name, attributes):
     forwards, backwards = both_ways(drawn(name, attributes).sketch)
     same = torch.minimum(torch.cdist(forwards, forwards), torch.cdist(forwards, backwards)).triu(1)
     assert int((same < 1e-4).sum()) == len(same) * (len(same) + 1) // 2
 
 
-@pytest.mark.parametrize(("name", "attributes"), [(n, a) for n, a in ONE_EACH if CATEGORIES[n].mirror])
+@sweep(("name", "attributes"), [(n, a) for n, a in ONE_EACH if CATEGORIES[n].mirror])
 def test_members_are_symmetric_where_declared(name, attributes):
     sign = torch.ones(3)
     sign["xy".index(CATEGORIES[name].mirror)] = -1
@@ -117,7 +118,7 @@ def test_circles_are_exact(name, count):
         assert float(distance.max() - distance.min()) < 1e-6
 
 
-@pytest.mark.parametrize(("name", "attributes"), [(n, a) for n, a in ONE_EACH if a])
+@sweep(("name", "attributes"), [(n, a) for n, a in ONE_EACH if a])
 def test_every_attribute_is_seen(name, attributes):
     # A pixel in the 64 that the coarsest prior sees; a bar across a windmill's sail is the finest.
     for seed in SEEDS:

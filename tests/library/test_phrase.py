@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from sweep import sweep
 
 from diff3ds.guidance.small import read_network
 from diff3ds.library.categories import CATEGORIES
@@ -12,7 +13,7 @@ from diff3ds.tasks.small_prior.prior_data import words
 from diff3ds.tasks.small_prior.small_prior import SHIPPED
 
 
-@pytest.mark.parametrize("name", CATEGORIES)
+@sweep("name", CATEGORIES)
 def test_every_caption_of_the_library_is_understood(name):
     category = CATEGORIES[name]
     for attributes in category.combinations():
@@ -22,7 +23,7 @@ def test_every_caption_of_the_library_is_understood(name):
             assert found.count == 1
 
 
-@pytest.mark.parametrize("name", [name for name, category in CATEGORIES.items() if category.parts])
+@sweep("name", [name for name, category in CATEGORIES.items() if category.parts])
 def test_parts_go_with_every_caption_and_change_nothing(name):
     category = CATEGORIES[name]
     for attributes in category.combinations():
@@ -38,7 +39,7 @@ def test_the_words_of_the_network_in_the_package_are_those_of_the_library():
     assert read_network(SHIPPED)[1].words == words()
 
 
-@pytest.mark.parametrize(
+@sweep(
     ("phrase", "expected"),
     [
         ("chair", Request("chair")),
@@ -94,7 +95,7 @@ def test_an_attribute_comes_before_a_proportion():
     assert found.stretch == (1.0, 1.0, 1.0)
 
 
-@pytest.mark.parametrize(
+@sweep(
     ("phrase", "word"),
     [
         ("a кот chair", "кот"),
@@ -116,7 +117,7 @@ def test_no_word_of_any_script_is_dropped(phrase, word):
         parse(phrase)
 
 
-@pytest.mark.parametrize("name", CATEGORIES)
+@sweep("name", CATEGORIES)
 def test_no_place_of_a_phrase_swallows_a_word(name):
     category = CATEGORIES[name]
     for attribute in category.attributes:
@@ -144,7 +145,7 @@ def test_proportions_are_said_once_along_an_axis(phrase):
         parse(phrase)
 
 
-@pytest.mark.parametrize(
+@sweep(
     ("phrase", "message"),
     [
         ("", "the phrase is empty"),

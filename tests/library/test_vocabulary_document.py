@@ -4,7 +4,7 @@ import re
 import runpy
 from pathlib import Path
 
-import pytest
+from sweep import sweep
 
 from diff3ds.library import CATEGORIES
 from diff3ds.library.phrase import Request, parse
@@ -25,7 +25,7 @@ def test_it_has_all_kinds():
     assert [row[0] for row in KINDS] == [*CATEGORIES]
 
 
-@pytest.mark.parametrize(("kind", "nouns", "attributes", "parts"), KINDS, ids=[row[0] for row in KINDS])
+@sweep(("kind", "nouns", "attributes", "parts"), KINDS)
 def test_what_it_says_of_a_kind_is_understood(kind, nouns, attributes, parts):
     """As a reader of the page would say it."""
     for noun in filter(None, nouns.split(", ")):
@@ -42,7 +42,7 @@ def test_what_it_says_of_a_kind_is_understood(kind, nouns, attributes, parts):
             assert parse(f"the {noun}") == Request(kind, (name,))
 
 
-@pytest.mark.parametrize("row", [row for row in ROWS if len(row) == 2][2:], ids=lambda row: row[0])
+@sweep("row", [row for row in ROWS if len(row) == 2][2:])
 def test_words_of_every_kind_are_understood(row):
     for word in re.findall(r"(?:^|, |; |: | or )([a-z0-9]+)(?=[,;:]| or |$)", row[1]):
         assert parse(f"{word} lamp").category == "lamp"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from scenes import strokes_at
+from sweep import sweep
 
 from diff3ds import MonteCarlo, Sketch, orbit, render
 from diff3ds.render import rasterize, set_num_threads
@@ -26,7 +27,7 @@ def spoiled(strokes, name: str, index: tuple[int, ...], value: float):
     return replace(strokes, **{name: tensor})
 
 
-@pytest.mark.parametrize(
+@sweep(
     ("name", "index", "value", "message"),
     [
         ("cubics", (0, 2, 1, 0), NAN, "cubics of stroke 2 (view 0) must be finite, below 1e+100, got nan"),
@@ -45,7 +46,7 @@ def test_values(backend, antialiasing, strokes, name, index, value, message):
         rasterize(spoiled(strokes, name, index, value), 16, backend=backend, antialiasing=antialiasing)
 
 
-@pytest.mark.parametrize(
+@sweep(
     ("change", "error", "message"),
     [
         ({"cubics": torch.zeros(5, 4, 4).double()}, ValueError, "cubics must be float64 of shape (V, N, 4, 4), got"),
@@ -79,7 +80,7 @@ def test_fields(backend, strokes, change, error, message):
         rasterize(replace(strokes, **change), 16, backend=backend)
 
 
-@pytest.mark.parametrize(
+@sweep(
     ("options", "error", "message"),
     [
         ({"size": 0}, ValueError, "size must be a positive int or (height, width)"),
