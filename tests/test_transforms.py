@@ -84,6 +84,38 @@ def test_instant_ngp_form(tmp_path):
     _close(view.intrinsics, [[40, 0, 40], [0, 60, 30], [0, 0, 1]])
 
 
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"camera_model": "ORTHOPHOTO"},
+        {"orthographic": True},
+        {"camera_model": "orthophoto", "orthographic": True, "camera_angle_x": 0.5},
+    ],
+)
+@pytest.mark.parametrize("where", ["top", "frame"])
+def test_orthographic_pictures(tmp_path, how, where):
+    """To nerfstudio and to instant-ngp focal lengths are pixels a unit then: (1, 1, -2) lies 10 px right and 20 up."""
+    top, frame = (how, {}) if where == "top" else ({"camera_model": "PINHOLE"}, how)
+    path = _write(tmp_path, fl_x=10.0, fl_y=20.0, w=200, h=100, **top, frames=[_frame(**frame)])
+    cameras, _ = ds.load_transforms(path)
+    assert cameras.orthographic
+    x, y, w, depth = (cameras.projection[0] @ torch.tensor([1.0, 1, -2, 1]).double()).tolist()
+    assert (x / w, y / w, depth / w) == pytest.approx((110, 30, 2))
+
+
+def test_orthographic_cameras_come_back(tmp_path):
+    cameras = ds.orbit([0.0, 50.0, -90.0], [10.0, -30.0, 90.0], 3.0, height=[2.0, 3.0, 4.0], size=(30, 40))
+    ds.save_transforms(tmp_path / "t.json", cameras, ["a.png", "b.png", "c.png"])
+    back, _ = ds.load_transforms(tmp_path / "t.json")
+    assert back.orthographic
+    _close(back.projection, cameras.projection)
+    # What nerfstudio and instant-ngp look for.
+    written = json.loads((tmp_path / "t.json").read_text())
+    assert (written["camera_model"], written["orthographic"]) == ("ORTHOPHOTO", True)
+    ds.save_transforms(tmp_path / "p.json", ds.orbit(0.0), ["a.png"])
+    assert not {"camera_model", "orthographic"} & set(json.loads((tmp_path / "p.json").read_text()))
+
+
 def test_a_frame_wins_over_the_file_in_either_form(tmp_path):
     frames = [_frame(), _frame(camera_angle_x=math.pi / 2), _frame(fl_y=7.0)]
     views = read_views(_write(tmp_path, w=80, h=60, fl_x=100.0, camera_angle_y=math.pi / 2, frames=frames))
@@ -320,6 +352,27 @@ BAD_FILES = [
     ({**GOOD, "camera_model": "OPENCV_FISHEYE", "frames": [_frame()]}, "camera_model 'OPENCV_FISHEYE' is not one of"),
     ({**GOOD, "frames": [_frame(camera_model="EQUIRECTANGULAR")]}, "camera_model 'EQUIRECTANGULAR' is not .*; undist"),
     ({**GOOD, "frames": [_frame(camera_model=3)]}, "camera_model 3 is not one of"),
+    ({**GOOD, "frames": [_frame(orthographic="yes")]}, "frame 0: orthographic must be true or false, got 'yes'"),
+    (
+        {**GOOD, "orthographic": False, "camera_model": "ORTHOPHOTO", "frames": [_frame()]},
+        "frame 0: camera_model 'ORTHOPHOTO' contradicts orthographic false",
+    ),
+    (
+        {**GOOD, "orthographic": True, "camera_model": "OPENCV", "frames": [_frame()]},
+        "frame 0: camera_model 'OPENCV' contradicts orthographic true",
+    ),
+    (
+        {"w": 4, "h": 4, "camera_angle_x": 1.0, "orthographic": True, "frames": [_frame()]},
+        "frame 0 is orthographic, and has no fl_x, the pixels that a world unit takes",
+    ),
+    (
+        {**GOOD, "k2": 0.1, "orthographic": True, "frames": [_frame()]},
+        "distortion of orthographic pictures is not supp",
+    ),
+    (
+        {**GOOD, "frames": [_frame(), _frame("b.png", orthographic=True)]},
+        "all views must be orthographic, or all have perspective; .*b.png is orthographic and .*a.png is not",
+    ),
     ({**GOOD, "frames": [_frame(mask_path=3)]}, "frame 0: mask_path must be a file name, got 3"),
     ({"w": 4, "h": 4, "camera_angle_y": 4, "frames": [_frame()]}, r"camera_angle_y must lie in \(0, pi\), got 4"),
     ({**GOOD, "frames": [_frame(p1=-0.1)]}, r"lens distortion \(p1\)"),

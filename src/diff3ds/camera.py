@@ -106,6 +106,26 @@ class Cameras:
         rotation, translation = self.world_to_camera[:, :3, :3], self.world_to_camera[:, :3, 3:]
         return -(rotation.mT @ translation)[..., 0]
 
+    def rays(self, pixels: Float[Tensor, "V 2"]) -> tuple[Float[Tensor, "V 3"], Float[Tensor, "V 3"]]:
+        """Where the ray that one pixel of each view looks along begins, at depth 0, and its unit direction; float64."""
+        to_world, origins = self.world_to_camera[:, :3, :3].double().mT, self.centers.double()
+        places = torch.cat([pixels.double(), torch.ones_like(pixels[:, :1], dtype=torch.float64)], 1)
+        seen = torch.linalg.solve(self.intrinsics.double(), places)[..., None]
+        if not self.orthographic:
+            return origins, torch.nn.functional.normalize((to_world @ seen)[..., 0], dim=-1)
+        aside = seen * seen.new_tensor([1.0, 1.0, 0.0])[:, None]
+        return origins + (to_world @ aside)[..., 0], to_world[..., 2]
+
+    def seen(self, projected: Float[Tensor, "*P 4"]) -> tuple[Float[Tensor, "*P 2"], Float[Tensor, "*P"]]:
+        """Pixels and depths of points of weight 1 that `projection` made (X, Y, Z, W).
+
+        Only those of points in front of the near plane mean something.
+        """
+        if self.orthographic:
+            return projected[..., :2], projected[..., 3]
+        depth = projected[..., 2]
+        return projected[..., :2] / depth.clamp(min=self.near)[..., None], depth
+
     def to(self, target: torch.dtype | torch.device | str) -> "Cameras":
         """The same cameras in another dtype or on another device."""
         return replace(self, world_to_camera=self.world_to_camera.to(target), intrinsics=self.intrinsics.to(target))

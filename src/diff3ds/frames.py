@@ -1,5 +1,6 @@
 """The values of one frame of a transforms.json: picture, size, pose, focal lengths, lens (docs/reference/files.md)."""
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,10 @@ SUFFIXES = tuple(
 )
 # nerfstudio's names of cameras that the five coefficients describe, and instant-ngp's flags of those they do not.
 CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE")
-OTHER_LENSES = ("is_fisheye", "equirectangular", "latlong", "orthographic")
+OTHER_LENSES = ("is_fisheye", "equirectangular", "latlong")
+# nerfstudio's name of orthographic cameras. instant-ngp has a flag; to both a focal length is pixels a world unit then.
+ORTHOGRAPHIC = "ORTHOPHOTO"
+ANGLES = ("camera_angle_x", "camera_angle_y", "x_fov", "y_fov")
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 # nerfstudio's fourth radial coefficient is not OpenCV's; ftheta_p0 is the first of instant-ngp's f-theta lenses.
 MORE_DISTORTION = ("k4", "k5", "k6", "ftheta_p0")
@@ -155,16 +159,45 @@ def pose_of(path: Path, index: int, frame: Values) -> Float[Tensor, "4 4"]:
     return matrix
 
 
-def intrinsics_of(path: Path, index: int, data: Values, frame: Values, size: tuple[int, int]) -> Float[Tensor, "3 3"]:
-    """The intrinsics of a frame, float64, in pixels. What a frame says in any form wins over the file.
+def orthographic_of(path: Path, index: int, data: Values, frame: Values) -> bool:
+    """Whether a frame is orthographic: by camera_model, by the flag, or by both. A frame wins over the file.
+
+    Raises:
+        ValueError: the two contradict each other, or the flag is none.
+    """
+    for values in (frame, data):
+        model, flag = values.get("camera_model"), values.get("orthographic")
+        if flag is not None and not isinstance(flag, bool | int):
+            raise ValueError(f"{path}: frame {index}: orthographic must be true or false, got {flag!r:.40}")
+        named = isinstance(model, str) and model.upper() == ORTHOGRAPHIC
+        if model is not None and flag is not None and named != bool(flag):
+            raise ValueError(
+                f"{path}: frame {index}: camera_model {model!r:.40} contradicts orthographic {json.dumps(bool(flag))}"
+            )
+        if model is not None or flag is not None:
+            return named or bool(flag)
+    return False
+
+
+def intrinsics_of(
+    path: Path, index: int, data: Values, frame: Values, size: tuple[int, int], orthographic: bool = False
+) -> Float[Tensor, "3 3"]:
+    """The intrinsics of a frame, float64, in pixels (a world unit). What a frame says in any form wins over the file.
 
     Raises:
         ValueError: no focal length, or one that cannot be.
     """
     height, width = size
+    if orthographic:
+        # A field of view says nothing of these; instant-ngp writes one all the same.
+        data, frame = ({key: v for key, v in values.items() if key not in ANGLES} for values in (data, frame))
     fx = _focal_length(path, frame, "x", width) or _focal_length(path, data, "x", width)
     fy = _focal_length(path, frame, "y", height) or _focal_length(path, data, "y", height)
     if fx is None and fy is None:
+        if orthographic:
+            raise ValueError(
+                f"{path}: frame {index} is orthographic, and has no fl_x, the pixels that a world unit takes"
+            )
         raise ValueError(f"{path}: frame {index} has neither fl_x nor camera_angle_x")
     fx, fy = fx or fy, fy or fx
     values = {**data, **frame}
@@ -190,15 +223,15 @@ def _focal_length(path: Path, values: Values, axis: str, side: int) -> float | N
     return None
 
 
-def distortion_of(path: Path, index: int, values: Values) -> Distortion:
+def distortion_of(path: Path, index: int, values: Values, orthographic: bool = False) -> Distortion:
     """k1, k2, p1, p2, k3 of OpenCV's radial and tangential model.
 
     Raises:
-        ValueError: another kind of lens.
+        ValueError: another kind of lens, or distortion of an orthographic picture.
     """
     model = values.get("camera_model", CAMERA_MODELS[0])
-    if not isinstance(model, str) or model.upper() not in CAMERA_MODELS:
-        accepted = ", ".join(CAMERA_MODELS)
+    if not isinstance(model, str) or model.upper() not in (*CAMERA_MODELS, ORTHOGRAPHIC):
+        accepted = ", ".join((*CAMERA_MODELS, ORTHOGRAPHIC))
         raise ValueError(f"{path}: frame {index}: camera_model {model!r:.40} is not one of {accepted}; {ADVICE}")
     for key in OTHER_LENSES:
         if values.get(key):
@@ -207,4 +240,6 @@ def distortion_of(path: Path, index: int, values: Values) -> Distortion:
         if number(path, values, key, 0.0):
             raise ValueError(f"{path}: frame {index}: lens distortion {key} is not supported; {ADVICE}")
     k1, k2, p1, p2, k3 = (number(path, values, key, 0.0) for key in DISTORTION)
+    if orthographic and any((k1, k2, p1, p2, k3)):
+        raise ValueError(f"{path}: frame {index}: lens distortion of orthographic pictures is not supported; {ADVICE}")
     return k1, k2, p1, p2, k3

@@ -15,12 +15,14 @@ from diff3ds.camera import DEFAULT_NEAR, Cameras
 from diff3ds.frames import (
     ADVICE,
     DISTORTION,
+    ORTHOGRAPHIC,
     Distortion,
     Values,
     distortion_of,
     intrinsics_of,
     mask_of,
     named_picture,
+    orthographic_of,
     picture_of,
     pose_of,
     similar,
@@ -54,8 +56,9 @@ class View:
         mask: file that is black where the picture does not count, or shows background (`pictures/masks.py`); or None.
         size: (height, width) of the picture in pixels.
         world_to_camera: float64, OpenCV axes.
-        intrinsics: float64, in pixels of the picture.
+        intrinsics: float64, in pixels of the picture; of orthographic ones in pixels a world unit.
         distortion: k1, k2, p1, p2, k3 of OpenCV's radial and tangential model; all 0 without.
+        orthographic: whether the picture is.
     """
 
     picture: Path
@@ -64,6 +67,7 @@ class View:
     world_to_camera: Float[Tensor, "4 4"]
     intrinsics: Float[Tensor, "3 3"]
     distortion: Distortion
+    orthographic: bool = False
 
 
 def read_views(path: str | Path) -> list[View]:
@@ -73,7 +77,8 @@ def read_views(path: str | Path) -> list[View]:
 
     Raises:
         FileNotFoundError: the file is missing, or pictures whose size is needed.
-        ValueError: not such a file; a frame without a pose or a focal length; a lens that is not supported.
+        ValueError: not such a file; a frame without a pose or a focal length; a lens that is not supported; an
+            orthographic picture without its scale.
     """
     path = Path(path)
     data = _read_frames(path)
@@ -158,7 +163,8 @@ def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
     size is read from the picture.
 
     Raises:
-        FileNotFoundError, ValueError: as `read_views`; views of different sizes; lens distortion.
+        FileNotFoundError, ValueError: as `read_views`; views of different sizes, or some with perspective and some
+            without; lens distortion.
     """
     path = Path(path)
     views = read_views(path)
@@ -171,7 +177,23 @@ def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
                 raise ValueError(f"{path}: the pictures have lens distortion ({key}); {ADVICE}")
     poses = torch.stack([view.world_to_camera for view in views])
     intrinsics = torch.stack([view.intrinsics for view in views])
-    return Cameras(poses, intrinsics, sizes.pop(), near_of(poses)), [view.picture for view in views]
+    cameras = Cameras(poses, intrinsics, sizes.pop(), near_of(poses), one_kind(path, views))
+    return cameras, [view.picture for view in views]
+
+
+def one_kind(path: Path, views: Sequence[View]) -> bool:
+    """Whether all views are orthographic.
+
+    Raises:
+        ValueError: some are, and some have perspective.
+    """
+    kinds = [view.orthographic for view in views]
+    if len(set(kinds)) > 1:
+        raise ValueError(
+            f"{path}: all views must be orthographic, or all have perspective; {views[kinds.index(True)].picture} is "
+            f"orthographic and {views[kinds.index(False)].picture} is not"
+        )
+    return all(kinds)
 
 
 def near_of(world_to_camera: Float[Tensor, "V 4 4"]) -> float:
@@ -209,7 +231,9 @@ def save_transforms(path: str | Path, cameras: Cameras, pictures: Sequence[str |
         }
         for picture, k, pose in zip(pictures, intrinsics, poses, strict=True)
     ]
-    write_text(Path(path), json.dumps({"w": width, "h": height, "frames": frames}, indent=1))
+    # What nerfstudio asks for, and what instant-ngp does.
+    kind = {"camera_model": ORTHOGRAPHIC, "orthographic": True} if cameras.orthographic else {}
+    write_text(Path(path), json.dumps({"w": width, "h": height, **kind, "frames": frames}, indent=1))
 
 
 def _read_frames(path: Path) -> dict[str, Any]:
@@ -230,13 +254,15 @@ def _view(path: Path, index: int, data: Values, frame: Values, picture: Path) ->
     values = {**data, **frame}
     size = size_of(path, values, picture)
     to_world = pose_of(path, index, frame) @ _OPENGL_TO_OPENCV
+    orthographic = orthographic_of(path, index, data, frame)
     return View(
         picture,
         mask_of(path, index, frame),
         size,
         _inverse(to_world),
-        intrinsics_of(path, index, data, frame, size),
-        distortion_of(path, index, values),
+        intrinsics_of(path, index, data, frame, size, orthographic),
+        distortion_of(path, index, values, orthographic),
+        orthographic,
     )
 
 

@@ -85,3 +85,9 @@ def test_oblong_pixels():
     wide = ds.Cameras(CAMERAS.world_to_camera, CAMERAS.intrinsics * scale, (64, 160))
     views = edge_views(wide, ridges_along(wide, LINES))
     np.testing.assert_allclose(views.focal, wide.intrinsics[:, 0, 0].numpy(), rtol=1e-6)
+
+
+def test_orthographic_cameras_are_refused():
+    flat = ds.Cameras(CAMERAS.world_to_camera, CAMERAS.intrinsics, CAMERAS.size, orthographic=True)
+    with pytest.raises(ValueError, match="edges are reconstructed from views with perspective, and these are ortho"):
+        edge_views(flat, RIDGES)

@@ -52,10 +52,10 @@ def test_the_longest_stroke_always_stays():
     assert long_enough(sketch[[]], 1.0).tolist() == []
 
 
-@pytest.fixture
-def scene():
+@pytest.fixture(params=[{}, {"height": 3.4}], ids=["perspective", "orthographic"])
+def scene(request):
     """A drawn stroke, one that nothing shows, and one behind all cameras' images."""
-    cameras = ds.orbit([0, 60, 120, 180], 20, 3.0, size=64)
+    cameras = ds.orbit([0, 60, 120, 180], 20, 3.0, size=64, **request.param)
     drawn = line((-0.5, 0.0, 0.0), (0.5, 0.2, 0.0), width=0.05)
     absent = line((-0.5, 0.0, 0.6), (0.5, 0.2, 0.6), width=0.05)
     outside = line((90.0, 0.0, 0.0), (91.0, 0.0, 0.0))

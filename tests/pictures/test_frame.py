@@ -19,17 +19,22 @@ def ball(center, radius):
 @pytest.mark.parametrize(
     ("center", "radius"), [((0.0, 0.0, 0.0), 1.0), ((5.0, -2.0, 3.0), 0.2), ((0.0, 90.0, 0.0), 40.0)]
 )
-def test_finds_the_ball_that_is_seen(center, radius):
-    cameras = ds.orbit([0, 70, 140, 210, 280], [-20, 10, 40, 60, 0], 4 * radius, size=200, target=center)
+@pytest.mark.parametrize("height", [None, 3.5])
+def test_finds_the_ball_that_is_seen(center, radius, height):
+    lens = {} if height is None else {"height": height * radius}
+    # Not in the middle of the pictures: of the orthographic ones it is the rays that move aside.
+    aside = [c + 0.3 * radius for c in center]
+    cameras = ds.orbit([0, 70, 140, 210, 280], [-20, 10, 40, 60, 0], 4 * radius, size=200, target=aside, **lens)
     frame = frame_of(cameras, store_of(ds.render(ball(center, radius), cameras).alpha[..., None]))
     torch.testing.assert_close(frame.center, torch.tensor(center, dtype=torch.float64), rtol=0, atol=0.03 * radius)
     assert frame.radius == pytest.approx(1.1 * radius, rel=0.1)
 
 
-def test_drawing_in_the_frame_is_drawing_in_the_world(generator):
+@pytest.mark.parametrize("lens", [{}, {"height": 0.8}])
+def test_drawing_in_the_frame_is_drawing_in_the_world(generator, lens):
     frame = Frame(torch.tensor([5.0, -2.0, 3.0], dtype=torch.float64), 0.25)
     sketch = ds.Sketch.random(8, generator=generator, radius=0.8, width=0.02)
-    cameras = ds.orbit([0, 100, 220], 20, 1.0, size=64, target=(5.0, -2.0, 3.0))
+    cameras = ds.orbit([0, 100, 220], 20, 1.0, size=64, target=(5.0, -2.0, 3.0), **lens)
     world = ds.render(frame.to_world(sketch), cameras)
     inside = ds.render(sketch, frame.cameras(cameras))
     torch.testing.assert_close(inside.color, world.color, rtol=0, atol=1e-3)

@@ -59,6 +59,24 @@ def test_the_mistake_is_named(tmp_path, message, mistake, fov, target):
         load_posed(written(tmp_path, mistake(to_world(cameras)), fov))
 
 
+def flat_file(folder, matrices):
+    return written(folder, matrices, fl_x=10.0, orthographic=True)
+
+
+@pytest.mark.parametrize(("message", "mistake"), MISTAKES)
+def test_the_mistake_is_named_of_orthographic_pictures(tmp_path, message, mistake):
+    cameras = ds.orbit([30.0 * i for i in range(12)], [10.0, 35.0, 60.0] * 4, 3.0, target=(1.0, -2.0, 0.5))
+    with pytest.raises(ValueError, match=f"do not look at one thing.* 100% show one point there if the {message}"):
+        load_posed(flat_file(tmp_path, mistake(to_world(cameras))))
+
+
+@pytest.mark.parametrize("away", [0.5, 3.0, 1e4])
+def test_orthographic_cameras_see_what_lies_in_front(tmp_path, away):
+    cameras = ds.orbit([30.0 * i for i in range(12)], [10.0, 35.0, 60.0] * 4, away)
+    with pytest.raises(ValueError, match=PICTURE):
+        load_posed(flat_file(tmp_path, to_world(cameras)))
+
+
 GOOD = {
     "around": AROUND,
     "two": AROUND[:2],

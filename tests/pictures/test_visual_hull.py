@@ -48,6 +48,18 @@ def test_the_hull_of_a_ball(cameras):
     torch.testing.assert_close(hull.colors, torch.tensor([0.8, 0.4, 0.2]).expand_as(hull.colors), rtol=0, atol=3e-3)
 
 
+def test_the_hull_of_a_ball_in_orthographic_views(cameras):
+    """Whose silhouettes have its own radius."""
+    scale = SIZE / 3.0
+    lens = torch.tensor([[scale, 0, SIZE / 2], [0, scale, SIZE / 2], [0, 0, 1]]).expand(len(cameras), 3, 3)
+    flat = ds.Cameras(cameras.world_to_camera, lens, cameras.size, orthographic=True)
+    across = torch.arange(SIZE) + 0.5 - SIZE / 2
+    alpha = (torch.hypot(across[:, None], across) < 0.8 * scale).float()[..., None]
+    hull = visual_hull(flat, store(as_bytes(alpha.expand(len(flat), -1, -1, 4))))
+    assert len(hull.points) > 1000
+    assert (hull.points.norm(dim=1) - 0.8).abs().max() < math.sqrt(3) * hull.spacing + 1 / scale
+
+
 def test_one_wrong_picture_carves_nothing(cameras):
     pixels = ball(cameras, 0.8).clone()
     pixels[7] = 0

@@ -6,6 +6,7 @@ import torch
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
+from diff3ds.library.demo import demo_sketch
 from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.store import store_of
 from diff3ds.tasks.views.edge_sketch import most_views
@@ -67,4 +68,18 @@ def test_the_demo_has_no_colours(target, tmp_path, capsys):
         main(["views", "--demo", "--target", target, "-o", str(tmp_path / "out")])
     assert stopped.value.code == FAULT
     assert f"line drawings (--target edges), not {target}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("init", ["carve", "random"])
+def test_edges_of_orthographic_views_are_refused_before_anything_is_fitted(init, tmp_path, capsys):
+    cameras = ds.orbit([0.0, 40.0, 80.0, 120.0], 20.0, 3.0, height=2.0, size=32)
+    names = [f"{i}.png" for i in range(4)]
+    for name, image in zip(names, ds.render(demo_sketch(), cameras).color, strict=True):
+        save_png(tmp_path / name, image)
+    ds.save_transforms(tmp_path / "transforms.json", cameras, names)
+    with pytest.raises(SystemExit) as stopped:
+        main(["views", str(tmp_path), "--target", "edges", "--init", init, "-o", str(tmp_path / "out")])
+    assert stopped.value.code == FAULT
+    assert "views with perspective, and these are orthographic" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

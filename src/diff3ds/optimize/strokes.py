@@ -135,9 +135,8 @@ def support(
     points = _along(sketch, 2 * samples + 1)[:, 1::2].double()
     homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
     projected = torch.einsum("vij,nsj->vnsi", cameras.projection, homogeneous)
-    depth = projected[..., 2]
+    pixels, depth = cameras.seen(projected)
     height, width = cameras.size
-    pixels = projected[..., :2] / depth.clamp(min=cameras.near)[..., None]
     scale = pixels.new_tensor([2 / width, 2 / height])
     # View by view: in double precision all of them would take much room.
     seen = torch.zeros_like(depth)

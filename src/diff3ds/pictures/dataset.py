@@ -15,7 +15,7 @@ from diff3ds.pictures.options import Masks, Target
 from diff3ds.pictures.read import decode, shown
 from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
-from diff3ds.transforms import View, near_of, present_views, require_files
+from diff3ds.transforms import View, near_of, one_kind, present_views, require_files
 
 # Gray pictures whose background takes more than this fraction of the pixels are edge maps or line drawings. A drawing's
 # lines rarely cover a third; photographs have no single background value.
@@ -52,6 +52,7 @@ class PosedPictures:
         """The digest of the pictures and their cameras: a run of others is another run."""
         matrices = (self.cameras.world_to_camera, self.cameras.intrinsics)
         posed = b"".join(m.detach().cpu().contiguous().numpy().tobytes() for m in matrices)
+        posed += b"orthographic" if self.cameras.orthographic else b""
         return hashlib.sha256(posed + self.store.digest().encode()).hexdigest()
 
     def batch(self, views: Sequence[int] | Int[Tensor, " B"]) -> Batch:
@@ -144,8 +145,9 @@ def _cameras(path: Path, views: list[View], sizes: list[tuple[int, int]]) -> Cam
         scale = view.intrinsics.new_tensor([width / view.size[1], height / view.size[0], 1.0])
         intrinsics.append(view.intrinsics * scale[:, None])
     poses = torch.stack([view.world_to_camera for view in views])
+    orthographic = one_kind(path, views)
     try:
-        return Cameras(poses, torch.stack(intrinsics), canvas_of(sizes), near_of(poses))
+        return Cameras(poses, torch.stack(intrinsics), canvas_of(sizes), near_of(poses), orthographic)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 

@@ -32,11 +32,12 @@ class Frame:
         """Cameras of the world as float32 cameras of the frame; depths shrink by the radius."""
         matrix = cameras.world_to_camera.double().clone()
         matrix[:, :3, 3] = (matrix[:, :3, 3] + matrix[:, :3, :3] @ self.center) / self.radius
+        intrinsics = cameras.intrinsics
+        if cameras.orthographic:
+            # Pixels a unit, which is the radius now.
+            intrinsics = intrinsics.double() * intrinsics.new_tensor([self.radius, self.radius, 1.0]).double()
         return replace(
-            cameras,
-            world_to_camera=matrix.float(),
-            intrinsics=cameras.intrinsics.float(),
-            near=cameras.near / self.radius,
+            cameras, world_to_camera=matrix.float(), intrinsics=intrinsics.float(), near=cameras.near / self.radius
         )
 
     def to_world(self, sketch: Sketch) -> Sketch:
@@ -70,40 +71,38 @@ def _content(store: Store, view: int) -> Bool[Tensor, "H W"]:
     return ((batch.alpha > CONTENT) & batch.known)[0]
 
 
-def _centroid(content: Bool[Tensor, "H W"]) -> tuple[float, float, float] | None:
-    """The mean pixel (x, y, 1), if there is any."""
+def _centroid(content: Bool[Tensor, "H W"]) -> tuple[float, float] | None:
+    """The mean pixel (x, y), if there is any."""
     rows, columns = (torch.arange(n, dtype=torch.float64) + 0.5 for n in content.shape)
     across, down = content.sum(0), content.sum(1)
     total = float(across.sum())
-    return (float(across.double() @ columns) / total, float(down.double() @ rows) / total, 1.0) if total else None
+    return (float(across.double() @ columns) / total, float(down.double() @ rows) / total) if total else None
 
 
-def _nearest_point(cameras: Cameras, pixels: Float[Tensor, "V 3"]) -> Float[Tensor, " 3"]:
-    """The point with the least sum of squared distances to the rays through these pixels (x, y, 1)."""
-    rotation = cameras.world_to_camera[:, :3, :3].double()
-    rays = (rotation.mT @ torch.linalg.solve(cameras.intrinsics.double(), pixels)[..., None])[..., 0]
-    rays = torch.nn.functional.normalize(rays, dim=-1)
+def _nearest_point(cameras: Cameras, pixels: Float[Tensor, "V 2"]) -> Float[Tensor, " 3"]:
+    """The point with the least sum of squared distances to the rays through these pixels."""
+    origins, rays = cameras.rays(pixels)
     across = torch.eye(3, dtype=torch.float64) - rays[:, :, None] * rays[:, None, :]
     normal = across.mean(0)
     if float(torch.linalg.eigvalsh(normal)[0]) < LEAST_SPREAD:
         raise ValueError("the views all look the same way: depth needs views from at least two directions")
-    center: Tensor = torch.linalg.solve(normal, (across @ cameras.centers.double()[..., None]).mean(0)[:, 0])
+    center: Tensor = torch.linalg.solve(normal, (across @ origins[..., None]).mean(0)[:, 0])
     return center
 
 
 def _radius(cameras: Cameras, store: Store, shown: list[int], center: Float[Tensor, " 3"]) -> float:
     point = torch.cat([center, center.new_ones(1)])
-    projected = cameras.projection @ point
+    middles, depths = cameras.seen(cameras.projection @ point)
     reach = []
     for view in shown:
-        depth = projected[view, 2]
+        middle, depth = middles[view], depths[view]
         if depth <= cameras.near:
             continue
         y, x = _content(store, view).nonzero().double().T + 0.5
-        middle = projected[view, :2] / depth
         pixels = torch.hypot(x - middle[0], y - middle[1])
         kept = pixels.kthvalue(math.ceil((1 - STRAY) * len(pixels))).values
-        reach.append(kept * depth / cameras.intrinsics[view, 0, 0].double())
+        away = torch.ones_like(depth) if cameras.orthographic else depth
+        reach.append(kept * away / cameras.intrinsics[view, 0, 0].double())
     if not reach:
         raise ValueError("the cameras look away from what they see: are the camera axes OpenGL's (looking along -z)?")
     return MARGIN * float(torch.stack(reach).median())

@@ -44,7 +44,8 @@ def check_sight(path: Path, cameras: Cameras, sizes: list[tuple[int, int]]) -> N
         return
     corners = torch.tensor([(width, height) for height, width in sizes], dtype=torch.float64)
     centers = cameras.centers
-    if float(_spread(centers)) <= ONE_PLACE * float(centers.abs().max()):
+    # Without perspective it is other directions that show depth, and those are looked for where the frame is found.
+    if not cameras.orthographic and float(_spread(centers)) <= ONE_PLACE * float(centers.abs().max()):
         raise ValueError(
             f"{path}: all cameras stand at one place, from where depth cannot be seen. Are the matrices "
             "world-to-camera? transform_matrix must be camera-to-world"
@@ -97,21 +98,16 @@ def _most_seen(cameras: Cameras, corners: Float[Tensor, "V 2"], part: float) -> 
     middle = cameras.centers.mean(0)
     rotation = cameras.world_to_camera[:, :3, :3]
     seen = (rotation @ (points - middle).T + rotation @ (middle - cameras.centers)[..., None]).mT
-    projected = seen @ cameras.intrinsics.mT
+    flat = torch.cat([seen[..., :2], torch.ones_like(seen[..., :1])], -1) if cameras.orthographic else seen
+    projected = flat @ cameras.intrinsics.mT
     off = (projected[..., :2] / projected[..., 2:] - corners[:, None] / 2).abs()
     inside = (seen[..., 2] > 0) & (off <= part * corners[:, None] / 2).all(-1)
     best = int(inside.double().mean(0).argmax())
-    rays = torch.nn.functional.normalize((points[best] - cameras.centers)[inside[:, best]], dim=1)
+    towards = cameras.rays(corners / 2)[1] if cameras.orthographic else points[best] - cameras.centers
+    rays = torch.nn.functional.normalize(towards[inside[:, best]], dim=1)
     across = torch.eye(3, dtype=torch.float64) - rays[:, :, None] * rays[:, None, :]
     spread = float(torch.linalg.eigvalsh(across.mean(0))[0]) if len(rays) else 0.0
     return len(rays) / len(cameras), spread
-
-
-def _directions(cameras: Cameras, corners: Float[Tensor, "V 2"]) -> Float[Tensor, "V 3"]:
-    """The directions of the rays through the middle of the pictures."""
-    middle = torch.cat([corners / 2, torch.ones_like(corners[:, :1])], 1)
-    rays = torch.linalg.solve(cameras.intrinsics, middle)[..., None]
-    return torch.nn.functional.normalize((cameras.world_to_camera[:, :3, :3].mT @ rays)[..., 0], dim=-1)
 
 
 def _on_axes(cameras: Cameras, corners: Float[Tensor, "V 2"]) -> Float[Tensor, "P 3"]:
@@ -121,15 +117,14 @@ def _on_axes(cameras: Cameras, corners: Float[Tensor, "V 2"]) -> Float[Tensor, "
         torch.tensor(NEAREST).log10().item(), torch.tensor(FARTHEST).log10().item(), DEPTHS, dtype=torch.float64
     )
     reach = depths * _spread(cameras.centers).clamp(min=torch.finfo(torch.float32).tiny)
-    rays = _directions(cameras, corners)[some, None] * reach[:, None]
-    return (cameras.centers[some, None] + rays).reshape(-1, 3)
+    origins, rays = cameras.rays(corners / 2)
+    return (origins[some, None] + rays[some, None] * reach[:, None]).reshape(-1, 3)
 
 
 def _between_axes(cameras: Cameras, corners: Float[Tensor, "V 2"]) -> Float[Tensor, "1 3"]:
     """The point nearest to all these rays: with a small field of view only it lies in all pictures."""
-    rays = _directions(cameras, corners)
+    centers, rays = cameras.rays(corners / 2)
     across = torch.eye(3, dtype=torch.float64) - rays[:, :, None] * rays[:, None, :]
-    centers = cameras.centers
     middle = centers.mean(0)
     towards = (across @ (centers - middle)[..., None]).mean(0)
     nearest: Tensor = torch.linalg.pinv(across.mean(0)) @ towards

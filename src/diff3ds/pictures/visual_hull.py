@@ -74,13 +74,11 @@ def _pixels(
     points: Float[Tensor, "M 3"], cameras: Cameras, store: Store, view: int
 ) -> tuple[Int[Tensor, " M"], Bool[Tensor, " M"]]:
     """The pixel of a view that each point falls into, and whether it falls into a known one."""
-    matrix = cameras.projection[view, :3].float()
-    x, y, depth = (points @ matrix[:, :3].T + matrix[:, 3]).unbind(-1)
-    front = depth > cameras.near
-    depth = depth.clamp(min=cameras.near)
-    column, row = (x / depth).floor(), (y / depth).floor()
+    matrix = cameras.projection[view].float()
+    pixels, depth = cameras.seen(points @ matrix[:, :3].T + matrix[:, 3])
+    column, row = pixels.floor().unbind(-1)
     height, width = cameras.size
-    inside = front & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    inside = (depth > cameras.near) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
     index = (row.clamp(0, height - 1) * width + column.clamp(0, width - 1)).long()
     return index, inside & store.known[view].flatten()[index]
 

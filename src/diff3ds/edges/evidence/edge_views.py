@@ -116,8 +116,22 @@ class EdgeViews:
         return np.where(inside, (apart[:, 0] - column) ** 2 + (apart[:, 1] - row) ** 2, np.float32(np.inf)), depth
 
 
+def require_perspective(cameras: Cameras) -> None:
+    """Raises ValueError for orthographic cameras: planes through a ridge and its camera are what edges come of."""
+    if cameras.orthographic:
+        raise ValueError(
+            "edges are reconstructed from views with perspective, and these are orthographic: take their pictures as "
+            "coloured ones (--target color)"
+        )
+
+
 def edge_views(cameras: Cameras, ridges: Sequence[Ridges]) -> EdgeViews:
-    """Prepares the ridges of all views for lookup."""
+    """Prepares the ridges of all views for lookup.
+
+    Raises:
+        ValueError: orthographic cameras.
+    """
+    require_perspective(cameras)
     projection = _numpy(cameras.projection[:, :3])
     planes = [_planes(matrix, ridge) for matrix, ridge in zip(projection, ridges, strict=True)]
     start = np.cumsum([0, *(len(r) for r in ridges)])

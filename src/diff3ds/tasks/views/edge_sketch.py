@@ -7,6 +7,7 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Int, Tensor
+from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.evidence.ridges import MOST_INK, Ridges, color_ridges, map_ridges, strongest, within, without_faint
 from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
 from diff3ds.edges.resume import read_result, write_result
@@ -49,9 +50,10 @@ def fit_edges(
         say: called with what there was too much of to look at all.
 
     Raises:
-        ValueError: as `frame_of`, `reconstruct` and `read_result`.
+        ValueError: as `require_perspective`, `frame_of`, `reconstruct` and `read_result`.
         KeyboardInterrupt: before the first curves were found.
     """
+    require_perspective(pictures.cameras)
     frame = frame_of(pictures.cameras, pictures.store)
     settings = _settings(pictures, options)
     results: list[Result] = []

@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.formats import tile_images
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
@@ -216,6 +217,8 @@ def _fit_random_edges(
 ) -> Fitted:
     if pictures.target != "edges":
         raise ValueError("random curves find the lines of edge maps and drawings only: leave --init out")
+    # Which is what cleans the curves up in the end.
+    require_perspective(pictures.cameras)
     plan = plan_random_edges(pictures, options, out / CHECKPOINT)
     sketch, losses, stopped = _descended(plan, "random curves", report)
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start)}
