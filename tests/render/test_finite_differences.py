@@ -12,8 +12,20 @@ from diff3ds.render.reference import coverage
 STEP = 1e-7
 
 
-@pytest.mark.parametrize(("seed", "width_space", "blur"), [(0, "image", 0.0), (1, "world", 0.0), (2, "world", 1.0)])
-@pytest.mark.parametrize("output", ["color", "alpha", "depth"])
+@pytest.mark.parametrize(
+    ("seed", "width_space", "blur", "output"),
+    [
+        (0, "image", 0.0, "color"),
+        (1, "world", 0.0, "depth"),
+        (2, "world", 1.0, "alpha"),
+        pytest.param(0, "image", 0.0, "alpha", marks=pytest.mark.slow),
+        pytest.param(0, "image", 0.0, "depth", marks=pytest.mark.slow),
+        pytest.param(1, "world", 0.0, "color", marks=pytest.mark.slow),
+        pytest.param(1, "world", 0.0, "alpha", marks=pytest.mark.slow),
+        pytest.param(2, "world", 1.0, "color", marks=pytest.mark.slow),
+        pytest.param(2, "world", 1.0, "depth", marks=pytest.mark.slow),
+    ],
+)
 def test_every_input(seed, width_space, blur, output):
     """Along a random direction of each input in turn.
 

@@ -4,14 +4,20 @@ import pytest
 from fuzz_cases import run_case
 
 
-@pytest.mark.parametrize("start", range(0, 400, 50))
+def parts(stop: int, size: int) -> list:
+    """Starts of parts of a range; all but the first part are slow."""
+    return [0, *(pytest.param(start, marks=pytest.mark.slow) for start in range(size, stop, size))]
+
+
+@pytest.mark.parametrize("start", parts(400, 50))
 def test_extreme_scenes(start):
     failures = {seed: wrong for seed in range(start, start + 50) if (wrong := run_case(seed))}
     assert not failures
 
 
-def test_extreme_scenes_of_the_reference():
-    failures = {seed: wrong for seed in range(15) if (wrong := run_case(seed, "reference"))}
+@pytest.mark.parametrize("start", parts(15, 3))
+def test_extreme_scenes_of_the_reference(start):
+    failures = {seed: wrong for seed in range(start, start + 3) if (wrong := run_case(seed, "reference"))}
     assert not failures
 
 
@@ -19,7 +25,7 @@ def test_extreme_scenes_of_the_reference():
 NO_DEPTH = 4864
 
 
-@pytest.mark.parametrize("start", range(0, 200, 50))
+@pytest.mark.parametrize("start", parts(200, 50))
 def test_extreme_scenes_of_cuda(cuda, start):
     failures = {seed: wrong for seed in (*range(start, start + 50), NO_DEPTH) if (wrong := run_case(seed, cuda))}
     assert not failures

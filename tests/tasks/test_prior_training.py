@@ -95,6 +95,7 @@ def test_the_rate_rises_stays_and_falls_to_nothing():
     assert rate_fraction(1000, 1000) == 0
 
 
+@pytest.mark.slow
 def test_a_network_learns(tmp_path, monkeypatch):
     """What it can learn at once: where there is ink at all. Noise alone has a loss of 1."""
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
@@ -197,7 +198,8 @@ def test_the_gradients_of_parts_are_those_of_the_whole_batch(monkeypatch, sees):
     assert (training.network.reference.weight.grad is None) != sees
 
 
-def test_the_command_trains_and_shows_samples(tmp_path, capsys):
+def test_the_command_trains_and_shows_samples(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
     out = tmp_path / "prior"
     arguments = "--steps 2 --batch 1 --depth 1 --width 16 --patch 16 --workers 0 --checkpoint-every 2"
     arguments = arguments.split()
@@ -230,6 +232,15 @@ def test_the_command_trains_and_shows_samples(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["prior", "train", "-o", str(tmp_path / "none"), "--resume"])
     assert "no checkpoint" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_typical_ink_of_the_built_in_subjects():
+    """The tests of training take it as known: it is that of the first pictures, and of others to their scatter."""
+    mean, spread = prior_data.typical_ink(prior_data.BuiltIn(), count=64)
+    views = torch.stack([Examples(0, 64)[i]["views"] for i in range(64)])
+    assert (mean, spread) == pytest.approx((float(views.mean()), float(views.std())))
+    assert (mean, spread) == pytest.approx((0.18, 0.37), abs=0.03)
 
 
 def test_sizes_agree_with_those_of_the_exemplars():

@@ -68,6 +68,7 @@ def cross(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_what_members_of_other_seeds_are(tmp_path):
     """One of every third category; azimuths are odd multiples of 7.5 degrees: farthest from those of the tables."""
     right = []

@@ -55,6 +55,7 @@ def test_strokes_find_their_lines():
     assert torch.allclose(last.width, torch.tensor(sharpen.WIDTH))
 
 
+@pytest.mark.slow
 def test_a_reference_is_followed_too():
     """A picture that shows another house from the front: a strong weight pulls the sketch away from the members."""
     truth, other = drawn("house"), drawn("house", 7, sharpen.WIDTH)

@@ -164,6 +164,7 @@ def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
     assert told < 0.8 * error(cameras=turned)
 
 
+@pytest.mark.slow
 def test_the_network_of_the_package_makes_a_sketch(tmp_path):
     spec = with_options(RunSpec(Phrase("a bow")), prior="small", steps=150, strokes=60, sheet_every=0)
     sketch = run_text(spec, tmp_path / "run")

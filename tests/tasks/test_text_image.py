@@ -77,7 +77,13 @@ PRIORS = ["stable-diffusion", "stable-diffusion-768", "mvdream", "zero123", "sta
 
 
 @pytest.mark.parametrize(
-    ("prior", "method"), [*((prior, None) for prior in PRIORS), ("mvdream", "vsd"), ("zero123", "vsd")]
+    ("prior", "method"),
+    [
+        ("mvdream", None),
+        ("zero123", "vsd"),
+        *(pytest.param(prior, None, marks=pytest.mark.slow) for prior in PRIORS if prior != "mvdream"),
+        pytest.param("mvdream", "vsd", marks=pytest.mark.slow),
+    ],
 )
 def test_a_run_resumed_half_way_ends_as_one_without_a_break(
     prior, method, checkpoints, drawing, tmp_path, monkeypatch, capsys
@@ -170,10 +176,14 @@ def test_a_wrong_batch_is_said_before_weights_are_sought(tmp_path, capsys):
     assert "batch must be a multiple of 4" in fails(arguments, capsys)
 
 
-@pytest.mark.parametrize("method", ["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"])
-def test_every_method_runs(method, checkpoints, drawing, tmp_path):
-    main(command("mvdream", checkpoints, drawing, tmp_path, "--method", method, "--steps", "2"))
-    assert json.loads((tmp_path / "run.json").read_text())["method"] == method
+@pytest.mark.slow
+def test_every_method_has_its_own_sketch(checkpoints, drawing, tmp_path):
+    """One method per folder, all from one seed: none is another in disguise."""
+    methods = ["sds", "reconstruction", "csd", "nfsd", "asd", "ism", "sdi", "vsd"]
+    for method in methods:
+        main(command("mvdream", checkpoints, drawing, tmp_path / method, "--method", method, "--steps", "2"))
+    sketches = {(tmp_path / method / "sketch.json").read_bytes() for method in methods}
+    assert len(sketches) == len(methods)
 
 
 def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
@@ -186,14 +196,14 @@ def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
     ("prior", "method", "more"),
     [
         ("mvdream", None, []),
-        ("mvdream", "nfsd", []),
-        ("mvdream", "vsd", []),
-        ("stable-diffusion", "sds", ["--perp-neg"]),
-        ("stable-diffusion", "csd", ["--perp-neg"]),
         ("stable-diffusion", "nfsd", ["--perp-neg", "--negative", "a table"]),
-        ("stable-diffusion", "asd", ["--perp-neg"]),
-        ("zero123", "nfsd", []),
         ("zero123", "vsd", []),
+        pytest.param("mvdream", "nfsd", [], marks=pytest.mark.slow),
+        pytest.param("mvdream", "vsd", [], marks=pytest.mark.slow),
+        pytest.param("stable-diffusion", "sds", ["--perp-neg"], marks=pytest.mark.slow),
+        pytest.param("stable-diffusion", "csd", ["--perp-neg"], marks=pytest.mark.slow),
+        pytest.param("stable-diffusion", "asd", ["--perp-neg"], marks=pytest.mark.slow),
+        pytest.param("zero123", "nfsd", [], marks=pytest.mark.slow),
     ],
 )
 def test_memory_is_asked_for_what_the_network_is_shown(

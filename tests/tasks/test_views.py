@@ -3,6 +3,7 @@
 import functools
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -173,6 +174,7 @@ def assert_resumed_ends_as_unbroken(folder, options, files):
     assert runs[0]["loss"] == runs[1]["loss"]
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_a_result_and_resume_ends_where_an_unbroken_run_does(colored):
     assert_resumed_ends_as_unbroken(colored, [str(colored), "--strokes", "20", "--steps", "800", "--quiet"], FILES)
 
@@ -197,18 +199,31 @@ def test_ctrl_c_while_pictures_are_judged_leaves_the_sketch(colored, monkeypatch
 ENDS = torch.tensor([[[-0.6, -0.5, -0.4], [0.6, -0.4, -0.5]], [[0.6, -0.4, -0.5], [0.5, 0.6, 0.3]]])
 
 
-@pytest.fixture
-def drawings(tmp_path):
-    """Line drawings on disk, seen from all around, and their sketch."""
+def drawn_around(folder):
+    """Line drawings in a folder, seen from all around: (the folder, their sketch)."""
     circle = ds.Sketch(*ds.bezier.circle((-0.2, 0.1, 0.4), 0.4, (0, 0.3, 1), dtype=torch.float32))
     sketch = ds.Sketch.concatenate([ds.Sketch(ENDS), circle])
     cameras = ds.orbit(list(range(0, 360, 18)), [(-20.0, 10.0, 45.0)[i % 3] for i in range(20)], 2.6, fov=45, size=96)
     pictures = [f"{i}.png" for i in range(20)]
     thick = ds.Sketch(sketch.points, sketch.weights, width=2 / 96)
     for picture, image in zip(pictures, ds.render(thick, cameras).color, strict=True):
-        save_png(tmp_path / picture, image)
-    ds.save_transforms(tmp_path / "transforms.json", cameras, pictures)
-    return tmp_path, sketch
+        save_png(folder / picture, image)
+    ds.save_transforms(folder / "transforms.json", cameras, pictures)
+    return folder, sketch
+
+
+@pytest.fixture
+def drawings(tmp_path):
+    """Line drawings on disk, and their sketch."""
+    return drawn_around(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A run of the drawings that has ended: its folder, to be copied."""
+    folder, _ = drawn_around(tmp_path_factory.mktemp("finished"))
+    main(["views", str(folder), "-o", str(folder / "out"), "--quiet"])
+    return folder / "out"
 
 
 def test_drawings_stopped_and_resumed(drawings):
@@ -282,11 +297,11 @@ def test_resume_refuses_another_run(drawings, capsys):
     assert (folder / "out" / "sketch.json").read_bytes() == before
 
 
-def test_a_run_is_not_overwritten_unasked(drawings, capsys):
+def test_a_run_is_not_overwritten_unasked(drawings, finished, capsys):
     """Neither one that ended, nor one that was killed and left its checkpoint alone, of edges or of colours."""
     folder, _ = drawings
     command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
-    main(command)
+    shutil.copytree(finished, folder / "out")
     before = {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
     for left in ("run.json", "edges.safetensors", "checkpoint.safetensors"):
         held = folder / f"only {left}"
@@ -303,11 +318,11 @@ def test_a_run_is_not_overwritten_unasked(drawings, capsys):
     assert (folder / "out" / "sketch.json").read_bytes() == before["sketch.json"]
 
 
-def test_what_an_overwritten_run_has_left_is_no_checkpoint(drawings, capsys):
+def test_what_an_overwritten_run_has_left_is_no_checkpoint(drawings, finished, capsys):
     """A new run that is killed before its first curves has none; and that of other pictures is refused."""
     folder, _ = drawings
     command = ["views", str(folder), "-o", str(folder / "out"), "--quiet"]
-    main(command)
+    shutil.copytree(finished, folder / "out")
     old = (folder / "out" / "edges.safetensors").read_bytes()
     options = ViewsOptions(overwrite=True)
 
@@ -326,6 +341,7 @@ def test_what_an_overwritten_run_has_left_is_no_checkpoint(drawings, capsys):
     assert "the run to resume had pictures=" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_random_curves_find_the_drawing(drawings):
     folder, truth = drawings
     options = ["--init", "random", "--strokes", "24", "--steps", "300", "--quiet"]
