@@ -19,8 +19,8 @@ from safetensors.torch import load_file, save_file
 from torch import nn
 
 import diff3ds as ds
+from diff3ds.guidance.built_in.small import ink
 from diff3ds.guidance.orbits import Orbits
-from diff3ds.guidance.small import ink
 from diff3ds.library import CATEGORIES, member
 
 SIZE, VIEWS, WIDTHS = 64, 8, (0.015, 0.05)

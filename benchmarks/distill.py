@@ -28,7 +28,7 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.bezier import evaluate
-from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.library.members import member
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import distill

@@ -4,8 +4,8 @@ from typing import Any, Literal
 
 import torch
 
-from diff3ds.guidance.latent import FACTOR, Autoencoder
-from diff3ds.guidance.mvdream import MVDream
+from diff3ds.guidance.networks.latent import FACTOR, Autoencoder
+from diff3ds.guidance.networks.mvdream import MVDream
 from diff3ds.guidance.schedule import NoiseSchedule
 
 Scale = Literal["full", "tiny"]

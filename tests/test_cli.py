@@ -12,8 +12,8 @@ from rich.console import Console
 
 import diff3ds as ds
 from diff3ds import cli
-from diff3ds._options import as_typed
 from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.command_line.read_options import as_typed
 from diff3ds.tasks.progress import Progress
 from diff3ds.tasks.text_image import text
 from diff3ds.tasks.views import run as views

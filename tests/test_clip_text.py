@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from diff3ds._clip_text import cleaned
+from diff3ds.weights.clip_text import cleaned
 
 needs_ftfy = pytest.mark.skipif(importlib.util.find_spec("ftfy") is None, reason="the extra diffusion is not installed")
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds import cli
-from diff3ds._options import read_options
+from diff3ds.command_line.read_options import read_options
 from diff3ds.library import member
 
 ROOT = Path(__file__).parent.parent

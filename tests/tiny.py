@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from diff3ds.guidance.mvdream import NEGATIVE
+from diff3ds.guidance.networks.mvdream import NEGATIVE
 
 # Weights of attention are enlarged by this: as drawn they give all tokens nearly the same attention, and what is
 # attended to makes no difference that a test could see. (At 12 times the networks are chaotic: the last bit shows.)

@@ -16,9 +16,9 @@ from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingCo
 from rich.progress import Progress as Bars
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from diff3ds._interrupt import STOPPED, importing
-from diff3ds._options import as_typed, read_options
 from diff3ds._version import __version__
+from diff3ds.command_line.interrupt import STOPPED, importing
+from diff3ds.command_line.read_options import as_typed, read_options
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
 from diff3ds.tasks.small_prior.options import TrainOptions

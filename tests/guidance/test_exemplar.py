@@ -9,9 +9,9 @@ import torch
 
 import diff3ds as ds
 from diff3ds.guidance import formulas
+from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.guidance.denoiser import gaussian
-from diff3ds.guidance.exemplar import ExemplarDenoiser
-from diff3ds.guidance.methods import Look, judge
+from diff3ds.guidance.methods import ScoreQuery, score
 from diff3ds.guidance.objective import ScoreDistillation, step_generator
 from diff3ds.guidance.recipe import Method, Recipe, TimeAnnealing
 
@@ -116,11 +116,13 @@ def test_views_must_fill_groups_and_a_member_must_fit(prior):
 # Methods
 
 
-def look_at(prior: ExemplarDenoiser, cameras: ds.Cameras, member: int, timestep: int, seed: int = 0, **other) -> Look:
+def look_at(
+    prior: ExemplarDenoiser, cameras: ds.Cameras, member: int, timestep: int, seed: int = 0, **other
+) -> ScoreQuery:
     latents = prior.encode(draw(cameras)[member], torch.Generator())
     values = {"guidance": 1.0, "rescale": 0.5, **other}
     timesteps = torch.full((4,), timestep)
-    return Look(prior, latents, timesteps, 100, cameras, generator=torch.Generator().manual_seed(seed), **values)
+    return ScoreQuery(prior, latents, timesteps, 100, cameras, generator=torch.Generator().manual_seed(seed), **values)
 
 
 @pytest.fixture
@@ -132,51 +134,51 @@ def only() -> ExemplarDenoiser:
 # All but vsd, which trains a network, and this prior is none.
 @pytest.mark.parametrize("method", [m for m in get_args(Method) if m != "vsd"])
 def test_what_is_right_already_is_left_alone(only, cameras, method):
-    look = look_at(only, cameras, 1, 300)
-    verdict = judge(method, replace(look, latents=only.encode(draw(cameras)[1], torch.Generator())))
+    query = look_at(only, cameras, 1, 300)
+    found = score(method, replace(query, latents=only.encode(draw(cameras)[1], torch.Generator())))
     # Inversion ends near the latents only, because its steps are finite.
-    assert float(verdict.gradient.abs().max()) < (0.02 if method in ("ism", "sdi", "asd") else 2e-3)
+    assert float(found.gradient.abs().max()) < (0.02 if method in ("ism", "sdi", "asd") else 2e-3)
 
 
 @pytest.mark.parametrize("method", ["sds", "reconstruction", "asd", "sdi"])
 def test_a_prior_of_one_object_pulls_straight_towards_it(only, cameras, method):
     wanted = only.encode(draw(cameras)[1], torch.Generator())
     start = only.encode(draw(cameras)[2], torch.Generator())
-    verdict = judge(method, replace(look_at(only, cameras, 1, 500), latents=start))
+    found = score(method, replace(look_at(only, cameras, 1, 500), latents=start))
     away = start - wanted
-    assert float(torch.cosine_similarity(verdict.gradient.flatten(1), away.flatten(1)).min()) > 0.999
-    assert torch.allclose(verdict.clean, wanted, atol=0.05)
+    assert float(torch.cosine_similarity(found.gradient.flatten(1), away.flatten(1)).min()) > 0.999
+    assert torch.allclose(found.clean, wanted, atol=0.05)
 
 
 def test_interval_score_matching_pulls_towards_what_fits(cameras):
     """With one object alone it is 0: every step of the inversion ends where the object's own noise would be."""
     both = ExemplarDenoiser(lambda c: draw(c)[:2], torch.tensor([False, True]), SIZE, group=2)
-    look = look_at(both, cameras, 0, 500, guidance=7.5)
-    verdict = judge("ism", look)
-    away = look.latents - both.encode(draw(cameras)[1], torch.Generator())
-    assert float(torch.cosine_similarity(verdict.gradient.flatten(1), away.flatten(1)).min()) > 0.99
+    query = look_at(both, cameras, 0, 500, guidance=7.5)
+    found = score("ism", query)
+    away = query.latents - both.encode(draw(cameras)[1], torch.Generator())
+    assert float(torch.cosine_similarity(found.gradient.flatten(1), away.flatten(1)).min()) > 0.99
 
 
 def test_sds_is_the_prediction_less_the_noise(prior, cameras):
-    look = look_at(prior, cameras, 0, 700, seed=4, guidance=3.0)
-    noise = gaussian(look.latents, torch.Generator().manual_seed(4))
-    noisy = prior.schedule.add_noise(look.latents, noise, look.timesteps)
-    conditional, baseline = prior.predict(noisy, look.timesteps, cameras, ("conditional", "negative"))
+    query = look_at(prior, cameras, 0, 700, seed=4, guidance=3.0)
+    noise = gaussian(query.latents, torch.Generator().manual_seed(4))
+    noisy = prior.schedule.add_noise(query.latents, noise, query.timesteps)
+    conditional, baseline = prior.predict(noisy, query.timesteps, cameras, ("conditional", "negative"))
     expected = baseline + 3 * (conditional - baseline) - noise
-    assert torch.equal(judge("sds", look).gradient, expected)
+    assert torch.equal(score("sds", query).gradient, expected)
     # Reconstruction without rescaling is the same, in latents (paper, with its misprint corrected).
-    kept = look.alpha_bar(look.timesteps)
-    again = judge("reconstruction", look_at(prior, cameras, 0, 700, seed=4, guidance=3.0, rescale=0.0))
+    kept = query.alpha_bar(query.timesteps)
+    again = score("reconstruction", look_at(prior, cameras, 0, 700, seed=4, guidance=3.0, rescale=0.0))
     assert torch.allclose(again.gradient, formulas.weighted(kept, "ratio") * expected, atol=1e-3)
 
 
 def test_classifier_scores_are_what_the_phrase_adds(prior, cameras):
     """Nothing, where the conditional and the unconditional posterior agree; without bound by the noise otherwise."""
-    agree = judge("csd", look_at(prior, cameras, 1, 100))
+    agree = score("csd", look_at(prior, cameras, 1, 100))
     assert float(agree.gradient.abs().max()) < 1e-4
-    differ = judge("csd", look_at(prior, cameras, 0, 100))
+    differ = score("csd", look_at(prior, cameras, 0, 100))
     assert float(differ.gradient.abs().max()) > 0.1
-    noise_free = judge("nfsd", look_at(prior, cameras, 0, 700, guidance=0.0))
+    noise_free = score("nfsd", look_at(prior, cameras, 0, 700, guidance=0.0))
     # With equal unconditional and negative predictions nothing is left of it at high noise without guidance.
     assert float(noise_free.gradient.abs().max()) == 0
 

@@ -9,9 +9,9 @@ from PIL import Image
 from torch.nn.functional import interpolate
 
 from diff3ds.camera import orbit
-from diff3ds.guidance import latent
 from diff3ds.guidance.denoiser import gaussian
-from diff3ds.guidance.latent import Autoencoder, place_autoencoder, predict_noise, read_schedule, step_memory
+from diff3ds.guidance.networks import latent
+from diff3ds.guidance.networks.latent import Autoencoder, place_autoencoder, predict_noise, read_schedule, step_memory
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.recipe import Work
 from diff3ds.guidance.schedule import NoiseSchedule

@@ -10,9 +10,9 @@ from safetensors.torch import save_file
 
 from diff3ds.camera import orbit
 from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.guidance.latent import Autoencoder
-from diff3ds.guidance.multiview_attention import JoinedViews, check_joined, join_views
-from diff3ds.guidance.mvdream import MVDream, camera_vectors, load_mvdream
+from diff3ds.guidance.networks.latent import Autoencoder
+from diff3ds.guidance.networks.multiview_attention import JoinedViews, check_joined, join_views
+from diff3ds.guidance.networks.mvdream import MVDream, camera_vectors, load_mvdream
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule

@@ -8,7 +8,7 @@ import tiny
 import torch
 from needs import needs
 
-from diff3ds.guidance import prompts
+from diff3ds.guidance.networks import prompts
 from diff3ds.weights.locate import Checkpoint
 
 pytestmark = needs("transformers", "ftfy")

@@ -12,8 +12,8 @@ sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import random_mvdream
 import step_cost
 
-from diff3ds.guidance.latent import VAE_WEIGHTS
-from diff3ds.guidance.multiview_attention import check_joined
+from diff3ds.guidance.networks.latent import VAE_WEIGHTS
+from diff3ds.guidance.networks.multiview_attention import check_joined
 
 pytestmark = needs("diffusers", "ftfy")
 

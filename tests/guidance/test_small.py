@@ -9,8 +9,7 @@ from safetensors.torch import load_file, save_file
 
 import diff3ds as ds
 from diff3ds.guidance import formulas
-from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.guidance.small import (
+from diff3ds.guidance.built_in.small import (
     SmallDenoiser,
     View,
     Vocabulary,
@@ -20,8 +19,9 @@ from diff3ds.guidance.small import (
     read_network,
     write_network,
 )
-from diff3ds.guidance.small_network import Attention, SmallNetwork
-from diff3ds.guidance.small_shape import Shape
+from diff3ds.guidance.built_in.small_network import Attention, SmallNetwork
+from diff3ds.guidance.built_in.small_shape import Shape
+from diff3ds.guidance.denoiser import Denoiser
 
 SHAPE = Shape(words=3, size=16, patch=4, channels=4, width=32, depth=2, heads=2)
 VOCABULARY = Vocabulary(("mug", "mug: steam", "stretch z"), 0.2, 0.4)

@@ -6,11 +6,12 @@ import torch
 from needs import needs
 
 from diff3ds.camera import orbit
-from diff3ds.guidance import formulas, prompts
-from diff3ds.guidance.latent import Autoencoder
-from diff3ds.guidance.prompts import BACK, FRONT, SIDE
+from diff3ds.guidance import formulas
+from diff3ds.guidance.networks import prompts
+from diff3ds.guidance.networks.latent import Autoencoder
+from diff3ds.guidance.networks.prompts import BACK, FRONT, SIDE
+from diff3ds.guidance.networks.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.weights.options import Source
 
 pytestmark = needs("diffusers", "ftfy")

@@ -8,13 +8,13 @@ import torch
 from needs import needs
 
 from diff3ds.camera import orbit
-from diff3ds.guidance.exemplar import ExemplarDenoiser
-from diff3ds.guidance.latent import Autoencoder
-from diff3ds.guidance.mvdream import MVDream
+from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
+from diff3ds.guidance.networks.latent import Autoencoder
+from diff3ds.guidance.networks.mvdream import MVDream
+from diff3ds.guidance.networks.stable_diffusion import StableDiffusion
 from diff3ds.guidance.objective import ScoreDistillation, step_generator
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.stable_diffusion import StableDiffusion
 from diff3ds.guidance.vsd import RATE, Particles
 
 pytestmark = needs("diffusers", "peft", "ftfy")

@@ -10,11 +10,12 @@ from tiny import edit_json, save_stable_diffusion
 from tiny_zero123 import POSE, WIDTH, save_projection, save_zero123
 
 import diff3ds as ds
-from diff3ds.guidance import formulas, zero123
+from diff3ds.guidance import formulas
+from diff3ds.guidance.networks import zero123
+from diff3ds.guidance.networks.stable_zero123 import load_stable_zero123, stable_pose
+from diff3ds.guidance.networks.zero123 import ReferencePose, clip_pixels, load_zero123, relative_pose
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.recipe import Recipe
-from diff3ds.guidance.stable_zero123 import load_stable_zero123, stable_pose
-from diff3ds.guidance.zero123 import ReferencePose, clip_pixels, load_zero123, relative_pose
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.options import Source
 

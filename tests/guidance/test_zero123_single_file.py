@@ -11,7 +11,7 @@ from tiny import make_single_mvdream
 from tiny_zero123 import save_pair
 
 import diff3ds as ds
-from diff3ds.guidance.zero123 import ReferencePose, load_zero123
+from diff3ds.guidance.networks.zero123 import ReferencePose, load_zero123
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.priors import kind_of, loaded
 from diff3ds.weights.options import Source

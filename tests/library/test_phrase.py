@@ -5,7 +5,7 @@ import re
 import pytest
 from sweep import sweep
 
-from diff3ds.guidance.small import read_network
+from diff3ds.guidance.built_in.small import read_network
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import COLORS, STRETCHES

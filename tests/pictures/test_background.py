@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.pictures.background import WINDOW, parse_background, with_alpha
+from diff3ds.pictures.content.background import WINDOW, parse_background, with_alpha
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import Store, store_of
 

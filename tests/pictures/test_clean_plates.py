@@ -13,8 +13,8 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.optimize.fit import fit
-from diff3ds.pictures.background import with_alpha
-from diff3ds.pictures.clean_plates import CleanPlates, load_clean_plates
+from diff3ds.pictures.content.background import with_alpha
+from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.store import Store, as_bytes, store_of
 from diff3ds.tasks.views.color_sketch import color_scores, plan_color

@@ -10,9 +10,9 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_png
-from diff3ds.pictures import load_views
 from diff3ds.pictures.dataset import find_transforms, load_posed
 from diff3ds.pictures.pyramid import build_pyramid
+from diff3ds.pictures.reading import load_views
 
 
 @pytest.fixture

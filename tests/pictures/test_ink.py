@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from diff3ds.formats import save_png
-from diff3ds.pictures.ink import ink_on_paper
+from diff3ds.pictures.content.ink import ink_on_paper
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition.lines import lines_of
 

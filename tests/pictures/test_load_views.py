@@ -9,11 +9,11 @@ import torch
 
 import diff3ds as ds
 from diff3ds.formats import save_png
-from diff3ds.pictures import read as reading
-from diff3ds.pictures.clean_plates import load_clean_plates
+from diff3ds.pictures.content.clean_plates import load_clean_plates
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.pictures.lens import straightened, undistorted
-from diff3ds.pictures.resample import area_means
+from diff3ds.pictures.reading import read as reading
+from diff3ds.pictures.reading.lens import straightened, undistorted
+from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import read_views
@@ -116,7 +116,7 @@ def test_one_pass_straightens_and_reduces(generator, monkeypatch, size, extent):
     both = torch.cat([straight * known, known[None].float()]).permute(1, 2, 0)
     expected = area_means(both[None], size, extent)[0]
     for strip in (1, 2000, 1 << 18):
-        monkeypatch.setattr("diff3ds.pictures.resample.STRIP", strip)
+        monkeypatch.setattr("diff3ds.pictures.reading.resample.STRIP", strip)
         means, share = straightened(picture, intrinsics, LENS, size, extent)
         torch.testing.assert_close(means, expected[..., :4], rtol=0, atol=2e-5)
         torch.testing.assert_close(share, expected[..., 4])

@@ -9,9 +9,9 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_png
+from diff3ds.pictures.content.line_width import line_width
+from diff3ds.pictures.content.visual_hull import visual_hull
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.pictures.line_width import line_width
-from diff3ds.pictures.visual_hull import visual_hull
 from diff3ds.tasks.views.color_sketch import plan_color, view_scores
 from diff3ds.tasks.views.edge_sketch import ridges_of
 from diff3ds.tasks.views.options import ViewsOptions

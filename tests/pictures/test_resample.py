@@ -7,8 +7,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diff3ds.pictures.lens import undistorted
-from diff3ds.pictures.resample import area_means, blurred
+from diff3ds.pictures.reading.lens import undistorted
+from diff3ds.pictures.reading.resample import area_means, blurred
 
 
 def image(values):

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 import diff3ds as ds
+from diff3ds.pictures.content.visual_hull import visual_hull
 from diff3ds.pictures.store import Store, as_bytes
-from diff3ds.pictures.visual_hull import visual_hull
 
 DISTANCE, SIZE = 3.5, 100
 

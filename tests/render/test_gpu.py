@@ -11,10 +11,10 @@ from gpu_promise import lack, promised
 
 import diff3ds as ds
 from diff3ds._settings import with_options
+from diff3ds.guidance.built_in.small import SmallDenoiser, Vocabulary
+from diff3ds.guidance.built_in.small_network import SmallNetwork
+from diff3ds.guidance.built_in.small_shape import Shape
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.small import SmallDenoiser, Vocabulary
-from diff3ds.guidance.small_network import SmallNetwork
-from diff3ds.guidance.small_shape import Shape
 from diff3ds.render.cuda.gpu import Gpu
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
 from diff3ds.tasks.text_image.distillation import distill
@@ -182,8 +182,8 @@ def tiny_mvdream(device: torch.device):
     pytest.importorskip("peft")
     import tiny
 
-    from diff3ds.guidance.latent import Autoencoder
-    from diff3ds.guidance.mvdream import MVDream
+    from diff3ds.guidance.networks.latent import Autoencoder
+    from diff3ds.guidance.networks.mvdream import MVDream
 
     torch.manual_seed(0)
     unet, autoencoder = tiny.make_mvdream_unet().to(device), Autoencoder(tiny.make_vae().to(device), 64)

@@ -12,7 +12,7 @@ import torch
 import diff3ds as ds
 from diff3ds._settings import option_hints, with_options
 from diff3ds.formats import load_image
-from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import FitConfig
 from diff3ds.tasks.results import check_output_folder

@@ -16,7 +16,7 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.lpips import Lpips
-from diff3ds.pictures.resample import area_means
+from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.evaluate.evaluate import evaluate, find_runs, prompt_file, read_prompts
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.score_table import Row, markdown, summaries

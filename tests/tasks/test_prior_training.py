@@ -15,7 +15,7 @@ from safetensors.torch import save_file
 
 import diff3ds as ds
 from diff3ds.cli import main
-from diff3ds.guidance.small import angles, read_network, write_network
+from diff3ds.guidance.built_in.small import angles, read_network, write_network
 from diff3ds.library import CATEGORIES, member
 from diff3ds.library.phrase import parse
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches

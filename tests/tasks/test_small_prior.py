@@ -14,9 +14,9 @@ import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.cli import main
 from diff3ds.formats import save_png
-from diff3ds.guidance.small import SCHEDULE, Vocabulary, read_network, write_network
-from diff3ds.guidance.small_network import SmallNetwork
-from diff3ds.guidance.small_shape import Shape
+from diff3ds.guidance.built_in.small import SCHEDULE, Vocabulary, read_network, write_network
+from diff3ds.guidance.built_in.small_network import SmallNetwork
+from diff3ds.guidance.built_in.small_shape import Shape
 from diff3ds.library import member
 from diff3ds.library.phrase import Request
 from diff3ds.tasks.small_prior import small_prior

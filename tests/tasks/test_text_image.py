@@ -209,7 +209,7 @@ def test_perpendicular_negatives_run(checkpoints, drawing, tmp_path, capsys):
 def test_memory_is_asked_for_what_the_network_is_shown(
     prior, method, more, checkpoints, drawing, tmp_path, monkeypatch
 ):
-    module = importlib.import_module(f"diff3ds.guidance.{prior.replace('-', '_')}")
+    module = importlib.import_module(f"diff3ds.guidance.networks.{prior.replace('-', '_')}")
     asked, shown, trained = [], [], []
     check, predict = module.check_memory, module.predict_noise
 

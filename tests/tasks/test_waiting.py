@@ -12,10 +12,10 @@ from queued_device import QueuedDevice
 import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.guidance import upload
+from diff3ds.guidance.built_in.small import SmallDenoiser, Vocabulary
+from diff3ds.guidance.built_in.small_network import SmallNetwork
+from diff3ds.guidance.built_in.small_shape import Shape
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.small import SmallDenoiser, Vocabulary
-from diff3ds.guidance.small_network import SmallNetwork
-from diff3ds.guidance.small_shape import Shape
 from diff3ds.guidance.upload import uploaded
 from diff3ds.render import Rendering
 from diff3ds.tasks.text_image import distillation
@@ -68,10 +68,10 @@ def latent(kind: str):
     pytest.importorskip("diffusers")
     import tiny
 
-    from diff3ds.guidance.latent import Autoencoder
-    from diff3ds.guidance.mvdream import MVDream
-    from diff3ds.guidance.stable_diffusion import StableDiffusion
-    from diff3ds.guidance.zero123 import Condition, Projection, ReferencePose, Zero123
+    from diff3ds.guidance.networks.latent import Autoencoder
+    from diff3ds.guidance.networks.mvdream import MVDream
+    from diff3ds.guidance.networks.stable_diffusion import StableDiffusion
+    from diff3ds.guidance.networks.zero123 import Condition, Projection, ReferencePose, Zero123
 
     schedule, autoencoder = NoiseSchedule.scaled_linear(), Autoencoder(tiny.make_vae().to(THERE), 64)
     if kind == "mvdream":

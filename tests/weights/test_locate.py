@@ -12,7 +12,7 @@ from huggingface_hub import constants
 from needs import needs
 from safetensors.torch import load_file, save_file
 
-from diff3ds.guidance.stable_diffusion import load_stable_diffusion
+from diff3ds.guidance.networks.stable_diffusion import load_stable_diffusion
 from diff3ds.weights import locate as locating
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.locate import Checkpoint, find, lacking, locate, needed

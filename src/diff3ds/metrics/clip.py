@@ -6,9 +6,9 @@ from typing import Any
 
 import torch
 
-from diff3ds._clip_text import clip_tokens
 from diff3ds._shapes import Float, Tensor
 from diff3ds.metrics.preprocess import CLIP_MEAN, CLIP_STD, normalized, square
+from diff3ds.weights.clip_text import clip_tokens
 from diff3ds.weights.pretrained import load_pretrained, token_ids
 
 # What the text tower is given where only images matter.

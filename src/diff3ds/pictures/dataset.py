@@ -9,10 +9,10 @@ import torch
 
 from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.pictures.load_views import Told, canvas_of, load_some, load_views
-from diff3ds.pictures.masks import has_left_out
+from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks, Target
-from diff3ds.pictures.read import decode, shown
+from diff3ds.pictures.reading.load_views import Told, canvas_of, load_some, load_views
+from diff3ds.pictures.reading.read import decode, shown
 from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
 from diff3ds.transforms import View, near_of, one_kind, present_views, require_files

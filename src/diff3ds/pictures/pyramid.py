@@ -6,7 +6,7 @@ import torch
 
 from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.pictures.resample import area_means, blurred
+from diff3ds.pictures.reading.resample import area_means, blurred
 from diff3ds.pictures.store import Batch, Store, all_known, as_bytes, byte_array, is_all_known
 
 # Sizes of the levels, and the blur in pixels of renderings and targets there. Small images carry the gradient far, in

@@ -8,13 +8,13 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats.orientation import load_upright
-from diff3ds.pictures.background import parse_background, with_alpha
-from diff3ds.pictures.cutout import is_inverted, premultiplied
+from diff3ds.pictures.content.background import parse_background, with_alpha
+from diff3ds.pictures.content.cutout import is_inverted, premultiplied
+from diff3ds.pictures.content.ink import ink_on_paper
+from diff3ds.pictures.content.masks import mask_of
 from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.pictures.ink import ink_on_paper
-from diff3ds.pictures.masks import mask_of
 from diff3ds.pictures.options import PictureOptions
-from diff3ds.pictures.resample import area_means
+from diff3ds.pictures.reading.resample import area_means
 from diff3ds.pictures.store import store_of
 
 # The longer side of the object in pixels of a reference of 256, as in the demonstration of Zero-1-to-3.

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diff3ds._settings import Options, option_hints, with_options
-from diff3ds._typed import typed
+from diff3ds.tasks.typed_options import typed
 
 if TYPE_CHECKING:
     from diff3ds.sketch import Sketch

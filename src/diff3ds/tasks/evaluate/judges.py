@@ -11,7 +11,7 @@ from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.feature_stacks import Backbone
 from diff3ds.metrics.lpips import Lpips
-from diff3ds.pictures.resample import area_means
+from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.evaluate.options import JudgeOptions
 from diff3ds.weights.judge_files import find_file, find_folder, read_network
 

@@ -8,7 +8,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
-from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.members import RADIUS, member
 from diff3ds.library.phrase import Request, parse

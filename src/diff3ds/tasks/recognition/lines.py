@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Float
 from diff3ds.edges.evidence.ridges import MAP_SIGMA, MAP_VALUE, Ridges, color_ridges, find_ridges, map_ridges
-from diff3ds.pictures.ink import INKED, depth_in, is_thin, without_specks
+from diff3ds.pictures.content.ink import INKED, depth_in, is_thin, without_specks
 from diff3ds.pictures.reference_picture import FAINT, ReferencePicture
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from torch.utils.data import Dataset
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
+from diff3ds.guidance.built_in.small import GROUP, angles, ink
 from diff3ds.guidance.orbits import Orbits
-from diff3ds.guidance.small import GROUP, angles, ink
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import STRETCHES

@@ -10,8 +10,8 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import save_png, tile_images
 from diff3ds.guidance import formulas
-from diff3ds.guidance.small import GROUP, SmallDenoiser, Vocabulary
-from diff3ds.guidance.small_network import SmallNetwork
+from diff3ds.guidance.built_in.small import GROUP, SmallDenoiser, Vocabulary
+from diff3ds.guidance.built_in.small_network import SmallNetwork
 
 STEPS, GUIDANCE, SEED = 30, 3.0, 0
 AZIMUTH, ELEVATION, DISTANCE = 30.0, 15.0, 1.9

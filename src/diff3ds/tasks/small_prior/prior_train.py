@@ -19,11 +19,11 @@ from torch.utils.data import DataLoader
 from diff3ds._files import write_text
 from diff3ds._shapes import Tensor
 from diff3ds._tensor_files import write_tensors
+from diff3ds.guidance.built_in.small import SCHEDULE, Vocabulary, half_is_fast, write_network
+from diff3ds.guidance.built_in.small_network import SmallNetwork
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.objective import step_generator
 from diff3ds.guidance.recipe import TIMESTEPS
-from diff3ds.guidance.small import SCHEDULE, Vocabulary, half_is_fast, write_network
-from diff3ds.guidance.small_network import SmallNetwork
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Progress, Report, Stopped

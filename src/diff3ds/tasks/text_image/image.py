@@ -8,7 +8,7 @@ from pathlib import Path
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
-from diff3ds.guidance.zero123 import ReferencePose
+from diff3ds.guidance.networks.zero123 import ReferencePose
 from diff3ds.library.phrase import Request, parse
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.render.backends import torch_on_one_thread

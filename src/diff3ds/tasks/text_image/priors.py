@@ -7,12 +7,12 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.guidance.device import pick_device
-from diff3ds.guidance.mvdream import NEGATIVE, VIEWS, MVDream, find_words, load_mvdream
-from diff3ds.guidance.prompts import check_phrase
+from diff3ds.guidance.networks.mvdream import NEGATIVE, VIEWS, MVDream, find_words, load_mvdream
+from diff3ds.guidance.networks.prompts import check_phrase
+from diff3ds.guidance.networks.stable_diffusion import StableDiffusion, load_stable_diffusion
+from diff3ds.guidance.networks.stable_zero123 import load_stable_zero123
+from diff3ds.guidance.networks.zero123 import ReferencePose, Zero123, load_zero123
 from diff3ds.guidance.recipe import Work
-from diff3ds.guidance.stable_diffusion import StableDiffusion, load_stable_diffusion
-from diff3ds.guidance.stable_zero123 import load_stable_zero123
-from diff3ds.guidance.zero123 import ReferencePose, Zero123, load_zero123
 from diff3ds.tasks.text_image.conditioned_prior import Network
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, PriorOptions, is_place, require_name
 from diff3ds.tasks.text_image.subject import Phrase

@@ -11,7 +11,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, orbit
-from diff3ds.guidance.exemplar import ExemplarDenoiser
+from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.recipe import Recipe, TimeAnnealing

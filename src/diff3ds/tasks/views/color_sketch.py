@@ -11,15 +11,15 @@ from diff3ds.losses import composite_loss, psnr
 from diff3ds.metrics.ssim import WINDOW, ssim
 from diff3ds.optimize.density import Density, Observation
 from diff3ds.optimize.fit import FitConfig, Objective, Rates
-from diff3ds.pictures.background import behind, described, parse_background, with_alpha
-from diff3ds.pictures.clean_plates import CleanPlates, load_clean_plates
+from diff3ds.pictures.content.background import behind, described, parse_background, with_alpha
+from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
+from diff3ds.pictures.content.visual_hull import Hull, visual_hull
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.frame import frame_of
-from diff3ds.pictures.load_views import Told
 from diff3ds.pictures.options import Masks
 from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
+from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import Store, is_all_known
-from diff3ds.pictures.visual_hull import Hull, visual_hull
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report

@@ -17,12 +17,12 @@ from diff3ds.metrics.doodle_loss import DoodleLoss
 from diff3ds.metrics.vgg_distance import VggDistance
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import FitConfig, Objective, Rates, fit
-from diff3ds.pictures.background import parse_background, with_alpha
+from diff3ds.pictures.content.background import parse_background, with_alpha
+from diff3ds.pictures.content.visual_hull import visual_hull
 from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
 from diff3ds.pictures.frame import frame_of
 from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.pictures.store import Store, is_all_known
-from diff3ds.pictures.visual_hull import visual_hull
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, Stopped

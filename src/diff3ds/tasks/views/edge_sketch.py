@@ -15,9 +15,9 @@ from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
+from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, frame_of
-from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Progress, Report

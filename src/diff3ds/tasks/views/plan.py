@@ -5,7 +5,7 @@ from typing import Any
 
 from diff3ds._shapes import Tensor
 from diff3ds.optimize.fit import FitConfig, Objective
-from diff3ds.pictures.clean_plates import CleanPlates
+from diff3ds.pictures.content.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame
 from diff3ds.pictures.pyramid import Pyramid

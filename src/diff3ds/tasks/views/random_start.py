@@ -10,9 +10,9 @@ from diff3ds.camera import Cameras
 from diff3ds.losses import ink_loss
 from diff3ds.optimize.fit import FitConfig, Objective, Rates
 from diff3ds.optimize.strokes import Refinement, SupportPruning
+from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import frame_of
-from diff3ds.pictures.line_width import line_width
 from diff3ds.pictures.pyramid import Pyramid, build_pyramid
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch

@@ -14,11 +14,11 @@ from diff3ds.formats import tile_images
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
-from diff3ds.pictures.background import color_or_path, described
-from diff3ds.pictures.clean_plates import CleanPlates, load_clean_plates
-from diff3ds.pictures.cutout import is_inverted
+from diff3ds.pictures.content.background import color_or_path, described
+from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
+from diff3ds.pictures.content.cutout import is_inverted
 from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
-from diff3ds.pictures.load_views import Told
+from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread

@@ -7,10 +7,10 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import prompts
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.device import pick_device, pick_dtype
-from diff3ds.guidance.latent import (
+from diff3ds.guidance.networks import prompts
+from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
     check_memory,
@@ -20,7 +20,7 @@ from diff3ds.guidance.latent import (
     read_schedule,
     vae_dtype,
 )
-from diff3ds.guidance.multiview_attention import check_joined, join_views
+from diff3ds.guidance.networks.multiview_attention import check_joined, join_views
 from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.weights import convert, single_file

@@ -10,7 +10,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.denoiser import Branch
 from diff3ds.guidance.device import pick_device, pick_dtype
-from diff3ds.guidance.latent import (
+from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
     Prediction,
@@ -19,11 +19,11 @@ from diff3ds.guidance.latent import (
     predict_noise,
     vae_dtype,
 )
+from diff3ds.guidance.networks.zero123_parts import Projection, read_parts
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
-from diff3ds.guidance.zero123_parts import Projection, read_parts
 from diff3ds.weights.locate import Checkpoint, find
 from diff3ds.weights.options import Source
 

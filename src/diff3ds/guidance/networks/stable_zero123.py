@@ -4,9 +4,9 @@ import math
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.guidance.networks.zero123 import ReferencePose, Zero123, assemble, relative_pose
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.recipe import USUAL, Precision, Work
-from diff3ds.guidance.zero123 import ReferencePose, Zero123, assemble, relative_pose
 from diff3ds.weights.locate import find
 from diff3ds.weights.options import Source
 

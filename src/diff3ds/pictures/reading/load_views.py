@@ -9,9 +9,9 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
-from diff3ds.pictures.masks import has_left_out
+from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks
-from diff3ds.pictures.read import read_view
+from diff3ds.pictures.reading.read import read_view
 from diff3ds.pictures.store import MEMORY, Store, all_known, as_bytes, byte_array
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
 from diff3ds.transforms import View

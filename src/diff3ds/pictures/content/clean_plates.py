@@ -7,9 +7,9 @@ from pathlib import Path
 from diff3ds._shapes import Tensor
 from diff3ds.formats.png import size_of
 from diff3ds.pictures.dataset import reduced
-from diff3ds.pictures.load_views import Told, load_views
 from diff3ds.pictures.options import Masks
-from diff3ds.pictures.read import decode, shown
+from diff3ds.pictures.reading.load_views import Told, load_views
+from diff3ds.pictures.reading.read import decode, shown
 from diff3ds.pictures.store import Store, opaque_views
 from diff3ds.transforms import NAMED, View, present_views
 

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.guidance.latent import Prediction, read_schedule
+from diff3ds.guidance.networks.latent import Prediction, read_schedule
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.weights import convert, single_file
 from diff3ds.weights.convert_clip import tower_config, tower_to_transformers

@@ -7,11 +7,11 @@ import torch
 from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_reduced
-from diff3ds.pictures.cutout import premultiplied
-from diff3ds.pictures.lens import straightened
-from diff3ds.pictures.masks import counted, has_left_out, object_fraction
+from diff3ds.pictures.content.cutout import premultiplied
+from diff3ds.pictures.content.masks import counted, has_left_out, object_fraction
 from diff3ds.pictures.options import Masks
-from diff3ds.pictures.resample import area_means
+from diff3ds.pictures.reading.lens import straightened
+from diff3ds.pictures.reading.resample import area_means
 from diff3ds.transforms import View
 
 # JPEG files are decoded at no less than this many times the size wanted: the mean of at least 2 x 2 pixels hides what

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
-from diff3ds.pictures.resample import even_ends, means_between, strips
+from diff3ds.pictures.reading.resample import even_ends, means_between, strips
 
 # Strips of maps that are remembered, 12 bytes a pixel: the pictures of one camera share them, up to 30 million pixels.
 REMEMBERED = 256

@@ -14,12 +14,12 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds._tensor_files import write_tensors
 from diff3ds.camera import Cameras
 from diff3ds.guidance import formulas
+from diff3ds.guidance.built_in.small_network import SmallNetwork
+from diff3ds.guidance.built_in.small_shape import Shape
 from diff3ds.guidance.denoiser import Branch, check_groups
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.recipe import TIMESTEPS
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.guidance.small_network import SmallNetwork
-from diff3ds.guidance.small_shape import Shape
 from diff3ds.guidance.upload import uploaded
 
 GROUP = 4

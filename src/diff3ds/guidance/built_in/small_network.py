@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.guidance.small_shape import Shape
+from diff3ds.guidance.built_in.small_shape import Shape
 
 
 class Attention(nn.Module):

@@ -6,8 +6,8 @@ from typing import Any
 
 import torch
 
-from diff3ds._clip_text import cleaned, clip_tokens
 from diff3ds._shapes import Float, Int, Tensor
+from diff3ds.weights.clip_text import cleaned, clip_tokens
 from diff3ds.weights.locate import Checkpoint
 from diff3ds.weights.read import load_part
 

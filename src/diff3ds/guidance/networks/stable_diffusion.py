@@ -8,10 +8,11 @@ import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.guidance import formulas, prompts
+from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Branch
 from diff3ds.guidance.device import pick_device, pick_dtype
-from diff3ds.guidance.latent import (
+from diff3ds.guidance.networks import prompts
+from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
     Prediction,

@@ -1,0 +1,1 @@
+"""Diffusion priors that are networks with published weights: one file a model, and what several share."""

@@ -1,0 +1,1 @@
+"""Files to pixels: decoded, undistorted, reduced, brought onto one canvas."""
