@@ -11,19 +11,43 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.random_start import plan_random_edges
-from diff3ds.tasks.views.run import demo_pictures
 
+STEPS, STROKES, BATCH = 800, 96, 6
 FRAMES, TURN = 45, 45
+stool, views = ds.library.demo_sketch(), ds.library.demo_cameras()
+
+
+def blur(step: int) -> float:
+    """Coarse to fine: a stroke feels what is within 3.5 times the blur."""
+    return 10.0 * max(0.0, 1 - step / (0.8 * STEPS)) ** 2
+
+
+def some_views(step: int, generator: torch.Generator) -> ds.Cameras:
+    """The views that a step looks at."""
+    return views[torch.randperm(len(views), generator=generator)[:BATCH]]
+
+
+def objective(rendering: ds.Rendering, cameras: ds.Cameras, step: int) -> torch.Tensor:
+    """How far the ink of the strokes is from that of the stool."""
+    wanted = ds.render(stool, cameras, blur=blur(step)).alpha
+    return ds.losses.ink_loss(rendering.alpha, wanted, extra=1.0)
+
+
 folder = Path(*sys.argv[1:2])
-sketches: list[ds.Sketch] = []
 folder.mkdir(parents=True, exist_ok=True)
-plan = plan_random_edges(demo_pictures(), ViewsOptions(), folder / "checkpoint.safetensors")
-for step in ds.fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config):
+start = ds.Sketch.random(STROKES, generator=torch.Generator().manual_seed(0), radius=0.9, extent=0.3)
+config = ds.FitConfig(
+    steps=STEPS,
+    rates=ds.Rates(points=0.012, opacity=0.01),
+    final_rate=0.06,
+    blur=blur,
+    refinements=[ds.NoiseDeletion(length=0.06, start=0.5, every=0.1)],
+)
+sketches: list[ds.Sketch] = []
+for step in ds.fit(start, objective, some_views, config):
     # More frames of the beginning, where more happens.
-    if step.index + 1 >= plan.config.steps * (len(sketches) / FRAMES) ** 2:
-        sketches.append(plan.frame.to_world(step.sketch))
+    if step.index + 1 >= STEPS * (len(sketches) / FRAMES) ** 2:
+        sketches.append(step.sketch)
 sketches += [sketches[-1]] * TURN
 azimuth = [30 + 180 * max(0, i - FRAMES) / TURN + 4 * min(i, FRAMES) for i in range(len(sketches))]
 frames = []

@@ -428,12 +428,12 @@ def test_missing_files_are_named(tmp_path):
 def test_pictures_that_are_none_are_named(tmp_path):
     (tmp_path / "text.png").write_text("no picture")
     path = _write(tmp_path, camera_angle_x=1.0, frames=[_frame("text")])
-    with pytest.raises(ValueError, match=r"text\.png: not a picture"):
+    with pytest.raises(ValueError, match=r"text\.png: cannot be read as a picture"):
         ds.load_transforms(path)
     header = struct.pack(">II5B", 20000, 20000, 8, 2, 0, 0, 0)
     chunk = struct.pack(">I", len(header)) + b"IHDR" + header + struct.pack(">I", zlib.crc32(b"IHDR" + header))
     (tmp_path / "text.png").write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
-    with pytest.raises(ValueError, match=r"text\.png: not a picture, or one that is too large"):
+    with pytest.raises(ValueError, match=r"text\.png: cannot be read as a picture"):
         ds.load_transforms(path)
 
 

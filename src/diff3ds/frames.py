@@ -11,6 +11,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import check_size
+from diff3ds.formats.png import size_of
 
 Values = dict[str, Any]
 Distortion = tuple[float, float, float, float, float]
@@ -103,7 +104,7 @@ def similar(file: Path) -> Path | None:
     return next((entry for entry in file.parent.iterdir() if unquote(entry.name).casefold() == wanted), None)
 
 
-def size_of(path: Path, values: Values, picture: Path) -> tuple[int, int]:
+def frame_size(path: Path, values: Values, picture: Path) -> tuple[int, int]:
     """(height, width) in pixels, from the file or else from the picture.
 
     Raises:
@@ -117,13 +118,7 @@ def size_of(path: Path, values: Values, picture: Path) -> tuple[int, int]:
             return check_size((int(height), int(width)))
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(picture) as image:
-            return image.height, image.width
-    except (UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{picture}: not a picture, or one that is too large") from error
+    return size_of(picture)
 
 
 def pose_of(path: Path, index: int, frame: Values) -> Float[Tensor, "4 4"]:

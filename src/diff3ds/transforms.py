@@ -19,6 +19,7 @@ from diff3ds.frames import (
     Distortion,
     Values,
     distortion_of,
+    frame_size,
     intrinsics_of,
     mask_of,
     named_picture,
@@ -26,7 +27,6 @@ from diff3ds.frames import (
     picture_of,
     pose_of,
     similar,
-    size_of,
 )
 
 # The files hold OpenGL camera axes (x right, y up, looking along -z); ours are OpenCV.
@@ -53,7 +53,8 @@ class View:
 
     Attributes:
         picture: file.
-        mask: file that is black where the picture does not count, or shows background (`pictures/masks.py`); or None.
+        mask: file that is black where the picture does not count, or shows background (`pictures/content/masks.py`); or
+            None.
         size: (height, width) of the picture in pixels.
         world_to_camera: float64, OpenCV axes.
         intrinsics: float64, in pixels of the picture; of orthographic ones in pixels a world unit.
@@ -252,7 +253,7 @@ def _given(values: Values) -> Values:
 
 def _view(path: Path, index: int, data: Values, frame: Values, picture: Path) -> View:
     values = {**data, **frame}
-    size = size_of(path, values, picture)
+    size = frame_size(path, values, picture)
     to_world = pose_of(path, index, frame) @ _OPENGL_TO_OPENCV
     orthographic = orthographic_of(path, index, data, frame)
     return View(
