@@ -25,14 +25,21 @@ hypothesis.settings.load_profile("diff3ds")
 
 
 def pytest_xdist_auto_num_workers(config) -> int:
-    """All tests, or a folder of them, share the processors; files named one by one run here, and on a GPU all do."""
+    """All tests, or a folder of them, share the processors; files named one by one run here, as all do with a GPU."""
     named_files = any(".py" in argument for argument in config.args)
-    return 0 if named_files or promised() else min(len(os.sched_getaffinity(0)), MOST_WORKERS)
+    gpu = promised() or torch.cuda.is_available()
+    return 0 if named_files or gpu else min(len(os.sched_getaffinity(0)), MOST_WORKERS)
+
+
+def pytest_collection() -> None:
+    """What collection makes stays to the end: no search for garbage need look at it, now or later."""
+    gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """What collection has made stays to the end: the search for garbage need not look at it again and again."""
+    """From here on tests make garbage."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture

@@ -137,11 +137,11 @@ def test_going_on_from_a_stage_gives_the_same_bytes(stages, stage):
 def test_two_threads_give_the_bytes_of_one(stages):
     results, _ = stages
     torch_before = torch.get_num_threads()
+    assert torch_before == 1
     try:
-        for count in (1, 2):
-            ds.set_num_threads(count)
-            torch.set_num_threads(count)
-            assert same(reconstruct(CAMERAS, RIDGES), results[-1])
+        ds.set_num_threads(2)
+        torch.set_num_threads(2)
+        assert same(reconstruct(CAMERAS, RIDGES), results[-1])
     finally:
         ds.set_num_threads(None)
         torch.set_num_threads(torch_before)

@@ -37,10 +37,14 @@ def test_no_strokes(backend, antialiasing, size):
     assert_empty(image, tensors)
 
 
+LENSES = pytest.mark.parametrize("lens", [{}, {"height": 1.0}], ids=["perspective", "orthographic"])
+
+
+@LENSES
 @pytest.mark.parametrize("width_space", ["image", "world"])
-def test_no_views(backend, antialiasing, width_space):
+def test_no_views(backend, antialiasing, width_space, lens):
     """No pictures, of the right shape, and gradients of zero, also for the cameras."""
-    sketch, cameras = Sketch(torch.rand(3, 4, 3), width_space=width_space), looking()[:0]
+    sketch, cameras = Sketch(torch.rand(3, 4, 3), width_space=width_space), looking(lens)[:0]
     inputs = [*sketch.tensors().values(), cameras.world_to_camera, torch.tensor(BACKGROUND)]
     for tensor in inputs:
         tensor.requires_grad_()
@@ -70,9 +74,6 @@ def test_off_the_image(backend, antialiasing):
     strokes = strokes_at(places[:, None] + torch.tensor([[0.0, 0.0], [9.0, 9.0]]), half_width=2.0)
     tensors = tracked(strokes)
     assert_empty(draw(strokes, 32, backend, antialiasing, background=BACKGROUND), tensors)
-
-
-LENSES = pytest.mark.parametrize("lens", [{}, {"height": 1.0}], ids=["perspective", "orthographic"])
 
 
 def looking(lens: dict, size: int = 32):

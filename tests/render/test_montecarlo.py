@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.stats
 import torch
 from oracles import supersampled
 from scenes import SHAPES, strokes_at
@@ -46,7 +45,9 @@ def draw(strokes, seed: int, samples: int, backend: str = "cpu"):
 
 
 def chi_square_limit(count: int) -> float:
-    return scipy.stats.chi2.ppf(QUANTILE, count)
+    from scipy.stats import chi2
+
+    return chi2.ppf(QUANTILE, count)
 
 
 @pytest.mark.parametrize("view", VIEWS[:2])
@@ -109,6 +110,8 @@ def test_gradient_has_no_bias(backend, seeds, view):
     The components are correlated: Hotelling's T², which for many seeds is the chi-square of the decorrelated ones; with
     few, of each input alone. Differences of .05 px leave errors of 1e-3, the tolerance beside the noise.
     """
+    from scipy.stats import f
+
     strokes, upstream = layers(view), smooth_upstream()
     ways = list(directions(strokes, torch.Generator().manual_seed(0)))
     slopes = picture_slopes(view)
@@ -133,5 +136,5 @@ def test_gradient_has_no_bias(backend, seeds, view):
         statistic = error @ np.linalg.solve(covariance, error)
         # With few draws the covariance is uncertain: the quantile of Hotelling's distribution.
         n, p = seeds, len(rows)
-        limit = p * (n - 1) / (n - p) * scipy.stats.f.ppf(QUANTILE, p, n - p)
+        limit = p * (n - 1) / (n - p) * f.ppf(QUANTILE, p, n - p)
         assert statistic < limit, (name, error, noise)
