@@ -1,6 +1,7 @@
 """Curves that are there stay, and those that chance has made of others' ridges go."""
 
 import numpy as np
+import pytest
 import torch
 from edge_scenes import around, box_edges, box_shown, lines_between, ridges_along, segment, turned, views_of
 
@@ -50,6 +51,7 @@ def test_sides_that_the_cameras_see_in_one_line_stay():
     assert torch.equal(without_phantoms(sides, views).points, sides.points)
 
 
+@pytest.mark.slow
 def test_cameras_in_rings_bring_no_strokes_about():
     """Two rings, as of a turntable, around a lamp: chance draws chords across its shade, which is open at the top."""
     truth = member("lamp", torch.Generator().manual_seed(0)).sketch

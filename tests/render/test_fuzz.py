@@ -15,10 +15,9 @@ def test_extreme_scenes(start):
     assert not failures
 
 
-@pytest.mark.parametrize("start", parts(15, 3))
-def test_extreme_scenes_of_the_reference(start):
-    failures = {seed: wrong for seed in range(start, start + 3) if (wrong := run_case(seed, "reference"))}
-    assert not failures
+@pytest.mark.parametrize("seed", parts(15, 1))
+def test_extreme_scenes_of_the_reference(seed):
+    assert not run_case(seed, "reference")
 
 
 # Found by fuzzing: coordinates to 1e29, of which float32 leaves a depth of 0, and a stroke wider than all numbers.
