@@ -12,8 +12,7 @@ from diff3ds.cli import _progress
 from diff3ds.optimize.fit import Step
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.progress import Lines, Progress
-from diff3ds.tasks.shown_loss import ShownLoss
+from diff3ds.tasks.progress import Lines, Progress, ShownLoss
 
 
 class CountedStep(Step):

@@ -45,7 +45,7 @@ def device(monkeypatch):
     monkeypatch.setattr(loop, "write_checkpoint", lambda *arguments: None)
     # torch knows no automatic precision there, and the loss is shown once, whatever a step takes.
     monkeypatch.setattr(torch, "autocast", lambda *args, **kwargs: nullcontext())
-    monkeypatch.setattr("diff3ds.tasks.shown_loss.time", SimpleNamespace(monotonic=lambda: 0.0))
+    monkeypatch.setattr("diff3ds.tasks.progress.time", SimpleNamespace(monotonic=lambda: 0.0))
     with QueuedDevice() as queued:
         yield queued
 

@@ -4,6 +4,10 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from diff3ds.optimize.fit import Step
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,19 @@ class Lines:
         loss = "" if progress.loss is None else f", loss {progress.loss:.5g}"
         strokes = f", {progress.strokes} strokes {progress.note}".rstrip() if progress.strokes else ""
         self._say(f"{progress.stage}{of}{loss}{strokes}")
+
+
+class ShownLoss:
+    """The loss of a step for people to see. A look at one on a GPU waits for the device: there is one a second."""
+
+    def __init__(self) -> None:
+        self._value, self._due = math.nan, -math.inf
+
+    def of(self, step: "Step") -> float:
+        """The loss of this step, or of one not long before."""
+        if step.loss_tensor.device.type == "cpu" or time.monotonic() >= self._due:
+            self._value, self._due = step.loss, time.monotonic() + 1
+        return self._value
 
 
 class StageTimes:

@@ -23,9 +23,8 @@ from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import painted
-from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
-from diff3ds.tasks.shown_loss import ShownLoss
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
 from diff3ds.tasks.text_image.reference_view import followed
 from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions

@@ -25,9 +25,8 @@ from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.pictures.store import Store, is_all_known
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.progress import Progress, Report, Stopped
+from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, write_results
-from diff3ds.tasks.shown_loss import ShownLoss
 from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.views.options import DoodleOptions
 from diff3ds.tasks.views.plan import Plan
