@@ -345,3 +345,20 @@ def test_one_kind_of_view():
 def test_gradients_reach_the_eye_of_orthographic_cameras():
     eye = torch.tensor([[1.0, 2.0, 3.0]], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda e: ds.look_at(e, height=2.0).projection, eye)
+
+
+@pytest.mark.parametrize("lens", [{"fov": 50.0}, {"height": 2.0}])
+def test_points_along_a_ray_are_seen_in_its_pixel(lens):
+    """At their distance along the view's axis from the camera; 0 where the ray of an orthographic view begins."""
+    cameras = ds.orbit([0.0, 70.0], [20.0, -90.0], 3.0, size=(60, 80), **lens).to(torch.float64)
+    pixels = torch.tensor([[12.0, 7.5], [71.0, 55.0]], dtype=torch.float64)
+    origins, directions = cameras.rays(pixels)
+    _close(directions.norm(dim=1), [1, 1], 1e-12)
+    axes = cameras.world_to_camera[:, 2, :3]
+    for along in (0.5, 2.0, 40.0):
+        points = torch.cat([origins + along * directions, torch.ones(2, 1)], 1)
+        found, depth = cameras.seen((cameras.projection @ points[..., None])[..., 0])
+        _close(found, pixels, 1e-6)
+        _close(depth, along * (directions * axes).sum(1), 1e-6)
+    if cameras.orthographic:
+        _close(directions, axes, 1e-6)

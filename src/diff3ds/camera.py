@@ -114,7 +114,7 @@ class Cameras:
         if not self.orthographic:
             return origins, torch.nn.functional.normalize((to_world @ seen)[..., 0], dim=-1)
         aside = seen * seen.new_tensor([1.0, 1.0, 0.0])[:, None]
-        return origins + (to_world @ aside)[..., 0], to_world[..., 2]
+        return origins + (to_world @ aside)[..., 0], torch.nn.functional.normalize(to_world[..., 2], dim=-1)
 
     def seen(self, projected: Float[Tensor, "*P 4"]) -> tuple[Float[Tensor, "*P 2"], Float[Tensor, "*P"]]:
         """Pixels and depths of points of weight 1 that `projection` made (X, Y, Z, W).
@@ -212,8 +212,9 @@ def look_at(
     sideways = lengths[1] > 1e-6 * lengths[0]
     if not bool(sideways.all()):
         view = int(sideways.int().argmin())
+        high = upwards.expand_as(forward)[view].tolist()
         raise ValueError(
-            f"eye of view {view} must be finite, apart from its target and not above or below it (up is {upwards}), "
+            f"eye of view {view} must be finite, apart from its target and not above or below it (up is {high}), "
             f"got {eye[view].tolist()}"
         )
     forward, right = forward / lengths[0, :, None], right / lengths[1, :, None]

@@ -21,6 +21,7 @@ SPACE = "{http://www.w3.org/2000/svg}"
 # Coordinates are written to a thousandth of a pixel.
 ROUNDING = 0.0005 * math.sqrt(2)
 CAMERAS = ds.orbit([20.0, 110.0], [15.0, 40.0], 2.5, size=256)
+FLAT = ds.orbit([20.0, 110.0], [15.0, 90.0], 2.5, height=2.6, size=256)
 
 
 def rasterized(path):
@@ -74,17 +75,23 @@ SKETCHES = {
 
 
 @needs_resvg
-@pytest.mark.parametrize("name", SKETCHES)
-def test_looks_as_rendered(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "cameras"),
+    [
+        *((name, CAMERAS) for name in SKETCHES),
+        *((name, FLAT) for name in ("random", "tubes", "through the near plane")),
+    ],
+)
+def test_looks_as_rendered(tmp_path, name, cameras):
     sketch = SKETCHES[name]
-    ds.save(tmp_path / "a.svg", sketch, CAMERAS)
-    picture, rendered = rasterized(tmp_path / "a.svg"), tile_images(ds.render(sketch, CAMERAS).color).float()
+    ds.save(tmp_path / "a.svg", sketch, cameras)
+    picture, rendered = rasterized(tmp_path / "a.svg"), tile_images(ds.render(sketch, cameras).color).float()
     assert picture.shape == rendered.shape == (256, 512, 3)
     difference = (picture - rendered).abs()
     # Rasterisers differ by 2/255 in the mean from one another on such pictures.
     assert difference.mean() < 0.5 / 255
     # Where strokes overlap, their order may change along them, which SVG cannot show. Else the worst are thin ends.
-    layers = sum((ds.render(sketch[i], CAMERAS).alpha > 0).float() for i in range(len(sketch)))
+    layers = sum((ds.render(sketch[i], cameras).alpha > 0).float() for i in range(len(sketch)))
     alone = tile_images(layers[..., None])[..., 0] <= 1
     assert difference[alone].max() < 0.3
     inked = rendered.amin(-1) < 0.99
@@ -163,11 +170,12 @@ def test_a_transparent_stroke_shows_no_joints(tmp_path, width_space):
 @needs_resvg
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 @pytest.mark.parametrize("width_space", ["image", "world"])
-def test_the_nearer_stroke_is_on_top(tmp_path, order, width_space):
+@pytest.mark.parametrize("lens", [{}, {"height": 2.0}])
+def test_the_nearer_stroke_is_on_top(tmp_path, order, width_space, lens):
     points = torch.tensor([[[0.5, -0.5, 0.0], [0.5, 0.5, 0.0]], [[-0.5, 0.0, -0.5], [-0.5, 0.0, 0.5]]])
     color = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     sketch = ds.Sketch(points[order], width=0.1, color=color[order], width_space=width_space)
-    ds.save(tmp_path / "a.svg", sketch, ds.orbit(0.0, size=64))
+    ds.save(tmp_path / "a.svg", sketch, ds.orbit(0.0, size=64, **lens))
     assert rasterized(tmp_path / "a.svg")[32, 32].tolist() == [1, 0, 0]
 
 
@@ -206,6 +214,15 @@ def test_what_is_not_seen_is_not_written(tmp_path):
     assert len(list(ElementTree.parse(tmp_path / "a.svg").iter(SPACE + "path"))) == 1
     save_svg(tmp_path / "a.svg", ds.Sketch(points[:0]), ds.orbit(0.0, size=64))
     assert len(list(ElementTree.parse(tmp_path / "a.svg").iter(SPACE + "path"))) == 0
+
+
+def test_an_orthographic_view_begins_at_the_near_plane(tmp_path):
+    """A line to the right whose middle lies there, 20 px a unit."""
+    line = ds.Sketch(torch.tensor([[[-1.0, 0.0, -0.5], [1.0, 0.0, 1.5]]]), width=0.1)
+    lens = torch.tensor([[[20.0, 0, 20], [0, 20, 20], [0, 0, 1]]])
+    save_svg(tmp_path / "a.svg", line, ds.Cameras(torch.eye(4)[None], lens, (40, 40), near=0.5, orthographic=True))
+    (points,) = curves_of(tmp_path / "a.svg").values()
+    assert (float(points[:, 0].min()), float(points[:, 0].max())) == pytest.approx((20, 40), abs=0.01)
 
 
 def test_coordinates_stay_near_the_image(tmp_path):
