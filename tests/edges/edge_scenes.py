@@ -87,6 +87,11 @@ def circular_arc(center, u, v, start, stop):
     return Primitive(Kind.ARC, arc_control(*vectors, start, stop), np.zeros(0))
 
 
+def whole(center, u, v, kind=Kind.CIRCLE):
+    """An exact circle, or ellipse."""
+    return Primitive(kind, circular_arc(center, u, v, 0, math.pi).control, np.zeros(0))
+
+
 def turned(seed=0):
     """A rotation that no axis escapes."""
     q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 import torch
-from edge_scenes import circular_arc, turned
+from edge_scenes import circular_arc, turned, whole
 from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of
 from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
 
 T = torch.linspace(0, 1, 33, dtype=torch.float64)
@@ -18,22 +18,19 @@ U, V, _ = turned(5)
 
 
 def some_curves():
-    """A line, an arc and a cubic that share vertices, a free end, and a circle of two arcs."""
+    """A line, an arc and a cubic that share vertices, and a circle."""
     return Curves(
-        torch.zeros(5, 4, 3),
-        torch.tensor([Kind.LINE, Kind.ARC, Kind.FREE, Kind.ARC, Kind.ARC]),
-        torch.tensor([[0, 1], [1, 2], [2, 0], [3, 4], [4, 3]]),
-        torch.tensor([-1, -1, -1, 4, 3]),
+        torch.zeros(4, 4, 3),
+        torch.tensor([Kind.LINE, Kind.ARC, Kind.FREE, Kind.CIRCLE]),
+        torch.tensor([[0, 1], [1, 2], [2, 0], [3, 4]]),
     )
 
 
 def random_points(seed, scale=1.0):
     """Control points in which arcs bulge to one side, and ends do not meet."""
     generator = torch.Generator().manual_seed(seed)
-    points = torch.rand(5, 4, 3, dtype=torch.float64, generator=generator) * 0.3
+    points = torch.rand(4, 4, 3, dtype=torch.float64, generator=generator) * 0.3
     points += torch.tensor([[0, 0, 0], [1, 1, 0], [2, 1, 0], [3, 0, 0]], dtype=torch.float64)
-    # The second half of the circle runs back below the first.
-    points[4] = points[4].flip(0) * torch.tensor([1.0, -1, 1])
     return scale * points
 
 
@@ -50,7 +47,9 @@ def test_constrained_gives_curves_of_the_kinds_and_leaves_its_results_alone(seed
     for vertex in range(5):
         mine = curves.vertex == vertex
         torch.testing.assert_close(ends[mine], points[:, [0, 3]][mine].mean(0).expand(int(mine.sum()), 3))
-    on = ds.bezier.evaluate(found, weights, T)
+    strokes = curves.strokes(points)
+    torch.testing.assert_close(strokes[0][:4], found, rtol=0, atol=0)
+    on = ds.bezier.evaluate(*strokes, T)
     # Straight, with even speed.
     torch.testing.assert_close(on[0], torch.lerp(ends[0, 0], ends[0, 1], T[:, None]))
     # A free curve keeps its inner points.
@@ -91,7 +90,7 @@ def test_gradients_are_those_of_finite_differences():
     assert torch.autograd.gradcheck(curves.constrained, (points,), eps=1e-6, atol=1e-5)
 
 
-@pytest.mark.parametrize("points", [torch.zeros(5, 4, 3), torch.tensor([0, 1, 2, 3.0])[None, :, None].expand(5, 4, 3)])
+@pytest.mark.parametrize("points", [torch.zeros(4, 4, 3), torch.tensor([0, 1, 2, 3.0])[None, :, None].expand(4, 4, 3)])
 def test_gradients_of_collapsed_and_of_straight_curves_are_finite(points):
     points = points.clone().requires_grad_()
     found, weights = some_curves().constrained(points)
@@ -101,26 +100,57 @@ def test_gradients_of_collapsed_and_of_straight_curves_are_finite(points):
     assert points.grad.isfinite().all()
 
 
-def test_curves_of_primitives_and_circles():
+def test_curves_of_primitives():
     line = Primitive(Kind.LINE, line_control(np.zeros(3), np.ones(3)), np.zeros(0))
-    halves = [circular_arc((0, 0, 0), U, V, a, a + math.pi) for a in (0, math.pi)]
-    curves = curves_of([line, halves[0]], [halves])
-    assert len(curves) == 4
-    assert curves.kind.tolist() == [Kind.LINE, Kind.ARC, Kind.ARC, Kind.ARC]
-    assert curves.other.tolist() == [-1, -1, 3, 2]
-    assert curves.vertex[3].tolist() == curves.vertex[2].flip(0).tolist()
+    curves = curves_of([line, circular_arc((0, 0, 0), U, V, 0, math.pi), whole((0, 0, 0), U, V)])
+    assert curves.kind.tolist() == [Kind.LINE, Kind.ARC, Kind.CIRCLE]
+    assert curves.closed.tolist() == [False, False, True]
     assert len(curves.vertex.unique()) == 6
     np.testing.assert_allclose(np.linalg.norm(curves.at(T.float())[1:].numpy(), axis=2), 1, rtol=1e-5)
     assert len(curves_of([])) == 0
     assert curves_of([]).at(T.float()).shape == (0, 33, 3)
+    assert curves_of([]).strokes(curves_of([]).points)[0].shape == (0, 4, 3)
+
+
+@pytest.mark.parametrize(("kind", "b"), [(Kind.CIRCLE, 1.0), (Kind.ELLIPSE, 0.6)])
+def test_a_closed_curve_is_one_and_goes_all_around(kind, b):
+    center = np.array([1.0, 2, 3])
+    curves = concatenated(curves_of([circular_arc(center, U, V, 0, 1)]), curves_of([whole(center, U, b * V, kind)]))
+    on = (curves.at(T.float())[1].numpy() - center) @ np.stack([U, V / b], 1)
+    np.testing.assert_allclose(np.linalg.norm(on, axis=1), 1, rtol=1e-5)
+    # The middle lies opposite the seam, and the way there is the way back, reflected.
+    np.testing.assert_allclose(on[[0, 16, 32]], [[1, 0], [-1, 0], [1, 0]], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(on[:16] + on[16:32], 0, rtol=0, atol=1e-5)
+    assert (on[1:16, 1] > 0).all()
+    # On the way out it is two strokes, side by side.
+    assert curves.owner.tolist() == [0, 1, 1]
+    sketch = curves.sketch(0.01)
+    assert len(sketch) == 3
+    both = ds.bezier.evaluate(sketch.points[1:], sketch.weights[1:], T.float()).numpy()
+    expected = np.insert(curves.at(T.float())[1].numpy(), 16, center - U, axis=0)
+    np.testing.assert_allclose(both[:, ::2].reshape(-1, 3), expected, rtol=0, atol=1e-5)
+
+
+def test_circles_are_known_by_their_numbers():
+    center = np.array([0.1, -0.2, 0.3])
+    line = Primitive(Kind.LINE, line_control(np.zeros(3), np.ones(3)), np.zeros(0))
+    curves = curves_of([line, whole(center, 0.5 * U, 0.5 * V), whole(center, U, 0.5 * V, Kind.ELLIPSE)])
+    ((row, circle),) = curves.circles.items()
+    assert row == 1
+    np.testing.assert_allclose(circle.center, center, rtol=0, atol=1e-6)
+    np.testing.assert_allclose([circle.u, circle.v], [U, V], rtol=0, atol=1e-6)
+    assert circle.radius == pytest.approx(0.5, abs=1e-6)
+    assert lines_only(curves).circles == {}
+
+
+def lines_only(curves):
+    return curves[curves.kind == Kind.LINE]
 
 
 def test_some_of_the_curves():
     curves = some_curves()
-    assert curves[torch.tensor([0, 3, 4])].other.tolist() == [-1, 2, 1]
-    assert curves[curves.kind == Kind.ARC].other.tolist() == [-1, 2, 1]
-    # A circle that has lost its other half is an arc.
-    assert curves[torch.tensor([1, 4])].other.tolist() == [-1, -1]
+    assert curves[torch.tensor([0, 3])].kind.tolist() == [Kind.LINE, Kind.CIRCLE]
+    assert curves[curves.closed].vertex.tolist() == [[3, 4]]
     assert curves[torch.tensor([2])].vertex.tolist() == [[2, 0]]
 
 
@@ -128,9 +158,9 @@ def test_moved_curves_and_their_sketch():
     curves = some_curves().moved(random_points(1).float())
     torch.testing.assert_close(curves.constrained(curves.points)[0], curves.points, rtol=0, atol=1e-5)
     sketch = curves.sketch(0.01)
-    torch.testing.assert_close(sketch.points, curves.points, rtol=0, atol=1e-5)
+    torch.testing.assert_close(sketch.points[:4], curves.points, rtol=0, atol=1e-5)
     assert sketch.width.tolist() == [pytest.approx(0.01)] * 5
     assert sketch.color.abs().max() == 0
     assert (sketch.weights[[0, 2]] == 1).all()
     t = torch.linspace(0, 1, 9)
-    torch.testing.assert_close(curves.at(t), ds.bezier.evaluate(sketch.points, sketch.weights, t))
+    torch.testing.assert_close(curves.at(t)[:3], ds.bezier.evaluate(sketch.points, sketch.weights, t)[:3])

@@ -76,12 +76,11 @@ def damaged(path, change, metadata=None):
 
 
 CHANGES = {
-    "a tensor is missing": lambda t: t.pop("other"),
+    "a tensor is missing": lambda t: t.pop("vertex"),
     "no losses": lambda t: t.pop("losses"),
     "shapes that do not fit": lambda t: t.update(kind=t["kind"][:1].clone()),
     "a vertex that is not there": lambda t: t["vertex"].fill_(4),
     "a negative vertex": lambda t: t["vertex"].fill_(-1),
-    "another half that is not there": lambda t: t["other"].fill_(2),
     "a point that is not finite": lambda t: t["points"].view(-1)[5:6].fill_(float("nan")),
     "floating point kinds": lambda t: t.update(kind=t["kind"].float()),
     "a kind that is none": lambda t: t["kind"].fill_(7),

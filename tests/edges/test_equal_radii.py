@@ -2,13 +2,12 @@
 
 import numpy as np
 import torch
-from edge_scenes import circular_arc, turned
+from edge_scenes import circular_arc, turned, whole
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.measure.equal_radii import SCATTER, agreed, with_equal_circles
-from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.curve_set import curves_of, sampled
 from diff3ds.edges.shapes.primitives import fit_circle
 
 PIXEL = 0.01
@@ -17,18 +16,12 @@ U, V, _ = turned(2)
 
 def circles(*radii):
     """Whole circles of these radii beside each other."""
-    return curves_of(
-        [],
-        [
-            [circular_arc(np.array([i, 0, 0.0]), r * U, r * V, a, a + np.pi) for a in (0, np.pi)]
-            for i, r in enumerate(radii)
-        ],
-    )
+    return curves_of([whole(np.array([i, 0, 0.0]), r * U, r * V) for i, r in enumerate(radii)])
 
 
 def fits(curves):
-    """The circle through each pair of halves."""
-    return [fit_circle(pair.reshape(-1, 3)) for pair in sampled(curves).reshape(-1, 128, 3)]
+    """The circle through the points of each curve."""
+    return [fit_circle(points) for points in sampled(curves)]
 
 
 def test_a_series_gets_its_median_and_others_stay():

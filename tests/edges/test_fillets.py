@@ -7,13 +7,12 @@ import pytest
 import torch
 from edge_scenes import arc, around, ridges_along, segment, turned
 
-from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import map_ridges
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import placed
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.curve_set import Curves, sampled
 from diff3ds.edges.shapes.primitives import Kind, arc_control, fit_circle, line_control
 from diff3ds.render import render
 
@@ -61,7 +60,7 @@ def around_square(line: np.ndarray, bow: np.ndarray, noise: float = 0.0) -> Curv
     pieces = [piece @ turn.T @ TILT.T for turn in QUARTERS for piece in (line, bow)]
     points = torch.from_numpy(np.array(pieces) + noise * rng.normal(size=(8, 4, 3))).float()
     vertex = torch.tensor([[i, (i + 1) % 8] for i in range(8)])
-    return Curves(points, torch.tensor([int(Kind.LINE), int(Kind.ARC)] * 4), vertex, torch.full((8,), -1))
+    return Curves(points, torch.tensor([int(Kind.LINE), int(Kind.ARC)] * 4), vertex)
 
 
 def kinks(curves: Curves) -> torch.Tensor:
@@ -150,7 +149,7 @@ def test_what_would_move_far_stays():
 @pytest.mark.parametrize("kind", [Kind.FREE, Kind.LINE])
 def test_only_arcs_between_lines_change(kind):
     curves = rounded_square(RADIUS, 0.002)
-    other = Curves(curves.points, torch.full((8,), int(kind)), curves.vertex, curves.other)
+    other = Curves(curves.points, torch.full((8,), int(kind)), curves.vertex)
     assert torch.equal(with_fillets(other, VIEWS, 0.0).points, other.points)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from edge_scenes import circular_arc, lines_between, turned
+from edge_scenes import lines_between, turned, whole
 
 from diff3ds.edges.complete.loops import find_loops
 from diff3ds.edges.shapes.curve_set import curves_of
@@ -59,10 +59,10 @@ def test_curves_that_run_the_other_way_make_a_loop_too():
     assert not loop.holds(np.array([[0.6, 0, 0], [0, -0.6, 0]]) @ TILT.T).any()
 
 
-def test_a_whole_circle_is_a_loop_of_two():
+def test_a_whole_circle_is_a_loop():
     u, v = TILT[:, 0], TILT[:, 1]
-    halves = [circular_arc(0.1 * u, 0.4 * u, 0.4 * v, a, a + np.pi) for a in (0, np.pi)]
-    (loop,) = find_loops(curves_of([], [halves]), PIXEL)
+    (loop,) = find_loops(curves_of([whole(0.1 * u, 0.4 * u, 0.4 * v)]), PIXEL)
+    assert loop.members == (0,)
     assert loop.holds(np.stack([0.49 * u, -0.29 * u])).all()
     assert not loop.holds(np.stack([0.51 * u, -0.31 * u])).any()
 

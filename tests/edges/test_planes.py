@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned
+from edge_scenes import arc, around, lines_between, ridges_along, segment, turned, whole
 
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fit_ridges import placed
 from diff3ds.edges.measure.planes import shared_planes
-from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.edges.shapes.primitives import fit_circle
 
 PIXEL = 0.01
@@ -29,10 +28,10 @@ def square(half, height=0.0):
 
 
 def ring(radius, height=0.0, tilt=0.0):
-    """A circle around the third axis, in two halves; its plane rises by `tilt` from one side to the other."""
+    """A circle around the third axis; its plane rises by `tilt` from one side to the other."""
     center, v = height * TILT[:, 2], radius * TILT[:, 1]
     u = radius * (np.cos(tilt) * TILT[:, 0] + np.sin(tilt) * TILT[:, 2])
-    return curves_of([], [[circular_arc(center, u, v, a, a + np.pi) for a in (0, np.pi)]])
+    return curves_of([whole(center, u, v)])
 
 
 def all_sure(curves):
@@ -42,11 +41,11 @@ def all_sure(curves):
 def test_a_tilted_circle_is_found_in_the_plane_of_the_lines():
     curves = concatenated(square(0.5), ring(0.06, 0.2 * PIXEL, 0.03))
     found = shared_planes(curves, all_sure(curves), PIXEL)
-    assert list(found) == [(4, 5)]
-    assert abs(found[4, 5].normal @ TILT[:, 2]) == pytest.approx(1, abs=1e-12)
+    assert list(found) == [4]
+    assert abs(found[4].normal @ TILT[:, 2]) == pytest.approx(1, abs=1e-12)
     x = np.random.default_rng(0).normal(size=(5, 3))
-    assert found[4, 5].distances(x) == pytest.approx(np.abs(x @ TILT[:, 2]), abs=1e-7)
-    flat = found[4, 5].project(x)
+    assert found[4].distances(x) == pytest.approx(np.abs(x @ TILT[:, 2]), abs=1e-7)
+    flat = found[4].project(x)
     assert flat == pytest.approx(x - np.outer(x @ TILT[:, 2], TILT[:, 2]), abs=1e-7)
 
 
@@ -63,10 +62,10 @@ def test_only_curves_that_are_placed_and_spread_farther_say_where_a_circle_lies(
     sure[:4] = False
     assert shared_planes(curves, sure, PIXEL) == {}
     sure[:2] = True
-    assert list(shared_planes(curves, sure, PIXEL)) == [(4, 5)]
+    assert list(shared_planes(curves, sure, PIXEL)) == [4]
     # Two circles in one plane: the larger one says where the small one lies.
     small = concatenated(ring(0.06), ring(0.3))
-    assert list(shared_planes(small, all_sure(small), PIXEL)) == [(0, 1)]
+    assert list(shared_planes(small, all_sure(small), PIXEL)) == [0]
     line = concatenated(lines_between((0.3 * TILT[:, 0], 0.5 * TILT[:, 1])), ring(0.06))
     assert shared_planes(line, all_sure(line), PIXEL) == {}
 
@@ -74,8 +73,8 @@ def test_only_curves_that_are_placed_and_spread_farther_say_where_a_circle_lies(
 def test_every_face_has_its_own_plane():
     curves = concatenated(concatenated(square(0.5), square(0.5, 0.2)), concatenated(ring(0.06), ring(0.06, 0.2)))
     found = shared_planes(curves, all_sure(curves), PIXEL)
-    heights = {i[0]: plane.origin @ TILT[:, 2] for i, plane in found.items()}
-    assert heights == pytest.approx({8: 0.0, 10: 0.2}, abs=1e-7)
+    heights = {i: plane.origin @ TILT[:, 2] for i, plane in found.items()}
+    assert heights == pytest.approx({8: 0.0, 9: 0.2}, abs=1e-7)
 
 
 def wandering(cameras, seed):

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from edge_scenes import around, circular_arc, lines_between, ridges_along, turned
+from edge_scenes import around, lines_between, ridges_along, turned, whole
 
 import diff3ds as ds
-from diff3ds.edges.clean.simplify import concatenated, joined, sampled, simplest
+from diff3ds.edges.clean.simplify import joined, simplest
 from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.library import member
 
 CAMERAS = around(40, 160)
@@ -79,11 +80,11 @@ def test_the_bottom_of_a_square_pocket_is_found():
 
 
 def test_the_bottom_of_a_round_pocket_is_found():
-    halves = [circular_arc(np.zeros(3), HALF * TILT[:, 0], HALF * TILT[:, 1], a, a + np.pi) for a in (0, np.pi)]
+    rim = curves_of([whole(np.zeros(3), HALF * TILT[:, 0], HALF * TILT[:, 1])])
     views = looked_into([circle(0)], [circle(-DEPTH)], in_circle)
-    found = with_pockets(curves_of([], [halves]), views, 0.0)
-    assert found.other.tolist() == [1, 0, 3, 2]
-    x = sampled(found)[2:].reshape(-1, 3) @ TILT
+    found = with_pockets(rim, views, 0.0)
+    assert found.kind.tolist() == [Kind.CIRCLE] * 2
+    x = sampled(found)[1:].reshape(-1, 3) @ TILT
     assert np.abs(np.hypot(x[:, 0], x[:, 1]) - HALF).max() < 1e-4
     assert np.abs(x[:, 2] + DEPTH).max() < 0.003
 
@@ -171,5 +172,5 @@ def test_rings_that_views_in_a_ring_see_through_each_other_are_no_bottoms():
     lines = list(ds.bezier.evaluate(mug.points, mug.weights, torch.linspace(0, 1, 200)).double().numpy())
     views = edge_views(cameras, ridges_along(cameras, lines))
     found = joined(curves_of([fitted for line in lines for fitted in simplest(line, views.pixel)]), views.pixel)
-    assert int((found.other >= 0).sum()) == 6
+    assert int(found.closed.sum()) == 3
     assert with_pockets(found, views, 0.0) is found

@@ -1,16 +1,14 @@
 """Refinement through the renderer, and the whole way from ridges to curves: a box and a circle, and their bytes."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from edge_scenes import arc, around, box_edges, circular_arc, lines_between, ridges_along, segment, turned, views_of
+from edge_scenes import arc, around, box_edges, lines_between, ridges_along, segment, turned, views_of, whole
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
-from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import (
     CALIBRATED,
@@ -24,7 +22,7 @@ from diff3ds.edges.reconstruct import (
     reconstruct,
 )
 from diff3ds.edges.refine import draw_ridges, refined
-from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.curve_set import curves_of, sampled
 from diff3ds.edges.shapes.primitives import Kind
 
 CAMERAS = around(20, 128)
@@ -58,8 +56,7 @@ def test_displaced_curves_return():
     line = ((-0.5, 0.1, 0.2), (0.5, -0.2, -0.1))
     true = [segment(*line, samples=4000), arc(CENTER, *CIRCLE, samples=4000)]
     views = views_of(CAMERAS, true)
-    halves = [circular_arc(CENTER, *CIRCLE, a, a + math.pi) for a in (0, math.pi)]
-    for curves, own in zip((lines_between(line), curves_of([], [halves])), true, strict=True):
+    for curves, own in zip((lines_between(line), curves_of([whole(CENTER, *CIRCLE)])), true, strict=True):
         shift = torch.tensor([0.6, -0.5, 0.6]) * views.pixel
         start = curves.moved(curves.points + shift)
         losses = []
@@ -88,15 +85,14 @@ def test_a_box_and_a_circle_are_found(stages):
     curves = results[-1].curves
     kinds = curves.kind.tolist()
     assert kinds.count(Kind.LINE) == 12
-    assert kinds.count(Kind.ARC) == len(kinds) - 12 == 2
-    assert (curves.other >= 0).sum() == 2
+    assert kinds.count(Kind.CIRCLE) == len(kinds) - 12 == 1
     on = sampled(curves)
     assert distances(on, LINES).max() < 0.5
     back = cKDTree(sampled(curves, 400).reshape(-1, 3)).query(np.concatenate(LINES))[0] / VIEWS.pixel
     assert back.max() < 1
-    # Corners are shared: 8 of the box, 2 ends of half circles.
+    # Corners are shared: 8 of the box, 2 ends of half a circle.
     assert len(curves.vertex.unique()) == 10
-    circle = on[curves.kind.numpy() == Kind.ARC]
+    circle = on[curves.closed.numpy()]
     np.testing.assert_allclose(np.linalg.norm(circle - CENTER, axis=2), RADIUS, rtol=0.005)
     assert max(abs(v) for v in vars(results[-1].bias).values()) < 0.1
     # Told in order, with losses of every step.
@@ -113,15 +109,14 @@ def test_an_ellipse_is_found():
     ridges = ridges_along(CAMERAS, [arc(CENTER / 2, a * ROTATION[0], b * ROTATION[1])])
     ridges = [replace(r, points=r.points + 0.1 * rng.normal(size=r.points.shape)) for r in ridges]
     curves = reconstruct(CAMERAS, ridges).curves
-    assert curves.kind.tolist() == [Kind.ELLIPSE] * 2
-    assert curves.other.tolist() == [1, 0]
+    assert curves.kind.tolist() == [Kind.ELLIPSE]
     offset = (sampled(curves) - CENTER / 2) @ ROTATION.T
     np.testing.assert_allclose(np.hypot(offset[..., 0] / a, offset[..., 1] / b), 1, rtol=0.01)
     assert np.abs(offset[..., 2]).max() < 0.1 * VIEWS.pixel
 
 
 def same(a, b):
-    fields = ("points", "kind", "vertex", "other")
+    fields = ("points", "kind", "vertex")
     return a.bias == b.bias and all(torch.equal(getattr(a.curves, n), getattr(b.curves, n)) for n in fields)
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment
+from edge_scenes import arc, around, lines_between, ridges_along, segment, whole
 
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.evidence.edge_views import edge_views
@@ -64,10 +64,9 @@ def test_rims_of_a_cylinder_are_edges_and_its_outline_is_not():
     rims = [arc((0, 0, z), (radius, 0, 0), (0, radius, 0)) for z in (-height, height)]
     lines = [[*own, *rims] for own in outlines(radius, cameras, height)]
     views = edge_views(cameras, ridges_along(cameras, lines))
-    halves = [circular_arc((0, 0, height), (radius, 0, 0), (0, radius, 0), a, a + math.pi) for a in (0, math.pi)]
     straight = lines_between(side(radius))
-    both = curves_of([], [halves])
-    assert smooth_outlines(views, both).tolist() == [False, False]
+    rim = curves_of([whole((0, 0, height), (radius, 0, 0), (0, radius, 0))])
+    assert smooth_outlines(views, rim).tolist() == [False]
     assert smooth_outlines(views, straight).tolist() == [True]
 
 

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import torch
-from edge_scenes import around, circular_arc, lines_between, segment, turned, views_of
+from edge_scenes import around, circular_arc, lines_between, segment, turned, views_of, whole
 
-from diff3ds.edges.clean.simplify import concatenated, joined, pruned, sampled, simplest
+from diff3ds.edges.clean.simplify import joined, pruned, simplest
 from diff3ds.edges.clean.weld import welded
-from diff3ds.edges.shapes.curve_set import curves_of
+from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.edges.shapes.primitives import Kind
 
 U, V, _ = turned(4)
@@ -57,10 +57,8 @@ def test_lines_apart_stay_apart():
 
 def test_arcs_all_around_become_a_circle():
     curves = joined(curves_of(circle_pieces(0, 110, 250, 358)), PIXEL)
-    assert curves.kind.tolist() == [Kind.ARC] * 2
-    assert curves.other.tolist() == [1, 0]
-    assert curves.vertex[1].tolist() == curves.vertex[0].flip(0).tolist()
-    on = sampled(curves)
+    assert curves.kind.tolist() == [Kind.CIRCLE]
+    on = sampled(curves, 128)
     np.testing.assert_allclose(np.linalg.norm(on - CENTER, axis=2), 0.5, rtol=1e-3)
     angle = np.sort(np.arctan2((on - CENTER) @ V, (on - CENTER) @ U).ravel())
     assert np.diff(angle).max() < 0.1
@@ -70,16 +68,15 @@ def test_small_circles_stay_and_small_arcs_close():
     # Of 4 pixels radius: four pixels along it turn it by 57 degrees.
     u, v = 0.04 * U, 0.04 * V
     halves = [circular_arc(CENTER, u, v, a, a + math.pi) for a in (0, math.pi)]
-    for curves in (curves_of([], [halves]), curves_of(halves)):
+    for curves in (curves_of([whole(CENTER, u, v)]), curves_of(halves)):
         kept = joined(curves, PIXEL)
-        assert kept.other.tolist() == [1, 0]
+        assert kept.kind.tolist() == [Kind.CIRCLE]
         np.testing.assert_allclose(np.linalg.norm(sampled(kept) - CENTER, axis=2), 0.04, rtol=1e-3)
 
 
 def test_arcs_of_half_a_circle_become_one_arc():
     curves = joined(curves_of(circle_pieces(0, 60, 110, 170)), PIXEL)
     assert curves.kind.tolist() == [Kind.ARC]
-    assert curves.other.tolist() == [-1]
     np.testing.assert_allclose(np.linalg.norm(sampled(curves) - CENTER, axis=2), 0.5, rtol=1e-4)
 
 
@@ -150,23 +147,22 @@ def test_ends_apart_and_ends_of_one_short_curve_are_not_welded():
 
 
 def test_a_circle_keeps_its_own_ends():
-    halves = circle_pieces(0, 180, 360)
     touching = lines_between((CENTER + 0.5 * U, CENTER + U))
-    both = concatenated(touching, curves_of([], [halves]))
+    both = concatenated(touching, curves_of([whole(CENTER, 0.5 * U, 0.5 * V)]))
     found = welded(both, PIXEL)
-    assert found.other.tolist() == [-1, 2, 1]
+    assert found.kind.tolist() == [Kind.LINE, Kind.CIRCLE]
     assert len(found.vertex.unique()) == 4
     np.testing.assert_allclose(np.linalg.norm(sampled(found)[1:] - CENTER, axis=2), 0.5, rtol=1e-5)
 
 
 def test_concatenated_curves_keep_their_vertices_and_circles_apart():
-    circle = curves_of([], [circle_pieces(0, 180, 360)])
+    circle = curves_of([whole(CENTER, U, V)])
     corner = replace(lines_between(*[LINE] * 2), vertex=torch.tensor([[0, 1], [1, 2]]))
     both = concatenated(concatenated(circle, corner), circle)
-    assert both.other.tolist() == [1, 0, -1, -1, 5, 4]
-    assert len(both.vertex[:2].unique()) == 2
+    assert both.kind.tolist() == [Kind.CIRCLE, Kind.LINE, Kind.LINE, Kind.CIRCLE]
+    assert len(both.vertex[:1].unique()) == 2
     assert len(both.vertex.unique()) == 2 + 3 + 2
-    assert both.vertex[2, 1] == both.vertex[3, 0]
+    assert both.vertex[1, 1] == both.vertex[2, 0]
     none = curves_of([])
     assert concatenated(none, corner).vertex.tolist() == corner.vertex.tolist()
     assert len(concatenated(corner, none)) == 2

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from edge_scenes import circular_arc, lines_between
+from edge_scenes import circular_arc, lines_between, whole
 
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.measure.vertices import met
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.edges.shapes.primitives import fit_circle
 
 X, Y, Z = np.eye(3)
@@ -64,6 +63,5 @@ def test_an_arc_stays_on_its_circle_where_a_line_goes_on():
 
 
 def test_whole_circles_are_left_alone():
-    halves = [[circular_arc(np.zeros(3), X, Y, a, a + np.pi) for a in (0, np.pi)]]
-    curves = curves_of([], halves)
-    assert torch.equal(met(curves, curves.points.double().numpy(), np.ones(2, bool), 0.01).points, curves.points)
+    curves = curves_of([whole(np.zeros(3), X, Y)])
+    assert torch.equal(met(curves, curves.points.double().numpy(), np.ones(1, bool), 0.01).points, curves.points)

@@ -3,15 +3,14 @@
 import itertools
 
 import numpy as np
-from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned
+from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned, whole
 
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import confirming
-from diff3ds.edges.shapes.curve_set import curves_of
-from diff3ds.edges.shapes.primitives import fit_circle
+from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.edges.shapes.primitives import Kind, fit_circle
 
 CAMERAS = around(40, 160)
 U, V, _ = turned(3)
@@ -38,7 +37,7 @@ def test_a_circle_that_every_view_shows_half_of_is_closed():
     ends = CENTER + RADIUS * (np.cos([[2.5], [2.9]]) * U + np.sin([[2.5], [2.9]]) * V)
     curves = concatenated(pieces, lines_between(ends, (0.8 * U, 0.8 * V)))
     found = closed(curves, views, ENOUGH, 0.0)
-    assert found.other.tolist() == [-1, 2, 1]
+    assert found.kind.tolist() == [Kind.LINE, Kind.CIRCLE]
     circle = fit_circle(sampled(found)[1:].reshape(-1, 3))
     assert abs(circle.radius / RADIUS - 1) < 2e-3
     assert np.linalg.norm(circle.center - CENTER) < 3e-3 * RADIUS
@@ -53,9 +52,8 @@ def test_an_arc_that_ends_is_not_closed():
 
 def test_whole_circles_lines_and_short_arcs_stay():
     views = shaft()
-    halves = [[circular_arc(CENTER, RADIUS * U, RADIUS * V, a, a + np.pi) for a in (0, np.pi)]]
     for curves in (
-        curves_of([], halves),
+        curves_of([whole(CENTER, RADIUS * U, RADIUS * V)]),
         lines_between((CENTER, U)),
         curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 1)]),
     ):
@@ -75,9 +73,8 @@ def test_a_small_circle_that_came_as_lines_is_found():
     sides = lines_between(*itertools.pairwise(corners), (0.8 * U, 0.8 * V))
     found = closed(sides, hole(0.3), ENOUGH, 0.0)
     # The line elsewhere stays, and the other rim is found along the axis.
-    assert found.other.tolist() == [-1, 2, 1, 4, 3]
-    for rows, height in (([1, 2], 0), ([3, 4], -0.3)):
-        circle = fit_circle(sampled(found)[rows].reshape(-1, 3))
+    assert found.kind.tolist() == [Kind.LINE, Kind.CIRCLE, Kind.CIRCLE]
+    for circle, height in zip(found.circles.values(), (0, -0.3), strict=True):
         assert abs(circle.radius / radius - 1) < 3e-3
         assert np.linalg.norm(circle.center - CENTER - height * UP) < 5e-3 * RADIUS
 
@@ -95,15 +92,14 @@ def test_a_texture_all_over_is_no_other_end_of_a_hole():
         points, normals = points[inside], np.repeat(normal, 9, axis=1).reshape(-1, 2)[inside]
         both = np.concatenate([rim.points, points]), np.concatenate([rim.normals, normals])
         views.append(Ridges.sharp(*both, np.ones(len(both[0]))))
-    halves = curves_of([], [[circular_arc(CENTER, radius * U, radius * V, a, a + np.pi) for a in (0, np.pi)]])
-    assert closed(halves, edge_views(CAMERAS, views), ENOUGH, 0.0) is halves
+    circle = curves_of([whole(CENTER, radius * U, radius * V)])
+    assert closed(circle, edge_views(CAMERAS, views), ENOUGH, 0.0) is circle
 
 
 def test_a_circle_outside_the_ball_has_no_other_end():
     far = CENTER + 1.05 * U
-    halves = curves_of([], [[circular_arc(far, 0.05 * V, 0.05 * UP, a, a + np.pi) for a in (0, np.pi)]])
-    beside = curves_of([], [[circular_arc(far, 0.05 * U, 0.05 * V, a, a + np.pi) for a in (0, np.pi)]])
-    for curves in (halves, beside):
+    for axes in ((V, UP), (U, V)):
+        curves = curves_of([whole(far, *(0.05 * axis for axis in axes))])
         assert closed(curves, shaft(), ENOUGH, 0.0) is curves
 
 

@@ -10,7 +10,7 @@ import torch
 from diff3ds._shapes import Array
 from diff3ds.camera import Cameras
 from diff3ds.edges.clean.silhouettes import smooth_outlines
-from diff3ds.edges.clean.simplify import concatenated, joined, pruned
+from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_phantoms
 from diff3ds.edges.clean.weld import welded
 from diff3ds.edges.complete.corners import with_corners
@@ -20,7 +20,7 @@ from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.evidence.support import part_support
+from diff3ds.edges.evidence.support import mean_of_strokes, part_support
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.first.carve import carve
 from diff3ds.edges.first.chains import follow_chains
@@ -31,28 +31,33 @@ from diff3ds.edges.measure.equal_radii import with_equal_circles
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import placed
 from diff3ds.edges.refine import refined
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of
 from diff3ds.edges.shapes.primitives import Primitive
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, no_tick, not_said
 
-# Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
+# [units; derived] Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
 REACH = 1.1
-# Lengths in pixels: cells of the carving, distances between points and from the flanks of an edge, shortest chain and
-# shortest curve. Empirical.
+# [px; empirical] Cells of the carving, distances between points and from the flanks of an edge, shortest chain and
+# shortest curve.
 CELL, APART, FLANK, SHORTEST_CHAIN, SHORTEST = 1.7, 0.57, 1.4, 4.3, 2.8
+# [px; empirical] Shortest curve of the second look.
 SHORTEST_HIDDEN = 8.0
-# Views that have to confirm an edge: 3 of few, 11 of 50. Edges are hidden in most views, and the more views there are,
-# the smaller is the share that chance can bring together. Empirical, from 12, 25 and 50 views.
+# [views, factor, exponent; empirical] Views that have to confirm an edge: 3 of few, 11 of 50. Edges are hidden in most
+# views, and the more views there are, the smaller is the fraction that chance can bring together. From 12, 25 and 50
+# views.
 FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
-# The scores of points are weighted views, and the parts of a curve are shown in fewer views than its best ones.
-# The second look asks for fewer: what the first has explained can no longer come together by chance.
+# [ratio; empirical] The scores of points are weighted views, and the parts of a curve are shown in fewer views than
+# its best ones. The second look asks for fewer: what the first has explained can no longer come together by chance.
 SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
-# Chords that curves are measured by.
+# [chords; numerical] Chords that curves are measured by.
 CHORDS = 32
-# A bias smaller than this is not worth another start, pixels; and so many starts at most.
+# [px, times; empirical] A bias smaller than this is not worth another start; and so many starts at most.
 BIAS, CALIBRATIONS = 0.07, 3
+# [steps, px, px; empirical] Steps of each refinement, and how far the first step moves control points: in the first
+# refinement, and after joining.
 STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
-# More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again and again.
+# [curves; speed] More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again
+# and again.
 MOST_CURVES = 1500
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
@@ -247,7 +252,7 @@ def first_curves(
         return [piece for chain in chains for piece in known[chain.tobytes()]]
 
     circles, rest = find_circles(found, pieces(found), views.pixel)
-    return _best_shown(curves_of(pieces(rest), circles), views, most, capped)
+    return _best_shown(curves_of([*pieces(rest), *circles]), views, most, capped)
 
 
 def _best_shown(curves: Curves, views: EdgeViews, most: int, capped: Capped) -> Curves:
@@ -255,7 +260,7 @@ def _best_shown(curves: Curves, views: EdgeViews, most: int, capped: Capped) -> 
     if len(curves) <= most:
         return curves
     capped("curves", most, len(curves))
-    shown = part_support(views, curves).double().mean(2).sum(0)
+    shown = mean_of_strokes(curves, part_support(views, curves).double().mean(2).sum(0))
     lines = curves.at(torch.linspace(0, 1, CHORDS + 1))
     ink = shown * (lines[:, 1:] - lines[:, :-1]).norm(dim=2).sum(1)
     return curves[ink.argsort(descending=True, stable=True)[:most].sort().values]

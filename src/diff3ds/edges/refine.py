@@ -18,14 +18,15 @@ from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 
-# Half width of the drawn ridges and curves, pixels. Wider ones give a less certain position, by measurement.
+# [px; measured] Half width of the drawn ridges and curves. Wider ones give a less certain position.
 HALF_WIDTH = 1.0
-# A ridge point inks along the ridge so far, pixels: half the way to the next.
+# [px; derived] A ridge point inks along the ridge so far: half the way to the next.
 REACH = 0.8
+# [views; speed] Views of one step.
 BATCH = 10
-# Steps after which it is asked again what the views show.
+# [steps; empirical] Steps after which it is asked again what the views show.
 RECHECK = 25
-# Learning rate of the last step, relative to the first; empirical.
+# [ratio; empirical] Learning rate of the last step, relative to the first.
 FINAL_RATE = 0.1
 
 
@@ -40,10 +41,10 @@ class _Shown:
 
     def strokes(self, sketch: Sketch, cameras: Cameras, step: int) -> Strokes2D:
         """All parts of the curves; those that a view does not show have no width there."""
-        points, weights = self.curves.constrained(sketch.points)
+        points, weights = self.curves.strokes(sketch.points)
         if step % RECHECK == 0:
             self.parts = clear_support(self.views, self.curves.moved(sketch.points.detach()))
-        whole = project(Sketch(points, weights, sketch.width), cameras)
+        whole = project(Sketch(points, weights, width=0.0), cameras)
         cuts = torch.linspace(0, 1, PARTS + 1, dtype=torch.float64)
         cut = subcurve_matrix(cuts[:-1], cuts[1:], 3)
         cubics = (cut[None, None] @ whole.cubics[:, :, None]).flatten(1, 2)
@@ -89,7 +90,7 @@ def refined(
     config = FitConfig(
         steps=steps, rates=Rates(points=rate * views.pixel), final_rate=FINAL_RATE, project=shown.strokes, seed=seed
     )
-    sketch = curves.sketch(0.0)
+    sketch = Sketch(curves.points, width=0.0)
     for done in fit(sketch, objective, lambda step, generator: cameras[shown.batch(step)], config):
         sketch = done.sketch
         report(done.index + 1, done.loss)

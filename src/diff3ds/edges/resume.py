@@ -14,9 +14,10 @@ from diff3ds.edges.reconstruct import DONE, Result
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind
 
-VERSION = 3
+# [version; derived] Of the layout of the file: one with another is refused.
+VERSION = 4
 MAX_BYTES = 1 << 28
-FIELDS = ("points", "kind", "vertex", "other")
+FIELDS = ("points", "kind", "vertex")
 
 
 def write_result(path: Path, result: Result, losses: Sequence[float], settings: dict[str, Any]) -> None:
@@ -66,14 +67,13 @@ def read_result(path: Path, settings: dict[str, Any]) -> tuple[Result, list[floa
 def _checked(curves: Curves) -> Curves:
     """The curves, if their tensors fit together."""
     count = len(curves)
-    shapes = {"points": (count, 4, 3), "kind": (count,), "vertex": (count, 2), "other": (count,)}
+    shapes = {"points": (count, 4, 3), "kind": (count,), "vertex": (count, 2)}
     for name, shape in shapes.items():
         value = getattr(curves, name)
         if value.shape != shape or value.dtype != (torch.float32 if name == "points" else torch.int64):
             raise ValueError(f"{name} has shape {tuple(value.shape)} and dtype {value.dtype}")
     inside = (curves.vertex >= 0) & (curves.vertex < 2 * count)
-    paired = (curves.other >= -1) & (curves.other < count)
     known = (curves.kind >= min(Kind)) & (curves.kind <= max(Kind))
-    if not bool(curves.points.isfinite().all() & known.all() & inside.all() & paired.all()):
+    if not bool(curves.points.isfinite().all() & known.all() & inside.all()):
         raise ValueError("values out of range")
     return curves

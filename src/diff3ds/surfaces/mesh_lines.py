@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.clean.simplify import simplest
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Kind, Primitive
+from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive
 
 # Faces that meet at more than this make a sharp edge, and edges that turn by more a corner: rounds of ten sides and
 # more are smooth. Degrees.
@@ -182,26 +182,27 @@ def _longest(points: Float[Array, "M 3"], pixel: float) -> int:
 def _fit(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
     """The simplest curve through the points, if there is one and they leave it no choice."""
     found = simplest(points, pixel)
-    least = {Kind.LINE: 2, Kind.ARC: LEAST_ARC, Kind.FREE: LEAST_CUBIC, Kind.ELLIPSE: LEAST_ELLIPSE}
-    return found if found and len(points) >= least[found[0].kind] else None
+    least = {Kind.LINE: 2, Kind.ARC: LEAST_ARC, Kind.FREE: LEAST_CUBIC, Kind.ELLIPTIC_ARC: LEAST_ELLIPSE}
+    if not found or len(points) < least[CLOSED_KINDS.get(found[0].kind, found[0].kind)]:
+        return None
+    return found
 
 
 def _curves(vertices: Float[Array, "V 3"], pieces: list[_Piece]) -> Curves:
-    """All strokes; they meet in the vertices of the mesh."""
+    """All curves; those that are not closed meet in the vertices of the mesh."""
     control: list[Array] = []
-    kinds, ends, other = [], [], []
+    kinds, ends = [], []
     fresh = len(vertices)
     for run, strokes in pieces:
-        circle = run[0] == run[-1] and len(strokes) == 2
-        stops = [run[0], *range(fresh, fresh + len(strokes) - 1), run[-1]]
-        fresh += len(strokes) - 1
         points = [stroke.control.copy() for stroke in strokes]
-        if not circle:
+        if strokes[0].kind in CLOSED_KINDS:
+            stops = [fresh, fresh + 1]
+        else:
+            stops = [run[0], *range(fresh, fresh + len(strokes) - 1), run[-1]]
             points[0][0], points[-1][-1] = vertices[run[0]], vertices[run[-1]]
-        other += [len(control) + 1, len(control)] if circle else [-1] * len(strokes)
+        fresh += len(strokes) + 1
         control += points
         kinds += [int(stroke.kind) for stroke in strokes]
         ends += [*pairwise(stops)]
     _, vertex = np.unique(np.array(ends), return_inverse=True)
-    points_of = torch.from_numpy(np.stack(control))
-    return Curves(points_of, torch.tensor(kinds), torch.from_numpy(vertex.reshape(-1, 2)), torch.tensor(other))
+    return Curves(torch.from_numpy(np.stack(control)), torch.tensor(kinds), torch.from_numpy(vertex.reshape(-1, 2)))

@@ -12,20 +12,23 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, inliers, samples
+from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers, owners, samples
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.lines import unit
+from diff3ds.edges.shapes.lines import polyline_length, unit
 
-# The section's radius that tells an outline, pixels, and how many standard deviations it has to be from zero: between
-# those of 396 edges and 55 outlines of generated objects, as is the spread below.
+# [px, standard deviations; measured] The section's radius that tells an outline, pixels, and how many standard
+# deviations it has to be from zero: between those of 396 edges and 55 outlines of generated objects, as is the spread
+# below.
 RADIUS, CERTAIN = 2.8, 5.0
-# A radius certain to be below this, pixels, is that of an edge.
+# [px; measured] A radius certain to be below this, pixels, is that of an edge.
 SHARP = 2.5
-# Ratio of the normals' scatter along two directions. Views spread evenly over ± a about one direction give
-# (1 - s) / (1 + s), s = sin 2a / 2a: .22 over the quarter turn that shows a square inner edge, less where a part of
-# those views is blocked. Short pieces of less come together by chance; long ones, in pixels, hardly do.
+# [ratio, ratio, px; measured] Ratio of the normals' scatter along two directions. Views spread evenly over ± a about
+# one direction give (1 - s) / (1 + s), s = sin 2a / 2a: .22 over the quarter turn that shows a square inner edge, less
+# where a part of those views is blocked. Short pieces of less come together by chance; long ones, in pixels, hardly
+# do.
 SPREAD, LEAST_SPREAD, CHANCE = 0.13, 0.07, 15.0
-# Views of a part that say anything, residual in pixels that counts half, rounds of reweighting.
+# [views, px, rounds; empirical] Views of a part that say anything, residual in pixels that counts half, rounds of
+# reweighting.
 FEWEST, SCATTER, ROUNDS = 10, 0.5, 8
 
 
@@ -40,20 +43,20 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     planes = views.planes[views.match(x).ridge]
     normals = unit(planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents)
     offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
-    count = PARTS * SAMPLES
-    each = [slice(i * count, (i + 1) * count) for i in range(len(curves))]
+    owner = owners(curves)
+    each = [np.nonzero(owner == i)[0] for i in range(len(curves))]
     found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
-    clear = shown & ~crowded(views, x, tangents, by=np.repeat(~found, count), at=shown)
+    clear = shown & ~crowded(views, x, tangents, by=~found[owner], at=shown)
     found &= np.array([_wanders(clear[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
-    length = np.linalg.norm(np.diff(x.reshape(-1, count, 3), axis=1), axis=2).sum(1) / views.pixel
+    length = np.array([polyline_length(x[i]) for i in each]) / views.pixel
     narrow = [_spread(shown[:, i], normals[:, i]) for i in each]
     return torch.from_numpy(found | (np.array(narrow) < np.where(length < CHANCE, SPREAD, LEAST_SPREAD)))
 
 
 def _parts(shown: Bool[NDArray[np.bool_], "V S"]) -> list[tuple[slice, Bool[NDArray[np.bool_], "V P"]]]:
     """Slices of the parts that enough views show, and these views."""
-    parts = [slice(i * SAMPLES, (i + 1) * SAMPLES) for i in range(PARTS)]
+    parts = [slice(i, i + SAMPLES) for i in range(0, shown.shape[1], SAMPLES)]
     return [(p, shown[:, p]) for p in parts if shown[:, p].sum() >= FEWEST]
 
 

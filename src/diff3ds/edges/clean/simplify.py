@@ -7,22 +7,21 @@ import torch
 
 from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import part_support
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.evidence.support import mean_of_strokes, part_support
+from diff3ds.edges.shapes.curve_set import Curves, curves_of, sampled
 from diff3ds.edges.shapes.ellipses import fit_elliptic_arcs
 from diff3ds.edges.shapes.lines import pairs_by_ends, resampled, unit
-from diff3ds.edges.shapes.primitives import FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds.edges.shapes.primitives import CLOSED_KINDS, FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.watch import Tick, no_tick
 
-# Lengths in pixels; all empirical.
-SAMPLES = 64
-# A curve doubles longer ones if this share of it lies so near to them.
+# [px, fraction; empirical] A curve doubles longer ones if this fraction of it lies so near to them.
 DOUBLED, DOUBLED_SHARE = 1.2, 0.9
-# Ends at most so far apart may continue each other, if the tangents agree (cosine) and one curve fits both so well.
+# [px, cosine, px; empirical] Ends at most so far apart may continue each other, if their tangents agree and one curve
+# fits both so well.
 GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
-# An arc that turns by more than this beside a line is a rounded corner.
+# [rad; empirical] An arc that turns by more than this beside a line is a rounded corner.
 CORNER = np.deg2rad(60.0)
-# A narrow ellipse turns its tip within the gap, by up to a right angle (cosine).
+# [cosine; derived] A narrow ellipse turns its tip within the gap, by up to a right angle.
 TIP = 0.0
 
 
@@ -33,7 +32,7 @@ def pruned(curves: Curves, views: EdgeViews, enough: float, shortest: float) -> 
         enough: so many views have to show a curve, mean over its parts.
         shortest: pixels.
     """
-    support = part_support(views, curves).double().sum(0).mean(1).numpy()
+    support = mean_of_strokes(curves, part_support(views, curves).double().sum(0).mean(1)).numpy()
     samples = sampled(curves)
     length = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(1)
     keep = (support >= enough) & (length >= shortest * views.pixel)
@@ -54,27 +53,22 @@ def pruned(curves: Curves, views: EdgeViews, enough: float, shortest: float) -> 
     return curves[torch.from_numpy(keep)]
 
 
-def sampled(curves: Curves, count: int = SAMPLES) -> Float[Array, "N S 3"]:
-    """Points along every curve at even parameters, the ends included."""
-    return curves.at(torch.linspace(0, 1, count)).double().numpy()
-
-
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Points along an edge and the strokes that draw it: one, or two arcs of most of a circle or ellipse."""
+    """Points along an edge and the curve that it is: one, or two arcs of most of a circle or ellipse."""
 
-    strokes: list[Primitive]
+    curves: list[Primitive]
     points: Float[Array, "M 3"]
 
     @property
     def closed(self) -> bool:
         """Whether this is a whole circle or ellipse."""
-        return len(self.strokes) == 2 and bool(np.allclose(self.strokes[0].control[0], self.strokes[1].control[3]))
+        return bool(self.curves) and self.curves[0].kind in CLOSED_KINDS
 
     @property
     def price(self) -> int:
         """Free numbers."""
-        return FREEDOM[self.strokes[0].kind]
+        return FREEDOM[self.curves[0].kind]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +96,7 @@ def joined(curves: Curves, pixel: float, tick: Tick = no_tick) -> Curves:
         near = _near_ends(pieces, best.piece.points, sorted(alive), pixel)
         joints += [j for k in near if (j := _joint(pieces, new, k, pixel)) is not None]
         alive.add(new)
-    return _curves([pieces[i] for i in sorted(alive)])
+    return curves_of([curve for i in sorted(alive) for curve in pieces[i].curves])
 
 
 def _ends(pieces: list[_Piece], rows: list[int]) -> Float[Array, "M 2 3"]:
@@ -131,10 +125,10 @@ def _elliptic_joints(
     Args:
         tried: what came of the rows that were tried before; more are added.
     """
-    kind = {i: pieces[i].strokes[0].kind for i in alive}
+    kind = {i: pieces[i].curves[0].kind for i in alive}
     rows: list[tuple[tuple[int, ...], Array]] = []
     for i, k in _neighbours(pieces, alive, pixel):
-        half = Kind.ELLIPSE in (kind[i], kind[k])
+        half = Kind.ELLIPTIC_ARC in (kind[i], kind[k])
         two = _continued(pieces[i], pieces[k], pixel, TIP if half else STRAIGHT_ON)
         if two is None:
             continue
@@ -153,24 +147,14 @@ def _elliptic_joints(
 
 
 def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
-    """One piece for every curve, as simple as it can be; the two halves of a circle are one, and stay so."""
+    """One piece for every curve, as simple as it can be; whole circles and ellipses stay what they are."""
     control = curves.constrained(curves.points)[0].double().numpy()
-    strokes = [Primitive(Kind(int(k)), c, np.zeros(0)) for k, c in zip(curves.kind, control, strict=True)]
     pieces = []
-    for i, samples in enumerate(sampled(curves)):
-        other = int(curves.other[i])
+    for kind, own, samples in zip(curves.kind.tolist(), control, sampled(curves), strict=True):
         points = resampled(samples, pixel)
-        if other < 0:
-            pieces.append(_Piece(simplest(points, pixel) or [strokes[i]], points))
-        elif i < other:
-            pieces.append(_Piece([strokes[i], strokes[other]], points))
+        simple = None if kind in CLOSED_KINDS else simplest(points, pixel)
+        pieces.append(_Piece(simple or [Primitive(Kind(kind), own, np.zeros(0))], points))
     return pieces
-
-
-def _curves(pieces: list[_Piece]) -> Curves:
-    """All strokes."""
-    single = [stroke for piece in pieces if not piece.closed for stroke in piece.strokes]
-    return curves_of(single, [piece.strokes for piece in pieces if piece.closed])
 
 
 def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
@@ -203,7 +187,7 @@ def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:
 
 def _are_line_and_corner(one: _Piece, other: _Piece) -> bool:
     """Whether these are a line and an arc that rounds a corner: no cubic is simpler than they are."""
-    kinds = {piece.strokes[0].kind: piece for piece in (one, other)}
+    kinds = {piece.curves[0].kind: piece for piece in (one, other)}
     if set(kinds) != {Kind.LINE, Kind.ARC}:
         return False
     points = kinds[Kind.ARC].points
@@ -213,7 +197,7 @@ def _are_line_and_corner(one: _Piece, other: _Piece) -> bool:
 
 def _joint_of(pieces: list[_Piece], members: tuple[int, ...], piece: _Piece, pixel: float) -> _Joint:
     saved = sum(pieces[i].price for i in members) - piece.price
-    return _Joint(float(np.mean(piece.strokes[0].distances)) / pixel - saved, members, piece)
+    return _Joint(float(np.mean(piece.curves[0].distances)) / pixel - saved, members, piece)
 
 
 def _continued(one: _Piece, other: _Piece, pixel: float, straight: float = STRAIGHT_ON) -> Float[Array, "M 3"] | None:
@@ -244,15 +228,3 @@ def _end_tangent(points: Array) -> Float[Array, " 3"]:
     half = min((len(points) - 1) // 2, 2)
     step = 4 * (points[half] - points[0]) - (points[2 * half] - points[0])
     return unit(step if half else points[-1] - points[0])
-
-
-def concatenated(first: Curves, second: Curves) -> Curves:
-    """Both sets of curves."""
-    shift = int(first.vertex.max()) + 1 if len(first) else 0
-    other = torch.where(second.other >= 0, second.other + len(first), second.other)
-    return Curves(
-        torch.cat([first.points, second.points]),
-        torch.cat([first.kind, second.kind]),
-        torch.cat([first.vertex, second.vertex + shift]),
-        torch.cat([first.other, other]),
-    )

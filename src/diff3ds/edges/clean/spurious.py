@@ -11,16 +11,27 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import AGREEING, PARTS, SAMPLES, SLANT, headings, inliers, samples, spaced_samples
+from diff3ds.edges.evidence.support import (
+    AGREEING,
+    SLANT,
+    STROKE,
+    headings,
+    inliers,
+    owners,
+    samples,
+    spaced_samples,
+)
 from diff3ds.edges.shapes.curve_set import Curves
 
-# Another curve that passes so near, pixels, and runs the same way explains a ridge as well. Empirical.
+# [px; empirical] Another curve that passes so near and runs the same way explains a ridge as well.
 BESIDE = 1.5
-# A view shows ridges of a curve's own where so much of what agrees has no other explanation, and a curve that is there
-# has them in at least this share of the views that show it. Empirical: in rings of 24 views true curves have .5 and
-# more, phantoms hardly any; in the 30 generated parts that the method was tuned on, none has less.
+# [fraction, fraction; measured] A view shows ridges of a curve's own where this fraction of its inliers has no other
+# explanation, and a curve that is there has them in at least this fraction of the views that show it. In rings of 24
+# views true curves have .5 and more, spurious ones hardly any; in the 30 generated parts that the method was tuned on,
+# none has less.
 OWN, LEAST = 0.5, 0.3
-# What more of the views show may be one of several curves that lie in a plane with the cameras.
+# [fraction; empirical] What a larger fraction of the views shows may be one of several curves that lie in a plane with
+# the cameras.
 MOST_SHOWN = 0.75
 
 
@@ -29,37 +40,39 @@ def without_phantoms(curves: Curves, views: EdgeViews) -> Curves:
     if not len(curves):
         return curves
     shown, beside = _explained(curves, views)
-    other = curves.other.numpy()
-    # Both halves of a circle are one curve.
-    half = np.where(other >= 0, other, np.arange(len(curves)))
+    strokes = curves.owner.numpy()
     kept = np.ones(len(curves), bool)
     while True:
-        share = _own_share(shown, beside[kept[beside[:, 2]]], half)
+        share = _own_share(shown, beside[kept[beside[:, 2]]], strokes)
         share[~kept] = np.inf
         worst = int(share.argmin())
         if share[worst] >= LEAST:
             return curves[torch.from_numpy(kept)]
-        kept[[worst, half[worst]]] = False
+        kept[worst] = False
 
 
 def _own_share(
-    shown: Bool[NDArray[np.bool_], "V N S"], beside: Int[NDArray[np.int64], "P 3"], half: Int[NDArray[np.int64], " N"]
+    shown: Bool[NDArray[np.bool_], "V M"], beside: Int[NDArray[np.int64], "P 3"], strokes: Int[NDArray[np.int64], " S"]
 ) -> Float[Array, " N"]:
-    """Of the views that show each curve, how many show ridges of its own; 1 where none or nearly all show it."""
-    own = shown.reshape(len(shown), -1).copy()
+    """Of the views that show each curve, how many show ridges of its own; 1 where none or nearly all show it.
+
+    Args:
+        strokes: the curve that each stroke is of.
+    """
+    own = shown.copy()
     own[beside[:, 0], beside[:, 1]] = False
-    seen = shown.mean(2) >= AGREEING
-    clear = seen & (own.reshape(shown.shape).sum(2) >= OWN * shown.sum(2))
-    count, of = (v.sum(0) + v.sum(0)[half] for v in (clear, seen))
-    doubtful = (of > 0) & (of <= MOST_SHOWN * 2 * len(shown))
+    own, every = (flags.reshape(len(flags), -1, STROKE) for flags in (own, shown))
+    seen = every.mean(2) >= AGREEING
+    clear = seen & (own.sum(2) >= OWN * every.sum(2))
+    count, of = (np.bincount(strokes, flags.sum(0)) for flags in (clear, seen))
+    doubtful = (of > 0) & (of <= MOST_SHOWN * np.bincount(strokes) * len(shown))
     return np.where(doubtful, count / np.maximum(of, 1), 1.0)
 
 
 def _explained(
     curves: Curves, views: EdgeViews
-) -> tuple[Bool[NDArray[np.bool_], "V N S"], Int[NDArray[np.int64], "P 3"]]:
+) -> tuple[Bool[NDArray[np.bool_], "V M"], Int[NDArray[np.int64], "P 3"]]:
     """Where samples of the curves agree with the views, and which other curves pass there too: view, sample, curve."""
-    count = PARTS * SAMPLES
     x, tangents = samples(curves)
     shown = inliers(views, x, tangents)
     pixel = views.project(x)[0]
@@ -68,16 +81,16 @@ def _explained(
     passing, depth = views.project(places)
     ahead = headings(views, places, directions, passing)
     passing = np.where(depth[..., None] > 0, passing, np.inf)
-    own, other = np.repeat(np.arange(len(curves)), count), curves.other.numpy()
+    own = owners(curves)
     found = [np.zeros((0, 3), np.int64)]
     for view in range(len(views)):
         rows, near = _neighbours(pixel[view], passing[view], np.nonzero(shown[view])[0])
         turned = heading[view, rows, 0] * ahead[view, near, 1] - heading[view, rows, 1] * ahead[view, near, 0]
         by = owner[near]
-        explains = (np.abs(turned) < SLANT) & (by != own[rows]) & (by != other[own[rows]])
+        explains = (np.abs(turned) < SLANT) & (by != own[rows])
         pairs = np.unique(np.stack([rows[explains], by[explains]], 1), axis=0)
         found.append(np.concatenate([np.full((len(pairs), 1), view), pairs], 1))
-    return shown.reshape(len(views), len(curves), count), np.concatenate(found)
+    return shown, np.concatenate(found)
 
 
 def _neighbours(

@@ -7,13 +7,14 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
-from diff3ds.edges.clean.simplify import sampled
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.curve_set import Curves, sampled
 from diff3ds.edges.shapes.lines import nearest_to_lines, unit
 
-# Lengths in pixels. Ends within this distance meet, unless that is a large share of one of their curves. Empirical.
+# [px, fraction; empirical] Ends within this distance meet, unless that is a larger fraction of the length of one of
+# their curves.
 WITHIN, SHARE = 3.0, 0.4
-# Pull of the ends' own mean on a vertex, against the meeting of the tangents; and how far tangents may take it.
+# [ratio, px; empirical] Pull of the ends' own mean on a vertex, against the meeting of the tangents; and how far
+# tangents may take it.
 OWN, FARTHEST = 0.05, 4.5
 
 
@@ -29,7 +30,7 @@ def welded(curves: Curves, pixel: float) -> Curves:
     places = np.stack([_vertex(ends[group == n], tangents[group == n], pixel) for n in names])
     target = torch.from_numpy(places[vertex.reshape(-1, 2)]).to(curves.points.dtype)
     moved = curves.points.clone()
-    shift = target - moved[:, [0, 3]]
+    shift = (target - moved[:, [0, 3]]).masked_fill(curves.closed[:, None, None], 0.0)
     moved[:, :2] += shift[:, :1]
     moved[:, 2:] += shift[:, 1:]
     return replace(curves, points=moved, vertex=torch.from_numpy(vertex.reshape(-1, 2)))
@@ -45,9 +46,9 @@ def _groups(curves: Curves, samples: Array, pixel: float) -> NDArray[np.int64]:
     pairs = sorted(
         (float(np.linalg.norm(ends[i] - ends[k])), i, k) for i, k in cKDTree(ends).query_pairs(WITHIN * pixel)
     )
-    circle = np.repeat(curves.other.numpy() >= 0, 2)
+    closed = np.repeat(curves.closed.numpy(), 2)
     for distance, i, k in pairs:
-        if group[i] == group[k] or distance > SHARE * min(length[i], length[k]) or circle[i] or circle[k]:
+        if group[i] == group[k] or distance > SHARE * min(length[i], length[k]) or closed[i] or closed[k]:
             continue
         members = np.nonzero((group == group[i]) | (group == group[k]))[0]
         if len(np.unique(members // 2)) == len(members):

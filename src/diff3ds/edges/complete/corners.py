@@ -11,32 +11,31 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.edges.shapes.lines import meeting, resampled, tangents_of, unit
 from diff3ds.edges.shapes.primitives import Kind, Primitive
 from diff3ds.edges.watch import Tick, no_tick
 
-# Lengths in pixels, all empirical: lines that meet pass each other within this, and one of them ends so far from there
-# at least; they may go so far into the arc; the longest tangents; a line is no longer one if a corner leaves less of
-# it; an arc nearer to where the lines meet is not told from a sharp corner.
+# [px; empirical] Lines that meet pass each other within this, and one of them ends so far from there at least; they
+# may go so far into the arc; the longest tangents; a line is no longer one if a corner leaves less of it; an arc
+# nearer to where the lines meet is not told from a sharp corner.
 PASS, OPEN, BEYOND, LONGEST, REST, RISE = 1.5, 2.5, 8.0, 45.0, 4.0, 2.5
-# Cosine between lines that run on as one, or turn back.
+# [cosine; empirical] Lines at a smaller angle than this run on as one, or turn back.
 TURN = np.cos(np.deg2rad(20.0))
-# Steps of the tangents' length, and the distance of a ridge that shows a place, pixels.
+# [px; empirical] Steps of the tangents' length, and the distance of a ridge that shows a sample point.
 STEP, SEEN = 0.5, 0.8
-# Places of an arc, the share of them that enough views have to show, and how many those are, relative to the views that
-# confirm an edge: the lines are known.
+# [points, fraction, ratio; empirical] Sample points of an arc, the fraction of them that enough views have to show,
+# and how many those are, relative to the views that confirm an edge: the lines are known.
 PLACES, COVERED, SHOWN = 16, 0.85, 0.7
-# A curve that stays runs along so much of a doubled arc.
+# [fraction; empirical] A curve that stays runs along this fraction of a doubled arc.
 DOUBLED = 0.2
-# Ridges lie nearer to the arc than to what was there by so much, pixels: else it may be a chamfer or sharp. Of corners
-# of 60 reconstructions of generated parts true ones gained .24 to .7, false ones .05 at most. Of several pieces, or
-# where a bent one meets the lines at angles, the arc is the simpler one and must only be no worse.
+# [px; measured] Ridges lie nearer to the arc than to what was there by so much: else it may be a chamfer or sharp. Of
+# corners of 60 reconstructions of generated parts true ones gained .24 to .7, false ones .05 at most. Of several
+# pieces, or where a bent one meets the lines at angles, the arc is the simpler one and must only be no worse.
 NEARER = 0.1
 
 
@@ -92,7 +91,7 @@ def _best(curves: Curves, views: EdgeViews, enough: float, tick: Tick) -> list[_
     samples = sampled(curves)
     # What is round already stays: each corner makes one more of them, so that this ends.
     round_ = _rounded(curves, points)
-    alone = (curves.other < 0).numpy() & ~np.array([round_.issuperset(ends) for ends in curves.vertex.tolist()], bool)
+    alone = ~curves.closed.numpy() & ~np.array([round_.issuperset(ends) for ends in curves.vertex.tolist()], bool)
     straight = (curves.kind == Kind.LINE).numpy()
     lines = np.nonzero(straight)[0].tolist()
     free = [(line, end) for line in lines for end in (0, 1) if int(curves.vertex[line, end]) not in round_]
@@ -153,7 +152,7 @@ def _bent_between_lines(curves: Curves) -> dict[int, list[int]]:
     """By vertex, the arcs there that have lines at both ends."""
     straight = set(curves.vertex[curves.kind == Kind.LINE].flatten().tolist())
     found: dict[int, list[int]] = {}
-    for arc in torch.nonzero((curves.kind == Kind.ARC) & (curves.other < 0))[:, 0].tolist():
+    for arc in torch.nonzero(curves.kind == Kind.ARC)[:, 0].tolist():
         ends = curves.vertex[arc].tolist()
         for name in ends if straight.issuperset(ends) else []:
             found.setdefault(name, []).append(arc)

@@ -15,7 +15,8 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.shapes.lines import tangents_of
 
-# A known curve is a piece of a proposed one if this fraction of its samples lies so near to it, pixels.
+# [px, fraction; empirical] A known curve is a piece of a proposed one if this fraction of its samples lies so near to
+# it.
 PIECE_WITHIN, PIECE_FRACTION = 1.5, 0.8
 
 

@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.clean.simplify import sampled
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.curve_set import Curves, sampled
 from diff3ds.edges.shapes.lines import unit
 
-# Samples of a curve: chords of a half circle are .2 % of its radius beside it.
+# [points; derived] Samples of a curve: chords of a half circle are .2 % of its radius beside it.
 SAMPLES = 25
-# Curves lie in a plane if none of their points is farther from it, pixels; two curves whose points are this near to one
-# line, twice the root of the mean square, span no plane. Empirical.
+# [px; empirical] Curves lie in a plane if none of their points is farther from it; two curves whose points are this
+# near to one line, twice the root of the mean square, span no plane.
 PLANAR, STRAIGHT = 1.0, 2.0
 
 
@@ -65,11 +64,15 @@ class Loop:
 
 
 def find_loops(curves: Curves, pixel: float) -> list[Loop]:
-    """The loops in which no more than two of the curves of a plane meet; whole circles are loops of two."""
+    """The loops in which no more than two of the curves of a plane meet; closed curves are loops of their own."""
     points = sampled(curves, SAMPLES)
-    vertex = curves.vertex.numpy()
+    closed = curves.closed.numpy()
+    # Closed curves meet no others.
+    vertex = np.where(closed[:, None], -1, curves.vertex.numpy())
     found: dict[frozenset[int], Loop] = {}
-    for name in np.unique(vertex):
+    for i, around in zip(np.nonzero(closed)[0].tolist(), sampled(curves[curves.closed], 2 * SAMPLES - 1), strict=True):
+        found[frozenset([i])] = _loop((i,), around[:-1])
+    for name in np.unique(vertex[~closed]):
         here = np.nonzero((vertex == name).any(1))[0].tolist()
         for k, first in enumerate(here):
             for second in here[k + 1 :]:
@@ -101,10 +104,14 @@ def _around(
         members.append(following)
         at = int(vertex[following][1 - vertex[following].tolist().index(at)])
         rows.append(_towards(points, vertex, following, at))
-    around = np.concatenate([row[:-1] for row in rows])
+    return _loop(tuple(members), np.concatenate([row[:-1] for row in rows]))
+
+
+def _loop(members: tuple[int, ...], around: Float[Array, "K 3"]) -> Loop:
+    """The loop through these samples of its curves, in the plane of least squares."""
     origin = around.mean(0)
     axes = np.linalg.svd(around - origin, full_matrices=False)[2]
-    return Loop(tuple(members), origin, axes[0], axes[1], (around - origin) @ axes[:2].T)
+    return Loop(members, origin, axes[0], axes[1], (around - origin) @ axes[:2].T)
 
 
 def _towards(points: Float[Array, "N S 3"], vertex: NDArray[np.int64], curve: int, name: int) -> Float[Array, "S 3"]:

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.edges.shapes.lines import outward_tangent, resampled, unit
 from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
@@ -23,19 +22,20 @@ from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-# Lengths in pixels, all empirical: samples of a line; a place farther than this from all curves is open; so near lies
+# [points, px, px, px; empirical] Sample points of a line; one farther than this from all curves is open; so near lies
 # a ridge that shows it; the shortest open part.
 SAMPLES, OPEN, SEEN, SHORTEST = 24, 3.0, 1.2, 6.0
-# So many views have to show every open place but some, relative to those that confirm an edge: the ends are known.
+# [ratio, fraction; empirical] So many views, relative to those that confirm an edge, have to show this fraction of the
+# open sample points: the ends are known.
 SHOWN, MOST = 0.7, 0.9
-# Cosine of the angle at which curves meet smoothly. Empirical.
+# [cosine; empirical] Curves that meet at a smaller angle meet smoothly.
 SMOOTH = 0.94
-# Samples looked at first, to pass over most pairs quickly.
+# [points; speed] Samples looked at first, to pass over most pairs quickly.
 GLANCE = 4
-# Of so many pairs of vertices, the shortest, each is looked at: all those of 630 vertices, while CAD models have some
-# dozens to hundreds. Between those of thousands a long line is more likely chance.
+# [pairs; speed] Of so many pairs of vertices, the shortest, each is looked at: all those of 630 vertices, while CAD
+# models have some dozens to hundreds. Between those of thousands a long line is more likely chance.
 MOST_PAIRS = 200_000
-# So many places in views at once.
+# [points in views; speed] So many sample points in views are looked at at once.
 BLOCK = 4_000_000
 
 
@@ -146,8 +146,8 @@ def _renumbered(bridge: _Bridge | None, place: NDArray[np.int64]) -> _Bridge | N
 
 
 def _vertices(curves: Curves) -> tuple[NDArray[np.int64], Float[Array, "N 3"], NDArray[np.int64]]:
-    """Numbers of all vertices but those of whole circles, where they are, and how many curves end there."""
-    single = (curves.other < 0).numpy()
+    """Numbers of all vertices, where they are, and how many curves end there; closed curves have none."""
+    single = ~curves.closed.numpy()
     points = curves.constrained(curves.points)[0].double().numpy()[single][:, [0, 3]].reshape(-1, 3)
     names, first, degree = np.unique(curves.vertex.numpy()[single].reshape(-1), return_index=True, return_counts=True)
     return names, points[first], degree

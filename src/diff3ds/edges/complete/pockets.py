@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.clean.weld import WITHIN
 from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.complete.loops import Loop, find_loops
@@ -20,22 +19,23 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, samples
 from diff3ds.edges.measure.holes import INSIDE
 from diff3ds.edges.measure.offsets import fitted
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, sampled
 from diff3ds.edges.shapes.lines import resampled
 from diff3ds.edges.watch import Tick, no_tick
 
 # Places around a rim: a multiple of the samples of a part.
 PLACES = 2 * PARTS * SAMPLES
-# Depths that are tried, pixels: the shallowest, and steps. Ridges this near show a bottom.
+# [px; empirical] Depths that are tried: the shallowest, and steps. Ridges this near show a bottom.
 SHALLOWEST, STEP, SEEN = 5.0, 1.0, 1.2
-# Of the views that should see the places of a bottom this share has to show them, all in all, and of the places this
-# share in half of their views or more, and in two at least. In 60 reconstructions of generated parts 48 bottoms have
-# both; of 934 sides of rims without one, each at its best depth, three, two of them a pixel or two beside a true one.
+# [fraction, fraction; measured] Of the views that should see the sample points of a bottom this fraction has to show
+# them, all in all, and of the sample points this fraction in half of their views or more, and in two at least. In 60
+# reconstructions of generated parts 48 bottoms have both; of 934 sides of rims without one, each at its best depth,
+# three, two of them a pixel or two beside a true one.
 SHOWN, COVERED = 0.55, 0.4
-# So many views have to look at a place, for this share of the places.
+# [views, fraction; empirical] So many views have to look at a sample point, for this fraction of the sample points.
 FEWEST, LOOKED_AT = 2, 0.6
-# A bottom is there already if other curves are this near, pixels, to so much of it: what shows it from outside says
-# better how deep it lies.
+# [px, fraction; empirical] A bottom is there already if other curves are this near to this fraction of it: what shows
+# it from outside says better how deep it lies.
 BESIDE, THERE = 3.0, 0.95
 
 
@@ -168,17 +168,17 @@ def _dense(curves: Curves, step: float) -> list[Array]:
 def _welded(curves: Curves, bottom: Curves, pixel: float) -> Curves:
     """Both, with shared vertices where ends of the first lie at ends of the second."""
     joined = concatenated(curves, bottom)
-    vertex, other = joined.vertex.clone(), joined.other
+    vertex, closed = joined.vertex.clone(), joined.closed
     ends = joined.constrained(joined.points)[0][:, [0, 3]].double()
     first = len(curves)
     # Each end of before goes to one vertex of the bottom: two of them in one would leave a curve without length.
     taken: set[int] = set()
     for i, end in product(range(first, len(joined)), (0, 1)):
         off = (ends[:first] - ends[i, end]).norm(dim=2)
-        off[other[:first] >= 0] = torch.inf
+        off[closed[:first]] = torch.inf
         row, k = divmod(int(off.argmin()), 2)
         name, old = int(vertex[i, end]), int(vertex[row, k])
-        if other[i] < 0 and float(off[row, k]) < WITHIN * pixel and old not in taken:
+        if not closed[i] and float(off[row, k]) < WITHIN * pixel and old not in taken:
             vertex[vertex == old] = name
             taken.add(name)
     return replace(joined, vertex=vertex)

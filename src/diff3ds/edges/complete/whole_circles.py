@@ -7,39 +7,38 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.clean.simplify import concatenated, sampled
 from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of, tangents_on
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
+from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.edges.shapes.lines import pairs_by_ends
-from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, arc_control, fit_circle
+from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle, whole_circle
 from diff3ds.edges.watch import Tick, no_tick
 
-# Samples of a circle; the share of them that enough views have to show, and how many views those are, relative to the
-# views that confirm an edge. Of 12 whole circles in parts all had .87 or more, of 25 arcs of generated objects that
-# end where they should all .82 or less.
+# [points, fraction, ratio; measured] Sample points of a circle; the fraction of them that enough views have to show,
+# and how many views those are, relative to the views that confirm an edge. Of 12 whole circles in parts all had .87 or
+# more, of 25 arcs of generated objects that end where they should all .82 or less.
 SAMPLES, COVERED, SHOWN = 60, 0.85, 0.7
-# This fraction of a circle has to be shown before it is placed.
+# [fraction; speed] This fraction of a circle has to be shown before it is fitted to the ridges.
 PROMISING = 0.5
-# An arc of less says too little about its circle. Empirical.
+# [rad; empirical] An arc of less says too little about its circle.
 LEAST_SWEEP = np.deg2rad(75.0)
-# All around about as many views pass a circle: so many, relative to the median. Of true circles at .95 of the places or
-# more, of squares of 10 to 25 pixels across at .57 to .78.
+# [ratio; measured] All around about as many views pass a circle: so many, relative to the median. Of true circles at
+# .95 of the sample points or more, of squares of 10 to 25 pixels across at .57 to .78.
 EVEN = 0.5
-# Of the views with a ridge nearby this share passes the circle itself: of 23 true circles .55 or more at .85 of the
-# places, of 9 that were none .46 or less but for one.
+# [fraction; measured] Of the views with a ridge nearby this fraction passes the circle itself: of 23 true circles .55
+# or more at .85 of the sample points, of 9 that were none .46 or less but for one.
 PASSED = 0.52
-# A view shows a place of a circle that its ridge passes this closely, pixels: twice the scatter.
+# [px; derived] A view shows a sample point of a circle that its ridge passes this closely: twice the scatter.
 SEEN_WITHIN = 0.4
-# Rounds of placing and looking again what the views show.
+# [rounds; empirical] Rounds of fitting and asking again what the views show.
 ROUNDS = 4
-# Pieces of a small circle are at most so long, follow each other within a gap, and lie loosely on it, pixels; all
-# empirical.
+# [px; empirical] Pieces of a small circle are at most so long, follow each other within a gap, and lie loosely on it.
 LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
-# The other end of a hole is looked for along its axis in such steps, pixels, by so many samples, and tried at so many
-# places; by this share of the views that confirm an edge, as its radius and axis are known already. Less deep holes
-# cannot be told from rims seen badly, pixels; radii that differ by a larger share are no twins'. Empirical.
+# [px, points, circles, fraction, px, fraction; empirical] The other end of a hole is looked for along its axis in such
+# steps, by so many sample points, and tried at so many heights; by this fraction of the views that confirm an edge, as
+# its radius and axis are known already. Less deep holes cannot be told from rims seen badly; radii that differ by a
+# larger fraction are no twins'.
 STEP, COARSE, TRIES, FEWER, SHALLOWEST, ALIKE = 2.0, 24, 2, 0.55, 6.0, 0.03
 
 
@@ -51,7 +50,7 @@ def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick
         outward: the offset of outlines in these views, pixels.
         tick: see `watch`.
     """
-    free = (curves.other < 0).numpy().copy()
+    free = ~curves.closed.numpy()
     points = sampled(curves)
     found: list[Circle] = []
     starts = list(_starts(curves, points, views.pixel))
@@ -63,12 +62,11 @@ def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick
         if circle is not None:
             free &= ~_along(circle, points, views.pixel)
             found.append(circle)
-    for twin in _twins([*_whole_ones(curves, points), *found], views, enough, outward):
+    for twin in _twins([*curves.circles.values(), *found], views, enough, outward):
         free &= ~_along(twin, points, views.pixel)
         found.append(twin)
-    keep = torch.from_numpy(free) | (curves.other >= 0)
-    halves = [[_half(c, 0.0), _half(c, np.pi)] for c in found]
-    return concatenated(curves[keep], curves_of([], halves)) if found else curves
+    keep = torch.from_numpy(free) | curves.closed
+    return concatenated(curves[keep], curves_of([whole_circle(c) for c in found])) if found else curves
 
 
 def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iterator[tuple[Circle, tuple[int, ...]]]:
@@ -77,23 +75,15 @@ def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iter
     Chains of points break up where a small circle turns fast: it comes as lines.
     """
     length = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1)
-    alone = (curves.other < 0).numpy()
     for i in np.argsort(-length, kind="stable"):
-        circle = fit_circle(points[i]) if alone[i] and int(curves.kind[i]) == Kind.ARC else None
+        circle = fit_circle(points[i]) if int(curves.kind[i]) == Kind.ARC else None
         if circle is not None and length[i] >= LEAST_SWEEP * circle.radius:
             yield circle, (int(i),)
-    short = np.nonzero(alone & (length < LONGEST_SIDE * pixel))[0]
+    short = np.nonzero(~curves.closed.numpy() & (length < LONGEST_SIDE * pixel))[0]
     for i, k in short[pairs_by_ends(points[short][:, [0, -1]], GAP * pixel)].tolist():
         circle = fit_circle(np.concatenate([points[i], points[k]]))
         if circle is not None and circle.distances.max() < LOOSE * pixel and circle.radius < LONGEST_SIDE * pixel:
             yield circle, (i, k)
-
-
-def _whole_ones(curves: Curves, points: Float[Array, "N S 3"]) -> list[Circle]:
-    """The circles that are whole already."""
-    pairs = [(i, int(k)) for i, k in enumerate(curves.other) if i < int(k) and int(curves.kind[i]) == Kind.ARC]
-    circles = [fit_circle(np.concatenate([points[i], points[k]])) for i, k in pairs]
-    return [circle for circle in circles if circle is not None]
 
 
 def _twins(circles: list[Circle], views: EdgeViews, enough: float, outward: float) -> list[Circle]:
@@ -174,8 +164,3 @@ def _around(circles: list[Circle], angle: Float[Array, " S"]) -> Hypothesis:
     """The circles sampled at these angles."""
     x, tangents = ([on(circle, angle) for circle in circles] for on in (points_on, tangents_on))
     return Hypothesis(np.stack(x), np.stack(tangents))
-
-
-def _half(circle: Circle, start: float) -> Primitive:
-    control = arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, start, start + np.pi)
-    return Primitive(Kind.ARC, control, np.zeros(0))

@@ -17,13 +17,15 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import crowded, inliers, samples
 from diff3ds.edges.shapes.curve_set import Curves
 
-# Rounds of reweighting, and the residuals in pixels that count half in the first and the last of them. Few fit at the
-# end: an edge beside an outline, taken for it, always lies on its inner side.
+# [rounds, px, px; empirical] Rounds of reweighting, and the residuals that count half in the first and the last of
+# them. Few fit at the end: an edge beside an outline, taken for it, always lies on its inner side.
 ROUNDS, FIRST_SCATTER, SCATTER = 25, 1.0, 0.15
-# Ridges within this distance of the filled drawing's border are outline, pixels; they lie BAND within it. What a disc
-# of one of these radii cannot leave without crossing a ridge is inside: outlines have gaps, of up to twice the last.
+# [px; empirical] Ridges within this distance of the filled drawing's border are outline; they lie BAND within it. What
+# a disc of one of these radii cannot leave without crossing a ridge is inside: outlines have gaps, of up to twice the
+# last.
 OUTLINE, BAND, CLOSED = 7.0, 3.0, (3.0, 5.0, 8.0, 12.0)
-# Pull of a sample towards its place, in units of one view's: along the curve it cannot be seen at all. Empirical.
+# [samples; empirical] Pull of a sample point towards where it is, in units of one view's: along the curve it cannot be
+# seen at all.
 ALONG, ACROSS = 0.1, 0.01
 
 

@@ -10,7 +10,7 @@ from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.edges.evidence.ridges import Ridges
 
-# Distance in pixels of a point that a view does not contain.
+# [px; numerical] Distance of a point that a view does not contain.
 OUTSIDE = 99.0
 
 

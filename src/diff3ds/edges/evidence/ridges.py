@@ -8,29 +8,32 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 
-# Edge maps: standard deviation of the Gaussian derivatives in pixels, and least value of a ridge. Empirical
-# on the maps of two detectors, PiDiNet (thick lines) and DexiNed (thin ones).
+# [px, ink; empirical] Edge maps: standard deviation of the Gaussian derivatives, and least value of a ridge. On the
+# maps of two detectors, PiDiNet (thick lines) and DexiNed (thin ones).
 MAP_SIGMA, MAP_VALUE = 1.0, 0.18
-# Colour: of the gradient's own Gaussian and of its ridges. The logarithm makes weak and strong edges comparable;
-# GRADIENT_NOISE is the gradient per pixel that counts as noise. Empirical.
+# [px, 1/px; empirical] Colour: standard deviation of the gradient's own Gaussian, and the gradient that counts as
+# noise. The logarithm makes weak and strong edges comparable.
 GRADIENT_SIGMA, GRADIENT_NOISE = 1.0, 0.02
+# [px, log ratio; empirical] Colour: standard deviation of the derivatives that find ridges of the gradient, and least
+# value of a ridge.
 COLOR_SIGMA, COLOR_VALUE = 0.6, 0.35
-# Share of the median value below which a ridge is faint. Empirical, between the borders of rounded edges and real ones.
+# [fraction; empirical] A ridge is faint below this fraction of the median value: between the borders of rounded edges
+# and real ones.
 FAINT = 0.4
-# Ridge points as a share of all pixels: lines 20 pixels apart all over the picture. CAD models have .006 to .01,
-# photographs and toy bricks .1 and more. A place of space lies within half a cell's diagonal, 1.5 pixels, of one by
-# chance in 2 * 1.5 * .05 = 15 % of the views; 17 of 100 and 11 of 50 views confirm an edge.
+# [fraction; derived] Ridge points as a fraction of all pixels: lines 20 pixels apart all over the picture. CAD models
+# have .006 to .01, photographs and toy bricks .1 and more. A point of space lies within half a cell's diagonal, 1.5
+# pixels, of one by chance in 2 * 1.5 * .05 = 15 % of the views; 17 of 100 and 11 of 50 views confirm an edge.
 MOST_INK = 0.05
-# Least curvature of a ridge across, relative to the value (a line whose profile has the standard deviation s pixels has
-# 1 / s²), and largest slope along it that is not the flank of another, per pixel.
+# [1/px², 1/px; derived] Least curvature of a ridge across, relative to the value (a line whose profile has the
+# standard deviation s has 1 / s²), and largest slope along it that is not the flank of another.
 CURVATURE, FLANK = 0.07, 0.3
-# Curvature is that of a parabola through the neighbours within so many pixels that run the same way (cosine); it
-# moves a ridge by no more than this, pixels. Empirical.
+# [px, points, points, cosine, px; empirical] Curvature is that of a parabola through so many of the neighbours within
+# this radius that run the same way, if there are so many at least; it moves a ridge by no more than the last.
 AROUND, NEIGHBOURS, FEWEST, SAME_WAY, MOST_PULL = 4.5, 16, 6, 0.6, 0.3
-# A ridge belongs to the pixel that holds its top. The polynomial of a line half a pixel away has its top at up to
-# 0.5 / (1 - 0.25 / sigma²), sigma 1 or more in all: less would lose lines that run right between two pixels.
+# [px; derived] A ridge belongs to the pixel that holds its top. The polynomial of a line half a pixel away has its top
+# at up to 0.5 / (1 - 0.25 / sigma²), sigma 1 or more in all: less would lose lines that run right between two pixels.
 WITHIN = 0.67
-# Filters see no true neighbours this close to the border.
+# [px; derived] Filters see no true neighbours this close to the border.
 BORDER = 6
 
 

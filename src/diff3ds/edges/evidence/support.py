@@ -5,47 +5,49 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds.bezier import evaluate
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.lines import tangents_of, unit
 
+# [parts; empirical] Parts of a stroke: a curve, or half of a closed one.
 PARTS = 6
-# Samples of a part, and the share of them that has to agree.
+# [points, fraction; empirical] Sample points of a part, and the fraction of them that has to be inliers.
 SAMPLES, AGREEING = 5, 0.6
-# Distance from a ridge in pixels, and sine of the angle to it (25 degrees), that still agree. Empirical.
+STROKE = PARTS * SAMPLES
+# [px, sine; empirical] Inliers are so near to a ridge, and run along it to this angle (25 degrees).
 NEAR, SLANT = 2.5, 0.436
-# Lines closer than this in the image, pixels, pull each other's ridges; if they are farther apart in space than that,
-# they are two lines.
+# [px; empirical] Lines closer than this in the image pull each other's ridges; if they are farther apart in space than
+# that, they are two lines.
 CROWDED, APART = 3.5, 5.0
-# Share of its views that a part may lose for that; with less left it keeps them all.
+# [fraction; empirical] A part keeps all of its views if leaving out those with another line beside it would leave less
+# than this fraction.
 CLEAR = 0.3
-# Step along the tangent, relative to the size of a pixel, that shows its direction in the image.
+# [px; numerical] Step along the tangent that shows its direction in the image.
 STEP = 0.1
-# Chords that curves are measured by, to take samples of them at even steps.
+# [chords; numerical] Chords that curves are measured by, to take samples of them at even steps.
 CHORDS = 32
 
 Flags = Bool[NDArray[np.bool_], "V M"]
 
 
-def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
-    """Whether each of the `PARTS` equal parts of each curve lies on an edge in each view."""
-    x, tangents = samples(curves)
-    return torch.from_numpy(_by_parts(inliers(views, x, tangents), len(curves)))
+def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
+    """Whether each of the `PARTS` equal parts of each stroke of the curves lies on an edge in each view."""
+    return torch.from_numpy(_by_parts(inliers(views, *samples(curves))))
 
 
-def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V N P"]:
+def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
     """As `part_support`, without the views where another line runs so close that neither can be placed."""
     x, tangents = samples(curves)
     shown = inliers(views, x, tangents)
-    clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown), len(curves))
-    shown = _by_parts(shown, len(curves))
+    clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown))
+    shown = _by_parts(shown)
     return torch.from_numpy(np.where(clear.sum(0) >= CLEAR * shown.sum(0), clear, shown))
 
 
 def samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
-    """Points in the middle of even steps along the curves, one curve after the other, and unit tangents."""
-    count = PARTS * SAMPLES
-    x = curves.at((torch.arange(count) + 0.5) / count).double().numpy()
+    """Points in the middle of even steps along the strokes of curves, stroke by stroke, and unit tangents."""
+    x = evaluate(*curves.strokes(curves.points), (torch.arange(STROKE) + 0.5) / STROKE).double().numpy()
     return x.reshape(-1, 3), tangents_of(x).reshape(-1, 3)
 
 
@@ -62,9 +64,18 @@ def spaced_samples(
     return fine[owner, at], tangents_of(fine)[owner, at], owner
 
 
-def _by_parts(agree: Flags, curves: int) -> Bool[NDArray[np.bool_], "V N P"]:
-    share = agree.reshape(len(agree), curves, PARTS, SAMPLES).mean(-1)
-    return np.asarray(share >= AGREEING)
+def owners(curves: Curves) -> Int[NDArray[np.int64], " M"]:
+    """The curve that each of `samples` is of."""
+    return np.repeat(curves.owner.numpy(), STROKE)
+
+
+def mean_of_strokes(curves: Curves, values: Float[Tensor, " S"]) -> Float[Tensor, " N"]:
+    """For each curve the mean of a value of its strokes."""
+    return values.new_zeros(len(curves)).index_add(0, curves.owner, values) / (1 + curves.closed.long())
+
+
+def _by_parts(found: Flags) -> Bool[NDArray[np.bool_], "V S P"]:
+    return np.asarray(found.reshape(len(found), -1, PARTS, SAMPLES).mean(-1) >= AGREEING)
 
 
 def inliers(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"], within: float = NEAR) -> Flags:

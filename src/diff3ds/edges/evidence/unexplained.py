@@ -11,7 +11,7 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import NEAR, SLANT, headings, spaced_samples
 from diff3ds.edges.shapes.curve_set import Curves
 
-# Samples of curves, pixels apart.
+# [px; empirical] Spacing of the sample points of curves.
 APART = 0.5
 
 

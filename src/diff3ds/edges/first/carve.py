@@ -7,17 +7,18 @@ from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
-# Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.
+# [sides; derived] Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.
 HALF_DIAGONAL = np.sqrt(3) / 2
-# How often cells are halved: the first are eight times as large as the last.
+# [times; speed] How often cells are halved: the first are eight times as large as the last.
 HALVINGS = 3
-# Cells of which the children are counted at once.
-CHUNK = 1 << 12
-# Large cells say little: of them so many times as many may stay as of the last ones.
+# [cells; speed] Cells of which the children are counted at once.
+CHUNK = 4096
+# [ratio; empirical] Large cells say little: of them so many times as many may stay as of the last ones.
 LARGE = 8
-# Each ridge point belongs to one edge, and each place of an edge has one in every view that confirms it, so that there
-# are no more places, a pixel apart, than ridge points over confirming views; around each are some cells. In CAD models'
-# edge maps 3.2 to 4.0 cells stay for each such place; where chance confirms far more, the rest is speculation.
+# [cells; measured] Each ridge point belongs to one edge, and each point of an edge has one in every view that confirms
+# it, so that there are no more of these, a pixel apart, than ridge points over confirming views; around each are some
+# cells. In CAD models' edge maps 3.2 to 4.0 cells stay for each of them; where chance confirms far more, the rest is
+# speculation.
 CELLS_A_PLACE = 6.0
 
 

@@ -7,18 +7,19 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.first.triangulate import EdgePoints
 from diff3ds.edges.shapes.lines import polyline_length, resampled, tangents_of
 
-# Lengths are in units of a pixel. All values are empirical.
-# The next point of a chain is at most so far away, ahead (cosine to the direction at least AHEAD), beside the tangent
-# by at most SIDEWAYS plus a share of the way, and runs the same way (cosine).
+# [px, px, cosine, px, ratio, cosine; empirical] The next point of a chain is so far away at most and so far ahead at
+# least; at this angle to the direction at most; beside the tangent by at most SIDEWAYS plus SIDEWAYS_SHARE of the way;
+# and runs the same way.
 REACH, NEAREST, AHEAD, SIDEWAYS, SIDEWAYS_SHARE, SAME_WAY = 3.1, 0.3, 0.35, 0.57, 0.15, 0.94
-# Between candidates, a pixel to the side counts as much as so many ahead.
+# [ratio; empirical] Between candidates, a pixel to the side counts as much as so many ahead.
 SIDE_COST = 4.0
-# Of the direction of a chain, the share that the newest point gives.
+# [fraction; empirical] Weight of the newest point in the direction of a chain.
 TURN = 0.5
-# Points within this distance of a finished chain that run along it (cosine) belong to it.
+# [px, cosine; empirical] Points within this distance of a finished chain that run along it belong to it.
 TAKEN, TAKEN_COSINE = 1.3, 0.8
-# Chains are sampled so densely for that.
+# [px; numerical] Spacing of the samples of chains for that.
 SAMPLED = 0.4
+# [points; empirical] A chain has so many points at least.
 LEAST_POINTS = 4
 
 

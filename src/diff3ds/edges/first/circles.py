@@ -7,32 +7,32 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.first.triangulate import EdgePoints
 from diff3ds.edges.shapes.curve_set import curves_of
-from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, arc_control, fit_circle
+from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, fit_circle, whole_circle
 
-# Lengths in pixels; empirical. Points so near to a circle, running along it (cosine), belong to it.
+# [px, cosine; empirical] Points so near to a circle, running along it, belong to it.
 NEAR, ALONG = 1.2, 0.85
+# [rounds; empirical] Rounds of growing a circle.
 ROUNDS = 6
-# Smallest radius, sectors of a circle, and the share of them that have to hold points.
+# [px, sectors, fraction; empirical] Smallest radius, sectors of a circle, and the fraction of them that have to hold
+# points.
 LEAST_RADIUS, SECTORS, COVERED = 3.0, 24, 0.75
 
 
-def find_circles(found: EdgePoints, arcs: list[Primitive], pixel: float) -> tuple[list[list[Primitive]], EdgePoints]:
-    """Circles, as two halves each, and the points that belong to none.
+def find_circles(found: EdgePoints, arcs: list[Primitive], pixel: float) -> tuple[list[Primitive], EdgePoints]:
+    """Circles, and the points that belong to none.
 
     Args:
         arcs: to grow circles from; other primitives are passed over.
     """
     free = np.ones(len(found), bool)
     circles = []
-    starts = [fit_circle(_on(arc)) for arc in arcs if arc.kind == Kind.ARC]
+    starts = [fit_circle(_on(arc)) for arc in arcs if arc.kind in (Kind.ARC, Kind.CIRCLE)]
     for start in sorted((s for s in starts if s is not None), key=lambda s: -s.radius):
         grown = _grown(found, free, start, pixel)
         if grown is None:
             continue
-        (center, u, v, radius, _), members = grown
-        halves = [(0.0, np.pi), (np.pi, 2 * np.pi)]
-        none = np.zeros(0)
-        circles.append([Primitive(Kind.ARC, arc_control(center, radius * u, radius * v, *h), none) for h in halves])
+        circle, members = grown
+        circles.append(whole_circle(circle))
         free &= ~members
     return circles, found[free]
 

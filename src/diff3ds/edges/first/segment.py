@@ -6,16 +6,16 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.shapes.lines import resampled
 from diff3ds.edges.shapes.primitives import FREEDOM, POINT_SCATTER, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 
-# Points on a chain that are farther off count no more, in units of their scatter: a stray point is no reason for
-# another stroke. Empirical.
+# [scatters; empirical] Points on a chain that are farther off count no more, in units of their scatter: a stray point
+# is no reason for another curve.
 STRAY = 3.0
-# Price of a free number in the same units as a point's squared distance over scatter.
+# [square scatters; derived] Price of a free number in the same units as a point's squared distance over scatter.
 PRICE = 1.0
-# A fit is good if 95 % of the points lie within this.
+# [px; empirical] A fit is good if 95 % of the points lie within this.
 GOOD = 1.0
-# An arc rises over its chord by at least this: less may be scatter of a line.
+# [px; empirical] An arc rises over its chord by at least this: less may be scatter of a line.
 RISE = 1.2
-# Points evenly spaced along a chain, and the most places at which it may be cut.
+# [px, points; speed] Spacing of points along a chain, and at how many of them it may be cut at most.
 SPACING, CUTS = 1.0, 32
 
 
@@ -25,13 +25,18 @@ def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
     if len(points) < 4:
         return [fit_line(points)]
     arcs = fit_arcs(points, RISE * pixel)
-    if len(arcs) == 2 and np.percentile(arcs[0].distances, 95) < GOOD * pixel:
+    far_around = len(arcs) == 2 or (len(arcs) == 1 and arcs[0].kind == Kind.CIRCLE)
+    if far_around and _is_good(arcs[0], pixel):
         return arcs
     best, cost = _best(points, pixel)
     # One stroke that fits needs no search.
-    if best.kind < 2 and np.percentile(best.distances, 95) < GOOD * pixel and cost < FREEDOM[best.kind] + len(points):
+    if best.kind != Kind.FREE and _is_good(best, pixel) and cost < FREEDOM[best.kind] + len(points):
         return [best]
     return _cut(points, pixel)
+
+
+def _is_good(primitive: Primitive, pixel: float) -> bool:
+    return bool(np.percentile(primitive.distances, 95) < GOOD * pixel)
 
 
 def _best(points: Float[Array, "M 3"], pixel: float, below: float = np.inf) -> tuple[Primitive, float]:
@@ -46,7 +51,7 @@ def _best(points: Float[Array, "M 3"], pixel: float, below: float = np.inf) -> t
         if PRICE * FREEDOM[kind] >= min(cost, below):
             break
         found = fit_arcs(points, RISE * pixel) if kind == Kind.ARC else [fit_cubic(points)]
-        if len(found) == 1 and _cost(found[0], pixel) < cost:
+        if len(found) == 1 and found[0].kind == kind and _cost(found[0], pixel) < cost:
             best, cost = found[0], _cost(found[0], pixel)
     return best, cost
 

@@ -10,21 +10,24 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Tick, no_tick
 
+# [rounds; empirical] Rounds of moving points onto the edges.
 ROUNDS = 8
-# Standard deviation of the distances in pixels, falling from round to round: wide enough for the cells of the carving
-# at first, then the scatter of ridges.
+# [px, px, ratio; empirical] Standard deviation of the distances, falling from round to round: wide enough for the
+# cells of the carving at first, then the scatter of ridges.
 FIRST_SIGMA, LAST_SIGMA, SIGMA_RATIO = 2.0, 0.6, 0.75
-# Cosine between an edge and a plane's normal at which the plane counts a quarter; the first directions are rough.
-# Empirical.
+# [cosine; empirical] Cosine between an edge and a plane's normal at which the plane counts a quarter; the first
+# directions are rough.
 FIRST_TILT, TILT = 0.2, 0.12
+# [rounds; empirical] Rounds of reweighting the first directions.
 DIRECTION_ROUNDS = 3
-# Damping of the step across the edge, relative to the trace of its normal matrix.
+# [ratio; numerical] Damping of the step across the edge, relative to the trace of its normal matrix.
 DAMPING = 0.02
-# Points that come together within this many pixels go on as one.
+# [px; empirical] Points that come together in a cube of this side go on as one.
 MERGED = 0.5
-# A point takes no longer steps than the cells it came from.
+# [px; derived] A point takes no longer steps than the cells it came from.
 MAX_STEP = 1.7
-CHUNK = 1 << 12
+# [points; speed] Points that are moved at once.
+CHUNK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +180,8 @@ def thinned(found: EdgePoints, apart: float, flank: float) -> EdgePoints:
     return found[alive]
 
 
-# Cosine of directions that count as the same way, and the share of a score that counts as much worse. Empirical.
+# [cosine, fraction; empirical] Directions to this angle count as the same way, and scores below this fraction as much
+# worse.
 SAME_WAY, MUCH_WORSE = 0.9, 0.6
 
 

@@ -6,29 +6,25 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Kind, fit_circle
 
-# Scatter of the radii of small holes, pixels. Empirical.
+# [px; empirical] Scatter of the radii of small holes.
 SCATTER = 0.06
-# Series whose medians differ by more than so many times what their scatter makes likely are two.
+# [standard deviations; empirical] Series whose medians differ by more than so many times what their scatter makes
+# likely are two.
 DIFFERENT = 2.5
 
 
 def with_equal_circles(curves: Curves, pixel: float) -> Curves:
     """The curves with whole circles of nearly one radius made equal, about their centres."""
-    halves = [i for i in range(len(curves)) if i < int(curves.other[i]) and int(curves.kind[i]) == Kind.ARC]
-    if len(halves) < 2:
+    circles = curves.circles
+    if len(circles) < 2:
         return curves
-    on = sampled(curves)
-    circles = [fit_circle(np.concatenate([on[i], on[int(curves.other[i])]])) for i in halves]
-    known = [(i, circle) for i, circle in zip(halves, circles, strict=True) if circle is not None]
     points = curves.constrained(curves.points)[0].double()
-    for (i, circle), radius in zip(known, agreed([c.radius for _, c in known], SCATTER * pixel), strict=True):
+    radii = agreed([circle.radius for circle in circles.values()], SCATTER * pixel)
+    for (i, circle), radius in zip(circles.items(), radii, strict=True):
         center = torch.from_numpy(circle.center)
-        rows = [i, int(curves.other[i])]
-        points[rows] = center + radius / circle.radius * (points[rows] - center)
+        points[i] = center + radius / circle.radius * (points[i] - center)
     return replace(curves, points=points.to(curves.points.dtype))
 
 

@@ -7,27 +7,28 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
-from diff3ds.edges.clean.simplify import sampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers
 from diff3ds.edges.measure.equal_radii import agreed
 from diff3ds.edges.measure.offsets import Shape, fitted, near_joints
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.edges.shapes.curve_set import Curves, sampled
 from diff3ds.edges.shapes.lines import meeting, outward_tangent, resampled, unit
 from diff3ds.edges.shapes.primitives import Kind
 
-# An arc and a line that meet at less than this angle are meant to be tangent; for that, the arc moves to the
-# side by at most so many pixels. Empirical.
+# [rad, px; empirical] An arc and a line that meet at less than this angle are meant to be tangent; for that, the arc
+# moves to the side by at most so much.
 SMOOTH, MOST_MOVE = np.deg2rad(20.0), 0.7
-# Two fillets share a line, so that each moves the other a little; it settles fast.
+# [rounds; empirical] Two fillets share a line, so that each moves the other a little; it settles fast.
 ROUNDS = 12
-# Parts of an arc that are measured, each with the samples of a part.
+# [parts; empirical] Parts of an arc that are measured, each with the samples of a part.
 ARC_PARTS = 3
-# Spacing of samples for distances, pixels.
+# [px; numerical] Spacing of samples for distances.
 DENSE = 0.2
-# Scatter of the radii of rounded corners, pixels: root mean square of 196 of 70 generated parts, clipped at a pixel.
+# [px; measured] Scatter of the radii of rounded corners: root mean square of 196 of 70 generated parts, clipped at a
+# pixel.
 SCATTER = 0.15
-# Lengths of a fillet's tangents to try, in parts of the longer way from the lines' common point to where they end.
+# [ratio; empirical] Lengths of a fillet's tangents to try, in parts of the longer way from the lines' common point to
+# where they end.
 GUESSES = np.linspace(0.3, 1.3, 51)
 
 
@@ -113,7 +114,7 @@ def fillets_of(curves: Curves, points: Float[Array, "N 4 3"]) -> list[Fillet]:
     vertex = curves.vertex.numpy()
     found = []
     bent = (curves.kind == Kind.ARC) | (curves.kind == Kind.FREE)
-    for arc in np.nonzero((bent & (curves.other < 0)).numpy())[0]:
+    for arc in np.nonzero(bent.numpy())[0]:
         met = []
         for end in (0, 1):
             curve, at = np.nonzero(vertex == vertex[arc, end])

@@ -8,26 +8,26 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, inliers, samples
+from diff3ds.edges.evidence.support import crowded, inliers, owners, samples
 from diff3ds.edges.measure.holes import other_ends, seen_through
 from diff3ds.edges.measure.offsets import Shape, fitted, near_joints, residuals
 from diff3ds.edges.measure.planes import shared_planes
 from diff3ds.edges.measure.vertices import met
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Circle, Kind, angles_of, arc_control, fit_circle, turned
+from diff3ds.edges.shapes.primitives import Circle, Kind, angles_of, arc_control, fit_circle, line_control, turned
 from diff3ds.edges.watch import Tick, no_tick
 
-# Less of an arc does not fix its circle; a circle that moves farther, pixels, was another one. Empirical.
+# [rad, px; empirical] Less of an arc does not fix its circle; a circle that moves farther was another one.
 LEAST_SWEEP, MOST_MOVE = np.deg2rad(80.0), 1.5
-# Shorter lines turn too freely, pixels. Empirical.
+# [px; empirical] Shorter lines turn too freely.
 LEAST_LINE = 6.0
-# Lines of the usual widths pull each other's ridges by .06 to .2 pixels 3.5 pixels apart, and by .01 this far apart
-# (drawn). Seen aslant, the two sides of a circle do so, always inwards: small ones came out .3 % small. Share of its
-# views that a place of a circle may lose for that. Empirical.
+# [px, fraction; measured] Lines of the usual widths pull each other's ridges by .06 to .2 pixels 3.5 pixels apart, and
+# by .01 this far apart (drawn). Seen aslant, the two sides of a circle do so, always inwards: small ones came out .3 %
+# small. Fraction of its views that a sample point of a circle keeps at least without those.
 PULLED, ENOUGH = 5.0, 0.5
-# How often it is looked again which views show an arc, as it moves.
+# [times; empirical] How often it is asked again which views show an arc, as it moves.
 LOOKS = 3
-# What moves by less need not be looked at again, pixels.
+# [px; numerical] What moves by less need not be asked about again.
 STILL = 0.01
 
 
@@ -48,37 +48,27 @@ def placed(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tic
     free = undisturbed(views, x, tangents, shown, clear)
     old = curves.constrained(curves.points)[0].double().numpy()
     points, sure = old.copy(), np.zeros(len(curves), bool)
-    rims = other_ends(curves, x.reshape(len(curves), -1, 3), views.pixel)
-    strokes = _strokes(curves)
-    for done, rows in enumerate(strokes):
-        tick(done, len(strokes))
-        on, kind, found = _places(rows), int(curves.kind[rows[0]]), None
-        if kind == Kind.ARC:
-            sight = clear if len(rows) == 1 else free
-            found = _placed_arc(x[on], sight[:, on], old[rows], views, outward, rims.get(rows[0]))
+    rims = other_ends(curves.circles, views.pixel)
+    owner = owners(curves)
+    for i, kind in enumerate(curves.kind.tolist()):
+        tick(i, len(curves))
+        on, found = owner == i, None
+        if kind == Kind.CIRCLE:
+            found = _placed_arc(x[on], free[:, on], old[i], views, outward, rims.get(i), closed=True)
+        elif kind == Kind.ARC:
+            found = _placed_arc(x[on], clear[:, on], old[i], views, outward)
         elif kind == Kind.LINE:
-            found = _placed_line(x[on], (shown & clear)[:, on], old[rows[0]], views)
+            found = _placed_line(x[on], (shown & clear)[:, on], old[i], views)
         if found is not None:
-            points[rows], sure[rows] = found, True
+            points[i], sure[i] = found, True
     moved = _with_points(curves, points)
     x = samples(moved)[0]
-    for halves, plane in shared_planes(moved, sure, views.pixel).items():
-        rows, on = list(halves), _places(list(halves))
-        flat = plane.project(x[on]), free[:, on], plane.project(points[rows])
-        found = _placed_arc(*flat, views, outward, rims.get(rows[0]), flat=True)
-        points[rows] = points[rows] if found is None else found
+    for i, plane in shared_planes(moved, sure, views.pixel).items():
+        on = owner == i
+        flat = plane.project(x[on]), free[:, on], plane.project(points[i])
+        found = _placed_arc(*flat, views, outward, rims.get(i), closed=True, flat=True)
+        points[i] = points[i] if found is None else found
     return met(_with_points(curves, points), old, sure, views.pixel)
-
-
-def _strokes(curves: Curves) -> list[list[int]]:
-    """Each curve, or the two halves of a circle."""
-    other = curves.other.tolist()
-    return [[i] if k < 0 else [i, k] for i, k in enumerate(other) if not 0 <= k < i]
-
-
-def _places(rows: list[int]) -> NDArray[np.int64]:
-    """Which of the curves' samples are of these."""
-    return (np.array(rows)[:, None] * PARTS * SAMPLES + np.arange(PARTS * SAMPLES)).ravel()
 
 
 def _with_points(curves: Curves, points: Float[Array, "N 4 3"]) -> Curves:
@@ -105,7 +95,7 @@ def undisturbed(
 
 def _placed_line(
     x: Float[Array, "S 3"], shown: Bool[NDArray[np.bool_], "V S"], old: Float[Array, "4 3"], views: EdgeViews
-) -> Float[Array, "1 4 3"] | None:
+) -> Float[Array, "4 3"] | None:
     """Control points of the line; None if it is too short or would move far."""
     along = old[3] - old[0]
     length = float(np.linalg.norm(along))
@@ -126,34 +116,36 @@ def _placed_line(
     moves = np.stack([value[:2] @ across, value[2:] @ across])
     if np.linalg.norm(moves, axis=1).max() > MOST_MOVE * views.pixel:
         return None
-    return (old[0] + moves[0] + np.linspace(0, 1, 4)[:, None] * (old[3] + moves[1] - old[0] - moves[0]))[None]
+    return line_control(old[0] + moves[0], old[3] + moves[1])
 
 
 def _placed_arc(
     x: Float[Array, "S 3"],
     clear: Bool[NDArray[np.bool_], "V S"],
-    old: Float[Array, "K 4 3"],
+    old: Float[Array, "4 3"],
     views: EdgeViews,
     outward: float,
     end: Circle | None = None,
+    *,
+    closed: bool = False,
     flat: bool = False,
-) -> Float[Array, "K 4 3"] | None:
-    """Control points of the circle's one or two arcs; None where the ridges do not fix it.
+) -> Float[Array, "4 3"] | None:
+    """Control points of the arc, or of the circle's half; None where the ridges do not fix it.
 
     Args:
         end: the other end of the hole or shaft.
+        closed: it is a whole circle.
         flat: the circle stays in its plane.
     """
     start = circle = fit_circle(x)
     if start is None or circle is None:
         return None
-    ends = [angles_of(start, old[:, k]) for k in (0, 3)]
-    middle = angles_of(start, old[:, 1:3].mean(1))
-    sweeps = [(m + turned(a - m), m + turned(b - m)) for a, m, b in zip(ends[0], middle, ends[1], strict=True)]
-    if sum(abs(b - a) for a, b in sweeps) < LEAST_SWEEP:
+    first, middle, last = angles_of(start, np.stack([old[0], old[1:3].mean(0), old[3]]))
+    sweep = middle + turned(first - middle), middle + turned(last - middle)
+    if not closed and abs(sweep[1] - sweep[0]) < LEAST_SWEEP:
         return None
     angle = angles_of(start, x)
-    joints = near_joints(x, points_on(start, np.array(sweeps[0])), views.pixel) if len(old) == 1 else None
+    joints = None if closed else near_joints(x, points_on(start, np.array(sweep)), views.pixel)
     for _ in range(LOOKS):
         before = points_on(circle, angle)
         rim = None if end is None else seen_through(circle, end, angle, views)
@@ -163,9 +155,7 @@ def _placed_arc(
             return None
         if apart(points_on(circle, angle), before) < STILL * views.pixel:
             break
-    return np.stack(
-        [arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, *s) for s in sweeps]
-    )
+    return arc_control(circle.center, circle.radius * circle.u, circle.radius * circle.v, *sweep)
 
 
 def apart(one: Float[Array, "S 3"], other: Float[Array, "S 3"]) -> float:

@@ -5,19 +5,17 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle
+from diff3ds.edges.shapes.primitives import Circle
 
-# The two ends of a hole: radii to this share, axes to this cosine, centres so many pixels beside the axis. Empirical.
+# [fraction, cosine, px; empirical] The two ends of a hole: radii to this fraction, axes to this angle, centres so far
+# beside the axis.
 ALIKE, PARALLEL, BESIDE = 0.03, np.cos(np.deg2rad(4.0)), 2.0
-# What lies beside an edge in the picture is looked at so many pixels from it.
+# [px; empirical] What lies beside an edge in the picture is looked at so far from it.
 INSIDE = 2.0
 
 
-def other_ends(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> dict[int, Circle]:
-    """For the first half of each whole circle the nearest other circle of its radius on its axis, if there is one."""
-    whole = [(i, int(k)) for i, k in enumerate(curves.other) if i < int(k) and int(curves.kind[i]) == Kind.ARC]
-    circles = {i: circle for i, k in whole if (circle := fit_circle(np.concatenate([points[i], points[k]])))}
+def other_ends(circles: dict[int, Circle], pixel: float) -> dict[int, Circle]:
+    """For each whole circle the nearest other one of its radius on its axis, if there is one."""
     found = {}
     for i, one in circles.items():
         ends = [other for k, other in circles.items() if k != i and _ends(one, other, pixel)]

@@ -15,17 +15,19 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import AROUND
 from diff3ds.edges.evidence.support import SAMPLES
 
-# Rounds of reweighting; residuals in pixels that count half, in the first and the last of them. Empirical.
+# [rounds, px, px; empirical] Rounds of reweighting; residuals that count half, in the first and the last of them.
 ROUNDS, FIRST_SCATTER, SCATTER = 12, 0.5, 0.15
-# Pull of every parameter towards where it was, in units of one view's sample: decides what the views leave open.
+# [samples; empirical] Pull of every parameter towards where it was, in units of one view's sample: decides what the
+# views leave open.
 PULL = 0.05
-# Least and largest scatter of a part's ridges together, pixels. Empirical.
+# [px; empirical] Least and largest scatter of a part's ridges together.
 PART_SCATTER = (0.07, 0.3)
-# Least radius of curvature in the picture, pixels: about `ridges.AROUND`. Small circles came out .3 % small without it.
+# [px; derived] Least radius of curvature in the picture: about `ridges.AROUND`. Small circles came out .3 % small
+# without it.
 TIGHTEST = 4.0
-# Share of parts that show something else, and the range, pixels, in which they lie. Empirical.
+# [fraction, px; empirical] Fraction of parts that show something else, and the range in which they lie.
 STRAYS, STRAY_RANGE = 0.1, 5.0
-# A smaller offset of outlines cannot be told from the ridges' scatter, pixels.
+# [px; empirical] A smaller offset of outlines cannot be told from the ridges' scatter.
 LEAST_OUTWARD = 0.1
 
 # From parameters, world units, all zero at the start, to points of the curve in between: three rows, a little before,

@@ -10,11 +10,11 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind
 
-# Curves lie in a plane if none of their points is farther from it, pixels. Empirical.
+# [px; empirical] Curves lie in a plane if none of their points is farther from it.
 WITHIN = 0.5
-# A plane is found anew so many times from the curves that lie in it.
+# [rounds; empirical] A plane is found anew so many times from the curves that lie in it.
 ROUNDS = 3
-# Samples of a curve.
+# [points; numerical] Sample points of a curve.
 SAMPLES = 16
 
 
@@ -45,8 +45,8 @@ class Plane:
         return x - ((x - self.origin) @ self.normal)[..., None] * self.normal
 
 
-def shared_planes(curves: Curves, sure: Flags, pixel: float) -> dict[tuple[int, int], Plane]:
-    """For whole circles, by their halves, the plane of other curves that they nearly lie in.
+def shared_planes(curves: Curves, sure: Flags, pixel: float) -> dict[int, Plane]:
+    """For whole circles, by their numbers, the plane of other curves that they nearly lie in.
 
     Only of curves that spread farther than the circle itself. Rounded corners get their planes from their lines
     (`fillets.py`).
@@ -57,14 +57,14 @@ def shared_planes(curves: Curves, sure: Flags, pixel: float) -> dict[tuple[int, 
     x = curves.at((torch.arange(SAMPLES) + 0.5) / SAMPLES).double().numpy()
     length = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(1)
     groups = _coplanar(_seeds(curves, sure), x, length, sure, pixel)
-    found: dict[tuple[int, int], Plane] = {}
-    for i, k in (own for own in _arcs(curves, sure) if len(own) == 2):
-        rows = np.isin(np.arange(len(x)), (i, k))
+    found: dict[int, Plane] = {}
+    for i in np.nonzero(sure & (curves.kind == Kind.CIRCLE).numpy())[0].tolist():
+        rows = np.arange(len(x)) == i
         planes = [_fitted(x[g & ~rows], length[g & ~rows]) for g in groups if g[i] and (g & ~rows).any()]
         near = [plane for plane in planes if plane.distances(x[rows]).max() < WITHIN * pixel]
         best = max(near, key=lambda plane: plane.spread, default=None)
         if best is not None and best.spread > _fitted(x[rows], length[rows]).spread:
-            found[i, k] = best
+            found[i] = best
     return found
 
 
@@ -85,19 +85,13 @@ def _coplanar(
     return found
 
 
-def _arcs(curves: Curves, sure: Flags) -> list[list[int]]:
-    """Placed arcs, each with the other half of its circle if it is one."""
-    other = curves.other.tolist()
-    arcs = [int(i) for i in np.nonzero(sure & (curves.kind == Kind.ARC).numpy())[0]]
-    return [[i] if other[i] < 0 else [i, other[i]] for i in arcs if not 0 <= other[i] < i]
-
-
 def _seeds(curves: Curves, sure: Flags) -> list[list[int]]:
     """Curves that span a plane: arcs, and two lines that meet."""
     vertex = curves.vertex.numpy()
     lines = [int(i) for i in np.nonzero(sure & (curves.kind == Kind.LINE).numpy())[0]]
     meet = [[i, k] for i in lines for k in lines if i < k and np.isin(vertex[i], vertex[k]).any()]
-    return _arcs(curves, sure) + meet
+    bent = sure & ((curves.kind == Kind.ARC) | (curves.kind == Kind.CIRCLE)).numpy()
+    return [[int(i)] for i in np.nonzero(bent)[0]] + meet
 
 
 def _fitted(x: Float[Array, "N S 3"], length: Float[Array, " N"]) -> Plane:

@@ -11,9 +11,10 @@ from diff3ds.edges.shapes.curve_set import Curves, curves_of
 from diff3ds.edges.shapes.lines import nearest_to_lines, outward_tangent
 from diff3ds.edges.shapes.primitives import Kind, Primitive, angles_of, arc_control, fit_circle, turned
 
-# Pull of a vertex towards where it was, against each curve that was placed: decides along curves that meet smoothly.
+# [ratio; numerical] Pull of a vertex towards where it was, against each curve that was fitted: decides along curves
+# that meet smoothly.
 OWN = 1e-3
-# A vertex moves by at most so much, pixels.
+# [px; empirical] A vertex moves by at most so much.
 FARTHEST = 2.0
 
 
@@ -26,7 +27,7 @@ def met(curves: Curves, old: Float[Array, "N 4 3"], sure: Bool[NDArray[np.bool_]
     """
     points = curves.points.double().numpy().copy()
     vertex = curves.vertex.numpy()
-    alone = (curves.other < 0).numpy()
+    alone = ~curves.closed.numpy()
     for name in np.unique(vertex[alone]):
         here = [(int(r), int(e)) for r, e in zip(*np.nonzero((vertex == name) & alone[:, None]), strict=True)]
         before = old[here[0][0], 3 * here[0][1]]

@@ -7,14 +7,16 @@ import numpy as np
 from diff3ds._shapes import Array, Float
 from diff3ds.edges.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs_along, fit_circle
 
-# Rounds of the geometric fit; each takes two steps towards the closest points.
+# [rounds, steps; numerical] Rounds of the geometric fit; each takes two steps towards the closest points.
 ROUNDS, CLOSER = 12, 2
-# A circle that 98 % of the points are this near to, pixels, is a badly measured circle: a good one is half as far.
+# [px; empirical] A circle that 98 % of the points are this near to is a badly measured circle: a good one is half as
+# far.
 ROUND = 1.0
-# Standard error of the half axes, as a share of them, with every point off by `POINT_SCATTER`. Half of an ellipse
-# of 30 by 18 pixels has that, a third of one of 150 by 90, but not half of one of 15 by 10. Empirical.
+# [fraction; empirical] Standard error of the half axes, as a fraction of them, with every point off by
+# `POINT_SCATTER`. Half of an ellipse of 30 by 18 pixels has that, a third of one of 150 by 90, but not half of one of
+# 15 by 10.
 UNSURE = 0.05
-# The algebraic fit of an arc comes out small, by less than half where the points determine it.
+# [ratio; derived] The algebraic fit of an arc comes out small, by less than half where the points determine it.
 MOST_CHANGE = 2.0
 
 
@@ -36,7 +38,7 @@ class Ellipse(NamedTuple):
 
 
 def fit_elliptic_arcs(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
-    """The ellipse of least squares, from the first to the last point: one arc, two where it is long, or two halves.
+    """The ellipse of least squares, from the first to the last point: one arc, two where it is long, or all of it.
 
     Nothing if a circle fits nearly as well, if the points do not determine an ellipse, or if they do not run around it
     in one direction.

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
 
-# Added to a length before something is divided by it: a vector without a length gets none.
+# [units; numerical] Added to a length before something is divided by it: a vector without a length gets none.
 TINY = 1e-12
-# Square of the sine of the angle (1.8 degrees) below which two lines count as parallel.
+# [square sine; numerical] Lines at a smaller angle than this (1.8 degrees) count as parallel.
 PARALLEL = 1e-3
 
 

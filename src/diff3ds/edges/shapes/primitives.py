@@ -8,33 +8,39 @@ from typing import NamedTuple
 import numpy as np
 
 from diff3ds._shapes import Array, Float
+from diff3ds.edges.shapes.lines import unit
 
-# Scatter of triangulated points about the curve that they lie on, pixels. Empirical.
+# [px; empirical] Scatter of triangulated points about the curve that they lie on.
 POINT_SCATTER = 0.45
-# Iterations of the geometric circle fit, and of the parameters of a cubic's points.
+# [rounds; numerical] Iterations of the geometric circle fit, and of the parameters of a cubic's points.
 CIRCLE_ROUNDS, CUBIC_ROUNDS = 10, 4
-# Relative to the radius, a step that changes nothing any more: some roundings.
+# [ratio; numerical] Relative to the radius, a step that changes nothing any more: some roundings.
 SETTLED = 1e-12
-# Pull of a cubic's inner points towards even spacing, relative to the number of points: decides where the points
-# leave the parametrisation open.
+# [ratio; numerical] Pull of a cubic's inner points towards even spacing, relative to the number of points: decides
+# where the points leave the parametrisation open.
 EVEN = 1e-3
-# The largest sweep of an arc that one rational cubic can draw is 240 degrees (its inner weights vanish there).
+# [rad; derived] The largest sweep of an arc that one rational cubic can draw is 240 degrees (its inner weights vanish
+# there).
 MOST_SWEEP = np.deg2rad(200.0)
-# Arcs of more than this are whole circles: a gap this short is a lack of points.
+# [rad; empirical] Arcs of more than this are whole circles: a gap this short is a lack of points.
 CLOSED = np.deg2rad(320.0)
 
 
 class Kind(IntEnum):
-    """What a stroke is."""
+    """What a curve is."""
 
     LINE = 0
     ARC = 1
     FREE = 2
-    ELLIPSE = 3
+    ELLIPTIC_ARC = 3
+    CIRCLE = 4
+    ELLIPSE = 5
 
 
-# Free numbers of each kind: the price of a stroke when several kinds fit.
-FREEDOM = {Kind.LINE: 6, Kind.ARC: 8, Kind.FREE: 12, Kind.ELLIPSE: 10}
+# The closed kinds, each with that of its parts.
+CLOSED_KINDS = {Kind.CIRCLE: Kind.ARC, Kind.ELLIPSE: Kind.ELLIPTIC_ARC}
+# Free numbers of each kind: its price when several kinds fit. Closed curves cost what their parts do.
+FREEDOM = {Kind.LINE: 6, Kind.ARC: 8, Kind.FREE: 12, Kind.ELLIPTIC_ARC: 10, Kind.CIRCLE: 8, Kind.ELLIPSE: 10}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +50,7 @@ class Primitive:
     Attributes:
         kind: what it is.
         control: control points of a cubic; of an arc of a circle or an ellipse, those of the rational cubic (see
-            `arc_control`).
+            `arc_control`), and of a whole one those of one half.
         distances: of the fitted points, world units.
     """
 
@@ -69,7 +75,7 @@ def line_control(start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[A
 
 
 def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primitive]:
-    """The circle of least squares, from the first to the last point: one arc, two where it is long, or two halves.
+    """The circle of least squares, from the first to the last point: one arc, two where it is long, or all of it.
 
     Nothing if the points do not run around a circle in one direction, or rise over their chord by less than
     `least_rise`, world units.
@@ -83,25 +89,28 @@ def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primi
     sweep = abs(angle[-1] - angle[0])
     if radius * (1 - np.cos(min(sweep, np.pi) / 2)) < max(least_rise, 1e-6):
         return []
-    return arcs_along(Kind.ARC, center, radius * u, radius * v, angle, distances)
+    return arcs_along(Kind.CIRCLE, center, radius * u, radius * v, angle, distances)
 
 
 def arcs_along(
     kind: Kind, center: Array, u: Array, v: Array, angle: Float[Array, " M"], distances: Float[Array, " M"]
 ) -> list[Primitive]:
-    """Of center + u cos(angle) + v sin(angle), from the first to the last angle: one arc, two if long, or two halves.
+    """Of center + u cos(angle) + v sin(angle), from the first to the last angle: one arc, two if long, or all of it.
 
     Nothing if the angles do not go in one direction.
+
+    Args:
+        kind: of the whole curve.
     """
     start, stop = angle[0], angle[-1]
     sweep = stop - start
     if np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
         return []
     if abs(sweep) > CLOSED:
-        stop = start + np.copysign(2 * np.pi, sweep)
-    strokes = 1 if abs(stop - start) <= MOST_SWEEP else 2
-    cuts = np.linspace(start, stop, strokes + 1)
-    return [Primitive(kind, arc_control(center, u, v, a, b), distances) for a, b in pairwise(cuts)]
+        return [Primitive(kind, arc_control(center, u, v, start, start + np.copysign(np.pi, sweep)), distances)]
+    cuts = np.linspace(start, stop, 2 if abs(sweep) <= MOST_SWEEP else 3)
+    part = CLOSED_KINDS[kind]
+    return [Primitive(part, arc_control(center, u, v, a, b), distances) for a, b in pairwise(cuts)]
 
 
 class Circle(NamedTuple):
@@ -112,6 +121,19 @@ class Circle(NamedTuple):
     v: Float[Array, " 3"]
     radius: float
     distances: Float[Array, " M"]
+
+
+def whole_circle(circle: Circle) -> Primitive:
+    """The circle as a curve."""
+    u, v = circle.radius * circle.u, circle.radius * circle.v
+    return Primitive(Kind.CIRCLE, arc_control(circle.center, u, v, 0.0, np.pi), circle.distances)
+
+
+def circle_of(control: Float[Array, "4 3"]) -> Circle:
+    """The circle of which these are the control points of one half."""
+    center = (control[0] + control[3]) / 2
+    u, v = unit(control[0] - center), unit(control[1:3].mean(0) - center)
+    return Circle(center, u, v, float(np.linalg.norm(control[0] - center)), np.zeros(0))
 
 
 def angles_of(circle: Circle, x: Float[Array, "S 3"]) -> Float[Array, " S"]:

@@ -1,5 +1,6 @@
 """Edge maps, line drawings, or the edges of coloured pictures to a sketch of lines, arcs and cubics."""
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from diff3ds.edges.evidence.ridges import MOST_INK, Ridges, color_ridges, map_ri
 from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
 from diff3ds.edges.resume import read_result, write_result
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind
 from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
 from diff3ds.pictures.content.line_width import line_width
@@ -31,6 +32,8 @@ MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
 # Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
 # cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
 FEW_VIEWS, MOST_RIDGES = 50, 400_000
+# What run.json calls the strokes of each kind; whole circles and ellipses are two strokes.
+STROKES = {Kind.LINE: "line", Kind.ARC: "arc", Kind.FREE: "free", Kind.ELLIPTIC_ARC: "ellipse"}
 
 
 def fit_edges(
@@ -165,7 +168,7 @@ def _free(start: Sketch) -> Curves:
     """The strokes as cubics that are nothing else yet."""
     count = len(start)
     kind = torch.full((count,), int(Kind.FREE))
-    return Curves(start.elevate(3).points, kind, torch.arange(2 * count).reshape(count, 2), torch.full((count,), -1))
+    return Curves(start.elevate(3).points, kind, torch.arange(2 * count).reshape(count, 2))
 
 
 def _fitted(
@@ -173,10 +176,10 @@ def _fitted(
 ) -> Fitted:
     drawn = pictures.target == "edges"
     sketch = result.curves.sketch(line_width(pictures.store) if drawn else DEFAULT_WIDTH)
-    kinds = {kind.name.lower(): int((result.curves.kind == kind).sum()) for kind in Kind}
+    of_strokes = Counter(CLOSED_KINDS.get(Kind(k), k) for k in result.curves.kind[result.curves.owner].tolist())
     bias = result.bias
     chosen = {
-        "curves": kinds,
+        "curves": {name: of_strokes[kind] for kind, name in STROKES.items()},
         "vertices": len(set(result.curves.vertex.flatten().tolist())),
         "bias_pixels": {"dx": bias.dx, "dy": bias.dy, "outward": bias.outward},
         **about,
