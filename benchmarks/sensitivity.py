@@ -104,9 +104,9 @@ def _run_all(
 ) -> Iterator[tuple[str, str, float]]:
     """Runs what is not known, and yields the name of each run, its folder and its score as they come."""
     jobs: list[tuple[str, Constant | None, float]] = [("", None, 1.0)]
-    jobs += [(f"{name_of(c)} x {factor}", c, factor) for c in wanted for factor in FACTORS]
     # If there is no time for all, those that there was time for are a fair sample; one folder after the other.
-    jobs[1:] = random.Random(0).sample(jobs[1:], len(jobs) - 1)
+    shuffled = random.Random(0).sample(wanted, len(wanted))
+    jobs += [(f"{name_of(c)} x {factor}", c, factor) for c in shuffled for factor in FACTORS]
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
     with ProcessPoolExecutor(options.jobs, mp_context=context, max_tasks_per_child=1) as pool:
