@@ -11,7 +11,7 @@ from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import map_ridges
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fillets import with_fillets
-from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.shapes.curve_set import Curves, sampled
 from diff3ds.edges.shapes.primitives import Kind, arc_control, fit_circle, line_control
 from diff3ds.render import render
@@ -160,7 +160,7 @@ def test_corners_drawn_in_pictures_keep_their_radius(monkeypatch):
     views = edge_views(cameras, [map_ridges(view.numpy()) for view in drawn.alpha])
 
     def errors() -> np.ndarray:
-        found = sampled(placed(true, views, 0.0))[1::2]
+        found = sampled(fit_to_ridges(true, views, 0.0))[1::2]
         return np.array([fit_circle(arc).radius for arc in found]) / RADIUS - 1
 
     assert np.abs(errors()).max() < 0.004

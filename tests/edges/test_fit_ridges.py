@@ -12,7 +12,7 @@ from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges, map_ridges
 from diff3ds.edges.evidence.support import CROWDED
 from diff3ds.edges.measure import fit_ridges
-from diff3ds.edges.measure.fit_ridges import circle_at, placed, shown_of
+from diff3ds.edges.measure.fit_ridges import circle_at, fit_to_ridges, shown_of
 from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle
 
@@ -54,7 +54,7 @@ def fitted(curves):
 def test_circles_are_placed_whether_their_rims_are_pushed_or_not(pixels, push, every):
     radius = pixels * PIXEL
     curves = circle(radius)
-    found = fitted(placed(curves, ridges(radius, push, every), push))
+    found = fitted(fit_to_ridges(curves, ridges(radius, push, every), push))
     assert abs(found.radius / radius - 1) < 2e-3
     assert np.linalg.norm(found.center - CENTER) < 3e-3 * radius
     assert abs(np.cross(found.u, found.v) @ np.cross(U, V)) > 1 - 1e-5
@@ -63,7 +63,7 @@ def test_circles_are_placed_whether_their_rims_are_pushed_or_not(pixels, push, e
 
 def test_without_the_offset_pushed_rims_make_circles_small():
     radius = 6 * PIXEL
-    found = fitted(placed(circle(radius), ridges(radius, 0.5, 4), 0.0))
+    found = fitted(fit_to_ridges(circle(radius), ridges(radius, 0.5, 4), 0.0))
     assert found.radius / radius - 1 < -0.05
 
 
@@ -72,7 +72,7 @@ def test_an_arc_keeps_its_ends(stop):
     """Of a quarter or more of a circle."""
     radius = 15 * PIXEL
     curves = curves_of([near(radius, 0.3, stop)])
-    better = placed(curves, ridges(radius, start=0.3, stop=stop), 0.0)
+    better = fit_to_ridges(curves, ridges(radius, start=0.3, stop=stop), 0.0)
     found = fitted(better)
     assert abs(found.radius / radius - 1) < 5e-3
     ends = CENTER + radius * (np.cos([[0.3], [stop]]) * U + np.sin([[0.3], [stop]]) * V)
@@ -82,11 +82,11 @@ def test_an_arc_keeps_its_ends(stop):
 def test_short_arcs_and_circles_without_ridges_stay():
     radius = 15 * PIXEL
     short = curves_of([near(radius, 0.3, 1.5)])
-    assert torch.equal(placed(short, ridges(radius), 0.0).points, short.constrained(short.points)[0])
+    assert torch.equal(fit_to_ridges(short, ridges(radius), 0.0).points, short.constrained(short.points)[0])
     whole = circle(radius)
     corner = Ridges.sharp(np.array([[10.0, 10.0]]), np.array([[1.0, 0.0]]), np.ones(1))
     away = edge_views(CAMERAS, [corner] * len(CAMERAS))
-    np.testing.assert_allclose(placed(whole, away, 0.5).points, whole.points, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(fit_to_ridges(whole, away, 0.5).points, whole.points, rtol=0, atol=1e-5)
 
 
 def test_lines_are_placed_and_meet():
@@ -95,7 +95,7 @@ def test_lines_are_placed_and_meet():
     off = 0.5 * PIXEL * np.array([[1, 0, 0], [-0.6, 0.6, 0.3], [0, -0.4, 0.8]])
     rough = lines_between(*((CENTER + o, end + o[::-1]) for end, o in zip(ends, off, strict=True)))
     rough = replace(rough, vertex=torch.tensor([[0, 1], [0, 2], [0, 3]]))
-    points = placed(rough, views, 0.5).points.double().numpy()
+    points = fit_to_ridges(rough, views, 0.5).points.double().numpy()
     assert np.abs(points[:, 0] - CENTER).max() < 0.02 * PIXEL
     # Along a line nothing says where it ends.
     for line, end in zip(points, ends, strict=True):
@@ -106,7 +106,7 @@ def test_lines_are_placed_and_meet():
 def test_a_large_arc_far_from_its_place_is_placed():
     radius = 45 * PIXEL
     curves = curves_of([near(radius, 0.3, 3.0, pixel_off=0.8)])
-    found = fitted(placed(curves, ridges(radius, start=0.3, stop=3.0), 0.0))
+    found = fitted(fit_to_ridges(curves, ridges(radius, start=0.3, stop=3.0), 0.0))
     assert abs(found.radius / radius - 1) < 1e-3
 
 
@@ -117,9 +117,9 @@ def test_the_other_side_of_a_small_circle_hardly_pulls_its_ridges(monkeypatch, w
     true = curves_of([whole(CENTER, radius * U, radius * V)])
     drawn = render(true.sketch(width / 160), CAMERAS, blur=0.7)
     views = edge_views(CAMERAS, [map_ridges(view.numpy()) for view in drawn.alpha])
-    assert abs(fitted(placed(true, views, 0.0)).radius / radius - 1) < 3.5e-3
+    assert abs(fitted(fit_to_ridges(true, views, 0.0)).radius / radius - 1) < 3.5e-3
     monkeypatch.setattr(fit_ridges, "PULLED", CROWDED)
-    assert fitted(placed(true, views, 0.0)).radius / radius - 1 < -2.5e-3
+    assert fitted(fit_to_ridges(true, views, 0.0)).radius / radius - 1 < -2.5e-3
 
 
 def test_two_circles_side_by_side_in_all_views_are_placed_nevertheless():
@@ -133,7 +133,7 @@ def test_two_circles_side_by_side_in_all_views_are_placed_nevertheless():
     views = edge_views(cameras, ridges_along(cameras, rings))
     one, other = circle(radius), circle(radius)
     both = concatenated(one, replace(other, points=other.points + torch.from_numpy(6 * PIXEL * axis).float()))
-    found = fitted(placed(both, views, 0.0)[torch.tensor([0])])
+    found = fitted(fit_to_ridges(both, views, 0.0)[torch.tensor([0])])
     assert abs(found.radius / radius - 1) < 2e-4
     assert np.linalg.norm(found.center - CENTER) < 2e-4 * radius
 
@@ -151,4 +151,4 @@ def test_a_circle_that_stays_in_its_plane_finds_its_centre_and_radius():
 
 
 def test_no_curves():
-    assert len(placed(curves_of([]), ridges(0.1), 0.5)) == 0
+    assert len(fit_to_ridges(curves_of([]), ridges(0.1), 0.5)) == 0

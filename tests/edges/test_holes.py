@@ -8,7 +8,7 @@ from edge_scenes import arc, around, project, ridges_along, turned, whole
 
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.measure.holes import other_ends, seen_through
 from diff3ds.edges.shapes.curve_set import curves_of, sampled
 from diff3ds.edges.shapes.primitives import Circle, fit_circle
@@ -89,5 +89,5 @@ def test_a_small_offset_of_rims_is_told_from_a_small_hole():
     views = edge_views(CAMERAS, both)
     curves = circles(*((c.center, U, V, 1.01 * RADIUS) for c in (TOP, BOTTOM)))
     # Each by itself comes out .5 % small.
-    for rim in sampled(placed(curves, views, outward)):
+    for rim in sampled(fit_to_ridges(curves, views, outward)):
         assert abs(fit_circle(rim).radius / RADIUS - 1) < 0.003

@@ -33,7 +33,7 @@ def test_a_square_is_a_loop_and_holds_its_inner_side():
 @pytest.mark.parametrize("order", [1, -1])
 def test_places_go_around_with_their_inner_side(order):
     (loop,) = find_loops(polygon(SQUARE[::order], range(4)), PIXEL)
-    x, tangents, inwards = (v @ TILT for v in loop.places(40))
+    x, tangents, inwards = (v @ TILT for v in loop.sample_points(40))
     assert np.abs(np.abs(x[:, :2]).max(1) - 0.5).max() < 1e-6
     step = np.roll(x, -1, 0) - x
     straight = np.linalg.norm(step, axis=1) > 0.09

@@ -12,7 +12,7 @@ from diff3ds.edges.reconstruct import confirming
 from diff3ds.edges.shapes.primitives import Kind
 
 CAMERAS = around(24, 160)
-ENOUGH = confirming(len(CAMERAS))
+MIN_VIEWS = confirming(len(CAMERAS))
 TILT = turned(5)
 CORNERS = 0.4 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) @ TILT.T
 EDGES = [(i, k) for i in range(8) for k in range(i) if bin(i ^ k).count("1") == 1]
@@ -43,7 +43,7 @@ def ends_of(curves):
 def test_an_edge_between_known_corners_is_found(missing):
     ridges, views = looked_at()
     curves = cube([edge for n, edge in enumerate(EDGES) if n != missing])
-    found = bridged(curves, CAMERAS, views, ridges, ENOUGH)
+    found = bridged(curves, CAMERAS, views, ridges, MIN_VIEWS)
     assert ends_of(found) == {tuple(sorted(edge)) for edge in EDGES}
     assert (found.kind == Kind.LINE).all()
     assert torch.equal(found.points[:11], curves.points)
@@ -51,7 +51,7 @@ def test_an_edge_between_known_corners_is_found(missing):
 
 def test_a_line_with_a_gap_becomes_one():
     ridges, views = looked_at()
-    found = bridged(cube(EDGES, ((0.0, 0.4), (0.55, 1.0))), CAMERAS, views, ridges, ENOUGH)
+    found = bridged(cube(EDGES, ((0.0, 0.4), (0.55, 1.0))), CAMERAS, views, ridges, MIN_VIEWS)
     assert len(found) == 12
     assert ends_of(found) == {tuple(sorted(edge)) for edge in EDGES}
 
@@ -61,13 +61,13 @@ def test_what_too_few_views_show_is_no_edge():
     shown[4:, 3] = False
     ridges, views = looked_at(shown)
     curves = cube([edge for n, edge in enumerate(EDGES) if n != 3])
-    assert bridged(curves, CAMERAS, views, ridges, ENOUGH) is curves
+    assert bridged(curves, CAMERAS, views, ridges, MIN_VIEWS) is curves
 
 
 def test_a_complete_drawing_stays():
     ridges, views = looked_at()
     curves = cube(EDGES)
-    assert bridged(curves, CAMERAS, views, ridges, ENOUGH) is curves
+    assert bridged(curves, CAMERAS, views, ridges, MIN_VIEWS) is curves
 
 
 @pytest.mark.parametrize(("turn", "count"), [(0.0, 4), (1.0, 5)])
@@ -77,9 +77,9 @@ def test_no_line_starts_where_two_curves_meet_smoothly(turn, count):
     across, up = TILT @ [0, 0.2, 0], TILT @ [0, 0, 0.2 * turn]
     lines = [part for c in CORNERS[[0, 4]] for part in ((c - across, c), (c, c + across + up))]
     curves = replace(lines_between(*lines), vertex=torch.tensor([[20, 0], [0, 21], [22, 4], [4, 23]]))
-    assert len(bridged(curves, CAMERAS, views, ridges, ENOUGH)) == count
+    assert len(bridged(curves, CAMERAS, views, ridges, MIN_VIEWS)) == count
 
 
 def test_nothing_to_join():
     ridges, views = looked_at()
-    assert len(bridged(lines_between(), CAMERAS, views, ridges, ENOUGH)) == 0
+    assert len(bridged(lines_between(), CAMERAS, views, ridges, MIN_VIEWS)) == 0

@@ -10,7 +10,7 @@ from edge_scenes import arc, around, lines_between, ridges_along, segment, turne
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.measure import fit_ridges
-from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.measure.planes import shared_planes
 from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.edges.shapes.primitives import fit_circle
@@ -102,7 +102,7 @@ def test_a_small_circle_is_placed_in_the_plane_of_its_face(monkeypatch):
             with monkeypatch.context() as patch:
                 if way == "alone":
                     patch.setattr(fit_ridges, "shared_planes", lambda *given: {})
-                x = sampled(placed(rough, views, 0.0))[4:].reshape(-1, 3) / views.pixel
+                x = sampled(fit_to_ridges(rough, views, 0.0))[4:].reshape(-1, 3) / views.pixel
             found.append([np.abs(x @ TILT[:, 2]).max(), np.linalg.norm(fit_circle(x).center)])
     face, alone = np.array(errors["face"]), np.array(errors["alone"])
     assert face[:, 0].max() < 0.03

@@ -13,9 +13,9 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import (
     CALIBRATED,
     DONE,
+    FITTED,
     JOINED,
     NOTHING,
-    PLACED,
     REFINED,
     confirming,
     first_curves,
@@ -33,7 +33,7 @@ LINES = [*box_edges(HALF, ROTATION), arc(CENTER, *CIRCLE)]
 RIDGES = ridges_along(CAMERAS, LINES)
 VIEWS = views_of(CAMERAS, LINES)
 # These ridges have no bias: the first curves are the last.
-STAGES = [1, CALIBRATED, REFINED, JOINED, PLACED, DONE]
+STAGES = [1, CALIBRATED, REFINED, JOINED, FITTED, DONE]
 
 
 def distances(points, lines):

@@ -6,7 +6,7 @@ import torch
 from edge_scenes import around, box_edges, box_shown, lines_between, ridges_along, segment, turned, views_of
 
 import diff3ds as ds
-from diff3ds.edges.clean.spurious import without_phantoms
+from diff3ds.edges.clean.spurious import without_spurious
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import map_ridges
 from diff3ds.edges.reconstruct import reconstruct
@@ -22,7 +22,7 @@ CURVES = lines_between(*((line[0], line[-1]) for line in BOX))
 def test_all_edges_of_a_box_stay_where_each_hides_others():
     shown, _ = box_shown(CAMERAS, HALF, ROTATION)
     views = views_of(CAMERAS, BOX, shown)
-    assert torch.equal(without_phantoms(CURVES, views).points, CURVES.points)
+    assert torch.equal(without_spurious(CURVES, views).points, CURVES.points)
 
 
 def test_of_a_curve_found_twice_one_stays():
@@ -32,11 +32,11 @@ def test_of_a_curve_found_twice_one_stays():
     shown = np.arange(len(CAMERAS)) % 2 == 0
     ridges = [[*BOX, chord, chord] if s else BOX for s in shown]
     views = edge_views(CAMERAS, ridges_along(CAMERAS, ridges))
-    phantom = lines_between((chord[0], chord[-1]))
+    spurious = lines_between((chord[0], chord[-1]))
     # As long as nothing else is there, these ridges are its own.
-    assert len(without_phantoms(concatenated(CURVES, phantom), views)) == 13
+    assert len(without_spurious(concatenated(CURVES, spurious), views)) == 13
     double = lines_between((chord[0], chord[-1] + 0.004))
-    assert len(without_phantoms(concatenated(concatenated(CURVES, phantom), double), views)) == 13
+    assert len(without_spurious(concatenated(concatenated(CURVES, spurious), double), views)) == 13
 
 
 def test_sides_that_the_cameras_see_in_one_line_stay():
@@ -47,7 +47,7 @@ def test_sides_that_the_cameras_see_in_one_line_stay():
     cameras = ds.look_at(eye, fov=45, size=128)
     sides = lines_between(*ends)
     views = edge_views(cameras, ridges_along(cameras, [segment(*pair) for pair in ends]))
-    assert torch.equal(without_phantoms(sides, views).points, sides.points)
+    assert torch.equal(without_spurious(sides, views).points, sides.points)
 
 
 @pytest.mark.slow
@@ -69,4 +69,4 @@ def test_cameras_in_rings_bring_no_strokes_about():
 
 def test_no_curves_are_none():
     views = views_of(CAMERAS, BOX)
-    assert len(without_phantoms(curves_of([]), views)) == 0
+    assert len(without_spurious(curves_of([]), views)) == 0

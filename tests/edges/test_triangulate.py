@@ -21,10 +21,10 @@ LINES = [segment(*pair) for pair in ENDS]
 REACH, CELL = 1.0, 1.7
 
 
-def found_in(views, enough):
+def found_in(views, min_views):
     """What carving and triangulation find, and the cells."""
-    cells = carve(views, REACH, CELL * views.pixel, enough)
-    return triangulate(views, cells, 0.9 * enough), cells
+    cells = carve(views, REACH, CELL * views.pixel, min_views)
+    return triangulate(views, cells, 0.9 * min_views), cells
 
 
 @pytest.fixture(scope="module", params=[1.0, 0.5], ids=["seen by all", "hidden in half of the views"])
@@ -36,8 +36,8 @@ def scene(request):
 
 
 def test_cells_hold_the_edges(scene):
-    views, enough = scene
-    cells = carve(views, REACH, CELL * views.pixel, enough)
+    views, min_views = scene
+    cells = carve(views, REACH, CELL * views.pixel, min_views)
     # No point of an edge is farther from a cell's centre than its half diagonal.
     assert cKDTree(cells).query(np.concatenate(LINES))[0].max() <= HALF_DIAGONAL * CELL * views.pixel
     # Cells are those of a grid, and each comes once.
@@ -49,8 +49,8 @@ def test_cells_hold_the_edges(scene):
 
 
 def test_points_lie_on_the_edges_and_run_along_them(scene):
-    views, enough = scene
-    found, _ = found_in(views, enough)
+    views, min_views = scene
+    found, _ = found_in(views, min_views)
     away = np.stack([distance_to_segment(found.points, *pair) for pair in ENDS], 1)
     on = away.min(1) < 0.2 * views.pixel
     # At the ends planes go on for a little; nothing else is found.
@@ -64,10 +64,10 @@ def test_points_lie_on_the_edges_and_run_along_them(scene):
 
 
 def test_scores_count_the_views_that_agree(scene):
-    views, enough = scene
-    found, _ = found_in(views, enough)
-    shows = 24 if enough == 12 else 12
-    assert found.scores.min() >= 0.9 * enough
+    views, min_views = scene
+    found, _ = found_in(views, min_views)
+    shows = 24 if min_views == 12 else 12
+    assert found.scores.min() >= 0.9 * min_views
     # A view that agrees counts up to 1; other lines pass by in a view or two.
     assert 0.7 * shows < np.median(found.scores) < 1.1 * shows
 

@@ -17,7 +17,7 @@ U, V, _ = turned(3)
 UP = np.cross(U, V)
 RADIUS = 0.3
 CENTER = np.zeros(3)
-ENOUGH = confirming(len(CAMERAS))
+MIN_VIEWS = confirming(len(CAMERAS))
 
 
 def shaft():
@@ -36,7 +36,7 @@ def test_a_circle_that_every_view_shows_half_of_is_closed():
     pieces = curves_of([circular_arc(0.01 * U, 1.03 * RADIUS * U, 1.03 * RADIUS * V, 0, 1.8)])
     ends = CENTER + RADIUS * (np.cos([[2.5], [2.9]]) * U + np.sin([[2.5], [2.9]]) * V)
     curves = concatenated(pieces, lines_between(ends, (0.8 * U, 0.8 * V)))
-    found = closed(curves, views, ENOUGH, 0.0)
+    found = closed(curves, views, MIN_VIEWS, 0.0)
     assert found.kind.tolist() == [Kind.LINE, Kind.CIRCLE]
     circle = fit_circle(sampled(found)[1:].reshape(-1, 3))
     assert abs(circle.radius / RADIUS - 1) < 2e-3
@@ -47,7 +47,7 @@ def test_an_arc_that_ends_is_not_closed():
     line = arc(CENTER, RADIUS * U, RADIUS * V, 0, 3.5)
     views = edge_views(CAMERAS, ridges_along(CAMERAS, [line]))
     curves = curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 3.2)])
-    assert closed(curves, views, ENOUGH, 0.0) is curves
+    assert closed(curves, views, MIN_VIEWS, 0.0) is curves
 
 
 def test_whole_circles_lines_and_short_arcs_stay():
@@ -57,7 +57,7 @@ def test_whole_circles_lines_and_short_arcs_stay():
         lines_between((CENTER, U)),
         curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 1)]),
     ):
-        assert closed(curves, views, ENOUGH, 0.0) is curves
+        assert closed(curves, views, MIN_VIEWS, 0.0) is curves
 
 
 def hole(depth):
@@ -71,7 +71,7 @@ def test_a_small_circle_that_came_as_lines_is_found():
     radius = RADIUS / 4
     corners = [CENTER + radius * (np.cos(a) * U + np.sin(a) * V) for a in np.arange(5) * np.pi / 2]
     sides = lines_between(*itertools.pairwise(corners), (0.8 * U, 0.8 * V))
-    found = closed(sides, hole(0.3), ENOUGH, 0.0)
+    found = closed(sides, hole(0.3), MIN_VIEWS, 0.0)
     # The line elsewhere stays, and the other rim is found along the axis.
     assert found.kind.tolist() == [Kind.LINE, Kind.CIRCLE, Kind.CIRCLE]
     for circle, height in zip(found.circles.values(), (0, -0.3), strict=True):
@@ -93,14 +93,14 @@ def test_a_texture_all_over_is_no_other_end_of_a_hole():
         both = np.concatenate([rim.points, points]), np.concatenate([rim.normals, normals])
         views.append(Ridges.sharp(*both, np.ones(len(both[0]))))
     circle = curves_of([whole(CENTER, radius * U, radius * V)])
-    assert closed(circle, edge_views(CAMERAS, views), ENOUGH, 0.0) is circle
+    assert closed(circle, edge_views(CAMERAS, views), MIN_VIEWS, 0.0) is circle
 
 
 def test_a_circle_outside_the_ball_has_no_other_end():
     far = CENTER + 1.05 * U
     for axes in ((V, UP), (U, V)):
         curves = curves_of([whole(far, *(0.05 * axis for axis in axes))])
-        assert closed(curves, shaft(), ENOUGH, 0.0) is curves
+        assert closed(curves, shaft(), MIN_VIEWS, 0.0) is curves
 
 
 def test_a_square_is_no_circle():
@@ -108,4 +108,4 @@ def test_a_square_is_no_circle():
     pairs = list(itertools.pairwise(corners))
     views = edge_views(CAMERAS, ridges_along(CAMERAS, [segment(*pair) for pair in pairs]))
     sides = lines_between(*pairs)
-    assert closed(sides, views, ENOUGH, 0.0) is sides
+    assert closed(sides, views, MIN_VIEWS, 0.0) is sides

@@ -11,7 +11,7 @@ from diff3ds._shapes import Array
 from diff3ds.camera import Cameras
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.clean.simplify import joined, pruned
-from diff3ds.edges.clean.spurious import without_phantoms
+from diff3ds.edges.clean.spurious import without_spurious
 from diff3ds.edges.clean.weld import welded
 from diff3ds.edges.complete.corners import with_corners
 from diff3ds.edges.complete.missing_lines import bridged
@@ -29,7 +29,7 @@ from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
 from diff3ds.edges.measure.equal_radii import with_equal_circles
 from diff3ds.edges.measure.fillets import with_fillets
-from diff3ds.edges.measure.fit_ridges import placed
+from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.refine import refined
 from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of
 from diff3ds.edges.shapes.primitives import Primitive
@@ -61,7 +61,7 @@ STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
 MOST_CURVES = 1500
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
-CALIBRATED, REFINED, JOINED, PLACED, DONE = (CALIBRATIONS + k for k in range(2, 7))
+CALIBRATED, REFINED, JOINED, FITTED, DONE = (CALIBRATIONS + k for k in range(2, 7))
 
 
 def confirming(views: int) -> float:
@@ -75,7 +75,7 @@ class Result:
 
     Attributes:
         stage: 0 for nothing; 1 the first curves, one more after each calibration; `CALIBRATED`, the bias is known;
-            `REFINED`; `JOINED`; `PLACED`; `DONE`.
+            `REFINED`; `JOINED`; `FITTED`; `DONE`.
         curves: so far.
         bias: of the ridges, as far as it is known.
     """
@@ -126,7 +126,7 @@ def reconstruct(
         reached = _calibrated(scene, sides, start, reached)
         save(reached)
     scene = replace(scene, ridges=corrected(ridges, sides, reached.bias), outward=reached.bias.outward)
-    for after, stage in ((CALIBRATED, _refined), (REFINED, _joined), (JOINED, _placed), (PLACED, _completed)):
+    for after, stage in ((CALIBRATED, _refined), (REFINED, _joined), (JOINED, _fitted), (FITTED, _completed)):
         if reached.stage == after:
             curves = stage(scene, reached.curves, carving=start is None)
             if not len(curves):
@@ -142,7 +142,7 @@ class _Scene:
 
     cameras: Cameras
     ridges: Sequence[Ridges]
-    enough: float
+    min_views: float
     seed: int
     report: Report
     capped: Capped
@@ -185,7 +185,7 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
         if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
             return Result(CALIBRATED, curves, bias)
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
-    curves = start or first_curves(views, scene.enough, scene.ticks, scene.capped)
+    curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped)
     if not len(curves):
         raise ValueError(NOTHING)
     return Result(reached.stage + 1, curves, bias)
@@ -193,36 +193,36 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
 
 def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = scene.refined("refine", curves, RATE)
-    curves = pruned(curves, scene.views, SUPPORT * scene.enough, SHORTEST)
+    curves = pruned(curves, scene.views, SUPPORT * scene.min_views, SHORTEST)
     edges = curves[~smooth_outlines(scene.views, curves)]
     return concatenated(edges, second_look(scene, curves)) if carving else edges
 
 
 def _joined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     pixel = scene.views.pixel
-    curves = closed(curves, scene.views, scene.enough, scene.outward, scene.ticks("circles", len(curves)))
+    curves = closed(curves, scene.views, scene.min_views, scene.outward, scene.ticks("circles", len(curves)))
     curves = joined(curves, pixel, scene.ticks("join", len(curves)))
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
-    return pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.enough, SHORTEST)
+    return pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.min_views, SHORTEST)
 
 
-def _placed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+def _fitted(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     tick = scene.ticks("missing lines", len(curves))
-    curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.enough, tick, scene.capped)
-    curves = without_phantoms(curves[~smooth_outlines(scene.views, curves)], scene.views)
-    return placed(curves, scene.views, scene.outward, scene.ticks("place", len(curves)))
+    curves = bridged(curves, scene.cameras, scene.views, scene.ridges, scene.min_views, tick, scene.capped)
+    curves = without_spurious(curves[~smooth_outlines(scene.views, curves)], scene.views)
+    return fit_to_ridges(curves, scene.views, scene.outward, scene.ticks("fit to ridges", len(curves)))
 
 
 def _completed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = with_equal_circles(curves, scene.views.pixel)
-    curves = with_corners(curves, scene.views, scene.enough, scene.ticks("rounded corners", len(curves)))
+    curves = with_corners(curves, scene.views, scene.min_views, scene.ticks("rounded corners", len(curves)))
     curves = with_fillets(curves, scene.views, scene.outward)
     return with_pockets(curves, scene.views, scene.outward, scene.ticks("pockets", len(curves)))
 
 
 def first_curves(
     views: EdgeViews,
-    enough: float,
+    min_views: float,
     ticks: Callable[[str], Tick] = lambda stage: no_tick,
     capped: Capped = not_said,
     *,
@@ -231,13 +231,13 @@ def first_curves(
     """Lines, arcs and cubics through triangulated points, as they come.
 
     Args:
-        enough: so many views confirm an edge.
+        min_views: so many views confirm an edge.
         ticks: gives for the name of a stage what is told how far it is.
         capped: see `watch`.
         most: so many curves, those that the views show most of.
     """
-    cells = carve(views, REACH, CELL * views.pixel, enough, ticks("carve"), capped)
-    found = triangulate(views, cells, SCORE * enough, ticks("points on edges"))
+    cells = carve(views, REACH, CELL * views.pixel, min_views, ticks("carve"), capped)
+    found = triangulate(views, cells, SCORE * min_views, ticks("points on edges"))
     found = thinned(found, APART * views.pixel, FLANK * views.pixel)
     tick = ticks("first curves")
     known: dict[bytes, list[Primitive]] = {}
@@ -272,7 +272,7 @@ def second_look(scene: _Scene, curves: Curves) -> Curves:
     if room <= 0:
         scene.capped("looks", 1, 2)
         return curves_of([])
-    fewer = max(FEWEST, SECOND * scene.enough)
+    fewer = max(FEWEST, SECOND * scene.min_views)
     rest = edge_views(scene.cameras, unexplained(scene.views, scene.ridges, curves))
     found = first_curves(
         rest, fewer, lambda stage: scene.ticks(f"second look: {stage}", len(curves)), scene.capped, most=room

@@ -25,17 +25,17 @@ CORNER = np.deg2rad(60.0)
 TIP = 0.0
 
 
-def pruned(curves: Curves, views: EdgeViews, enough: float, shortest: float) -> Curves:
+def pruned(curves: Curves, views: EdgeViews, min_views: float, shortest: float) -> Curves:
     """Without curves that too few views show, that are too short, or that lie along longer ones.
 
     Args:
-        enough: so many views have to show a curve, mean over its parts.
+        min_views: so many views have to show a curve, mean over its parts.
         shortest: pixels.
     """
     support = mean_of_strokes(curves, part_support(views, curves).double().sum(0).mean(1)).numpy()
     samples = sampled(curves)
     length = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(1)
-    keep = (support >= enough) & (length >= shortest * views.pixel)
+    keep = (support >= min_views) & (length >= shortest * views.pixel)
     from scipy.spatial import cKDTree
 
     order = [int(i) for i in np.argsort(-length, kind="stable") if keep[i]]

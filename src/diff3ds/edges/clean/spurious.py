@@ -1,8 +1,8 @@
-"""Phantoms: curves that chance has made of the ridges of others, above all where cameras stand in rings.
+"""Spurious curves: curves that chance has made of the ridges of others, above all where cameras stand in rings.
 
-Where several views at once show two lines crossing, a curve through these places agrees with all of them. In views in a
-ring the same chance comes again and again. But wherever such a curve is shown, it lies on the ridges of other curves;
-one that is there has ridges of its own in most views.
+Where several views at once show two lines crossing, a curve through these crossings agrees with all of them. In views
+in a ring the same chance comes again and again. But wherever such a curve is shown, it lies on the ridges of other
+curves; one that is there has ridges of its own in most views.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ OWN, LEAST = 0.5, 0.3
 MOST_SHOWN = 0.75
 
 
-def without_phantoms(curves: Curves, views: EdgeViews) -> Curves:
+def without_spurious(curves: Curves, views: EdgeViews) -> Curves:
     """The curves that have ridges of their own, once those that have the fewest are gone."""
     if not len(curves):
         return curves
@@ -43,15 +43,15 @@ def without_phantoms(curves: Curves, views: EdgeViews) -> Curves:
     strokes = curves.owner.numpy()
     kept = np.ones(len(curves), bool)
     while True:
-        share = _own_share(shown, beside[kept[beside[:, 2]]], strokes)
-        share[~kept] = np.inf
-        worst = int(share.argmin())
-        if share[worst] >= LEAST:
+        fraction = _own_fraction(shown, beside[kept[beside[:, 2]]], strokes)
+        fraction[~kept] = np.inf
+        worst = int(fraction.argmin())
+        if fraction[worst] >= LEAST:
             return curves[torch.from_numpy(kept)]
         kept[worst] = False
 
 
-def _own_share(
+def _own_fraction(
     shown: Bool[NDArray[np.bool_], "V M"], beside: Int[NDArray[np.int64], "P 3"], strokes: Int[NDArray[np.int64], " S"]
 ) -> Float[Array, " N"]:
     """Of the views that show each curve, how many show ridges of its own; 1 where none or nearly all show it.
@@ -96,7 +96,7 @@ def _explained(
 def _neighbours(
     pixel: Float[Array, "M 2"], passing: Float[Array, "D 2"], rows: Int[NDArray[np.int64], " R"]
 ) -> tuple[Int[NDArray[np.int64], " P"], Int[NDArray[np.int64], " P"]]:
-    """Pairs of some of the samples and of the places that appear beside them."""
+    """Pairs of some of the samples and of the points that appear beside them."""
     from scipy.spatial import cKDTree
 
     seen = np.nonzero(np.isfinite(passing).all(1))[0]

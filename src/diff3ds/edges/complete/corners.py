@@ -53,7 +53,7 @@ class _Sides:
 
 @dataclass(frozen=True, eq=False)
 class _Corner:
-    """An arc between two lines, the curves that it replaces, and how many views show it, mean over its places."""
+    """An arc between two lines, the curves that it replaces, and how many views show it: mean of its sample points."""
 
     sides: _Sides
     arc: Float[Array, "4 3"]
@@ -61,14 +61,14 @@ class _Corner:
     views: float
 
 
-def with_corners(curves: Curves, views: EdgeViews, enough: float, tick: Tick = no_tick) -> Curves:
+def with_corners(curves: Curves, views: EdgeViews, min_views: float, tick: Tick = no_tick) -> Curves:
     """The curves with an arc between two lines wherever enough views show one; its pieces go.
 
     Args:
-        enough: so many views confirm an edge.
+        min_views: so many views confirm an edge.
         tick: see `watch`.
     """
-    while corners := _best(curves, views, SHOWN * enough, tick):
+    while corners := _best(curves, views, SHOWN * min_views, tick):
         for done, corner in enumerate(corners):
             number = np.cumsum(~np.isin(np.arange(len(curves)), corner.pieces)) - 1
             curves = _with(curves, corner)
@@ -83,7 +83,7 @@ def _renumbered(corner: _Corner, number: NDArray[np.int64]) -> _Corner:
     return replace(corner, sides=sides, pieces=tuple(int(number[i]) for i in corner.pieces))
 
 
-def _best(curves: Curves, views: EdgeViews, enough: float, tick: Tick) -> list[_Corner]:
+def _best(curves: Curves, views: EdgeViews, min_views: float, tick: Tick) -> list[_Corner]:
     """The corner that replaces most pieces, of these the one that most views show; and so on, as far as the next ones
     lie so far from those that one says nothing of the other.
     """
@@ -101,7 +101,7 @@ def _best(curves: Curves, views: EdgeViews, enough: float, tick: Tick) -> list[_
     for done, (one, other) in enumerate(pairs):
         tick(done, len(pairs))
         sides = _sides(points, one, other, views.pixel)
-        corner = None if sides is None else _corner(samples, alone, straight, sides, views, enough)
+        corner = None if sides is None else _corner(samples, alone, straight, sides, views, min_views)
         # An arc that ends where the corner would begin is a piece of it, or there is no room for one.
         here = {arc for line, end in (one, other) for arc in bent.get(int(curves.vertex[line, end]), [])}
         found += [corner] if corner is not None and here.issubset(corner.pieces) else []
@@ -184,9 +184,11 @@ def _corner(
     straight: Bool[NDArray[np.bool_], " N"],
     sides: _Sides,
     views: EdgeViews,
-    enough: float,
+    min_views: float,
 ) -> _Corner | None:
-    """The arc between two lines that most of its places show; None if these are too few, or say no more than before.
+    """The arc between two lines that enough views show at most of its sample points.
+
+    None if they do not, or if the ridges lie no nearer to it than to what was there.
 
     Args:
         samples: of all curves.
@@ -200,7 +202,7 @@ def _corner(
     candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
     x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
     shown = Hypothesis.through(x).shown(views, SEEN)
-    good, mean_views = fraction_shown(shown, enough), shown.sum(0).mean(1)
+    good, mean_views = fraction_shown(shown, min_views), shown.sum(0).mean(1)
     best = int(np.lexsort((mean_views, good))[-1])
     # To where the lines end now: a line may go on too far, or too little.
     stems = [
@@ -208,7 +210,7 @@ def _corner(
         for near, way in zip(sides.near, sides.ways, strict=True)
     ]
     longer = [stem for stem, near in zip(stems, sides.near, strict=True) if near > lengths[best] + pixel]
-    stems_shown = (fraction_shown(Hypothesis.through(stem).shown(views, SEEN), enough) for stem in longer)
+    stems_shown = (fraction_shown(Hypothesis.through(stem).shown(views, SEEN), min_views) for stem in longer)
     if good[best] < COVERED or any(fraction < COVERED for fraction in stems_shown):
         return None
     path = np.concatenate([stems[0][::-1], resampled(x[best], pixel / 2), stems[1]])
@@ -219,7 +221,7 @@ def _corner(
         return None
     nearer = 0.0 if len(pieces) > 1 or not straight[list(pieces)].all() else NEARER
     before = _before(samples, sides, pieces, lengths[best], pixel)
-    if _off([x[best]], views, enough) > _off(before, views, enough) - nearer:
+    if _off([x[best]], views, min_views) > _off(before, views, min_views) - nearer:
         return None
     return _Corner(sides, arcs[best], pieces, float(mean_views[best]))
 
@@ -253,13 +255,13 @@ def _within(line: Float[Array, "M 3"], place: Float[Array, " 3"], radius: float)
     return [near] if len(near) > 1 else []
 
 
-def _off(lines: list[Array], views: EdgeViews, enough: float) -> float:
-    """How near enough views have a ridge that runs along, pixels, mean over the places."""
+def _off(lines: list[Array], views: EdgeViews, min_views: float) -> float:
+    """How near enough views have a ridge that runs along, pixels, mean over the sample points."""
     x, tangents = np.concatenate(lines), np.concatenate([tangents_of(line) for line in lines])
     match = views.match(x)
     across = np.abs(((views.points[match.ridge] - match.pixel) * views.normals[match.ridge]).sum(-1))
     off = np.sort(np.where(inliers(views, x, tangents), np.minimum(across, NEAR), NEAR), axis=0)
-    return float(off[min(int(np.ceil(enough)), len(off)) - 1].mean())
+    return float(off[min(int(np.ceil(min_views)), len(off)) - 1].mean())
 
 
 def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 3"], pixel: float) -> bool:

@@ -38,7 +38,7 @@ class Loop:
         """Unit vector across the plane."""
         return np.cross(self.u, self.v)
 
-    def places(self, count: int) -> tuple[Float[Array, "S 3"], Float[Array, "S 3"], Float[Array, "S 3"]]:
+    def sample_points(self, count: int) -> tuple[Float[Array, "S 3"], Float[Array, "S 3"], Float[Array, "S 3"]]:
         """Places at even steps around, unit tangents there, and unit vectors in the plane to the inner side."""
         closed = np.concatenate([self.corners, self.corners[:1]])
         chord = np.diff(closed, axis=0)

@@ -72,7 +72,7 @@ def bridged(
     cameras: Cameras,
     views: EdgeViews,
     ridges: Sequence[Ridges],
-    enough: float,
+    min_views: float,
     tick: Tick = no_tick,
     capped: Capped = not_said,
 ) -> Curves:
@@ -80,13 +80,13 @@ def bridged(
 
     Args:
         ridges: of the views.
-        enough: so many views confirm an edge.
+        min_views: so many views confirm an edge.
         tick: told how far it is; see `watch`.
         capped: told of what there was too much; see `watch`.
     """
     if not len(curves):
         return curves
-    likely = _likely(curves, views, SHOWN * enough, capped)
+    likely = _likely(curves, views, SHOWN * min_views, capped)
     rest = edge_views(cameras, unexplained(views, ridges, curves)) if likely else views
     found: dict[tuple[int, int], _Bridge | None] = {}
     again = likely
@@ -94,7 +94,7 @@ def bridged(
         drawing = _drawing(curves)
         for done, pair in enumerate(again):
             tick(done, len(again))
-            found[pair] = _bridge(drawing, pair, views, rest, SHOWN * enough)
+            found[pair] = _bridge(drawing, pair, views, rest, SHOWN * min_views)
         # The bridge that joins most pieces, of these the one that most views show.
         bridges = [bridge for pair in likely if (bridge := found[pair]) is not None]
         best = max(bridges, key=lambda bridge: (len(bridge.pieces), bridge.views), default=None)
@@ -107,8 +107,8 @@ def bridged(
         found = {pair: _renumbered(found[pair], place) for pair in likely}
 
 
-def _likely(curves: Curves, views: EdgeViews, enough: float, capped: Capped) -> list[tuple[int, int]]:
-    """Pairs of vertices with ridges in enough views at a few places between them."""
+def _likely(curves: Curves, views: EdgeViews, min_views: float, capped: Capped) -> list[tuple[int, int]]:
+    """Pairs of vertices with ridges in enough views at a few sample points between them."""
     names, places, _ = _vertices(curves)
     pairs = np.stack(np.triu_indices(len(names), 1), 1)
     length = np.linalg.norm(places[pairs[:, 1]] - places[pairs[:, 0]], axis=1)
@@ -116,10 +116,12 @@ def _likely(curves: Curves, views: EdgeViews, enough: float, capped: Capped) -> 
     if len(pairs) > MOST_PAIRS:
         capped("pairs of vertices", MOST_PAIRS, len(pairs))
         pairs = pairs[np.sort(np.argsort(length, kind="stable")[:MOST_PAIRS])]
-    for share in (np.arange(GLANCE) + 0.5) / GLANCE:
+    for fraction in (np.arange(GLANCE) + 0.5) / GLANCE:
         # In pieces, so that memory is bounded.
         blocks = [b for b in np.array_split(pairs, len(pairs) * len(views) // BLOCK + 1) if len(b)]
-        shown = [_between(places[block], np.array([share])).shown(views, SEEN).sum(0) >= enough for block in blocks]
+        shown = [
+            _between(places[block], np.array([fraction])).shown(views, SEEN).sum(0) >= min_views for block in blocks
+        ]
         pairs = pairs[np.concatenate(shown)[:, 0]] if shown else pairs
     return [(int(names[a]), int(names[b])) for a, b in pairs]
 
@@ -153,23 +155,23 @@ def _vertices(curves: Curves) -> tuple[NDArray[np.int64], Float[Array, "N 3"], N
     return names, points[first], degree
 
 
-def _between(ends: Float[Array, "P 2 3"], share: Float[Array, " S"]) -> Hypothesis:
-    """Lines between pairs of vertices, sampled at these shares of the way."""
+def _between(ends: Float[Array, "P 2 3"], fraction: Float[Array, " S"]) -> Hypothesis:
+    """Lines between pairs of vertices, sampled at these fractions of the way."""
     way = ends[:, 1:] - ends[:, :1]
-    return Hypothesis(ends[:, :1] + share[:, None] * way, np.repeat(unit(way), len(share), axis=1))
+    return Hypothesis(ends[:, :1] + fraction[:, None] * way, np.repeat(unit(way), len(fraction), axis=1))
 
 
 def _bridge(
-    drawing: _Drawing, vertices: tuple[int, int], views: EdgeViews, rest: EdgeViews, enough: float
+    drawing: _Drawing, vertices: tuple[int, int], views: EdgeViews, rest: EdgeViews, min_views: float
 ) -> _Bridge | None:
     """The bridge between a pair of vertices, if the views show it wherever it is open."""
     curves, names, places = drawing.curves, drawing.names, drawing.places
     pair = np.searchsorted(names, vertices)
     pixel = views.pixel
     start, stop = places[pair]
-    share = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    fraction = (np.arange(SAMPLES) + 0.5) / SAMPLES
     # Lines that lie along it.
-    line = _between(np.stack([start, stop])[None], share)
+    line = _between(np.stack([start, stop])[None], fraction)
     along = pieces_of(resampled(np.stack([start, stop]), pixel / 4), drawing.ends, pixel, within=SEEN, fraction=1.0)
     pieces = tuple(drawing.lines[along].tolist())
     inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
@@ -186,7 +188,7 @@ def _bridge(
         return None
     shown = line.shown(views if whole else rest, SEEN)[:, 0]
     shown = shown if whole else shown[:, open_]
-    if fraction_shown(shown, enough) < MOST:
+    if fraction_shown(shown, min_views) < MOST:
         return None
     return _Bridge(vertices, pieces, float(shown.sum(0).mean()))
 
@@ -211,8 +213,8 @@ def _beside(
 def _off(x: Float[Array, "M 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, " M"]:
     """Distances from a segment."""
     along = stop - start
-    share = np.clip((x - start) @ along / (along @ along), 0, 1)[:, None]
-    return np.asarray(np.linalg.norm(x - start - share * along, axis=1))
+    fraction = np.clip((x - start) @ along / (along @ along), 0, 1)[:, None]
+    return np.asarray(np.linalg.norm(x - start - fraction * along, axis=1))
 
 
 def _with(curves: Curves, bridge: _Bridge) -> tuple[Curves, NDArray[np.int64]]:

@@ -57,7 +57,7 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = 
             depth = _depth(loop, side, curves, views)
             if depth is None:
                 continue
-            way = _placed(loop, depth, views, outward)
+            way = _fitted_way(loop, depth, views, outward)
             rim = drawn[torch.tensor(sorted(loop.members))]
             bottom = replace(rim, points=rim.points + torch.from_numpy(way).to(rim.points.dtype))
             if _off(bottom, [curves, *bottoms], BESIDE * views.pixel) > 1 - THERE:
@@ -79,7 +79,7 @@ def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float |
     """How far along its normal the rim appears again, world units; None if it does not."""
     found = []
     for depth in side * views.pixel * np.arange(SHALLOWEST, 2 / views.pixel, STEP):
-        if np.linalg.norm(loop.places(PLACES)[0] + depth * loop.normal, axis=1).min() > 1:
+        if np.linalg.norm(loop.sample_points(PLACES)[0] + depth * loop.normal, axis=1).min() > 1:
             break
         seen, looked = _seen(loop, depth, views)
         if not _many(looked):
@@ -96,7 +96,7 @@ def _depth(loop: Loop, side: float, curves: Curves, views: EdgeViews) -> float |
 
 
 def _many(looked: Bool[NDArray[np.bool_], "V S"]) -> bool:
-    """Whether enough views look at most places."""
+    """Whether enough views look at most sample points."""
     return bool(fraction_shown(looked, FEWEST) >= LOOKED_AT)
 
 
@@ -109,16 +109,16 @@ def _confirmed(seen: Bool[NDArray[np.bool_], "V S"], looked: Bool[NDArray[np.boo
 def _seen(
     loop: Loop, depth: float, views: EdgeViews
 ) -> tuple[Bool[NDArray[np.bool_], "V S"], Bool[NDArray[np.bool_], "V S"]]:
-    """Which views show which places of a bottom, and which of them look there through the rim."""
-    x, tangents, inwards = loop.places(PLACES)
+    """Which views show which sample points of a bottom, and which of them look there through the rim."""
+    x, tangents, inwards = loop.sample_points(PLACES)
     below = x + depth * loop.normal
     looked = _looked_at(loop, depth, below + INSIDE * views.pixel * inwards, views)
     return Hypothesis(below, tangents).shown(views, SEEN) & looked, looked
 
 
 def _beside_others(loop: Loop, depth: float, curves: Curves, views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
-    """Where another curve appears beside a place of a bottom, running the same way."""
-    places, along, _ = loop.places(PLACES)
+    """Where another curve appears beside a sample point of a bottom, running the same way."""
+    places, along, _ = loop.sample_points(PLACES)
     x, tangents = samples(curves)
     both = np.concatenate([places + depth * loop.normal, x]), np.concatenate([along, tangents])
     others = np.arange(len(both[0])) >= PLACES
@@ -127,33 +127,33 @@ def _beside_others(loop: Loop, depth: float, curves: Curves, views: EdgeViews) -
 
 
 def _looked_at(loop: Loop, depth: float, x: Float[Array, "S 3"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
-    """Which views see places below the rim: from the other side of its plane, through the rim."""
+    """Which views see points below the rim: from the other side of its plane, through the rim."""
     eye = views.centers[:, None]
     sight = x - eye
     fall = sight @ loop.normal
-    reach = ((loop.origin - eye) @ loop.normal) / np.where(np.abs(fall) < 1e-12, 1e-12, fall)
+    along = ((loop.origin - eye) @ loop.normal) / np.where(np.abs(fall) < 1e-12, 1e-12, fall)
     front = (views.centers - loop.origin) @ loop.normal * depth < 0
     found = np.zeros(sight.shape[:2], bool)
-    found[front] = loop.holds((eye + reach[..., None] * sight)[front])
+    found[front] = loop.holds((eye + along[..., None] * sight)[front])
     return found
 
 
-def _placed(loop: Loop, depth: float, views: EdgeViews, outward: float) -> Float[Array, " 3"]:
+def _fitted_way(loop: Loop, depth: float, views: EdgeViews, outward: float) -> Float[Array, " 3"]:
     """The way from the rim to the bottom that agrees best with the ridges."""
-    x, tangents, _ = loop.places(PLACES)
+    x, tangents, _ = loop.sample_points(PLACES)
     below = x + depth * loop.normal
     seen = _seen(loop, depth, views)[0]
     steps = 0.5 * views.pixel * np.array([-1.0, 0.0, 1.0])[:, None, None] * tangents
 
-    def places(value: Float[Array, " 1"]) -> Float[Array, "3 S 3"]:
+    def moved(value: Float[Array, " 1"]) -> Float[Array, "3 S 3"]:
         return below + value[0] * loop.normal + steps
 
-    found = float(fitted(places, 1, loop.origin + depth * loop.normal, seen, views, outward)[0])
+    found = float(fitted(moved, 1, loop.origin + depth * loop.normal, seen, views, outward)[0])
     return (depth + found) * loop.normal
 
 
 def _off(bottom: Curves, others: list[Curves], distance: float) -> float:
-    """The share of a bottom that is farther than this from the other curves."""
+    """The fraction of a bottom that is farther than this from the other curves."""
     from scipy.spatial import cKDTree
 
     there = np.concatenate([line for curves in others for line in _dense(curves, distance / 4)])

@@ -42,11 +42,11 @@ LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
 STEP, COARSE, TRIES, FEWER, SHALLOWEST, ALIKE = 2.0, 24, 2, 0.55, 6.0, 0.03
 
 
-def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick: Tick = no_tick) -> Curves:
+def closed(curves: Curves, views: EdgeViews, min_views: float, outward: float, tick: Tick = no_tick) -> Curves:
     """The curves with whole circles instead of the arcs and pieces along them.
 
     Args:
-        enough: so many views confirm an edge.
+        min_views: so many views confirm an edge.
         outward: the offset of outlines in these views, pixels.
         tick: see `watch`.
     """
@@ -56,13 +56,13 @@ def closed(curves: Curves, views: EdgeViews, enough: float, outward: float, tick
     starts = list(_starts(curves, points, views.pixel))
     for done, (start, members) in enumerate(starts):
         tick(done, len(starts))
-        if not free[list(members)].all() or not _promising(start, views, enough):
+        if not free[list(members)].all() or not _promising(start, views, min_views):
             continue
-        circle = _whole(start, views, enough, outward)
+        circle = _whole(start, views, min_views, outward)
         if circle is not None:
             free &= ~_along(circle, points, views.pixel)
             found.append(circle)
-    for twin in _twins([*curves.circles.values(), *found], views, enough, outward):
+    for twin in _twins([*curves.circles.values(), *found], views, min_views, outward):
         free &= ~_along(twin, points, views.pixel)
         found.append(twin)
     keep = torch.from_numpy(free) | curves.closed
@@ -86,17 +86,17 @@ def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iter
             yield circle, (i, k)
 
 
-def _twins(circles: list[Circle], views: EdgeViews, enough: float, outward: float) -> list[Circle]:
+def _twins(circles: list[Circle], views: EdgeViews, min_views: float, outward: float) -> list[Circle]:
     """Circles of the same radius and axis: the other end of a hole or shaft, which fewer views show."""
     known = list(circles)
-    fewer = FEWER * enough
+    fewer = FEWER * min_views
     for circle in circles:
         at = _along_axis(circle, views.pixel)
-        shares = _shares(at, views, SHOWN * fewer)
-        around = np.concatenate([[0.0], shares, [0.0]])
-        tops = np.nonzero((shares >= COVERED) & (shares >= around[:-2]) & (shares > around[2:]))[0]
+        fractions = _fractions_shown(at, views, SHOWN * fewer)
+        around = np.concatenate([[0.0], fractions, [0.0]])
+        tops = np.nonzero((fractions >= COVERED) & (fractions >= around[:-2]) & (fractions > around[2:]))[0]
         far = [k for k in tops if not any(_is_near(at[k], other, views.pixel) for other in known)]
-        for k in sorted(far, key=lambda k: -shares[k])[:TRIES]:
+        for k in sorted(far, key=lambda k: -fractions[k])[:TRIES]:
             twin = _whole(at[k], views, fewer, outward)
             if twin is None or abs(twin.radius - circle.radius) > ALIKE * circle.radius:
                 continue
@@ -113,11 +113,11 @@ def _along_axis(circle: Circle, pixel: float) -> list[Circle]:
     return [circle._replace(center=c) for c in centers if np.linalg.norm(c) < 1]
 
 
-def _shares(circles: list[Circle], views: EdgeViews, enough: float) -> Float[Array, " C"]:
-    """The share of each circle's places that enough views show."""
+def _fractions_shown(circles: list[Circle], views: EdgeViews, min_views: float) -> Float[Array, " C"]:
+    """The fraction of each circle's sample points that enough views show."""
     if not circles:
         return np.zeros(0)
-    return fraction_shown(_around(circles, _angles(COARSE)).shown(views), enough)
+    return fraction_shown(_around(circles, _angles(COARSE)).shown(views), min_views)
 
 
 def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
@@ -126,17 +126,17 @@ def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
     return bool(off < SHALLOWEST * pixel)
 
 
-def _promising(circle: Circle, views: EdgeViews, enough: float) -> bool:
-    """Whether enough views show something like half of the circle, before it is placed."""
-    return bool(fraction_shown(_around([circle], _angles(SAMPLES)).shown(views), SHOWN * enough)[0] >= PROMISING)
+def _promising(circle: Circle, views: EdgeViews, min_views: float) -> bool:
+    """Whether enough views show something like half of the circle, before it is fitted to the ridges."""
+    return bool(fraction_shown(_around([circle], _angles(SAMPLES)).shown(views), SHOWN * min_views)[0] >= PROMISING)
 
 
-def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> Circle | None:
-    """The circle placed by all that the views show of it; None if that is not all around."""
+def _whole(circle: Circle, views: EdgeViews, min_views: float, outward: float) -> Circle | None:
+    """The circle fitted to all that the views show of it; None if that is not all around."""
     angle = _angles(SAMPLES)
     for _ in range(ROUNDS):
         moved = circle_at(circle, angle, shown_of(circle, angle, views), views, outward)
-        if moved is None or not _promising(moved, views, enough):
+        if moved is None or not _promising(moved, views, min_views):
             return None
         still = apart(points_on(moved, angle), points_on(circle, angle)) < STILL * views.pixel
         circle = moved
@@ -145,7 +145,7 @@ def _whole(circle: Circle, views: EdgeViews, enough: float, outward: float) -> C
     shown = shown_of(circle, angle, views)
     passed = shown & (circle_residuals(circle, angle, views, outward) < SEEN_WITHIN)
     # A square passes its inscribed circle in many views, but seldom at its corners; other lines pass by here and there.
-    least = np.maximum(max(SHOWN * enough, EVEN * float(np.median(passed.sum(0)))), PASSED * shown.sum(0))
+    least = np.maximum(max(SHOWN * min_views, EVEN * float(np.median(passed.sum(0)))), PASSED * shown.sum(0))
     return circle if fraction_shown(passed, least) >= COVERED else None
 
 

@@ -126,7 +126,7 @@ def require_perspective(cameras: Cameras) -> None:
 
 
 def edge_views(cameras: Cameras, ridges: Sequence[Ridges]) -> EdgeViews:
-    """Prepares the ridges of all views for lookup.
+    """Prepares the ridges of all views, so that the nearest ones are found at once.
 
     Raises:
         ValueError: orthographic cameras.

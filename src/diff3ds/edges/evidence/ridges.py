@@ -102,9 +102,9 @@ def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[n
 
     square = np.zeros_like(rgba[..., 3])
     # Three channels of colour count as much as the outline.
-    for channel, share in zip(np.moveaxis(rgba, -1, 0), (1 / 3, 1 / 3, 1 / 3, 1.0), strict=True):
+    for channel, weight in zip(np.moveaxis(rgba, -1, 0), (1 / 3, 1 / 3, 1 / 3, 1.0), strict=True):
         for order in ((0, 1), (1, 0)):
-            square += share * gaussian_filter(channel, GRADIENT_SIGMA, order=order) ** 2
+            square += weight * gaussian_filter(channel, GRADIENT_SIGMA, order=order) ** 2
     return np.log1p(np.sqrt(square) / GRADIENT_NOISE)
 
 

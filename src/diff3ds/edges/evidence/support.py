@@ -37,7 +37,7 @@ def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
 
 
 def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
-    """As `part_support`, without the views where another line runs so close that neither can be placed."""
+    """As `part_support`, without the views where another line runs so close that neither can be measured."""
     x, tangents = samples(curves)
     shown = inliers(views, x, tangents)
     clear = _by_parts(shown & ~crowded(views, x, tangents, at=shown))

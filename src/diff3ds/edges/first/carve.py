@@ -24,7 +24,7 @@ CELLS_A_PLACE = 6.0
 
 def carve(
     views: EdgeViews,
-    reach: float,
+    half_side: float,
     cell: float,
     least_views: float,
     tick: Tick = no_tick,
@@ -36,14 +36,14 @@ def carve(
     more stay than the ridges can account for, more views have to confirm them.
 
     Args:
-        reach: half the side of the cube, world units.
+        half_side: half the side of the cube, world units.
         cell: side of the last cells.
         least_views: so many views have to confirm a cell.
         tick: told how far it is; see `watch`.
         capped: told of what there was too much; see `watch`.
     """
     side = cell * 2**HALVINGS
-    axis = side * (np.arange(np.ceil(2 * reach / side)) + 0.5) - reach
+    axis = side * (np.arange(np.ceil(2 * half_side / side)) + 0.5) - half_side
     cells = _grid(axis)
     count = _count(views, cells, side)
     for turn in range(HALVINGS):
@@ -102,10 +102,10 @@ def _divided(
 
 def _count(views: EdgeViews, cells: Float[Array, "M 3"], side: float) -> Int[NDArray[np.int64], " M"]:
     """How many views have a ridge within the pixels that half the diagonal of a cell covers."""
-    reach = HALF_DIAGONAL * side * views.focal
+    radius = HALF_DIAGONAL * side * views.focal
     count = np.zeros(len(cells), np.int64)
     # View by view, in single precision: no array leaves the processor's cache.
     for view in range(len(views)):
         off, depth = views.nearby(view, cells)
-        count += off * np.maximum(depth, 1e-9) ** 2 < reach[view] ** 2
+        count += off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2
     return count

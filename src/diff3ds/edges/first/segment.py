@@ -62,7 +62,7 @@ def _cost(primitive: Primitive, pixel: float) -> float:
 
 
 def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
-    """The cheapest sequence of strokes, by dynamic programming over the places of cuts."""
+    """The cheapest sequence of strokes, by dynamic programming over where it may be cut."""
     places = np.unique(np.linspace(0, len(points) - 1, min(CUTS, len(points))).round().astype(int))
     cost = np.full(len(places), np.inf)
     cost[0] = 0.0

@@ -1,1 +1,1 @@
-"""Curves placed where the ridges are, and what several of them share: planes, radii, vertices, tangents."""
+"""Curves fitted to the ridges, and what several of them share: planes, radii, vertices, tangents."""

@@ -201,7 +201,7 @@ def _rounded_corner(corner: Array, ways: list[Array], length: float, beside: lis
     opening = np.arccos(np.clip(ways[0] @ ways[1], -1, 1))
     out, across = -unit(ways[0] + ways[1]), unit(ways[1] - ways[0])
 
-    def places(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
+    def moved(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
         at, tangent = corner + value[:3], length + value[3]
         radius = tangent * np.tan(opening / 2)
         center = at - radius / np.sin(opening / 2) * out
@@ -213,7 +213,7 @@ def _rounded_corner(corner: Array, ways: list[Array], length: float, beside: lis
             rows.append(np.concatenate([first[::-1] - s * ways[0], arc, second + s * ways[1]]))
         return np.stack(rows)
 
-    return places
+    return moved
 
 
 def tangent_arc(corner: Float[Array, " 3"], ways: list[Array], length: float) -> Float[Array, "4 3"]:

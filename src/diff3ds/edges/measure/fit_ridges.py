@@ -1,4 +1,4 @@
-"""Lines, circles and long arcs placed where the ridges are, by least squares of their offsets."""
+"""Lines, circles and long arcs fitted to the ridges of all views, by least squares of their offsets."""
 
 from dataclasses import replace
 
@@ -31,10 +31,10 @@ LOOKS = 3
 STILL = 0.01
 
 
-def placed(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick) -> Curves:
+def fit_to_ridges(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick) -> Curves:
     """The curves with their lines, circles and long arcs where the ridges are, and their ends where those meet.
 
-    Circles that nearly lie in the plane of other curves are placed again in that plane.
+    Circles that nearly lie in the plane of other curves are fitted again in that plane.
 
     Args:
         outward: offset of outlines that the detector has, pixels; those of the object itself are corrected already.
@@ -54,11 +54,11 @@ def placed(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tic
         tick(i, len(curves))
         on, found = owner == i, None
         if kind == Kind.CIRCLE:
-            found = _placed_arc(x[on], free[:, on], old[i], views, outward, rims.get(i), closed=True)
+            found = _fit_arc(x[on], free[:, on], old[i], views, outward, rims.get(i), closed=True)
         elif kind == Kind.ARC:
-            found = _placed_arc(x[on], clear[:, on], old[i], views, outward)
+            found = _fit_arc(x[on], clear[:, on], old[i], views, outward)
         elif kind == Kind.LINE:
-            found = _placed_line(x[on], (shown & clear)[:, on], old[i], views)
+            found = _fit_line(x[on], (shown & clear)[:, on], old[i], views)
         if found is not None:
             points[i], sure[i] = found, True
     moved = _with_points(curves, points)
@@ -66,7 +66,7 @@ def placed(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tic
     for i, plane in shared_planes(moved, sure, views.pixel).items():
         on = owner == i
         flat = plane.project(x[on]), free[:, on], plane.project(points[i])
-        found = _placed_arc(*flat, views, outward, rims.get(i), closed=True, flat=True)
+        found = _fit_arc(*flat, views, outward, rims.get(i), closed=True, flat=True)
         points[i] = points[i] if found is None else found
     return met(_with_points(curves, points), old, sure, views.pixel)
 
@@ -82,18 +82,18 @@ def undisturbed(
     shown: Bool[NDArray[np.bool_], "V M"],
     clear: Bool[NDArray[np.bool_], "V M"],
 ) -> Bool[NDArray[np.bool_], "V M"]:
-    """Where no other line pulls the ridges even a little; at places that would lose most of their views, `clear`.
+    """Where no other line pulls the ridges even a little; `clear` where this would leave few views.
 
     Args:
-        shown: which views show which of the places.
+        shown: which views show which of the sample points.
         clear: where no other line is so near that it pulls them much.
     """
     free = ~crowded(views, x, tangents, within=PULLED)
-    enough = (shown & free).sum(0) >= ENOUGH * (shown & clear).sum(0)
-    return np.asarray(np.where(enough, free, clear))
+    keep = (shown & free).sum(0) >= ENOUGH * (shown & clear).sum(0)
+    return np.asarray(np.where(keep, free, clear))
 
 
-def _placed_line(
+def _fit_line(
     x: Float[Array, "S 3"], shown: Bool[NDArray[np.bool_], "V S"], old: Float[Array, "4 3"], views: EdgeViews
 ) -> Float[Array, "4 3"] | None:
     """Control points of the line; None if it is too short or would move far."""
@@ -104,22 +104,22 @@ def _placed_line(
     first = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     across = np.stack([first, np.cross(along, first)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    share = ((x - old[0]) @ along / length**2)[:, None]
+    fraction = ((x - old[0]) @ along / length**2)[:, None]
     step = 0.5 * views.pixel * along / length
 
-    def places(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
-        at = x + (1 - share) * (value[:2] @ across) + share * (value[2:] @ across)
+    def moved(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
+        at = x + (1 - fraction) * (value[:2] @ across) + fraction * (value[2:] @ across)
         return np.stack([at - step, at, at + step])
 
     # Both sides of a line are alike: which one an outline was pushed to, it does not say.
-    value = fitted(places, 4, old[0], shown, views, 0.0)
+    value = fitted(moved, 4, old[0], shown, views, 0.0)
     moves = np.stack([value[:2] @ across, value[2:] @ across])
     if np.linalg.norm(moves, axis=1).max() > MOST_MOVE * views.pixel:
         return None
     return line_control(old[0] + moves[0], old[3] + moves[1])
 
 
-def _placed_arc(
+def _fit_arc(
     x: Float[Array, "S 3"],
     clear: Bool[NDArray[np.bool_], "V S"],
     old: Float[Array, "4 3"],
@@ -164,7 +164,7 @@ def apart(one: Float[Array, "S 3"], other: Float[Array, "S 3"]) -> float:
 
 
 def shown_of(circle: Circle, angle: Float[Array, " S"], views: EdgeViews) -> Bool[NDArray[np.bool_], "V S"]:
-    """Which views show which places of a circle."""
+    """Which views show which sample points of a circle."""
     return inliers(views, points_on(circle, angle), tangents_on(circle, angle))
 
 
@@ -182,7 +182,7 @@ def circle_at(
     """The circle near this one that agrees best with the ridges at these angles; None if it shrinks to nothing.
 
     Args:
-        shown: which views show which of the places.
+        shown: which views show which of the sample points.
         outward: offset of outlines, pixels.
         rim: see `fitted`.
         joints: see `fitted`.
@@ -213,11 +213,11 @@ def _shape(start: Circle, angle: Float[Array, " S"], pixel: float, free: Float[A
     rays = np.stack([np.cos(turned), np.sin(turned)], -1)
     up = np.cross(start.u, start.v)
 
-    def places(value: Float[Array, " K"]) -> Float[Array, "3 S 3"]:
+    def moved(value: Float[Array, " K"]) -> Float[Array, "3 S 3"]:
         circle = _stepped(start, free @ value, up)
         return np.asarray(circle.center + circle.radius * (rays @ np.stack([circle.u, circle.v])))
 
-    return places
+    return moved
 
 
 def _stepped(circle: Circle, step: Float[Array, " 6"], up: Float[Array, " 3"]) -> Circle:

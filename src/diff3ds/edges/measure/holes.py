@@ -47,7 +47,7 @@ def seen_through(
     beside = circle.center + max(circle.radius - INSIDE * views.pixel, 0.0) * ray
     eye = views.centers[:, None]
     sight = beside - eye
-    reach = ((end.center - eye) @ out) / np.where(np.abs(sight @ out) < 1e-12, 1e-12, sight @ out)
-    leaves = np.linalg.norm(eye + reach[..., None] * sight - end.center, axis=-1) < end.radius
+    along = ((end.center - eye) @ out) / np.where(np.abs(sight @ out) < 1e-12, 1e-12, sight @ out)
+    leaves = np.linalg.norm(eye + along[..., None] * sight - end.center, axis=-1) < end.radius
     front = (eye - circle.center) @ out > 0
-    return np.asarray(~front | (leaves & (reach > 1)))
+    return np.asarray(~front | (leaves & (along > 1)))

@@ -31,7 +31,7 @@ STRAYS, STRAY_RANGE = 0.1, 5.0
 LEAST_OUTWARD = 0.1
 
 # From parameters, world units, all zero at the start, to points of the curve in between: three rows, a little before,
-# at, and after each of its S places.
+# at, and after each of its S sample points.
 Shape = Callable[[Float[Array, " K"]], Float[Array, "3 S 3"]]
 
 
@@ -50,10 +50,10 @@ def fitted(
     Args:
         count: of the parameters.
         inside: a point on the curve's inner side.
-        shown: which views show which of the places.
+        shown: which views show which of the sample points.
         outward: offset of outlines, pixels.
-        rim: which places are pushed in which views if the curve is the rim of a hole through the object.
-        joints: which places lie next to another curve, see `near_joints`; default none.
+        rim: which sample points are pushed in which views if the curve is the rim of a hole through the object.
+        joints: which sample points lie next to another curve, see `near_joints`; default none.
     """
     shown = shown & ~_tight(shape(np.zeros(count)), views)
     if outward <= LEAST_OUTWARD:
@@ -67,7 +67,7 @@ def fitted(
 
 
 def near_joints(x: Float[Array, "S 3"], joints: Float[Array, "J 3"], pixel: float) -> Bool[NDArray[np.bool_], " S"]:
-    """Which places lie so near to a joint of two curves that the curvature of their ridges was measured on both."""
+    """Which sample points lie so near a joint of two curves that the curvature of their ridges was measured on both."""
     return np.asarray(np.linalg.norm(x[:, None] - joints, axis=2).min(1) < AROUND * pixel)
 
 
@@ -98,7 +98,8 @@ def _least_squares(
     """How unlikely what the views show is with the best parameters, and these: Gauss and Newton, reweighted.
 
     Args:
-        pushed: the probability at first that a part is pushed inwards; or by how much of the offset each place is.
+        pushed: the probability at first that a part is pushed inwards; or by how much of the offset each
+            sample point is.
     """
     known = isinstance(pushed, np.ndarray)
     push = np.broadcast_to(pushed, shown.shape)
@@ -128,7 +129,7 @@ def _least_squares(
 def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"], known: bool) -> float:
     """How unlikely the offsets of parts are, nats: each lies at zero or is pushed, by chance, or is a stray.
 
-    A part's ridges are off by their mean together, so that they say as much as one. The share of pushed ones and the
+    A part's ridges are off by their mean together, so that they say as much as one. The fraction of pushed ones and the
     scatter are the likeliest: else half of them pushed at will would fit anything.
 
     Args:
@@ -142,14 +143,14 @@ def _unlikely(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"],
     if not mean.size:
         return 0.0
     centers = np.array([0.0] if known else [0.0, far])
-    share, scatter = np.full(len(centers), 1 / len(centers)), PART_SCATTER[1]
+    fraction, scatter = np.full(len(centers), 1 / len(centers)), PART_SCATTER[1]
     for _ in range(ROUNDS):
         square = ((mean[:, None] - centers) / scatter) ** 2
-        density = (1 - STRAYS) * share * np.exp(-square / 2) / (np.sqrt(2 * np.pi) * scatter)
+        density = (1 - STRAYS) * fraction * np.exp(-square / 2) / (np.sqrt(2 * np.pi) * scatter)
         total = density.sum(1) + STRAYS / STRAY_RANGE
         belongs = density / total[:, None]
         weight = belongs.sum(0) + 1e-9
-        share = weight / weight.sum()
+        fraction = weight / weight.sum()
         scatter = float(np.clip(np.sqrt((belongs * square).sum() / weight.sum()) * scatter, *PART_SCATTER))
     return -float(np.log(total).sum())
 
@@ -165,14 +166,14 @@ def _offsets(
     The smoothing has pulled them inwards by their curvature, which was measured some way to both sides. Next to another
     curve, at the joints, the curve's own curvature is taken instead.
 
-    Returns the offsets, what a displacement of each place adds to where it appears (pixels by world unit), and the
-    normals' component to the inner side, 1 or -1.
+    Returns the offsets, what a displacement of each sample point adds to where it appears (pixels by world unit), and
+    the normals' component to the inner side, 1 or -1.
     """
     before, x, after = places
     match = views.match(x)
     normal = views.normals[match.ridge]
     apart = views.points[match.ridge] - match.pixel
-    # A ridge point beside the place: its normal has turned, so that the curve seems to bend the other way.
+    # A ridge point beside the sample point: its normal has turned, so that the curve seems to bend the other way.
     ahead, back = views.project(after)[0], views.project(before)[0]
     first, second = (ahead - back) / 2, ahead + back - 2 * match.pixel
     along = (apart * first).sum(-1, keepdims=True) / ((first**2).sum(-1, keepdims=True) + 1e-12)
@@ -198,8 +199,8 @@ def _pushed(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"], b
     seen = count > 0
     far = np.abs(push).max()
     old = before.reshape(parts).mean(-1)
-    share = np.clip(old[seen].mean() if seen.any() else 0.0, 0.02, 0.98)
+    fraction = np.clip(old[seen].mean() if seen.any() else 0.0, 0.02, 0.98)
     residual = np.abs(mean - far * old)[seen]
     scatter = np.clip(1.48 * np.median(residual) if seen.any() else 1.0, *PART_SCATTER)
-    more = (mean**2 - (mean - far) ** 2) / (2 * scatter**2) + np.log(share / (1 - share))
+    more = (mean**2 - (mean - far) ** 2) / (2 * scatter**2) + np.log(fraction / (1 - fraction))
     return np.repeat(1 / (1 + np.exp(-np.clip(more, -50, 50))), SAMPLES, axis=1)

@@ -1,4 +1,4 @@
-"""Planes that placed curves share, the faces of an object: they say where a small circle lies better than it does."""
+"""Planes that fitted curves share, the faces of an object: they say where a small circle lies better than it does."""
 
 from dataclasses import dataclass
 
@@ -52,7 +52,7 @@ def shared_planes(curves: Curves, sure: Flags, pixel: float) -> dict[int, Plane]
     (`fillets.py`).
 
     Args:
-        sure: which curves have been placed: the others say nothing of planes.
+        sure: which curves have been fitted to ridges: the others say nothing of planes.
     """
     x = curves.at((torch.arange(SAMPLES) + 0.5) / SAMPLES).double().numpy()
     length = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(1)
@@ -71,7 +71,7 @@ def shared_planes(curves: Curves, sure: Flags, pixel: float) -> dict[int, Plane]
 def _coplanar(
     seeds: list[list[int]], x: Float[Array, "N S 3"], length: Float[Array, " N"], sure: Flags, pixel: float
 ) -> list[Flags]:
-    """For each plane through curves of a seed, all placed curves that lie in it; none twice."""
+    """For each plane through curves of a seed, all fitted curves that lie in it; none twice."""
     found: list[Flags] = []
     for seed in seeds:
         members = np.isin(np.arange(len(x)), seed)

@@ -1,4 +1,4 @@
-"""Ends of curves that were placed one by one brought together where the curves meet."""
+"""Ends of curves that were fitted one by one brought together where the curves meet."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def met(curves: Curves, old: Float[Array, "N 4 3"], sure: Bool[NDArray[np.bool_]
 
     Args:
         old: control points in which ends were shared.
-        sure: curves that were placed.
+        sure: curves that were fitted.
     """
     points = curves.points.double().numpy().copy()
     vertex = curves.vertex.numpy()
@@ -56,7 +56,7 @@ def _end_at(points: Float[Array, "4 3"], end: int, place: Array, kind: int) -> N
 
 
 def _arc_to(points: Float[Array, "4 3"], end: int, place: Array) -> Float[Array, "4 3"]:
-    """The arc of the same circle that ends nearest to a place."""
+    """The arc of the same circle that ends nearest to a point."""
     through = curves_of([Primitive(Kind.ARC, points, np.zeros(0))]).at(torch.linspace(0, 1, 9))[0]
     circle = fit_circle(through.double().numpy())
     if circle is None:

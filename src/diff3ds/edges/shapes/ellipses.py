@@ -26,7 +26,7 @@ class Ellipse(NamedTuple):
     Attributes:
         center: of the ellipse.
         u, v: its half axes, orthogonal.
-        angle: of the place nearest to each point, radians.
+        angle: of the point of the ellipse nearest to each point, radians.
         distances: of the points, world units.
     """
 
@@ -121,7 +121,7 @@ def _algebraic(x: Float[Array, "M 2"]) -> tuple[Array, Array, Array] | None:
 
 
 def _closest(local: Float[Array, "M 2"], half: Float[Array, " 2"], angle: Float[Array, " M"]) -> Float[Array, " M"]:
-    """Angles moved towards the closest places to points in the frame of the axes, by Gauss-Newton steps."""
+    """Angles moved towards the closest points to points in the frame of the axes, by Gauss-Newton steps."""
     for _ in range(CLOSER):
         cos, sin = np.cos(angle), np.sin(angle)
         tangent = np.stack([-half[0] * sin, half[1] * cos], 1)
