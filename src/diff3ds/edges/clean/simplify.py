@@ -19,6 +19,10 @@ DOUBLED, DOUBLED_SHARE = 1.2, 0.9
 # [px, cosine, px; empirical] Ends at most so far apart may continue each other, if their tangents agree and one curve
 # fits both so well.
 GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
+# [px; numerical] Spacing of the points along curves where doubled ones are looked for.
+SPACING = 0.3
+# [%; empirical] So many of the points have to lie within JOINED of a curve that fits them.
+MOST = 98
 # [rad; empirical] An arc that turns by more than this beside a line is a rounded corner.
 CORNER = np.deg2rad(60.0)
 # [cosine; derived] A narrow ellipse turns its tip within the gap, by up to a right angle.
@@ -39,7 +43,7 @@ def pruned(curves: Curves, views: EdgeViews, min_views: float, shortest: float) 
     from scipy.spatial import cKDTree
 
     order = [int(i) for i in np.argsort(-length, kind="stable") if keep[i]]
-    dense = [resampled(samples[i], 0.3 * views.pixel) for i in order]
+    dense = [resampled(samples[i], SPACING * views.pixel) for i in order]
     if not dense:
         return curves[torch.from_numpy(keep)]
     rank = np.repeat(np.arange(len(order)), [len(line) for line in dense])
@@ -171,7 +175,7 @@ def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | Non
 
 def _near(strokes: list[Primitive], pixel: float) -> bool:
     """Whether the points that strokes were fitted to lie near enough."""
-    return bool(np.percentile(strokes[0].distances, 98) < JOINED * pixel)
+    return bool(np.percentile(strokes[0].distances, MOST) < JOINED * pixel)
 
 
 def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:

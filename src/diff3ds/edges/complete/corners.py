@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
@@ -206,14 +206,14 @@ def _corner(
     best = int(np.lexsort((mean_views, good))[-1])
     # To where the lines end now: a line may go on too far, or too little.
     stems = [
-        resampled(sides.place + np.array([[lengths[best]], [near]]) * way, pixel / 2)
+        resampled(sides.place + np.array([[lengths[best]], [near]]) * way, PATH_SPACING * pixel)
         for near, way in zip(sides.near, sides.ways, strict=True)
     ]
     longer = [stem for stem, near in zip(stems, sides.near, strict=True) if near > lengths[best] + pixel]
     stems_shown = (fraction_shown(Hypothesis.through(stem).shown(views, SEEN), min_views) for stem in longer)
     if good[best] < COVERED or any(fraction < COVERED for fraction in stems_shown):
         return None
-    path = np.concatenate([stems[0][::-1], resampled(x[best], pixel / 2), stems[1]])
+    path = np.concatenate([stems[0][::-1], resampled(x[best], PATH_SPACING * pixel), stems[1]])
     along = pieces_of(path, samples, pixel) & alone
     along[list(sides.lines)] = False
     pieces = tuple(np.nonzero(along)[0].tolist())
@@ -266,7 +266,7 @@ def _off(lines: list[Array], views: EdgeViews, min_views: float) -> float:
 
 def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 3"], pixel: float) -> bool:
     """Whether a curve that stays runs along part of the arc."""
-    rest = [resampled(line, pixel / 2) for i, line in enumerate(samples) if i not in gone]
+    rest = [resampled(line, PATH_SPACING * pixel) for i, line in enumerate(samples) if i not in gone]
     return bool(rest) and bool(pieces_of(np.concatenate(rest), x[None], pixel, fraction=DOUBLED)[0])
 
 

@@ -18,6 +18,8 @@ from diff3ds.edges.shapes.lines import tangents_of
 # [px, fraction; empirical] A known curve is a piece of a proposed one if this fraction of its samples lies so near to
 # it.
 PIECE_WITHIN, PIECE_FRACTION = 1.5, 0.8
+# [px; numerical] Spacing of the points along a proposed curve that known ones are compared with.
+PATH_SPACING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ def pieces_of(
     """Which known curves lie along a proposed one.
 
     Args:
-        path: points along the proposed curve, half a pixel apart or less.
+        path: points along the proposed curve, `PATH_SPACING` apart or less.
         samples: points along each known curve.
         pixel: world units of a pixel.
         within: so near lies a sample that lies on the proposed curve, pixels.

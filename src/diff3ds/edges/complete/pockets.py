@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.clean.weld import WITHIN
-from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.complete.loops import Loop, find_loops
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, samples
 from diff3ds.edges.measure.holes import INSIDE
-from diff3ds.edges.measure.offsets import fitted
+from diff3ds.edges.measure.offsets import STEP_ALONG, fitted
 from diff3ds.edges.shapes.curve_set import Curves, concatenated, sampled
 from diff3ds.edges.shapes.lines import resampled
 from diff3ds.edges.watch import Tick, no_tick
@@ -67,7 +67,7 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = 
         return curves
     gone = np.zeros(len(curves), bool)
     for bottom in bottoms:
-        gone |= pieces_of(np.concatenate(_dense(bottom, views.pixel / 2)), sampled(curves), views.pixel)
+        gone |= pieces_of(np.concatenate(_dense(bottom, PATH_SPACING * views.pixel)), sampled(curves), views.pixel)
     gone[rims] = False
     found = drawn[torch.from_numpy(~gone)]
     for bottom in bottoms:
@@ -143,7 +143,7 @@ def _fitted_way(loop: Loop, depth: float, views: EdgeViews, outward: float) -> F
     x, tangents, _ = loop.sample_points(PLACES)
     below = x + depth * loop.normal
     seen = _seen(loop, depth, views)[0]
-    steps = 0.5 * views.pixel * np.array([-1.0, 0.0, 1.0])[:, None, None] * tangents
+    steps = STEP_ALONG * views.pixel * np.array([-1.0, 0.0, 1.0])[:, None, None] * tangents
 
     def moved(value: Float[Array, " 1"]) -> Float[Array, "3 S 3"]:
         return below + value[0] * loop.normal + steps

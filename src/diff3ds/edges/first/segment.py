@@ -11,8 +11,8 @@ from diff3ds.edges.shapes.primitives import FREEDOM, POINT_SCATTER, Kind, Primit
 STRAY = 3.0
 # [square scatters; derived] Price of a free number in the same units as a point's squared distance over scatter.
 PRICE = 1.0
-# [px; empirical] A fit is good if 95 % of the points lie within this.
-GOOD = 1.0
+# [%, px; empirical] A fit is good if so many of the points lie within this.
+MOST, GOOD = 95, 1.0
 # [px; empirical] An arc rises over its chord by at least this: less may be scatter of a line.
 RISE = 1.2
 # [px, points; speed] Spacing of points along a chain, and at how many of them it may be cut at most.
@@ -36,7 +36,7 @@ def segmented(chain: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
 
 
 def _is_good(primitive: Primitive, pixel: float) -> bool:
-    return bool(np.percentile(primitive.distances, 95) < GOOD * pixel)
+    return bool(np.percentile(primitive.distances, MOST) < GOOD * pixel)
 
 
 def _best(points: Float[Array, "M 3"], pixel: float, below: float = np.inf) -> tuple[Primitive, float]:

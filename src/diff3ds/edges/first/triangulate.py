@@ -15,6 +15,8 @@ ROUNDS = 8
 # [px, px, ratio; empirical] Standard deviation of the distances, falling from round to round: wide enough for the
 # cells of the carving at first, then the scatter of ridges.
 FIRST_SIGMA, LAST_SIGMA, SIGMA_RATIO = 2.0, 0.6, 0.75
+# [standard deviations; numerical] Ridges farther off than this do not count at all.
+CUT_OFF = 3.0
 # [cosine; empirical] Cosine between an edge and a plane's normal at which the plane counts a quarter; the first
 # directions are rough.
 FIRST_TILT, TILT = 0.2, 0.12
@@ -87,7 +89,7 @@ def _triangulated(views: EdgeViews, x: Float[Array, "M 3"], least_score: float) 
         planes = np.moveaxis(np.ascontiguousarray(np.moveaxis(views.planes.take(match.ridge, 0), -1, 0)), 0, -1)
         normals = planes[..., :3]
         sigma = max(FIRST_SIGMA * SIGMA_RATIO**turn, LAST_SIGMA)
-        near = np.exp(-0.5 * (match.distance / sigma) ** 2) * (match.distance < 3 * sigma)
+        near = np.exp(-0.5 * (match.distance / sigma) ** 2) * (match.distance < CUT_OFF * sigma)
         if directions is None:
             weights, directions = _first_directions(near, normals)
         else:

@@ -10,7 +10,7 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers
 from diff3ds.edges.measure.equal_radii import agreed
-from diff3ds.edges.measure.offsets import Shape, fitted, near_joints
+from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints
 from diff3ds.edges.shapes.curve_set import Curves, sampled
 from diff3ds.edges.shapes.lines import meeting, outward_tangent, resampled, unit
 from diff3ds.edges.shapes.primitives import Kind
@@ -182,7 +182,7 @@ def _measured(points: Float[Array, "N 4 3"], fillet: Fillet, views: EdgeViews, o
     length = float(np.linalg.norm(near[0] - corner))
     ways = [unit(f - corner) for f in far]
     beside = [min(length, float(np.linalg.norm(f - n))) for f, n in zip(far, near, strict=True)]
-    shape = _rounded_corner(corner, ways, length, beside, 0.5 * views.pixel)
+    shape = _rounded_corner(corner, ways, length, beside, STEP_ALONG * views.pixel)
     before, x, after = shape(np.zeros(4))
     tangents = unit(after - before)
     shown = inliers(views, x, tangents)

@@ -10,7 +10,7 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import crowded, inliers, owners, samples
 from diff3ds.edges.measure.holes import other_ends, seen_through
-from diff3ds.edges.measure.offsets import Shape, fitted, near_joints, residuals
+from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints, residuals
 from diff3ds.edges.measure.planes import shared_planes
 from diff3ds.edges.measure.vertices import met
 from diff3ds.edges.shapes.curve_set import Curves
@@ -105,7 +105,7 @@ def _fit_line(
     across = np.stack([first, np.cross(along, first)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     fraction = ((x - old[0]) @ along / length**2)[:, None]
-    step = 0.5 * views.pixel * along / length
+    step = STEP_ALONG * views.pixel * along / length
 
     def moved(value: Float[Array, " 4"]) -> Float[Array, "3 S 3"]:
         at = x + (1 - fraction) * (value[:2] @ across) + fraction * (value[2:] @ across)
@@ -209,7 +209,7 @@ def circle_residuals(circle: Circle, angle: Float[Array, " S"], views: EdgeViews
 
 def _shape(start: Circle, angle: Float[Array, " S"], pixel: float, free: Float[Array, "6 K"]) -> Shape:
     """Places of the circle by the numbers that are free to change its six."""
-    turned = angle + 0.5 * pixel / start.radius * np.array([[-1.0], [0.0], [1.0]])
+    turned = angle + STEP_ALONG * pixel / start.radius * np.array([[-1.0], [0.0], [1.0]])
     rays = np.stack([np.cos(turned), np.sin(turned)], -1)
     up = np.cross(start.u, start.v)
 

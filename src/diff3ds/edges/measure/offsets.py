@@ -22,6 +22,15 @@ ROUNDS, FIRST_SCATTER, SCATTER = 12, 0.5, 0.15
 PULL = 0.05
 # [px; empirical] Least and largest scatter of a part's ridges together.
 PART_SCATTER = (0.07, 0.3)
+# [fraction; empirical] The fractions of parts taken for pushed at the start: few, or half of them. Most is no start:
+# rims pushed everywhere look like a larger circle.
+FIRST_PUSHED = (0.1, 0.5)
+# [fraction; numerical] Least and largest fraction of pushed parts that is found.
+PUSHED = (0.02, 0.98)
+# [ratio; derived] The standard deviation of a normal distribution by its median absolute deviation.
+FROM_MEDIAN = 1.48
+# [px; numerical] So far before and after each sample point lie the points that say how a curve bends there.
+STEP_ALONG = 0.5
 # [px; derived] Least radius of curvature in the picture: about `ridges.AROUND`. Small circles came out .3 % small
 # without it.
 TIGHTEST = 4.0
@@ -58,8 +67,7 @@ def fitted(
     shown = shown & ~_tight(shape(np.zeros(count)), views)
     if outward <= LEAST_OUTWARD:
         return _least_squares(shape, count, inside, shown, views, outward, 0.0, joints)[1]
-    # Few parts pushed, or half of them. Most is no start: rims pushed everywhere look like a larger circle.
-    pushed: list[float | Array] = [0.1, 0.5]
+    pushed: list[float | Array] = [*FIRST_PUSHED]
     if rim is not None:
         pushed += [rim.astype(np.float64), np.zeros(rim.shape)]
     fits = [_least_squares(shape, count, inside, shown, views, outward, first, joints) for first in pushed]
@@ -199,8 +207,8 @@ def _pushed(offset: Array, push: Array, shown: Bool[NDArray[np.bool_], "V S"], b
     seen = count > 0
     far = np.abs(push).max()
     old = before.reshape(parts).mean(-1)
-    fraction = np.clip(old[seen].mean() if seen.any() else 0.0, 0.02, 0.98)
+    fraction = np.clip(old[seen].mean() if seen.any() else 0.0, *PUSHED)
     residual = np.abs(mean - far * old)[seen]
-    scatter = np.clip(1.48 * np.median(residual) if seen.any() else 1.0, *PART_SCATTER)
+    scatter = np.clip(FROM_MEDIAN * np.median(residual) if seen.any() else 1.0, *PART_SCATTER)
     more = (mean**2 - (mean - far) ** 2) / (2 * scatter**2) + np.log(fraction / (1 - fraction))
     return np.repeat(1 / (1 + np.exp(-np.clip(more, -50, 50))), SAMPLES, axis=1)

@@ -9,6 +9,8 @@ from diff3ds.edges.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs
 
 # [rounds, steps; numerical] Rounds of the geometric fit; each takes two steps towards the closest points.
 ROUNDS, CLOSER = 12, 2
+# [%; empirical] So many of the points have to be near to a circle.
+MOST = 98
 # [px; empirical] A circle that 98 % of the points are this near to is a badly measured circle: a good one is half as
 # far.
 ROUND = 1.0
@@ -48,7 +50,7 @@ def fit_elliptic_arcs(points: Float[Array, "M 3"], pixel: float) -> list[Primiti
         pixel: world units of a pixel.
     """
     circle = fit_circle(points)
-    if circle is None or np.percentile(circle.distances, 98) < ROUND * pixel:
+    if circle is None or np.percentile(circle.distances, MOST) < ROUND * pixel:
         return []
     fitted = fit_ellipse(points, pixel)
     if fitted is None:

@@ -19,6 +19,9 @@ SETTLED = 1e-12
 # [ratio; numerical] Pull of a cubic's inner points towards even spacing, relative to the number of points: decides
 # where the points leave the parametrisation open.
 EVEN = 1e-3
+# [ratio, rad; empirical] Angles of points that run around in one direction spread no farther than this times the sweep,
+# and so much more.
+ONE_WAY, WAVERING = 1.1, 0.1
 # [rad; derived] The largest sweep of an arc that one rational cubic can draw is 240 degrees (its inner weights vanish
 # there).
 MOST_SWEEP = np.deg2rad(200.0)
@@ -104,7 +107,7 @@ def arcs_along(
     """
     start, stop = angle[0], angle[-1]
     sweep = stop - start
-    if np.ptp(angle) > 1.1 * abs(sweep) + 0.1:
+    if np.ptp(angle) > ONE_WAY * abs(sweep) + WAVERING:
         return []
     if abs(sweep) > CLOSED:
         return [Primitive(kind, arc_control(center, u, v, start, start + np.copysign(np.pi, sweep)), distances)]
