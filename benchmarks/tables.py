@@ -273,6 +273,21 @@ def drawn_again() -> str:
     return _table(head, rows) + _about(about, "recognise")
 
 
+def sensitivity() -> str:
+    """The constants of edges that change the F-score most."""
+    read = _read("sensitivity")
+    rows = changes(read["F5"])
+    table = [[f"`{name}`", *(f"{1000 * value:+.0f}" for value in (less, more))] for name, less, more in rows[:NAMED]]
+    parts = {part for scores in read["F5"].values() for part in scores}
+    still = sum(abs(less) < 0.0005 and abs(more) < 0.0005 for _, less, more in rows)
+    return _table(["constant", "F-score × 1000, constant × 0.7", "× 1.4"], table) + (
+        f"\n*Measured so far: {len(rows)} of {read['constants']} constants, each on one of the generated parts "
+        f"{' and '.join(sorted(parts))}, with every {read['every']}th view; {still} of them change the F-score by less "
+        f"than .0005. {'; '.join(f'`{line}`' for line in read['command'])}; commit `{read['commit']}`; {read['machine']}; "
+        f"{_link('sensitivity')}*\n"
+    )
+
+
 TABLES: tuple[Callable[[], str], ...] = (
     speed, machines, step_cost, compile_cuda, agreement, differences, edges, circles, damage, sensitivity, color,
     categories, categories_small, combinations_small, ablations, known_answer, known_answer_ablations, recognised,
@@ -304,20 +319,6 @@ def _kinds(file: str) -> str:
         "strokes",
     ]
     return _table(head, rows) + _source(file)
-
-
-def sensitivity() -> str:
-    """The constants of edges that change the F-score most."""
-    read = _read("sensitivity")
-    rows = changes(read["F5"])
-    table = [[f"`{name}`", *(f"{1000 * value:+.0f}" for value in (less, more))] for name, less, more in rows[:NAMED]]
-    parts = {part for scores in read["F5"].values() for part in scores}
-    still = sum(abs(less) < 0.0005 and abs(more) < 0.0005 for _, less, more in rows)
-    return _table(["constant", "F-score x 1000, constant x 0.7", "x 1.4"], table) + (
-        f"\n*{len(rows)} of {read['constants']} constants, drawn at random, on part {', '.join(sorted(parts))} with "
-        f"every {read['every']}th view; {still} of them change it by less than .0005; commit `{read['commit']}`; "
-        f"{_link('sensitivity')}*\n"
-    )
 
 
 def _read(name: str) -> dict[str, Any]:

@@ -3,12 +3,15 @@
 import json
 import re
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs/results").glob("*.md"))
+# What the script imports beside it.
+sys.path.append(str(ROOT / "benchmarks"))
 TABLES = runpy.run_path(str(ROOT / "benchmarks/tables.py"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
