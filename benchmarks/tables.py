@@ -280,12 +280,13 @@ def sensitivity() -> str:
     table = [[f"`{name}`", *(f"{1000 * value:+.0f}" for value in (less, more))] for name, less, more in rows[:NAMED]]
     parts = {part for scores in read["F5"].values() for part in scores}
     still = sum(abs(less) < 0.0005 and abs(more) < 0.0005 for _, less, more in rows)
-    return _table(["constant", "F-score × 1000, constant × 0.7", "× 1.4"], table) + (
-        f"\n*Measured so far: {len(rows)} of {read['constants']} constants, each on one of the generated parts "
-        f"{' and '.join(sorted(parts))}, with every {read['every']}th view; {still} of them change the F-score by less "
-        f"than .0005. {'; '.join(f'`{line}`' for line in read['command'])}; commit `{read['commit']}`; {read['machine']}; "
-        f"{_link('sensitivity')}*\n"
+    about = (
+        f"Measured so far: {len(rows)} of {read['constants']} constants, each on one of the generated parts "
+        f"{' and '.join(sorted(parts))}, with every {read['every']}th view; {still} of them change the F-score by "
+        f"less than .0005. {'; '.join(f'`{line}`' for line in read['command'])}; commit `{read['commit']}`; "
+        f"{read['machine']}; {_link('sensitivity')}"
     )
+    return _table(["constant", "F-score × 1000, constant × 0.7", "× 1.4"], table) + f"\n*{about}*\n"
 
 
 TABLES: tuple[Callable[[], str], ...] = (
