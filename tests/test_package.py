@@ -21,7 +21,7 @@ MODULES = {
 # pictures -> optimize, formats -> render -> project -> {bezier, camera, sketch}; guidance and metrics -> weights.
 # "diff3ds" stands for the list of public names. A new part needs a line here.
 HELPERS = {"_checks", "_files", "_modes", "_settings", "_shapes", "_tensor_files", "_version"}
-SCENE = {"bezier", "camera", "sketch"} | HELPERS
+SCENE = {"bezier", "camera", "chains", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
     "_files": set(),
@@ -34,9 +34,10 @@ ALLOWED = {
     "command_line": {"_settings"},
     "bezier": {"_checks", "_modes", "_shapes"},
     "camera": HELPERS,
+    "chains": {"_shapes"},
     "frames": {"camera", "formats"} | HELPERS,
     "transforms": {"camera", "formats", "frames"} | HELPERS,
-    "sketch": {"bezier"} | HELPERS,
+    "sketch": {"bezier", "chains"} | HELPERS,
     "project": SCENE,
     "render": {"project"} | SCENE,
     "losses": SCENE,

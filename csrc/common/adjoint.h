@@ -4,11 +4,11 @@
 
 namespace stroke {
 
-// Sums over the fragments of one piece: the gradient with respect to the coefficients x, y, z, w, then to the half width, the opacity
+// Sums over the fragments of one piece: the gradient with respect to the coefficients x, y, z, w, then to the half width's, the opacity
 // and the colour.
-constexpr int NGRAD = 21;
+constexpr int NGRAD = 24, OF_WIDTH = 16, OF_OPACITY = 20, OF_COLOR = 21;
 template <class F> struct Moments {
-  F x[4], y[4], z[4], w[4], half_width, opacity, rgb[3];
+  F x[4], y[4], z[4], w[4], half_width[4], opacity, rgb[3];
 };
 
 // Adds (hx, hy, hz, hw) tau^k to the coefficients.
@@ -28,6 +28,12 @@ template <class F, class S> HD void add_slope(Moments<F> &m, F tau, F hx, F hy, 
   }
 }
 
+// Adds g = dL/d(half width polynomial at tau).
+template <int WIDTH, class F> HD void add_width(Moments<F> &m, F tau, F g) {
+  m.half_width[0] += g;
+  for (int k = 1; (WIDTH & ALONG) && k < 4; k++) g *= tau, m.half_width[k] += g;
+}
+
 // Gradient of the parameter of a closest point (eq. 6): g = dL/dtau; qx, qy relative to o. Free parameters only.
 template <class F, class S> HD void parameter_adjoint(const Jet<F> &j, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
   const F sx = j.px - qx, sy = j.py - qy, iz = S(1) / j.z;
@@ -39,58 +45,70 @@ template <class F, class S> HD void parameter_adjoint(const Jet<F> &j, F tau, F 
   add_slope(m, tau, e * sx, e * sy, -e * (sx * j.px + sy * j.py), one);
 }
 
-// Adds g = dL/d(depth) of a hit: depth = z / w at tau, or w / z in an orthographic view, and tau moves.
-template <class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx, F qy, F g, Moments<F> &m, S one) {
+// Adds g = dL/d(depth) of a hit: depth = z / w at tau, or w / z in an orthographic view, and tau moves. ALONG: gr is dL/d(half width polynomial),
+// which changes with tau too.
+template <int WIDTH, class F, class S> HD void depth_adjoint(const Piece<S> &c, F tau, F qx, F qy, F g, F gr, Moments<F> &m, S one) {
   const Jet<F> j = jet(c, tau);
   F w1;
   const F w = cubic(c.w, tau, w1), zero = g * S(0);
+  F moved;
   if (c.orthographic) {
     const F iz = S(1) / j.z, depth = w * iz;
     add_value<true>(m, tau, zero, zero, -g * depth * iz, g * iz);
-    return parameter_adjoint(j, tau, qx, qy, g * (w1 - depth * j.z1) * iz, m, one);
+    moved = g * (w1 - depth * j.z1) * iz;
+  } else {
+    const F iw = S(1) / w, depth = j.z * iw;
+    add_value<true>(m, tau, zero, zero, g * iw, -g * depth * iw);
+    moved = g * (j.z1 - depth * w1) * iw;
   }
-  const F iw = S(1) / w, depth = j.z * iw;
-  add_value<true>(m, tau, zero, zero, g * iw, -g * depth * iw);
-  parameter_adjoint(j, tau, qx, qy, g * (j.z1 - depth * w1) * iw, m, one);
+  if (WIDTH & ALONG) {
+    F slope;
+    cubic(c.half_width, tau, slope);
+    moved += gr * slope;
+  }
+  parameter_adjoint(j, tau, qx, qy, moved, m, one);
 }
 
 // Adds one fragment: ga = dL/d(alpha), gz = dL/d(depth of the hit) (DEPTH only). The distance needs no derivative of tau (eq. 5).
-template <bool WORLD, bool DEPTH, class F, class S>
+template <int WIDTH, bool DEPTH, class F, class S>
 HD void fragment_adjoint(const Piece<S> &c, const Filter<S> &f, F tau, F qx, F qy, F ga, F gz, Moments<F> &m) {
   const Point<F> p = point_at(c, tau);
-  const Fragment<F> g = fragment<WORLD>(c, f, tau, p.z, sqrt(distance2(p, qx, qy)));
+  const Fragment<F> g = fragment<WIDTH>(c, f, tau, p.z, sqrt(distance2(p, qx, qy)));
   m.opacity += g.coverage * ga;
   const F inner = density(f, g.r - g.d), gc = ga * c.opacity;
   F gr = gc * inner, gd = gr;
-  if (WORLD || c.half_width < f.reach) {
+  if (WIDTH != EVEN || c.half_width[0] < f.reach) {
     const F outer = gc * density(f, -g.r - g.d);
     gr += outer, gd = gd - outer;
   }
   const F k = gd / (max(g.d, g.d * S(0) + S(1e-6)) * p.z);
   const F hx = k * (qx - p.x), hy = k * (qy - p.y), hz = -(hx * p.x + hy * p.y);
   add_value<false>(m, tau, hx, hy, hz, hz);
-  m.half_width += WORLD ? gr / g.depth : gr;
-  if (WORLD || DEPTH) depth_adjoint(c, tau, qx, qy, WORLD ? gz - gr * g.r / g.depth : gz, m, S(1));
+  const F of_width = WIDTH & WORLD ? gr / g.depth : gr;
+  add_width<WIDTH>(m, tau, of_width);
+  if (WIDTH != EVEN || DEPTH) depth_adjoint<WIDTH>(c, tau, qx, qy, WIDTH & WORLD ? gz - gr * g.r / g.depth : gz, of_width, m, S(1));
 }
 
 // Adds g times the normal displacement of an outline point p + r u (eq. 12). along: length of outline per unit of tau (1 at caps), slope:
 // dr/dtau (0 at caps and for constant width), both at the point.
-template <bool WORLD, class S> HD void outline_adjoint(const Piece<S> &c, S tau, S ux, S uy, S along, S slope, S g, Moments<S> &m) {
+template <int WIDTH, class S> HD void outline_adjoint(const Piece<S> &c, S tau, S ux, S uy, S along, S slope, S g, Moments<S> &m) {
   const Jet<S> j = jet(c, tau);
   const S iz = S(1) / j.z, speed = sqrt(j.vx * j.vx + j.vy * j.vy);
   const S tilt = speed > S(0) ? slope / speed : S(0);
   S nx = along * ux - tilt * j.vx, ny = along * uy - tilt * j.vy;  // normal times length
-  if (WORLD) {
-    const S w = cubic(c.w, tau), depth = j.z / w, r = c.half_width / depth;
+  if (WIDTH != EVEN) {
+    const S w = cubic(c.w, tau), depth = j.z / w, r = half_width_at<WIDTH>(c, tau, depth);
     // The unit normal u turns with the tangent.
     const S turn = r * tilt * iz * g;
     add_slope(m, tau, turn * ux, turn * uy, -turn * (ux * j.px + uy * j.py), S(1));
     nx -= r * tilt * j.z1 * iz * ux, ny -= r * tilt * j.z1 * iz * uy;
-    const S gd = -g * along * r / depth;
-    add_value<true>(m, tau, S(0), S(0), gd / w, -gd * depth / w);
-    m.half_width += g * along / depth;
+    if (WIDTH & WORLD) {
+      const S gd = -g * along * r / depth;
+      add_value<true>(m, tau, S(0), S(0), gd / w, -gd * depth / w);
+    }
+    add_width<WIDTH>(m, tau, WIDTH & WORLD ? g * along / depth : g * along);
   } else {
-    m.half_width += g * along;
+    add_width<WIDTH>(m, tau, g * along);
   }
   const S hx = g * nx * iz, hy = g * ny * iz;
   add_value<false>(m, tau, hx, hy, -(hx * j.px + hy * j.py), S(0));
@@ -104,5 +122,9 @@ template <class S> HD void control_gradient(const S *in, S ox, S oy, S *out) {
     for (int i = 0; i < 4; i++) out[4 * i + j] = S(bern(i, 0)) * m[0] + S(bern(i, 1)) * m[1] + S(bern(i, 2)) * m[2] + S(bern(i, 3)) * m[3];
   }
   for (int i = 0; i < 4; i++) out[4 * i + 2] -= ox * out[4 * i] + oy * out[4 * i + 1];
+}
+// The same for the four half widths at the control points: of the polynomial's coefficients.
+template <class S> HD void width_gradient(const S *m, S *out) {
+  for (int i = 0; i < 4; i++) out[i] = S(bern(i, 0)) * m[0] + S(bern(i, 1)) * m[1] + S(bern(i, 2)) * m[2] + S(bern(i, 3)) * m[3];
 }
 }  // namespace stroke

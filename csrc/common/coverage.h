@@ -29,18 +29,34 @@ template <class F, class S> HD F density(const Filter<S> &f, F x) {
   return select((y > S(-BLUR_REACH)) & (y < S(BLUR_REACH)), d, x * S(0));
 }
 
+// How wide strokes are, as bits: px, or WORLD: px times depth; and ALONG: a cubic in tau in place of one number.
+enum Width { EVEN = 0, WORLD = 1, ALONG = 2 };
+// Calls f with the kind of width as a constant.
+template <int WIDTH> struct WidthOf {
+  HD constexpr operator int() const { return WIDTH; }
+};
+template <class Call> HD void with_width(bool world, bool along, Call f) {
+  if (along) world ? f(WidthOf<WORLD | ALONG>{}) : f(WidthOf<ALONG>{});
+  else world ? f(WidthOf<WORLD>{}) : f(WidthOf<EVEN>{});
+}
+// The half width in px at tau, where the depth is this.
+template <int WIDTH, class F, class S> HD F half_width_at(const Piece<S> &c, F tau, F depth) {
+  if constexpr ((WIDTH & ALONG) != 0) return WIDTH & WORLD ? cubic(c.half_width, tau) / depth : cubic(c.half_width, tau);
+  else return WIDTH & WORLD ? c.half_width[0] / depth : c.half_width[0] + tau * S(0);
+}
+
 // One fragment: a pixel d px from its closest point, which is at tau, z. r = half width in px there.
 template <class F> struct Fragment {
   F depth, r, d, coverage;
 };
-template <bool WORLD, class F, class S> HD Fragment<F> fragment(const Piece<S> &c, const Filter<S> &f, F tau, F z, F d) {
+template <int WIDTH, class F, class S> HD Fragment<F> fragment(const Piece<S> &c, const Filter<S> &f, F tau, F z, F d) {
   Fragment<F> g;
   g.depth = depth_at(c, tau, z);
-  g.r = WORLD ? c.half_width / g.depth : c.half_width + tau * S(0);
+  g.r = half_width_at<WIDTH>(c, tau, g.depth);
   g.d = d;
   g.coverage = cumulative(f, g.r - g.d);
   // Only a stroke thinner than the filter reaches leaves a pixel uncovered on its far side.
-  if (WORLD || c.half_width < f.reach) g.coverage = g.coverage - cumulative(f, -g.r - g.d);
+  if (WIDTH != EVEN || c.half_width[0] < f.reach) g.coverage = g.coverage - cumulative(f, -g.r - g.d);
   return g;
 }
 }  // namespace stroke

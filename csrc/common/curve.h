@@ -12,7 +12,7 @@ constexpr int TILE = 16;  // tiles are TILE x TILE pixels
 template <class S> struct Piece {
   S x[4], y[4], z[4], w[4];
   S ox, oy;
-  S half_width;  // px, or px times depth where widths are in world units
+  S half_width[4];  // a cubic in tau, or one number and zeros: px, or px times depth where widths are in world units
   S color[3], opacity;
   S flat_w;     // 1 / w where w is constant and depth is z / w, else 0
   S parabola2;  // CPU: square of the parameter step within which the parabola that touches the curve stands for it

@@ -36,9 +36,11 @@ typedef double v4d __attribute__((vector_size(32)));
 struct Control {
   v4d c[4];
 };
-// Of a piece. start, stop: parameters in the stroke; map: from the stroke's control points to those of the piece.
+// Of a piece. start, stop: parameters in its segment; map: from the segment's control points to those of the piece. before: the piece that it
+// goes on from, over a joint of the stroke or within a segment; NO_PIECE at a cap.
+constexpr uint32_t NO_PIECE = ~uint32_t(0);
 struct PieceInfo {
-  uint32_t stroke;
+  uint32_t stroke, segment, before;
   double start, stop;
   uint32_t first_chord, end_chord;
   bool cap_start, cap_stop;
@@ -78,7 +80,15 @@ template <class S> HD bool drawable(const double *cubic, bool orthographic, doub
   return good;
 }
 
-// px beyond which a stroke covers nothing; farther than the image is wide nothing changes.
+// The half width polynomial of a piece from those at the segment's control points.
+template <class S> HD void place_widths(const double *widths, const double *map, S *out) {
+  double control[4] = {};
+  for (int i = 0; i < 4; i++)
+    for (int j = 0; j < 4; j++) control[i] += map[4 * i + j] * widths[j];
+  for (int k = 0; k < 4; k++) out[k] = S(bern(0, k) * control[0] + bern(1, k) * control[1] + bern(2, k) * control[2] + bern(3, k) * control[3]);
+}
+
+// px beyond which a segment covers nothing; farther than the image is wide nothing changes. half_width: the largest.
 HD double reach_of(const double *cubic, double half_width, bool world, double near, double filter_reach, int width, int height) {
   double wide = half_width;
   if (world) {

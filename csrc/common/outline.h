@@ -6,6 +6,8 @@
 namespace stroke {
 // px: two strokes whose outlines touch within this count as overlapping there.
 constexpr double OUTLINE_SLACK = 1e-3;
+// A joint that turns by less (radians) is smooth but for rounding: both sides go on across it.
+constexpr float JOINT_TURN = 1e-3f;
 // One point on the outline of a piece, at o + p(tau) + r u; along, slope: see outline_adjoint. It stands for along * dtau px.
 template <class S> struct OutlinePoint {
   S x, y, ux, uy, tau, along, slope, dtau;
@@ -17,17 +19,18 @@ template <class S> struct OutlinePoint {
 template <class S, class Flat> class OutlineSampler {
   static constexpr double PI = 3.14159265358979323846;
   const Flat &flat_;
-  bool world_;
+  bool world_, along_;
   int density_;  // points per px of outline
   uint64_t seed_;
   uint32_t first_, step_;  // of the points of each part this caller makes: number first, first + step, ..
 
   HD double half_width(const Piece<S> &c, double tau) const {
-    return world_ ? double(c.half_width) / depth_at(c, S(tau), cubic(c.z, S(tau))) : double(c.half_width);
+    const double value = along_ ? double(cubic(c.half_width, S(tau))) : double(c.half_width[0]);
+    return world_ ? value / depth_at(c, S(tau), cubic(c.z, S(tau))) : value;
   }
   HD float random(uint32_t piece, uint32_t arc, uint32_t i) const {
     const PieceInfo &info = flat_.piece_info[piece];
-    const uint32_t place = mix(info.stroke ^ mix(uint32_t(info.start * 4294967295.0) ^ mix(arc)));
+    const uint32_t place = mix(info.segment ^ mix(uint32_t(info.start * 4294967295.0) ^ mix(arc)));
     return unit(mix(uint32_t(seed_) ^ mix(uint32_t(seed_ >> 32) ^ mix(place ^ mix(i)))));
   }
   HD static uint32_t count(double length, int density) { return length > 0 ? uint32_t(ceil(least(length, 1e7) * density)) : 0; }
@@ -51,11 +54,11 @@ template <class S, class Flat> class OutlineSampler {
     }
     return n;
   }
-  // Where the tangent jumps from (ax, ay) to (bx, by): the arc on the outside of the turn.
+  // Where the tangent jumps from (ax, ay) to (bx, by): the arc on the outside of the turn, if that is at least so large.
   template <class Put>
-  HD uint32_t turn_arc(uint32_t piece, double tau, float ax, float ay, float bx, float by, uint32_t arc, uint32_t slot, Put put) const {
+  HD uint32_t turn_arc(uint32_t piece, double tau, float ax, float ay, float bx, float by, float least, uint32_t arc, uint32_t slot, Put put) const {
     const double turn = atan2(ax * by - ay * bx, ax * bx + ay * by), from = atan2(ay, ax);
-    if (!(abs(turn) > OUTLINE_TURN)) return 0;
+    if (!(abs(turn) > least)) return 0;
     return circle(piece, tau, turn > 0 ? from - PI / 2 : from + PI / 2 + turn, abs(turn), arc, slot, put);
   }
 
@@ -84,6 +87,11 @@ template <class S, class Flat> class OutlineSampler {
         const S w = cubic(c.w, S(tau), w1), depth = j.z / w;
         slope = S(-r * (j.z1 - depth * w1) / (w * depth));
       }
+      if (along_) {
+        S change;
+        cubic(c.half_width, S(tau), change);
+        slope += world_ ? change / depth_at(c, S(tau), j.z) : change;
+      }
       put(slot + i, OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(along), slope,
                                     S(k.dtau / here * total / n), piece});
     }
@@ -92,8 +100,8 @@ template <class S, class Flat> class OutlineSampler {
 
 public:
   // The caller makes the points first, first + step, .. of every part; first = -1 makes none.
-  HD OutlineSampler(const Flat &flat, bool world, int density, uint64_t seed, uint32_t first = 0, uint32_t step = 1)
-      : flat_(flat), world_(world), density_(density), seed_(seed), first_(first), step_(step) {}
+  HD OutlineSampler(const Flat &flat, bool world, bool along, int density, uint64_t seed, uint32_t first = 0, uint32_t step = 1)
+      : flat_(flat), world_(world), along_(along), density_(density), seed_(seed), first_(first), step_(step) {}
 
   // put(slot, OutlinePoint) for every point of a piece, always in the same order; returns the number of slots. Some may stay empty.
   template <class Put> HD uint32_t piece(uint32_t piece, Put put) const {
@@ -109,14 +117,17 @@ public:
     const Tangents &start = tangents[info.first_chord], &stop = tangents[info.end_chord - 1];
     if (info.cap_start) n += circle(piece, -.5, atan2(start.ay, start.ax) + PI / 2, PI, 2, n, put);
     if (info.cap_stop) n += circle(piece, .5, atan2(stop.by, stop.bx) - PI / 2, PI, 3, n, put);
-    const bool follows = info.first_chord > 0 && piece > 0 && flat_.piece_info[piece - 1].stroke == info.stroke && !info.cap_start;
+    // The chord in front of the first one: of the piece before it, which may lie behind in the list where a stroke closes.
+    const uint32_t front = info.before == NO_PIECE ? 0 : flat_.piece_info[info.before].end_chord;
     for (uint32_t s = info.first_chord; s < info.end_chord; s++) {
       const Chord<S> &k = flat_.chords[s];
       const Tangents &t = tangents[s];
       const uint32_t arc = 4 + 2 * (s - info.first_chord);
-      if (jump(s)) n += turn_arc(piece, k.tau0 + .5 * k.dtau, t.ax, t.ay, t.bx, t.by, arc, n, put);
+      if (jump(s)) n += turn_arc(piece, k.tau0 + .5 * k.dtau, t.ax, t.ay, t.bx, t.by, OUTLINE_TURN, arc, n, put);
       // Where a chord is left out before this one, that is far from the image.
-      if (s > info.first_chord || follows) n += turn_arc(piece, k.tau0, tangents[s - 1].bx, tangents[s - 1].by, t.ax, t.ay, arc + 1, n, put);
+      const uint32_t end = s > info.first_chord ? s : front;
+      const float least = s == info.first_chord && info.start == 0 ? JOINT_TURN : OUTLINE_TURN;
+      if (end) n += turn_arc(piece, k.tau0, tangents[end - 1].bx, tangents[end - 1].by, t.ax, t.ay, least, arc + 1, n, put);
     }
     return n;
   }

@@ -4,14 +4,14 @@
 
 namespace stroke {
 namespace {
-template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
+template <int WIDTH> void analytic_forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
   const Place p = place_of(J, tile);
   if (J.tile_first[tile] == J.tile_first[tile + 1]) {
     if (J.save) J.tiles[tile] = {};
     return write_empty(J, p);
   }
   Work &k = work(S);
-  const uint32_t n = collect<GRID, WORLD>(J, tile, p, k);
+  const uint32_t n = collect<GRID, WIDTH>(J, tile, p, k);
   const uint32_t sorted = sort_layers(k);
   if (sorted == k.layers) blend_layers(J, k);
   else sort_fragments(k, sorted), transmit(k, n), composite(J, k);
@@ -19,7 +19,7 @@ template <bool WORLD> void analytic_forward(const Job<real> &J, int tile, Scratc
   if (J.save) save_tile(J.tiles[tile], k, n, sorted == k.layers, A);
 }
 
-template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int tile, Scratch &S) {
+template <int WIDTH, bool DEPTH> void analytic_backward(const Job<real> &J, int tile, Scratch &S) {
   const Tile &t = J.tiles[tile];
   clear_slots(J, tile);
   if (t.fragments == 0 && !J.g_background) return;
@@ -48,7 +48,7 @@ template <bool WORLD, bool DEPTH> void analytic_backward(const Job<real> &J, int
         for (int i = 0; i < VL; i++) gz[i] = k.pix[px[i]][3];
         gz = select(in, gz * load(T + f) * load(a + f), vf{});
       }
-      fragment_adjoint<WORLD, DEPTH>(c, filter, select(in, load(tau + f), vf{}), qx, qy, select(in, load(k.g + f), vf{}), gz, m);
+      fragment_adjoint<WIDTH, DEPTH>(c, filter, select(in, load(tau + f), vf{}), qx, qy, select(in, load(k.g + f), vf{}), gz, m);
     }
     add_to_slot(J, t.slot[l], m, color_gradient(t, k, l));
   }

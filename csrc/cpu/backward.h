@@ -133,8 +133,9 @@ SIMD void clear_slots(const Job<real> &J, int tile) {
 SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v4 color) {
   real *g = J.g_slot + size_t(slot) * NGRAD;
   for (int i = 0; i < 16; i += VL) store(g + i, load(g + i) + sums((const vf *)&m + i));
-  g[16] += sum(m.half_width), g[17] += sum(m.opacity);
-  for (int i = 0; i < 3; i++) g[18 + i] += color[i];
+  for (int i = 0; i < (J.along ? 4 : 1); i++) g[OF_WIDTH + i] += sum(m.half_width[i]);
+  g[OF_OPACITY] += sum(m.opacity);
+  for (int i = 0; i < 3; i++) g[OF_COLOR + i] += color[i];
 }
 }  // namespace
 }  // namespace stroke

@@ -36,24 +36,63 @@ template <class S> void check(const Input<S> &in, size_t i, const double *cubic,
   throw InvalidStroke("stroke " + std::to_string(i % in.strokes) + " in view " + std::to_string(i / in.strokes));
 }
 
-template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_t i, Part<S> &part) {
-  const Input<S> &in = st.input;
-  const size_t n = i % in.strokes;
-  const S half_width = S(in.options.width_scale) * in.half_width[in.half_width_per_view ? i : n];
-  check(in, i, in.cubics + 16 * i, half_width, in.color + 3 * n, in.opacity[n]);
-  double cubic[16], largest = 0;
-  for (int k = weight_place(in.options.orthographic); k < 16; k += 4) largest = std::max(largest, in.cubics[16 * i + k]);
-  st.scale[i] = 1 / largest;
-  for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * i + k] * st.scale[i];
-  const double reach = reach_of(cubic, half_width, in.options.world, in.options.near, st.job.filter.reach, in.width, in.height);
-  st.reach[i] = S(reach);
-  Piece<S> appearance{};
-  appearance.half_width = half_width, appearance.opacity = in.opacity[n], appearance.orthographic = in.options.orthographic;
-  for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
-  flattener.add(part.flat, cubic, in.options.near, reach, uint32_t(i), appearance);
+// Half widths of segment m of a view at its control points: they are given so, or all are that of stroke n.
+template <class S> void widths_of(const Input<S> &in, int view, int m, int n, double *out) {
+  const S scale = S(in.options.width_scale);
+  const size_t row = in.half_width_per_view ? size_t(view) : 0;
+  for (int k = 0; k < 4; k++)
+    out[k] = in.half_width_along ? scale * in.half_width[4 * (row * in.segments + m) + k] : scale * in.half_width[row * in.strokes + n];
 }
 
-// The tiles that the stroke whose chords start at `first_chord` meets, each with the range of chords that may reach it.
+// px beyond which no segment of stroke i (view and stroke) covers anything. Finds their scales.
+template <class S> double measure_stroke(State<S> &st, size_t i) {
+  const Input<S> &in = st.input;
+  const int view = int(i / in.strokes), n = int(i % in.strokes);
+  double reach = 0;
+  for (int m = in.chains.first_of(n); m < in.chains.first_of(n + 1); m++) {
+    const size_t at = size_t(view) * in.segments + m;
+    const double *given = in.cubics + 16 * at;
+    double widths[4], cubic[16], largest = 0, widest = 0;
+    widths_of(in, view, m, n, widths);
+    for (int k = 0; k < (in.half_width_along ? 4 : 1); k++)
+      check(in, i, given, widths[k], in.color + 3 * n, in.opacity[n]), widest = std::max(widest, widths[k]);
+    for (int k = weight_place(in.options.orthographic); k < 16; k += 4) largest = std::max(largest, given[k]);
+    st.scale[at] = 1 / largest;
+    for (int k = 0; k < 16; k++) cubic[k] = given[k] * st.scale[at];
+    reach = std::max(reach, reach_of(cubic, widest, in.options.world, in.options.near, st.job.filter.reach, in.width, in.height));
+  }
+  return reach;
+}
+
+template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_t i, Part<S> &part) {
+  const Input<S> &in = st.input;
+  const int view = int(i / in.strokes), n = int(i % in.strokes), first = in.chains.first_of(n), last = in.chains.first_of(n + 1) - 1;
+  const bool closed = in.chains.first && in.chains.closed[n];
+  const double reach = measure_stroke(st, i);
+  st.reach[i] = S(reach);
+  Piece<S> appearance{};
+  appearance.opacity = in.opacity[n], appearance.orthographic = in.options.orthographic;
+  for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
+  const uint32_t first_piece = uint32_t(part.flat.pieces.size());
+  for (int m = first; m <= last; m++) {
+    const size_t at = size_t(view) * in.segments + m, pieces = part.flat.pieces.size();
+    double widths[4], cubic[16];
+    widths_of(in, view, m, n, widths);
+    appearance.half_width[0] = S(widths[0]);
+    for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * at + k] * st.scale[at];
+    const Segment segment = {uint32_t(i), uint32_t(at), m > first || closed, m < last || closed, in.half_width_along ? widths : nullptr};
+    flattener.add(part.flat, cubic, in.options.near, reach, segment, appearance);
+    st.piece_first[at + 1] = uint32_t(part.flat.pieces.size() - pieces);
+  }
+  const uint32_t end = uint32_t(part.flat.pieces.size());
+  for (uint32_t p = first_piece; p < end; p++) {
+    PieceInfo &info = part.flat.piece_info[p];
+    info.before = info.cap_start ? NO_PIECE : p > first_piece ? p - 1 : closed ? end - 1 : NO_PIECE;
+  }
+}
+
+// The tiles that the stroke whose chords start at `first_chord` meets, each with the range of chords that may reach it: one range, or several with
+// pieces between them that reach it nowhere.
 template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_chord, Binner &binner, Part<S> &part) {
   const Job<S> &J = st.job;
   const float R = float(st.reach[i]);
@@ -61,7 +100,7 @@ template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_
   for (uint32_t s = first_chord; s < part.flat.chords.size(); s++)
     visit_tiles(part.flat.chords[s], part.flat.chord_info[s].length, R, J.strata > 0, J.tiles_x, J.tiles_y, [&](int tx, int ty) {
       uint32_t &mark = binner.mark[ty * J.tiles_x + tx];
-      if (!mark) {
+      if (!mark || part.flat.chord_info[s].piece > part.flat.chord_info[part.stroke_intersections[mark - 1].last].piece + 1) {
         part.stroke_intersections.add({first_tile + uint32_t(ty * J.tiles_x + tx), uint32_t(i), s, s, 0, 0, 0, false});
         mark = uint32_t(part.stroke_intersections.size());
       }
@@ -70,7 +109,7 @@ template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_
   for (uint32_t k = first_intersection; k < part.stroke_intersections.size(); k++) {
     auto &t = part.stroke_intersections[k];
     const ChordInfo &a = part.flat.chord_info[t.first], &b = part.flat.chord_info[t.last];
-    t.piece = a.piece, t.pieces = b.piece - a.piece + 1, t.smooth = smooth(a, b);
+    t.piece = a.piece, t.pieces = b.piece - a.piece + 1, t.smooth = a.piece == b.piece && smooth(a, b);
     binner.mark[t.tile - first_tile] = 0;
   }
 }
@@ -110,6 +149,7 @@ template <class S> void join_parts(State<S> &st, const std::vector<Part<S>> &par
     for (size_t i = at.piece; i < at.piece + p.flat.pieces.size(); i++) {
       PieceInfo &info = flat.piece_info[i];
       info.first_chord += at.chord, info.end_chord += at.chord;
+      if (info.before != NO_PIECE) info.before += at.piece;
       st.piece_stroke[i] = info.stroke;
     }
     for (size_t i = at.chord; i < at.chord + p.flat.chords.size(); i++) flat.chord_info[i].piece += at.piece;

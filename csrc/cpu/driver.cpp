@@ -77,7 +77,7 @@ template <class S> void prepare(State<S> &st) {
   const Input<S> &in = st.input;
   const Options &options = in.options;
   Job<S> &J = st.job;
-  J.views = in.views, J.strokes = in.strokes, J.height = in.height, J.width = in.width, J.world = options.world;
+  J.views = in.views, J.strokes = in.strokes, J.height = in.height, J.width = in.width, J.world = options.world, J.along = in.half_width_along;
   J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
   const double sigma = std::sqrt(options.blur * options.blur + 1. / 12);
   J.filter = options.strata ? Filter<S>{S(0), S(0)} : options.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
@@ -86,8 +86,9 @@ template <class S> void prepare(State<S> &st) {
   J.background = in.background, J.background_view = in.background_view, J.background_row = in.background_row;
   J.background_pixel = in.background_pixel;
   const size_t count = size_t(in.views) * in.strokes, chunks = (count + CHUNK - 1) / CHUNK;
-  st.reach = Buffer<S>(count + 1), st.scale = Buffer<double>(count + 1);
-  st.piece_first = Buffer<uint32_t>(count + 1), st.stroke_intersection_first = Buffer<uint32_t>(count + 1);
+  const size_t segments = size_t(in.views) * in.segments;
+  st.reach = Buffer<S>(count + 1), st.scale = Buffer<double>(segments + 1);
+  st.piece_first = Buffer<uint32_t>(segments + 1), st.stroke_intersection_first = Buffer<uint32_t>(count + 1);
   std::vector<Part<S>> &parts = parts_of<S>(chunks);
   std::vector<std::unique_ptr<Binner>> binners(threads().size());
   threads().run(int(chunks), 1, [&](int k, int id) {
@@ -95,15 +96,14 @@ template <class S> void prepare(State<S> &st) {
     Flattener flattener(in.height, in.width, options.strata > 0);
     for (size_t i = size_t(k) * CHUNK; i < std::min(count, size_t(k + 1) * CHUNK); i++) {
       Part<S> &part = parts[k];
-      const size_t chords = part.flat.chords.size(), pieces = part.flat.pieces.size(), stroke_intersections = part.stroke_intersections.size();
+      const size_t chords = part.flat.chords.size(), stroke_intersections = part.stroke_intersections.size();
       flatten_stroke(st, flattener, i, part);
       bin_stroke(st, i, uint32_t(chords), *binners[id], part);
-      st.piece_first[i + 1] = uint32_t(part.flat.pieces.size() - pieces),
-                         st.stroke_intersection_first[i + 1] = uint32_t(part.stroke_intersections.size() - stroke_intersections);
+      st.stroke_intersection_first[i + 1] = uint32_t(part.stroke_intersections.size() - stroke_intersections);
     }
   });
   join_parts(st, parts);
-  add_up(st.piece_first, count), add_up(st.stroke_intersection_first, count);
+  add_up(st.piece_first, segments), add_up(st.stroke_intersection_first, count);
   sort_by_tile(st);
   J.pieces = st.flat.pieces.begin(), J.piece_stroke = st.piece_stroke.get();
   J.chords = st.flat.chords.begin(), J.chord_info = st.flat.chord_info.begin();
@@ -155,9 +155,10 @@ template <class S> Images<S> forward(State<S> &st, bool save) {
 template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &up, const S *alpha, const S *depth, bool background) {
   const Input<S> &in = st.input;
   Job<S> J = st.job;
-  const size_t count = size_t(J.views) * J.strokes, tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
+  const size_t tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
   const size_t pixels = size_t(J.views) * J.height * J.width, pieces = st.flat.pieces.size();
-  Gradients<S> out{Buffer<double>(16 * count), Buffer<S>(in.half_width_per_view ? count : J.strokes), Buffer<S>(3 * size_t(J.strokes)),
+  const size_t width_rows = in.half_width_per_view ? in.views : 1, width_row = in.half_width_along ? 4 * size_t(in.segments) : J.strokes;
+  Gradients<S> out{Buffer<double>(16 * size_t(in.views) * in.segments), Buffer<S>(width_rows * width_row), Buffer<S>(3 * size_t(J.strokes)),
                    Buffer<S>(J.strokes), Buffer<S>(background ? 3 * pixels : 0)};
   Buffer<S> slots(size_t(st.intersections[st.stroke_intersections.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
   J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get();
@@ -174,18 +175,28 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
       kernels<S>().outline_piece(J, p, outlines.piece_first[p], outlines.piece_first[p + 1], outline_sums.get() + size_t(p) * NGRAD);
     });
   }
+  const S scale = S(in.options.width_scale);
   threads().run(J.strokes, 16, [&](int n, int) {
-    double total[5] = {};
+    const size_t first = in.chains.first_of(n), widths = in.half_width_along ? 4 * (in.chains.first_of(n + 1) - first) : 0;
+    Appearance total;
+    total.widths.resize(widths);
+    auto put_widths = [&](const Appearance &sums, size_t row) {
+      S *to = out.half_width.get() + row * width_row;
+      if (!in.half_width_along) to[n] = scale * S(sums.half_width);
+      for (size_t k = 0; k < widths; k++) to[4 * first + k] = scale * S(sums.widths[k]);
+    };
     for (int v = 0; v < J.views; v++) {
-      const size_t i = size_t(v) * J.strokes + n;
-      double appearance[5] = {};  // half width, opacity, colour
-      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, i, out.cubics.get() + 16 * i, appearance);
-      if (in.half_width_per_view) out.half_width[i] = S(in.options.width_scale) * S(appearance[0]);
-      for (int k = 0; k < 5; k++) total[k] += appearance[k];
+      Appearance one;
+      one.widths.resize(widths);
+      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, v, n, out.cubics.get(), one);
+      if (in.half_width_per_view) put_widths(one, v);
+      total.half_width += one.half_width, total.opacity += one.opacity;
+      for (int k = 0; k < 3; k++) total.color[k] += one.color[k];
+      for (size_t k = 0; k < widths; k++) total.widths[k] += one.widths[k];
     }
-    if (!in.half_width_per_view) out.half_width[n] = S(in.options.width_scale) * S(total[0]);
-    out.opacity[n] = S(total[1]);
-    for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total[2 + k]);
+    if (!in.half_width_per_view) put_widths(total, 0);
+    out.opacity[n] = S(total.opacity);
+    for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total.color[k]);
   });
   return out;
 }

@@ -25,11 +25,19 @@ struct Options {
   double width_scale;  // half widths in pixels of a width of 1
 };
 
+// Which segments make which stroke.
+struct Chains {
+  const int64_t *first;  // (strokes + 1): the first segment of each; null: every segment is a stroke
+  const bool *closed;    // (strokes)
+  int first_of(int n) const { return first ? int(first[n]) : n; }
+};
+
 template <class S> struct Input {
-  int views, strokes, height, width;
-  const double *cubics;  // (views, strokes, 4, 4)
-  const S *half_width;   // (views or 1, strokes), in units of options.width_scale pixels
-  bool half_width_per_view;
+  int views, strokes, segments, height, width;
+  Chains chains;
+  const double *cubics;  // (views, segments, 4, 4)
+  const S *half_width;   // (views or 1, strokes), in units of options.width_scale pixels; along: (views or 1, segments, 4)
+  bool half_width_per_view, half_width_along;
   const S *color, *opacity;  // (strokes, 3), (strokes)
   const S *background;       // strides in elements, innermost 1
   ptrdiff_t background_view, background_row, background_pixel;
@@ -45,7 +53,7 @@ template <class S> struct Upstream {
   const S *color, *alpha, *depth;
 };
 template <class S> struct Gradients {
-  Buffer<double> cubics;  // (views, strokes, 4, 4)
+  Buffer<double> cubics;  // (views, segments, 4, 4)
   Buffer<S> half_width, color, opacity, background;
 };
 
@@ -58,10 +66,11 @@ template <class S> struct State {
     uint32_t tile, stroke, first, last, piece, pieces, intersection;
     bool smooth;
   };
-  Buffer<S> reach;
-  Buffer<double> scale;                           // of each stroke's cubic
+  Buffer<S> reach;                                // of each view's strokes
+  Buffer<double> scale;                           // of each view's segments
   List<StrokeIntersection> stroke_intersections;  // in the order of strokes; `intersection`: its place among those by tile
-  Buffer<uint32_t> stroke_intersection_first, piece_first, piece_stroke, tile_first;
+  Buffer<uint32_t> stroke_intersection_first, piece_stroke, tile_first;
+  Buffer<uint32_t> piece_first;  // of each view's segments
   Buffer<Intersection> intersections;
   Buffer<Tile> tiles;
   std::vector<Arena> arenas;

@@ -43,6 +43,14 @@ template <class S> float parabola_step2(const Piece<S> &c, float low) {
   return about_power(least(v3 / PARABOLA_ERROR + 1e-30f, 1e30f));
 }
 
+// A segment of a stroke: its number among those of all views, that of its stroke, and whether it goes on from another one, or another one from it.
+// widths: half widths at its control points, or null where the stroke has one width.
+struct Segment {
+  uint32_t stroke, index;
+  bool joined_start, joined_stop;
+  const double *widths;
+};
+
 class Flattener {
   Control whole_;
   double reach_;
@@ -50,7 +58,7 @@ class Flattener {
   float left_ = 0, right_ = 0, top_ = 0, bottom_ = 0;  // the frame relative to the piece's origin
   bool outline_;
   double span_start_ = 0, span_stop_ = 1;
-  uint32_t stroke_ = 0;
+  Segment segment_ = {};
   float bend_ = 0;
   Direction<float> last_tangent_ = {};
   bool gap_ = true, partly_outside_ = true;
@@ -129,10 +137,12 @@ class Flattener {
     const Arc<float> arc = make_piece(k, p, c);
     c.parabola2 = S(parabola_step2(c, float(low(k.c, 2))));
     PieceInfo info{};
-    info.stroke = stroke_, info.start = start, info.stop = stop;
+    info.stroke = segment_.stroke, info.segment = segment_.index, info.start = start, info.stop = stop;
     info.first_chord = uint32_t(out.chords.size());
-    info.cap_start = start == span_start_, info.cap_stop = stop == span_stop_;
+    info.cap_start = start == span_start_ && !(segment_.joined_start && start == 0);
+    info.cap_stop = stop == span_stop_ && !(segment_.joined_stop && stop == 1);
     blossom(start, stop, info.map);
+    if (segment_.widths) place_widths(segment_.widths, info.map, c.half_width);
     out.pieces.add(c);
     out.piece_info.add(info);
     bend_ += SHARP;
@@ -207,8 +217,8 @@ public:
   // outline: chords turn little, as the Monte Carlo boundary samples need.
   Flattener(int height, int width, bool outline) : reach_(0), frame_{0, double(width), 0, double(height)}, outline_(outline) {}
 
-  // Adds one stroke: cubic 4 x (X, Y, Z, W), normalised so that the largest weight is 1. reach: px beyond which nothing is covered.
-  template <class S> void add(Flat<S> &out, const double *cubic, double near, double reach, uint32_t stroke, const Piece<S> &appearance) {
+  // Adds one segment: cubic 4 x (X, Y, Z, W), normalised so that the largest weight is 1. reach: px beyond which its stroke covers nothing.
+  template <class S> void add(Flat<S> &out, const double *cubic, double near, double reach, const Segment &segment, const Piece<S> &appearance) {
     double margin[4];
     for (int i = 0; i < 4; i++) {
       whole_.c[i] = v4d{cubic[4 * i], cubic[4 * i + 1], cubic[4 * i + 2], cubic[4 * i + 3]};
@@ -216,7 +226,7 @@ public:
     }
     const double old = reach_;
     frame_.left -= reach - old, frame_.top -= reach - old, frame_.right += reach - old, frame_.bottom += reach - old;
-    reach_ = reach, stroke_ = stroke, bend_ = 0, cuts_ = 0, gap_ = true;
+    reach_ = reach, segment_ = segment, bend_ = 0, cuts_ = 0, gap_ = true;
     visible_spans(margin, [&](double a, double b) { span(out, a, b, appearance); });
   }
 };

@@ -260,25 +260,28 @@ template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const I
   return add_layer(k, e.piece, e.slot, n0, pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
 }
 
-// Candidates of a stroke with several pieces over the tile: the best of all pieces.
-template <int POINTS> PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection &e, const Place &p, Work &k, uint32_t n0, real R) {
+// Candidates of a stroke with several pieces over the tile, those of intersections begin .. end: the best of all pieces.
+template <int POINTS>
+PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection *begin, const Intersection *end, const Place &p, Work &k, uint32_t n0, real R) {
   for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
   Rows all = {TILE, -1};
-  for (uint32_t first = e.first, last; first <= e.last; first = last + 1) {
-    const uint32_t piece = J.chord_info[first].piece;
-    for (last = first; last < e.last && J.chord_info[last + 1].piece == piece;) last++;
-    const Rows rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
-    const uint32_t n = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
-    improve<POINTS>(J, piece, p, k, n0, other_candidates<POINTS>(J, first, last, p, k, rows, n, R));
-    all = join(all, rows);
-  }
-  for (uint32_t piece = e.piece; piece < e.piece + e.pieces; piece++) {
-    reserve(k, n0, n0 + PIX);
-    const uint32_t n1 = pack(k, all, k.best_tau, n0, [&](int i) SIMD_LAMBDA {
-      return (load(k.best + i) < real(1e30)) & (load(k.best_piece + i) == splat_int(integer(piece)));
-    });
-    n0 = add_layer(k, piece, e.slot + (piece - e.piece), n0, n1);
-  }
+  for (const Intersection *e = begin; e != end; e++)
+    for (uint32_t first = e->first, last; first <= e->last; first = last + 1) {
+      const uint32_t piece = J.chord_info[first].piece;
+      for (last = first; last < e->last && J.chord_info[last + 1].piece == piece;) last++;
+      const Rows rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
+      const uint32_t n = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
+      improve<POINTS>(J, piece, p, k, n0, other_candidates<POINTS>(J, first, last, p, k, rows, n, R));
+      all = join(all, rows);
+    }
+  for (const Intersection *e = begin; e != end; e++)
+    for (uint32_t piece = e->piece; piece < e->piece + e->pieces; piece++) {
+      reserve(k, n0, n0 + PIX);
+      const uint32_t n1 = pack(k, all, k.best_tau, n0, [&](int i) SIMD_LAMBDA {
+        return (load(k.best + i) < real(1e30)) & (load(k.best_piece + i) == splat_int(integer(piece)));
+      });
+      n0 = add_layer(k, piece, e->slot + (piece - e->piece), n0, n1);
+    }
   return n0;
 }
 
@@ -332,7 +335,7 @@ template <int POINTS> PHASE void nearest_smooth_points(const Job<real> &J, const
 }
 
 // Coverage and depth at the nearest points of all candidates up to `end`; the covered ones stay as fragments. Returns their number.
-template <bool WORLD> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t end) {
+template <int WIDTH> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t end) {
   const Filter<real> filter = J.filter;
   uint32_t n = 0;
   for (uint32_t i = 0; i < end; i += VL) {
@@ -340,7 +343,7 @@ template <bool WORLD> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t
     const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
     const vf tau = load(k.start + i);
-    const Fragment<vf> g = fragment<WORLD>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)));
+    const Fragment<vf> g = fragment<WIDTH>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)));
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
     const vi in = (a > real(0)) & (g.depth > J.min_depth) & (px >= 0);
@@ -370,17 +373,20 @@ PHASE void close_layers(Work &k) {
 }
 
 // All fragments of the tile's strokes, in the order of strokes. Returns their number.
-template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int tile, const Place &p, Work &k) {
+template <int POINTS, int WIDTH> SIMD uint32_t collect(const Job<real> &J, int tile, const Place &p, Work &k) {
   k.layers = 0;
   reserve_layers(k, 1);
   k.first[0] = 0;
   uint32_t n = 0, smooth = 0;
-  for (uint32_t e = J.tile_first[tile]; e < J.tile_first[tile + 1]; e++) {
-    const Intersection &intersection = J.intersections[e], &next = J.intersections[e + 1];
+  const Intersection *const last = J.intersections + J.tile_first[tile + 1];
+  for (const Intersection *e = J.intersections + J.tile_first[tile], *end; e < last; e = end) {
+    for (end = e + 1; end < last && end->stroke == e->stroke;) end++;
+    const Intersection &intersection = *e, &next = *end;
+    const bool single = end == e + 1;
     __builtin_prefetch(J.chords + next.first), __builtin_prefetch(J.pieces + next.piece), __builtin_prefetch((char *)(J.pieces + next.piece) + 64);
     const real R = J.reach[intersection.stroke];
     if constexpr (POINTS != ANYWHERE)
-      if (intersection.smooth) {
+      if (single && intersection.smooth) {
         reserve(k, n, n + PIX);
         const uint32_t packed = pack_rows<POINTS>(J, intersection.first, intersection.last, p, k, n, R);
         start_along<POINTS>(J, intersection.first, intersection.last, p, k, n, packed);
@@ -388,11 +394,12 @@ template <int POINTS, bool WORLD> SIMD uint32_t collect(const Job<real> &J, int 
         continue;
       }
     reserve(k, n, n + 4 * PIX);  // a point may have four starts
-    n = intersection.pieces == 1 ? bent_candidates<POINTS>(J, intersection, p, k, n, R) : candidates_of_pieces<POINTS>(J, intersection, p, k, n, R);
+    if (single && intersection.pieces == 1) n = bent_candidates<POINTS>(J, intersection, p, k, n, R);
+    else n = candidates_of_pieces<POINTS>(J, e, end, p, k, n, R);
   }
   if (2 * smooth > n) nearest_smooth_points<POINTS>(J, p, k, n);
   else nearest_points<POINTS>(J, p, k, n);
-  n = cover<WORLD>(J, k, n);
+  n = cover<WIDTH>(J, k, n);
   close_layers(k);
   return n;
 }

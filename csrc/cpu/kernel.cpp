@@ -6,15 +6,18 @@
 namespace stroke {
 namespace {
 void forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
-  if (J.strata) J.world ? montecarlo_forward<true>(J, tile, S, A) : montecarlo_forward<false>(J, tile, S, A);
-  else J.world ? analytic_forward<true>(J, tile, S, A) : analytic_forward<false>(J, tile, S, A);
+  with_width(J.world, J.along, [&](auto width) {
+    if (J.strata) montecarlo_forward<width>(J, tile, S, A);
+    else analytic_forward<width>(J, tile, S, A);
+  });
 }
 void backward(const Job<real> &J, int tile, Scratch &S) {
-  if (J.strata) montecarlo_backward(J, tile, S);
-  else if (J.world) J.g_depth ? analytic_backward<true, true>(J, tile, S) : analytic_backward<true, false>(J, tile, S);
-  else J.g_depth ? analytic_backward<false, true>(J, tile, S) : analytic_backward<false, false>(J, tile, S);
+  if (J.strata) return montecarlo_backward(J, tile, S);
+  with_width(J.world, J.along, [&](auto width) { J.g_depth ? analytic_backward<width, true>(J, tile, S) : analytic_backward<width, false>(J, tile, S); });
 }
-void outline_tile(const Job<real> &J, int tile, Scratch &S) { J.world ? outline_values<true>(J, tile, S) : outline_values<false>(J, tile, S); }
+void outline_tile(const Job<real> &J, int tile, Scratch &S) {
+  with_width(J.world, J.along, [&](auto width) { outline_values<width>(J, tile, S); });
+}
 }  // namespace
 
 #define TEXT2(x) #x

@@ -30,8 +30,8 @@ constexpr float SHARP = 100;
 // Whether a run of chords has one nearest point to anything within its reach (SMOOTH_TURN, common/closest.h).
 inline bool smooth(const ChordInfo &first, const ChordInfo &last) { return last.bend_after - first.bend_before < SMOOTH_TURN; }
 
-// Where one stroke meets one tile: its chords first .. last (inclusive) may reach it. They belong to `pieces` pieces from `piece` on, whose sums go to the slots
-// from `slot` on. `smooth`: see above.
+// Where one stroke meets one tile: its chords first .. last (inclusive) may reach it. They belong to `pieces` pieces from `piece` on, whose sums
+// go to the slots from `slot` on. `smooth`: see above. A stroke that leaves a tile and comes back has several, one after the other.
 struct Intersection {
   uint32_t stroke, first, last, piece, pieces, slot;
   bool smooth;
@@ -50,7 +50,7 @@ struct Tile {
 
 template <class S> struct Job {
   int views, strokes, height, width, tiles_x, tiles_y;
-  bool world, save;
+  bool world, along, save;  // world, along: see Width
   Filter<S> filter;
   S min_depth;    // less depth than this is rounding: strokes are clipped at twice as much
   S chord_slack;  // px: chords this much farther than the nearest may still lead to the nearest point

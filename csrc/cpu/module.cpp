@@ -7,6 +7,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
+#include <type_traits>
 #include <variant>
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -17,13 +18,17 @@ namespace {
 struct Torch {
   nb::object dtype = name("dtype"), shape = name("shape"), data_ptr = name("data_ptr"), is_contiguous = name("is_contiguous"),
              is_neg = name("is_neg");
-  nb::object is_cpu = name("is_cpu"), float32, float64;
+  nb::object is_cpu = name("is_cpu"), float32, float64, int64, boolean;
   static nb::object name(const char *text) { return nb::steal(PyUnicode_InternFromString(text)); }
   Torch() {
     const nb::module_ torch = nb::module_::import_("torch");
-    float32 = torch.attr("float32"), float64 = torch.attr("float64");
+    float32 = torch.attr("float32"), float64 = torch.attr("float64"), int64 = torch.attr("int64"), boolean = torch.attr("bool");
   }
-  template <class S> const nb::object &real() const { return sizeof(S) == 4 ? float32 : float64; }
+  template <class S> const nb::object &dtype_of() const {
+    if constexpr (std::is_same_v<S, bool>) return boolean;
+    else if constexpr (std::is_same_v<S, int64_t>) return int64;
+    else return sizeof(S) == 4 ? float32 : float64;
+  }
 };
 const Torch &torch() {
   static const Torch *t = new Torch;
@@ -45,7 +50,7 @@ public:
   In() = default;
   explicit In(nb::handle tensor) : held_(nb::borrow(tensor)) {
     if (held_.is_none()) return;
-    require(held_.attr(torch().dtype).is(torch().real<S>()), "a tensor of another dtype");
+    require(held_.attr(torch().dtype).is(torch().dtype_of<S>()), "a tensor of another dtype");
     require(nb::cast<bool>(held_.attr(torch().is_cpu)), "a tensor on another device");
     if (nb::cast<bool>(held_.attr(torch().is_neg)())) held_ = held_.attr("resolve_neg")();
     if (!nb::cast<bool>(held_.attr(torch().is_contiguous)())) held_ = held_.attr("contiguous")();
@@ -90,6 +95,24 @@ template <class S> Unprojected<S> unprojected(const nb::tuple &curves) {
   require(curves.size() == 3, "curves must be cubics, or points, weights and matrices");
   return {In<S>(curves[0]), In<S>(curves[1]), In<double>(curves[2])};
 }
+// As render/drawing.py says: which segments make which stroke; both None where each is one.
+struct ChainsIn {
+  In<int64_t> first;
+  In<bool> closed;
+  Chains chains() const { return {first.data(), closed.data()}; }
+  size_t strokes(size_t segments) const { return first.given() ? closed.shape(0) : segments; }
+};
+ChainsIn chains_of(const nb::object &chains, size_t segments) {
+  if (chains.is_none()) return {};
+  const nb::tuple both = nb::cast<nb::tuple>(chains);
+  require(both.size() == 2, "chains must be first segments and closed, or None");
+  ChainsIn out = {In<int64_t>(both[0]), In<bool>(both[1])};
+  require(out.closed.ndim() == 1 && has_shape(out.first, {out.closed.shape(0) + 1}), "chains must have shapes (N + 1,) and (N,)");
+  for (size_t n = 0; n <= out.closed.shape(0); n++)
+    require(n ? out.first.data()[n] > out.first.data()[n - 1] : out.first.data()[0] == 0, "chains must have segments in order");
+  require(size_t(out.first.data()[out.closed.shape(0)]) == segments, "chains must hold all segments");
+  return out;
+}
 // As render/drawing.py says.
 template <class S> struct Appearance {
   In<S> half_width, color, opacity, background;
@@ -104,6 +127,7 @@ using Size = std::tuple<int, int>;
 template <class S> struct Owner {
   State<S> state;
   std::variant<Projected, Unprojected<S>> curves;
+  ChainsIn chains;
   Buffer<double> projections;  // the cubics of curves that came unprojected
   Appearance<S> appearance;
 };
@@ -117,12 +141,16 @@ template <class S> Scene<S> scene(const Unprojected<S> &curves) {
   return {int(matrices.shape(0)), int(points.shape(0)), int(points.shape(1)), points.data(), weights.data(), matrices.data()};
 }
 
-template <class S> Input<S> input(const double *cubics, size_t V, size_t N, const Appearance<S> &appearance, Size size, const Options &options) {
+template <class S>
+Input<S> input(const double *cubics, size_t V, size_t M, const ChainsIn &chains, const Appearance<S> &appearance, Size size, const Options &options) {
+  const size_t N = chains.strokes(M);
   const auto &[half_width, color, opacity, background] = appearance;
   const auto [height, width] = size;
   const size_t H = height, W = width;
-  require(has_shape(half_width, {N}) || has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}),
-          "half_width must have shape (N,) or (1 or V, N)");
+  const bool along = half_width.ndim() == 3;
+  require(has_shape(half_width, {N}) || has_shape(half_width, {1, N}) || has_shape(half_width, {V, N}) || has_shape(half_width, {1, M, 4}) ||
+              has_shape(half_width, {V, M, 4}),
+          "half_width must have shape (N,), (1 or V, N) or (1 or V, M, 4)");
   require(has_shape(color, {N, 3}) && has_shape(opacity, {N}), "color and opacity must have shapes (N, 3) and (N,)");
   // A background that is the same all along an axis may have one entry there.
   auto fits = [&b = background](int axis, size_t n) { return b.shape(axis) == n || b.shape(axis) == 1; };
@@ -133,16 +161,19 @@ template <class S> Input<S> input(const double *cubics, size_t V, size_t N, cons
   };
   require(height > 0 && width > 0 && background.ndim() == 4 && fits(0, V) && fits(1, H) && fits(2, W) && background.shape(3) == 3,
           "background must have shape (1 or V, 1 or H, 1 or W, 3)");
-  require(V * N < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31),
+  require(V * M < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31),
           "too many views, strokes or pixels");
   require(options.blur >= 0 && options.near > 0 && options.strata >= 0 && options.strata <= 64, "blur, near or strata out of range");
   return {int(V),
           int(N),
+          int(M),
           height,
           width,
+          chains.chains(),
           cubics,
           half_width.data(),
-          half_width.ndim() == 2 && half_width.shape(0) == V && V > 1,
+          half_width.ndim() > 1 && half_width.shape(0) == V && V > 1,
+          along,
           color.data(),
           opacity.data(),
           background.data(),
@@ -166,27 +197,30 @@ template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S
   return nb::make_tuple(array(std::move(images.color), {V, H, W, 3}), array(std::move(images.alpha), {V, H, W}),
                         array(std::move(images.depth), {V, H, W}), kept);
 }
-template <class S> nb::tuple forward_of(const nb::tuple &curves, const nb::tuple &appearance, Size size, const Options &options, bool save) {
+template <class S>
+nb::tuple forward_of(const nb::tuple &curves, const nb::object &chains, const nb::tuple &appearance, Size size, const Options &options, bool save) {
   auto owner = std::make_unique<Owner<S>>();
   owner->appearance = appearance_of<S>(appearance);
   if (curves.size() == 1) {
     const Projected cubics(curves[0]);
     require(cubics.ndim() == 4 && cubics.shape(2) == 4 && cubics.shape(3) == 4, "cubics must have shape (V, N, 4, 4)");
     owner->curves = cubics;
-    owner->state.input = input(cubics.data(), cubics.shape(0), cubics.shape(1), owner->appearance, size, options);
+    owner->chains = chains_of(chains, cubics.shape(1));
+    owner->state.input = input(cubics.data(), cubics.shape(0), cubics.shape(1), owner->chains, owner->appearance, size, options);
     return draw<S>(std::move(owner), nullptr, save);
   }
   owner->curves = unprojected<S>(curves);
   const Scene<S> s = scene(std::get<Unprojected<S>>(owner->curves));
-  owner->projections = Buffer<double>(size_t(s.views) * s.strokes * 16);
-  owner->state.input = input(owner->projections.get(), s.views, s.strokes, owner->appearance, size, options);
+  owner->projections = Buffer<double>(size_t(s.views) * s.segments * 16);
+  owner->chains = chains_of(chains, s.segments);
+  owner->state.input = input(owner->projections.get(), s.views, s.segments, owner->chains, owner->appearance, size, options);
   return draw<S>(std::move(owner), &s, save);
 }
 bool is_float32(nb::handle tensor) { return tensor.attr(torch().dtype).is(torch().float32); }
-nb::tuple py_forward(const nb::tuple &curves, const nb::tuple &appearance, Size size, const Options &options, bool save) {
+nb::tuple py_forward(const nb::tuple &curves, const nb::object &chains, const nb::tuple &appearance, Size size, const Options &options, bool save) {
   require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
-  return is_float32(appearance[1]) ? forward_of<float>(curves, appearance, size, options, save)
-                                   : forward_of<double>(curves, appearance, size, options, save);
+  return is_float32(appearance[1]) ? forward_of<float>(curves, chains, appearance, size, options, save)
+                                   : forward_of<double>(curves, chains, appearance, size, options, save);
 }
 
 // Gradients of the appearance, and then of the curves as they were given.
@@ -195,7 +229,7 @@ nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb
   require(upstream.size() == 3 && planes.size() == 2, "upstream must be three tensors or None, planes two");
   const In<S> g_color(upstream[0]), g_alpha(upstream[1]), g_depth(upstream[2]), alpha(planes[0]), depth(planes[1]);
   const Input<S> &in = owner.state.input;
-  const size_t V = in.views, N = in.strokes, H = in.height, W = in.width;
+  const size_t V = in.views, N = in.strokes, M = in.segments, H = in.height, W = in.width;
   require(!g_color.given() || has_shape(g_color, {V, H, W, 3}), "the gradient of color must have shape (V, H, W, 3)");
   for (auto *a : {&g_alpha, &g_depth, &alpha, &depth}) require(!a->given() || has_shape(*a, {V, H, W}), "planes must have shape (V, H, W)");
   require(!g_depth.given() || (alpha.given() && depth.given()), "the gradient of depth needs alpha and depth");
@@ -203,7 +237,7 @@ nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb
   const Scene<S> s = curves ? scene(*curves) : Scene<S>{};
   const size_t K = s.controls;
   Gradients<S> g;
-  Buffer<S> g_points(N * K * 3), g_weights(N * K);
+  Buffer<S> g_points(M * K * 3), g_weights(M * K);
   Buffer<double> g_matrices(V * 16);
   {
     nb::gil_scoped_release nogil;
@@ -212,26 +246,28 @@ nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb
     if (curves) project_backward(s, g.cubics.get(), g_points.get(), g_weights.get(), want_matrices ? g_matrices.get() : nullptr);
   }
   const In<S> &width = owner.appearance.half_width;
-  auto g_half_width = width.ndim() == 1 ? array(std::move(g.half_width), {N}) : array(std::move(g.half_width), {width.shape(0), N});
+  auto g_half_width = width.ndim() == 1   ? array(std::move(g.half_width), {N})
+                      : width.ndim() == 2 ? array(std::move(g.half_width), {width.shape(0), N})
+                                          : array(std::move(g.half_width), {width.shape(0), M, 4});
   auto g_colors = array(std::move(g.color), {N, 3}), g_opacity = array(std::move(g.opacity), {N});
   nb::object g_background = want_background ? nb::cast(array(std::move(g.background), {V, H, W, 3})) : nb::none();
-  if (!curves) return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, array(std::move(g.cubics), {V, N, 4, 4}));
+  if (!curves) return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, array(std::move(g.cubics), {V, M, 4, 4}));
   nb::object of_matrices = want_matrices ? nb::cast(array(std::move(g_matrices), {V, 4, 4})) : nb::none();
-  return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, array(std::move(g_points), {N, K, 3}), array(std::move(g_weights), {N, K}),
+  return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, array(std::move(g_points), {M, K, 3}), array(std::move(g_weights), {M, K}),
                         of_matrices);
 }
 
 // Projection alone and back, for tests: the drawing does both within its own calls.
 template <class S> Out<double> project_of(const Unprojected<S> &curves) {
   const Scene<S> s = scene(curves);
-  Buffer<double> cubics(size_t(s.views) * s.strokes * 16);
+  Buffer<double> cubics(size_t(s.views) * s.segments * 16);
   std::lock_guard guard(threads().busy());
   project(s, cubics.get());
-  return array(std::move(cubics), {size_t(s.views), size_t(s.strokes), 4, 4});
+  return array(std::move(cubics), {size_t(s.views), size_t(s.segments), 4, 4});
 }
 template <class S> nb::tuple project_backward_of(const Unprojected<S> &curves, const In<double> &g_cubics) {
   const Scene<S> s = scene(curves);
-  const size_t N = s.strokes, K = s.controls, V = s.views;
+  const size_t N = s.segments, K = s.controls, V = s.views;
   require(has_shape(g_cubics, {V, N, 4, 4}), "the gradient of cubics must have shape (V, N, 4, 4)");
   Buffer<S> g_points(N * K * 3), g_weights(N * K);
   Buffer<double> g_matrices(V * 16);
@@ -274,7 +310,7 @@ NB_MODULE(_kernels, m) {
           nb::kw_only(), "world"_a, "orthographic"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a);
   bind<float>(m, "State32");
   bind<double>(m, "State64");
-  m.def("forward", &py_forward, "curves"_a, "appearance"_a, "size"_a, "options"_a, "save"_a);
+  m.def("forward", &py_forward, "curves"_a, "chains"_a.none(), "appearance"_a, "size"_a, "options"_a, "save"_a);
   m.def("project", &py_project, "curves"_a);
   m.def("project_backward", &py_project_backward, "curves"_a, "g_cubics"_a);
   m.def("set_threads", &set_threads, nb::call_guard<nb::gil_scoped_release>());

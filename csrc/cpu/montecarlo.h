@@ -20,7 +20,7 @@ PHASE void place_samples(const Job<real> &J, const Place &p, int s, Work &k) {
   }
 }
 
-template <bool WORLD> void montecarlo_forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
+template <int WIDTH> void montecarlo_forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
   const Place p = place_of(J, tile);
   const int strata = J.strata * J.strata;
   if (J.tile_first[tile] == J.tile_first[tile + 1]) {
@@ -32,7 +32,7 @@ template <bool WORLD> void montecarlo_forward(const Job<real> &J, int tile, Scra
   alignas(64) real clear[PIX] = {}, ink[PIX] = {};
   for (int s = 0; s < strata; s++) {
     place_samples(J, p, s, k);
-    const uint32_t n = collect<NEAR_GRID, WORLD>(J, tile, p, k);
+    const uint32_t n = collect<NEAR_GRID, WIDTH>(J, tile, p, k);
     const uint32_t sorted = sort_layers(k);
     sort_fragments(k, sorted);
     transmit(k, n);
@@ -77,7 +77,7 @@ void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
         vf qx, qy, gz;
         points_of<NEAR_GRID>(k, p, c, px, qx, qy);
         for (int i = 0; i < VL; i++) gz[i] = k.pix[px[i]][3];
-        depth_adjoint(c, select(in, load(tau + f), vf{}), qx, qy, select(in, gz * load(T + f) * c.opacity, vf{}), m, real(1));
+        depth_adjoint<EVEN>(c, select(in, load(tau + f), vf{}), qx, qy, select(in, gz * load(T + f) * c.opacity, vf{}), vf{}, m, real(1));
       }
       add_to_slot(J, t.slot[l], m, color_gradient(t, k, l));
     }
@@ -86,7 +86,7 @@ void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
 
 // dL per unit of normal displacement at the outline points in a tile: the value just inside less the value just outside, times the length
 // that the point stands for. Points that lie inside another part of their own stroke are no outline.
-template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch &S) {
+template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &S) {
   const Place p = place_of(J, tile);
   Work &k = work(S);
   alignas(64) real x[PIX], y[PIX];
@@ -108,7 +108,7 @@ template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch 
       front[i] = clear[i] = 1, behind[i] = 0, hidden[i] = false;
     }
     std::memcpy(k.x, x, sizeof x), std::memcpy(k.y, y, sizeof y);
-    const uint32_t fragments = collect<ANYWHERE, WORLD>(J, tile, p, k);
+    const uint32_t fragments = collect<ANYWHERE, WIDTH>(J, tile, p, k);
     for (uint32_t l = 0; l < k.layers; l++) {
       const Piece<real> &c = J.pieces[k.layer[l].piece];
       const uint32_t stroke = J.piece_stroke[k.layer[l].piece];
@@ -117,7 +117,7 @@ template <bool WORLD> void outline_values(const Job<real> &J, int tile, Scratch 
         if (own[i] != stroke) continue;
         const Point<real> point = point_at(c, k.t[f]);
         const real d2 = distance2(point, k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
-        const Fragment<real> g = fragment<WORLD>(c, J.filter, point.tau, point.z, sqrt(d2));
+        const Fragment<real> g = fragment<WIDTH>(c, J.filter, point.tau, point.z, sqrt(d2));
         if (g.r - g.d > real(OUTLINE_SLACK)) hidden[i] = true;
         k.a[f] = 0;
       }
@@ -163,8 +163,7 @@ void outline_piece(const Job<real> &J, uint32_t piece, uint32_t first, uint32_t 
     const OutlinePoint<real> &o = J.outline[i];
     const real g = J.g_outline[i];
     if (g == 0) continue;
-    if (J.world) outline_adjoint<true>(c, o.tau, o.ux, o.uy, o.along, o.slope, g, m);
-    else outline_adjoint<false>(c, o.tau, o.ux, o.uy, o.along, o.slope, g, m);
+    with_width(J.world, J.along, [&](auto width) { outline_adjoint<width>(c, o.tau, o.ux, o.uy, o.along, o.slope, g, m); });
   }
   std::memcpy(sums, &m, sizeof m);
 }

@@ -15,7 +15,7 @@ template <class S> struct Outlines {
 template <class S> Outlines<S> sample_outlines(const State<S> &st) {
   const Job<S> &J = st.job;
   const size_t pieces = st.flat.pieces.size(), tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
-  const OutlineSampler<S, Flat<S>> sampler(st.flat, J.world, J.strata, J.seed);
+  const OutlineSampler<S, Flat<S>> sampler(st.flat, J.world, J.along, J.strata, J.seed);
   auto tile_of = [&](const OutlinePoint<S> &o) -> int64_t {
     if (!(o.x >= 0 && o.y >= 0 && o.x < J.width && o.y < J.height)) return -1;
     return (int64_t(st.piece_stroke[o.piece] / J.strokes) * J.tiles_y + int(o.y) / TILE) * J.tiles_x + int(o.x) / TILE;

@@ -46,7 +46,7 @@ __device__ inline void differentiate_alpha(const Job &J, const u32 *order, u32 n
 struct PixelGradient {
   real r, g, b, depth;
 };
-template <bool WORLD, bool DEPTH, bool SAMPLES>
+template <int WIDTH, bool DEPTH, bool SAMPLES>
 __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_piece, const WarpFragments *warp_fragments, int s,
                                          const PixelGradient *upstream) {
   const Piece<real> &c = J.pieces[J.tile_pieces[tile_piece].piece];
@@ -75,8 +75,8 @@ __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_p
     const real weight = J.front[f] * cover.a, ga = J.g_fragment[f];
     if (SAMPLES) {
       g.m.opacity += ga;
-      if (DEPTH) depth_adjoint(c, cover.tau, qx, qy, u.depth * weight, g.m, real(1));
-    } else fragment_adjoint<WORLD, DEPTH>(c, filter, cover.tau, qx, qy, ga, u.depth * weight, g.m);
+      if (DEPTH) depth_adjoint<EVEN>(c, cover.tau, qx, qy, u.depth * weight, real(0), g.m, real(1));
+    } else fragment_adjoint<WIDTH, DEPTH>(c, filter, cover.tau, qx, qy, ga, u.depth * weight, g.m);
     g.m.rgb[0] += weight * u.r, g.m.rgb[1] += weight * u.g, g.m.rgb[2] += weight * u.b;
   }
   real sum = 0;
@@ -88,7 +88,7 @@ __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_p
   if (lane() < NGRAD) J.g_tile_piece[u64(tile_piece) * NGRAD + lane()] += sum;
 }
 
-template <bool WORLD, bool DEPTH, bool SAMPLES> __device__ void differentiate_tile(const Job &J) {
+template <int WIDTH, bool DEPTH, bool SAMPLES> __device__ void differentiate_tile(const Job &J) {
   __shared__ PixelGradient upstream[PIX];
   const Tile p = tile_at(J, blockIdx.x);
   if (p.tile_piece_first == p.tile_piece_last && !J.g_background) return;
@@ -104,7 +104,7 @@ template <bool WORLD, bool DEPTH, bool SAMPLES> __device__ void differentiate_ti
     background += clear;
     __syncthreads();
     for (u32 r = p.tile_piece_first + threadIdx.x / WARP; r < p.tile_piece_last; r += WARPS)
-      differentiate_tile_piece<WORLD, DEPTH, SAMPLES>(J, p, r, warp_fragments_of(J, p, s) + u64(r - p.tile_piece_first) * WARPS, s, upstream);
+      differentiate_tile_piece<WIDTH, DEPTH, SAMPLES>(J, p, r, warp_fragments_of(J, p, s) + u64(r - p.tile_piece_first) * WARPS, s, upstream);
     __syncthreads();
   }
   if (!J.g_background || x >= p.w || y >= p.h) return;

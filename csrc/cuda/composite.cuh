@@ -39,7 +39,7 @@ __device__ inline void composite(const Job &J, const u32 *order, u32 n, Sums &su
   sums.clear += T;
 }
 
-template <bool WORLD> __device__ void draw_tile(const Job &J) {
+template <int WIDTH> __device__ void draw_tile(const Job &J) {
   const Tile p = tile_at(J, blockIdx.x);
   const int x = pixel_x(threadIdx.x), y = pixel_y(threadIdx.x), strata = samples(J);
   const bool active = x < p.w && y < p.h;
@@ -49,7 +49,7 @@ template <bool WORLD> __device__ void draw_tile(const Job &J) {
     const Place q = place_of(J, p, s, x, y);
     pool.warp_fragments = warp_fragments_of(J, p, s);
     u32 first = 0, n = 0;
-    if (p.tile_piece_first < p.tile_piece_last) n = collect<WORLD>(J, p, q.x, q.y, active, pool, first, [](const Hit &) { return true; });
+    if (p.tile_piece_first < p.tile_piece_last) n = collect<WIDTH>(J, p, q.x, q.y, active, pool, first, [](const Hit &) { return true; });
     if (J.save) J.point_first[point_index(J, p, s)] = first, J.point_count[point_index(J, p, s)] = n;
     composite(J, J.order + first, n, sums);
   }

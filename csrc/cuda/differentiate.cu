@@ -5,14 +5,17 @@
 #include "cuda/project.cuh"
 
 namespace stroke {
-KERNEL(differentiate_image, 256) { differentiate_tile<false, false, false>(J); }
-KERNEL(differentiate_image_depth, 256) { differentiate_tile<false, true, false>(J); }
-KERNEL(differentiate_world, 256) { differentiate_tile<true, true, false>(J); }
+KERNEL(differentiate_image, 256) { differentiate_tile<EVEN, false, false>(J); }
+KERNEL(differentiate_image_depth, 256) { differentiate_tile<EVEN, true, false>(J); }
+KERNEL(differentiate_world, 256) { differentiate_tile<WORLD, true, false>(J); }
+KERNEL(differentiate_image_along, 256) { differentiate_tile<ALONG, true, false>(J); }
+KERNEL(differentiate_world_along, 256) { differentiate_tile<WORLD | ALONG, true, false>(J); }
 KERNEL(finish_gradients, 128) {
-  each_warp(stroke_count(J), [&](u32 i) { finish_stroke(J, i); });
+  each_warp(segment_count(J), [&](u32 i) { finish_segment(J, i); });
 }
 KERNEL(gather_strokes, 128) {
   each_thread(u32(J.strokes), [&](u32 n) { gather_stroke(J, n); });
+  each_thread(u32(J.segments), [&](u32 m) { gather_segment(J, m); });
 }
 KERNEL(gather_cameras, 128) { gather_camera(J, blockIdx.x); }  // a block for every view
 KERNEL(conclude_gradients, 256) { report_needs(J); }

@@ -1,4 +1,4 @@
-// Gradients of strokes from the sums of their pieces over tiles and of their outlines, in double precision and a fixed order: one warp for each stroke and view.
+// Gradients of segments from the sums of their pieces over tiles and of their outlines, in double precision and a fixed order: one warp for each view and segment.
 #pragma once
 #include "cuda/warp.cuh"
 
@@ -18,24 +18,27 @@ __device__ inline double piece_sum(const Job &J, u32 piece, u32 first_intersecti
 }
 
 constexpr u32 FINISH_WARPS = 4;
-__device__ inline void finish_stroke(const Job &J, u32 i) {
-  __shared__ double sums[FINISH_WARPS][WARP], controls[FINISH_WARPS][16];
+__device__ inline void finish_segment(const Job &J, u32 i) {
+  __shared__ double sums[FINISH_WARPS][WARP], controls[FINISH_WARPS][16], widths[FINISH_WARPS][4];
   const u32 warp = threadIdx.x / WARP;
   const bool good = fits(J, OUTLINE_FRAGMENTS);
-  double out = 0;  // of the lanes: 16 numbers of the cubic; half width, opacity and colour
+  double out = 0;  // of the lanes: 16 numbers of the cubic; half widths, opacity and colour
   for (u32 p = good ? J.piece_first[i] : 0; good && p < J.piece_first[i + 1]; p++) {
     const PieceInfo &info = J.piece_info[p];
     const double sum = piece_sum(J, p, J.intersection_first[info.first_chord], J.intersection_first[info.end_chord]);
     sums[warp][lane()] = sum;
     __syncwarp();
     if (lane() == 0) control_gradient<double>(sums[warp], J.pieces[p].ox, J.pieces[p].oy, controls[warp]);
+    if (lane() == 0) width_gradient(sums[warp] + OF_WIDTH, widths[warp]);
     __syncwarp();
     if (lane() < 16)
       for (int a = 0; a < 4; a++) out += info.map[4 * a + lane() / 4] * controls[warp][4 * a + lane() % 4];
+    else if (J.along && lane() < OF_OPACITY)
+      for (int a = 0; a < 4; a++) out += info.map[4 * a + lane() - OF_WIDTH] * widths[warp][a];
     else out += sum;
     __syncwarp();
   }
   if (lane() < 16) J.g_cubics[u64(i) * 16 + lane()] = good && J.piece_first[i] < J.piece_first[i + 1] ? out * J.scale[i] : 0;
-  else if (lane() < NGRAD) J.g_appearance[u64(i) * 5 + lane() - 16] = out;
+  else if (lane() < NGRAD) J.g_appearance[u64(i) * (NGRAD - 16) + lane() - 16] = out;
 }
 }  // namespace stroke

@@ -1,32 +1,56 @@
-// Strokes to pieces, one thread each, and pieces to chords, one warp each (docs/explanation/mathematics.md, section "Flattening"). Both walk twice: to
+// Segments to pieces, one thread each, and pieces to chords, one warp each (docs/explanation/mathematics.md, section "Flattening"). Both walk twice: to
 // count, and, when all know where to write, to write. What was not counted is never written: it would lie in another's place.
 #pragma once
 #include "cuda/warp.cuh"
 
 namespace stroke {
-// A stroke as the flattening wants it: normalised so that the largest weight is 1.
+// A segment as the flattening wants it: normalised so that the largest weight is 1.
 struct Whole {
   Control control;
   Frame frame;
-  double reach, scale;
+  double reach, scale, widths[4];
   Piece<real> appearance;
 };
+// Half widths of segment i (view and segment) at its control points.
+__device__ inline void widths_of(const Job &J, u32 i, double *out) {
+  const u32 view = i / J.segments, m = i % J.segments, row = J.half_width_per_view ? view : 0;
+  for (int k = 0; k < 4; k++)
+    out[k] = J.half_width[J.along ? 4 * (u64(row) * J.segments + m) + k : u64(row) * J.strokes + stroke_of(J, m)] * real(J.width_scale);
+}
+// px beyond which segment i covers nothing. Its cubic is as given, or scaled.
+__device__ inline double reach_of_segment(const Job &J, u32 i, const double *cubic) {
+  double widths[4];
+  widths_of(J, i, widths);
+  return reach_of(cubic, most(widths[0], widths[1], widths[2], widths[3]), J.world, J.near, J.filter_reach, J.width, J.height);
+}
 // False if it cannot be drawn.
-__device__ inline bool load_stroke(const Job &J, u32 i, Whole &s) {
-  const u32 n = i % J.strokes;
+__device__ inline bool load_segment(const Job &J, u32 i, Whole &s) {
+  const u32 n = stroke_of(J, i % J.segments);
   const double *cubic = J.cubics + 16 * u64(i);
-  const double half_width = J.half_width[J.half_width_per_view ? i : n] * real(J.width_scale);
-  if (!drawable(cubic, J.orthographic, half_width, J.color + 3 * n, double(J.opacity[n]))) return false;
+  widths_of(J, i, s.widths);
+  for (int k = 0; k < (J.along ? 4 : 1); k++)
+    if (!drawable(cubic, J.orthographic, s.widths[k], J.color + 3 * n, double(J.opacity[n]))) return false;
   double largest = 0, scaled[16];
   for (int k = weight_place(J.orthographic); k < 16; k += 4) largest = most(largest, cubic[k]);
   s.scale = 1 / largest;
   for (int k = 0; k < 16; k++) scaled[k] = cubic[k] / largest, s.control.c[k / 4][k % 4] = scaled[k];
-  s.reach = reach_of(scaled, half_width, J.world, J.near, J.filter_reach, J.width, J.height);
+  // That of the stroke, if it was measured: the nearest of its segments counts, whichever is the widest.
+  s.reach = J.stroke_first ? double(J.reach[i / J.segments * J.strokes + n]) : reach_of_segment(J, i, scaled);
   s.frame = {-s.reach, J.width + s.reach, -s.reach, J.height + s.reach};
   s.appearance = {};
-  s.appearance.half_width = real(half_width), s.appearance.opacity = J.opacity[n], s.appearance.orthographic = J.orthographic;
+  s.appearance.half_width[0] = real(s.widths[0]), s.appearance.opacity = J.opacity[n], s.appearance.orthographic = J.orthographic;
   for (int k = 0; k < 3; k++) s.appearance.color[k] = J.color[3 * n + k];
   return true;
+}
+// The reach of stroke i (view and stroke) of several segments.
+__device__ inline void measure_stroke(const Job &J, u32 i) {
+  const u32 view = i / J.strokes, n = i % J.strokes;
+  double reach = 0;
+  for (u32 m = first_of(J, n); m < first_of(J, n + 1); m++) {
+    const u32 at = view * J.segments + m;
+    reach = most(reach, reach_of_segment(J, at, J.cubics + 16 * u64(at)));
+  }
+  J.reach[i] = real(reach);
 }
 
 // Visible spans: where the margin of depth over near, a cubic, is positive. f(a, b), at most twice.
@@ -77,28 +101,44 @@ template <class Visit> __device__ void visit_pieces(const Whole &s, double a, do
   }
 }
 
-// The pieces of one stroke in one view.
-template <bool WRITE> __device__ void cut_stroke(const Job &J, u32 i) {
+// The piece that one goes on from, which begins segment i or follows the one at piece - 1 in it.
+__device__ inline u32 piece_before(const Job &J, u32 i, u32 piece) {
+  const u32 view = i / J.segments, n = stroke_of(J, i % J.segments);
+  const u32 first = J.piece_first[view * J.segments + first_of(J, n)], end = J.piece_first[view * J.segments + first_of(J, n + 1)];
+  return piece > first ? piece - 1 : J.closed && J.closed[n] ? end - 1 : NO_PIECE;
+}
+
+// The pieces of one segment in one view.
+template <bool WRITE> __device__ void cut_segment(const Job &J, u32 i) {
   Whole s;
   u32 n = 0;
-  const u32 at = WRITE ? J.piece_first[i] : 0, end = WRITE ? J.piece_first[i + 1] : 0;
-  const bool good = load_stroke(J, i, s);
+  const u32 at = WRITE ? J.piece_first[i] : 0, end = WRITE ? J.piece_first[i + 1] : 0, m = i % J.segments, stroke = stroke_of(J, m);
+  const bool closed = J.closed && J.closed[stroke];
+  const bool joined_start = closed || m > first_of(J, stroke), joined_stop = closed || m + 1 < first_of(J, stroke + 1);
+  const bool good = load_segment(J, i, s);
   if (!WRITE && !good) J.counters[BAD] = i + 1;
   if (good) {
-    if (WRITE) J.reach[i] = real(s.reach), J.scale[i] = s.scale;
+    if (WRITE) J.scale[i] = s.scale;
+    if (WRITE && !J.stroke_first) J.reach[i] = real(s.reach);
     visible_spans(s.control, J.near, J.orthographic, [&](double a, double b) {
       visit_pieces(s, a, b, [&](const Control &k, const v4d *p, double start, double stop) {
         const u32 piece = at + n++;
         if (!WRITE || piece >= end) return;
         Piece<real> c = s.appearance;
         J.arcs[piece] = make_piece(k, p, c);
-        J.pieces[piece] = c;
         PieceInfo &info = J.piece_info[piece];
-        info.stroke = i, info.start = start, info.stop = stop, info.cap_start = start == a, info.cap_stop = stop == b;
+        info.stroke = i / J.segments * J.strokes + stroke, info.segment = i, info.start = start, info.stop = stop;
+        info.cap_start = start == a && !(joined_start && start == 0), info.cap_stop = stop == b && !(joined_stop && stop == 1);
+        info.before = info.cap_start ? NO_PIECE : piece_before(J, i, piece);
         blossom(start, stop, info.map);
+        if (J.along) place_widths(s.widths, info.map, c.half_width);
+        J.pieces[piece] = c;
       });
     });
-  } else if (WRITE) J.reach[i] = 0, J.scale[i] = 0;
+  } else if (WRITE) {
+    J.scale[i] = 0;
+    if (!J.stroke_first) J.reach[i] = 0;
+  }
   if (!WRITE) J.piece_first[i] = n;
 }
 

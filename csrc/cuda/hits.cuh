@@ -88,13 +88,13 @@ __device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first
   return best;
 }
 
-template <bool WORLD> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y) {
+template <int WIDTH> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y) {
   const Candidate start = nearest_start(J, p, first, last, x, y, J.reach[J.tile_pieces[first].stroke]);
   if (start.tile_piece == NONE) return {0, 0, 0, NONE};
   const Piece<real> &c = J.pieces[J.tile_pieces[start.tile_piece].piece];
   const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
   const Point<real> point = arrive(c, newton_step(c, start.tau, qx, qy), qx, qy, true);
-  const Fragment<real> g = fragment<WORLD>(c, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
+  const Fragment<real> g = fragment<WIDTH>(c, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
   // Monte Carlo: a point is inside or not.
   const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
   // Less depth is rounding: strokes are clipped at twice as much.
@@ -158,7 +158,7 @@ __device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
 
 // The fragments of this thread's point, relative to the tile, if `active`: their number, and in `first` where their order begins. accept: which
 // hits count. All threads of the block call this together.
-template <bool WORLD, class Accept>
+template <int WIDTH, class Accept>
 __device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active, Pool &pool, u32 &first, Accept accept) {
   __shared__ ShortLists lists;
   const u32 warp = threadIdx.x / WARP;
@@ -166,7 +166,7 @@ __device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active,
   for (u32 r = p.tile_piece_first, next; r < p.tile_piece_last; r = next) {
     for (next = r + 1; next < p.tile_piece_last && J.tile_pieces[next].stroke == J.tile_pieces[r].stroke;) next++;
     Hit hit = {0, 0, 0, NONE};
-    if (active) hit = nearest_hit<WORLD>(J, p, r, next, x, y);
+    if (active) hit = nearest_hit<WIDTH>(J, p, r, next, x, y);
     if (hit.tile_piece != NONE && !accept(hit)) hit.tile_piece = NONE;
     for (u32 k = r; k < next; k++) {
       const bool in = hit.tile_piece == k;

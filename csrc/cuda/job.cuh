@@ -46,9 +46,13 @@ struct Job {
   // strokes and images, as the CPU kernels' (kernel.h); half widths are half_width times width_scale
   double *cubics;
   const real *half_width, *color, *opacity, *background;
+  // which segments make which stroke: the first of each stroke, and their number; the stroke of each; whether a stroke is closed. Null where
+  // every segment is a stroke
+  const long long *stroke_first, *segment_stroke;
+  const bool *closed;
   real *out_color, *out_alpha, *out_depth;
-  // per stroke and view
-  real *reach;
+  real *reach;  // per view and stroke
+  // per view and segment
   double *scale;
   u32 *piece_first;
   // per piece, and one more
@@ -78,7 +82,7 @@ struct Job {
   real *front, *g_fragment;  // per fragment: transmittance in front of it, dL/d(alpha)
   real *g_tile_piece;        // per tile piece: NGRAD sums
   real *g_background;
-  double *g_cubics, *g_appearance;                                 // per stroke and view: 16 and 5 numbers
+  double *g_cubics, *g_appearance;                                 // per view and segment: 16 and NGRAD - 16 numbers
   real *g_widths, *g_colors, *g_opacities, *g_points, *g_weights;  // of the inputs
   double *g_matrices;
   // outlines (Monte Carlo)
@@ -93,17 +97,21 @@ struct Job {
   u64 seed;
   long long background_view, background_row, background_pixel;
   double near, inv_sigma, filter_reach, width_scale;
-  int views, strokes, height, width, tiles_x, tiles_y, world, orthographic, strata, half_width_per_view, save;
-  int controls;  // control points of a stroke in space; 0 where cubics are given
+  int views, strokes, segments, height, width, tiles_x, tiles_y, world, along, orthographic, strata, half_width_per_view, save;
+  int controls;  // control points of a segment in space; 0 where cubics are given
 };
 
 // What job.py repeats to know how much memory the arrays take.
-static_assert(TILE == 16 && WARPS == 8 && NGRAD == 21 && COUNTERS == 10);
-static_assert(sizeof(Piece<real>) == 26 * sizeof(real) && sizeof(PieceInfo) == 168 && sizeof(Arc<float>) == 80);
+static_assert(TILE == 16 && WARPS == 8 && NGRAD == 24 && COUNTERS == 10);
+static_assert(sizeof(Piece<real>) == 29 * sizeof(real) && sizeof(PieceInfo) == 176 && sizeof(Arc<float>) == 80);
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
 static_assert(sizeof(TilePiece) == 16 && sizeof(WarpFragments) == 8 && sizeof(Cover) == 4 * sizeof(real));
 
+__device__ inline u32 segment_count(const Job &J) { return u32(J.views) * u32(J.segments); }
 __device__ inline u32 stroke_count(const Job &J) { return u32(J.views) * u32(J.strokes); }
+// The stroke of segment m, and the first segment of stroke n.
+__device__ inline u32 stroke_of(const Job &J, u32 m) { return J.segment_stroke ? u32(J.segment_stroke[m]) : m; }
+__device__ inline u32 first_of(const Job &J, u32 n) { return J.stroke_first ? u32(J.stroke_first[n]) : n; }
 __device__ inline u32 tile_count(const Job &J) { return u32(J.views) * u32(J.tiles_x) * u32(J.tiles_y); }
 __device__ inline int samples(const Job &J) { return J.strata ? J.strata * J.strata : 1; }
 __device__ inline Filter<real> filter_of(const Job &J) { return {real(J.inv_sigma), real(J.filter_reach)}; }

@@ -13,13 +13,13 @@ __device__ inline u32 outline_tile(const Job &J, const OutlinePoint<real> &o) { 
   return (J.piece_info[o.piece].stroke / J.strokes * J.tiles_y + u32(o.y) / TILE) * J.tiles_x + u32(o.x) / TILE;
 }
 __device__ inline void count_outline(const Job &J, u32 piece) {
-  J.outline_first[piece] = OutlineSampler<real, Job>(J, J.world, J.strata, J.seed, NONE).piece(piece, [](u32, const OutlinePoint<real> &) {});
+  J.outline_first[piece] = OutlineSampler<real, Job>(J, J.world, J.along, J.strata, J.seed, NONE).piece(piece, [](u32, const OutlinePoint<real> &) {});
 }
 // By one warp. Slots that stay empty lie nowhere: the host has filled them with NaN. The count was made by other code, which may round otherwise:
 // a point too many is left out.
 __device__ inline void sample_outline(const Job &J, u32 piece) {
   const u32 first = J.outline_first[piece], slots = J.outline_first[piece + 1] - first;
-  OutlineSampler<real, Job>(J, J.world, J.strata, J.seed, lane(), WARP).piece(piece, [&](u32 slot, const OutlinePoint<real> &o) {
+  OutlineSampler<real, Job>(J, J.world, J.along, J.strata, J.seed, lane(), WARP).piece(piece, [&](u32 slot, const OutlinePoint<real> &o) {
     if (slot >= slots) return;
     J.outline[first + slot] = o;
     const u32 tile = outline_tile(J, o);
@@ -33,7 +33,7 @@ __device__ inline void scatter_outline(const Job &J, u32 i) {
 
 // dL per unit of normal displacement at this thread's point: the value just inside less the value just outside, times the length that the point
 // stands for. A point that lies inside another part of its own stroke is no outline.
-template <bool WORLD> __device__ void value_outline(const Job &J) {
+template <int WIDTH> __device__ void value_outline(const Job &J) {
   const Tile p = tile_at(J, blockIdx.x);
   const u32 last = J.outline_tile_first[p.index + 1];
   Pool pool = {J.outline_fragments,
@@ -54,12 +54,12 @@ template <bool WORLD> __device__ void value_outline(const Job &J) {
     const Upstream u = upstream_at(J, p, int(x), int(y), 1);
     bool hidden = false;
     u32 first;
-    const u32 n = collect<WORLD>(J, p, x, y, active, pool, first, [&](const Hit &hit) {
+    const u32 n = collect<WIDTH>(J, p, x, y, active, pool, first, [&](const Hit &hit) {
       if (J.tile_pieces[hit.tile_piece].stroke != own) return true;
       const Piece<real> &part = J.pieces[J.tile_pieces[hit.tile_piece].piece];
       const real qx = real(p.x) - part.ox + x, qy = real(p.y) - part.oy + y;
       const Point<real> point = point_at(part, hit.tau);
-      const Fragment<real> g = fragment<WORLD>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
+      const Fragment<real> g = fragment<WIDTH>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
       hidden = hidden || g.r - g.d > real(OUTLINE_SLACK);
       return false;
     });
@@ -85,8 +85,7 @@ __device__ inline void sum_outline(const Job &J, u32 piece) {
   for (u32 i = J.outline_first[piece] + lane(); i < J.outline_first[piece + 1]; i += WARP) {
     const OutlinePoint<real> o = J.outline[i];
     if (outline_tile(J, o) == NONE || J.g_outline[i] == 0) continue;
-    if (J.world) outline_adjoint<true>(c, o.tau, o.ux, o.uy, o.along, o.slope, J.g_outline[i], g.m);
-    else outline_adjoint<false>(c, o.tau, o.ux, o.uy, o.along, o.slope, J.g_outline[i], g.m);
+    with_width(J.world, J.along, [&](auto width) { outline_adjoint<width>(c, o.tau, o.ux, o.uy, o.along, o.slope, J.g_outline[i], g.m); });
   }
   real sum = 0;
 #pragma unroll

@@ -5,13 +5,16 @@
 
 namespace stroke {
 KERNEL(project_strokes, 128) {
-  each_thread(stroke_count(J), [&](u32 i) { project_stroke(J, i); });
+  each_thread(segment_count(J), [&](u32 i) { project_segment(J, i); });
+}
+KERNEL(measure_strokes, 128) {  // of several segments
+  each_thread(stroke_count(J), [&](u32 i) { measure_stroke(J, i); });
 }
 KERNEL(count_pieces, 128) {
-  each_thread(stroke_count(J), [&](u32 i) { cut_stroke<false>(J, i); });
+  each_thread(segment_count(J), [&](u32 i) { cut_segment<false>(J, i); });
 }
-KERNEL(place_pieces, 1024) { total(J, PIECES, J.piece_first, stroke_count(J)); }
+KERNEL(place_pieces, 1024) { total(J, PIECES, J.piece_first, segment_count(J)); }
 KERNEL(write_pieces, 128) {
-  if (fits(J, PIECES)) each_thread(stroke_count(J), [&](u32 i) { cut_stroke<true>(J, i); });
+  if (fits(J, PIECES)) each_thread(segment_count(J), [&](u32 i) { cut_segment<true>(J, i); });
 }
 }  // namespace stroke

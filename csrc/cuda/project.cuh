@@ -5,41 +5,57 @@
 #include "cuda/job.cuh"
 
 namespace stroke {
-__device__ inline const real *points_of(const Job &J, u32 n) { return J.points + u64(n) * J.controls * 3; }
-__device__ inline const real *weights_of(const Job &J, u32 n) { return J.weights + u64(n) * J.controls; }
+__device__ inline const real *points_of(const Job &J, u32 m) { return J.points + u64(m) * J.controls * 3; }
+__device__ inline const real *weights_of(const Job &J, u32 m) { return J.weights + u64(m) * J.controls; }
 
-// i: view and stroke.
-__device__ inline void project_stroke(const Job &J, u32 i) {
-  const u32 view = i / J.strokes, n = i % J.strokes;
+// i: view and segment.
+__device__ inline void project_segment(const Job &J, u32 i) {
+  const u32 view = i / J.segments, m = i % J.segments;
   double control[16];
-  control_of(points_of(J, n), weights_of(J, n), J.controls, control);
+  control_of(points_of(J, m), weights_of(J, m), J.controls, control);
   to_view(J.matrices + 16 * view, control, J.cubics + 16 * u64(i));
 }
 
-// Sums over the views of stroke n.
+constexpr int OF_APPEARANCE = NGRAD - 16;  // numbers of g_appearance: of the half width's polynomial, opacity and colour
+// Sums over the views and segments of stroke n.
 __device__ inline void gather_stroke(const Job &J, u32 n) {
-  double appearance[5] = {}, control[16] = {};
+  double sums[OF_APPEARANCE] = {};
   for (u32 view = 0; view < u32(J.views); view++) {
-    const u64 i = u64(view) * J.strokes + n;
-    for (int k = 0; k < 5; k++) appearance[k] += J.g_appearance[5 * i + k];
-    if (J.half_width_per_view) J.g_widths[i] = real(J.g_appearance[5 * i]);
+    double one[OF_APPEARANCE] = {};
+    for (u32 m = first_of(J, n); m < first_of(J, n + 1); m++)
+      for (int k = 0; k < OF_APPEARANCE; k++) one[k] += J.g_appearance[OF_APPEARANCE * (u64(view) * J.segments + m) + k];
+    for (int k = 0; k < OF_APPEARANCE; k++) sums[k] += one[k];
+    if (J.half_width_per_view && !J.along) J.g_widths[u64(view) * J.strokes + n] = real(one[0]);
+  }
+  if (!J.half_width_per_view && !J.along) J.g_widths[n] = real(sums[0] * J.width_scale);
+  J.g_opacities[n] = real(sums[OF_OPACITY - OF_WIDTH]);
+  for (int k = 0; k < 3; k++) J.g_colors[3 * u64(n) + k] = real(sums[OF_COLOR - OF_WIDTH + k]);
+}
+// Sums over the views of segment m.
+__device__ inline void gather_segment(const Job &J, u32 m) {
+  double widths[4] = {}, control[16] = {};
+  for (u32 view = 0; view < u32(J.views); view++) {
+    const u64 i = u64(view) * J.segments + m;
+    if (J.along)
+      for (int k = 0; k < 4; k++) {
+        widths[k] += J.g_appearance[OF_APPEARANCE * i + k];
+        if (J.half_width_per_view) J.g_widths[4 * i + k] = real(J.g_appearance[OF_APPEARANCE * i + k]);
+      }
     if (J.controls) from_view(J.matrices + 16 * view, J.g_cubics + 16 * i, control);
   }
-  if (!J.half_width_per_view) J.g_widths[n] = real(appearance[0] * J.width_scale);
-  J.g_opacities[n] = real(appearance[1]);
-  for (int k = 0; k < 3; k++) J.g_colors[3 * u64(n) + k] = real(appearance[2 + k]);
-  const u64 at = u64(n) * J.controls;
-  if (J.controls) from_control(points_of(J, n), weights_of(J, n), J.controls, control, J.g_points + 3 * at, J.g_weights + at);
+  for (int k = 0; k < 4 && J.along && !J.half_width_per_view; k++) J.g_widths[4 * u64(m) + k] = real(widths[k] * J.width_scale);
+  const u64 at = u64(m) * J.controls;
+  if (J.controls) from_control(points_of(J, m), weights_of(J, m), J.controls, control, J.g_points + 3 * at, J.g_weights + at);
 }
 
-// Sums over the strokes of a view, by one block: a thread takes every so manieth stroke, then threads add up in pairs.
+// Sums over the segments of a view, by one block: a thread takes every so manieth segment, then threads add up in pairs.
 constexpr u32 GATHER_THREADS = 128;
 __device__ inline void gather_camera(const Job &J, u32 view) {
   __shared__ double sums[GATHER_THREADS];
   double matrix[16] = {}, control[16];
-  for (u32 n = threadIdx.x; n < u32(J.strokes); n += GATHER_THREADS) {
-    control_of(points_of(J, n), weights_of(J, n), J.controls, control);
-    to_matrix(control, J.g_cubics + 16 * (u64(view) * J.strokes + n), matrix);
+  for (u32 m = threadIdx.x; m < u32(J.segments); m += GATHER_THREADS) {
+    control_of(points_of(J, m), weights_of(J, m), J.controls, control);
+    to_matrix(control, J.g_cubics + 16 * (u64(view) * J.segments + m), matrix);
   }
   for (u32 k = 0; k < 16; k++) {
     sums[threadIdx.x] = matrix[k];

@@ -4,8 +4,10 @@
 #include "cuda/outline.cuh"
 
 namespace stroke {
-KERNEL(differentiate_samples, 256) { differentiate_tile<false, false, true>(J); }
-KERNEL(differentiate_samples_depth, 256) { differentiate_tile<false, true, true>(J); }
-KERNEL(value_outlines_image, 256) { value_outline<false>(J); }
-KERNEL(value_outlines_world, 256) { value_outline<true>(J); }
+KERNEL(differentiate_samples, 256) { differentiate_tile<EVEN, false, true>(J); }
+KERNEL(differentiate_samples_depth, 256) { differentiate_tile<EVEN, true, true>(J); }
+KERNEL(value_outlines_image, 256) { value_outline<EVEN>(J); }
+KERNEL(value_outlines_world, 256) { value_outline<WORLD>(J); }
+KERNEL(value_outlines_image_along, 256) { value_outline<ALONG>(J); }
+KERNEL(value_outlines_world_along, 256) { value_outline<WORLD | ALONG>(J); }
 }  // namespace stroke

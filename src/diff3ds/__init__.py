@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from diff3ds import bezier, guidance, library, losses
     from diff3ds.camera import Cameras, look_at, orbit
+    from diff3ds.chains import Chains
     from diff3ds.formats import load, save
     from diff3ds.optimize import density
     from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Analytic",
     "Cameras",
+    "Chains",
     "FitConfig",
     "MonteCarlo",
     "NoiseDeletion",
@@ -79,6 +81,7 @@ _HOMES = {
         ("Rendering", "available_backends", "get_num_threads", "rasterize", "render", "set_num_threads"), "render"
     ),
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
+    "Chains": "chains",
     "Sketch": "sketch",
     **dict.fromkeys(("image_to_sketch", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),

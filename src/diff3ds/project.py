@@ -2,35 +2,43 @@
 
 from dataclasses import dataclass, replace
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier.curves import elevate_homogeneous, homogeneous
 from diff3ds.camera import DEFAULT_NEAR, Cameras
+from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch, WidthSpace
 
 
 @dataclass(frozen=True, eq=False)
 class Strokes2D:
-    """N strokes seen in V views: what `rasterize` draws.
+    """N strokes of M segments in all, seen in V views: what `rasterize` draws.
 
     Attributes:
         cubics: homogeneous control points (X, Y, Z, W), float64. On screen the curve is (X / Z, Y / Z) in pixels from
             the top-left corner, its camera depth is Z / W in world units, and W / Z in orthographic views.
         half_width: pixels (`width_space="image"`), or pixels times depth ("world": the half width at a point is this
-            over its depth). One row, shared by all views, or one a view.
+            over its depth). One row, shared by all views, or one a view. One value a stroke, or the four Bernstein
+            coefficients of a cubic in the segment's parameter.
         color: straight RGB.
         opacity: in [0, 1].
         width_space: see half_width; orthographic views have none but "image".
         near: parts with depth <= near are not drawn.
         orthographic: whether the views are.
+        chains: which segments make which stroke; None where each is one.
     """
 
-    cubics: Float[Tensor, "V N 4 4"]
-    half_width: Float[Tensor, "U N"]
+    cubics: Float[Tensor, "V M 4 4"]
+    half_width: Float[Tensor, "U N"] | Float[Tensor, "U M 4"]
     color: Float[Tensor, "N 3"]
     opacity: Float[Tensor, " N"]
     width_space: WidthSpace = "image"
     near: float = DEFAULT_NEAR
     orthographic: bool = False
+    chains: Chains | None = None
+
+    def stroke_of(self, segment: Int[Tensor, " P"]) -> Int[Tensor, " P"]:
+        """The strokes of segments."""
+        return segment if self.chains is None else self.chains.stroke[segment]
 
     def detach(self) -> "Strokes2D":
         """The same strokes without their history, and without tangents of forward mode."""
@@ -48,7 +56,7 @@ class Strokes2D:
         return points[..., over] / points[..., under]
 
     @property
-    def margin(self) -> Float[Tensor, "V N 4"]:
+    def margin(self) -> Float[Tensor, "V M 4"]:
         """Bernstein coefficients of what is positive where the depth is more than `near`."""
         over, under = self.depth_ratio
         return self.cubics[..., over] - self.near * self.cubics[..., under]
@@ -67,16 +75,20 @@ def project(sketch: Sketch, cameras: Cameras) -> Strokes2D:
     control = elevate_homogeneous(homogeneous(sketch.points.double(), sketch.weights.double()))
     cubics = control @ cameras.projection[:, None].mT
     appearance = half_widths(sketch, cameras), sketch.color, sketch.opacity
-    return Strokes2D(cubics, *appearance, width_space(sketch, cameras), cameras.near, cameras.orthographic)
+    space = width_space(sketch, cameras)
+    return Strokes2D(cubics, *appearance, space, cameras.near, cameras.orthographic, sketch.chains)
 
 
-def half_widths(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "U N"]:
+def half_widths(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "U N"] | Float[Tensor, "U M 4"]:
     """`Strokes2D.half_width` of a sketch."""
+    width = sketch.width
+    if width.ndim == 2:
+        width = elevate_homogeneous(width[..., None])[..., 0]
     if sketch.width_space == "image":
-        return (sketch.width * (cameras.size[0] / 2))[None]
+        return (width * (cameras.size[0] / 2))[None]
     # Pixels may be oblong; a tube is as wide as in the mean of both directions. Without perspective that is all.
     focal = (cameras.intrinsics[:, 0, 0] * cameras.intrinsics[:, 1, 1]).sqrt().to(sketch.width.dtype)
-    return focal[:, None] * sketch.width / 2
+    return focal.reshape(-1, *[1] * width.ndim) * width / 2
 
 
 def width_space(sketch: Sketch, cameras: Cameras) -> WidthSpace:

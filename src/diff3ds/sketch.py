@@ -12,61 +12,72 @@ from diff3ds import bezier
 from diff3ds._checks import as_numbers, check_generator, kind
 from diff3ds._modes import check_plain
 from diff3ds._shapes import Float, Tensor
+from diff3ds.chains import Chains
 
 WidthSpace = Literal["image", "world"]
 
 # Full width as a fraction of the image height: about 3 px at 512.
 DEFAULT_WIDTH = 0.006
 
+# Gap at a joint that rounding may leave, as a fraction of the extent of the two segments; of widths, of the largest.
+JOINT_GAP = 1e-4
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class Sketch:
-    """N strokes of K = degree + 1 control points each, in world units, z up.
+    """N strokes in world units, z up, of one or more segments: rational Bézier curves of K = degree + 1 control points.
 
-    Everything but `points` may be left out; a number, a colour or one value a stroke does for `width`, `color` and
-    `opacity`.
+    Everything but `points` may be left out; a number, a colour or one value a stroke does for
+    `width`, `color` and `opacity`. Without `chains` every segment is a stroke of its own, M = N.
 
     Attributes:
-        points: control points, K = 2, 3 or 4.
+        points: control points of the M segments, K = 2, 3 or 4.
         weights: positive rational weights, default 1.
         width: full widths, not negative: fractions of the image height (`width_space="image"`) or world units
-            (`"world"`).
+            (`"world"`). One a stroke, or one a control point: then the width along a segment is the polynomial with
+            these Bernstein coefficients (not weighted) in the segment's parameter.
         color: straight (not premultiplied) RGB, usually in [0, 1]; default black.
         opacity: in [0, 1], default 1.
         width_space: "image" (same width at every depth; default) or "world" (thinner with distance).
+        chains: which segments make which stroke; None where each is one, also if it was given so.
 
     Raises:
-        TypeError, ValueError: a wrong type, shape, dtype, device or value; the message names the field, the stroke and
-            the value. Values on a GPU are not looked at here, because that would wait for it: `render` refuses bad
-            ones, and `check_values` looks at once.
+        TypeError, ValueError: a wrong type, shape, dtype, device or value, segments that do not meet at a joint, or
+            widths that jump there; the message names the field, the stroke and the value. Values on a GPU are not
+            looked at here, because that would wait for it: `render` refuses bad ones, and `check_values` looks at once.
     """
 
-    points: Float[Tensor, "N K 3"]
-    weights: Float[Tensor, "N K"]
-    width: Float[Tensor, " N"]
+    points: Float[Tensor, "M K 3"]
+    weights: Float[Tensor, "M K"]
+    width: Float[Tensor, " N"] | Float[Tensor, "M K"]
     color: Float[Tensor, "N 3"]
     opacity: Float[Tensor, " N"]
     width_space: WidthSpace
+    chains: Chains | None
 
     def __init__(
         self,
-        points: Float[Tensor, "N K 3"],
-        weights: Float[Tensor, "N K"] | None = None,
-        width: float | Float[Tensor, " N"] = DEFAULT_WIDTH,
+        points: Float[Tensor, "M K 3"],
+        weights: Float[Tensor, "M K"] | None = None,
+        width: float | Float[Tensor, " N"] | Float[Tensor, "M K"] = DEFAULT_WIDTH,
         color: Sequence[float] | Float[Tensor, " 3"] | Float[Tensor, "N 3"] = (0.0, 0.0, 0.0),
         opacity: float | Float[Tensor, " N"] = 1.0,
         width_space: WidthSpace = "image",
+        chains: Chains | None = None,
     ) -> None:
         if not isinstance(points, Tensor) or not points.is_floating_point():
             raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
         if points.ndim != 3 or points.shape[1] not in (2, 3, 4) or points.shape[2] != 3:
             hint = ": add a leading stroke axis with points[None]" if points.ndim == 2 else ""
             raise ValueError(f"points must have shape (N, K, 3), K = 2, 3 or 4, got {tuple(points.shape)}{hint}")
-        count, controls = points.shape[:2]
+        segments, controls = points.shape[:2]
+        chains = _kept(chains, points)
+        count, rows = (segments, "strokes") if chains is None else (len(chains), "segments")
+        along = isinstance(width, Tensor) and width.ndim == 2
         given = {
             "points": points,
-            "weights": _filled("weights", 1.0 if weights is None else weights, points, (count, controls)),
-            "width": _filled("width", width, points, (count,)),
+            "weights": _filled("weights", 1.0 if weights is None else weights, points, (segments, controls), rows),
+            "width": _filled("width", width, points, *(((segments, controls), rows) if along else ((count,),))),
             "color": _filled("color", color, points, (count, 3)),
             "opacity": _filled("opacity", opacity, points, (count,)),
         }
@@ -76,6 +87,7 @@ class Sketch:
         for name, value in given.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "width_space", width_space)
+        object.__setattr__(self, "chains", chains)
         if points.device.type == "cpu":
             self.check_values()
 
@@ -92,25 +104,77 @@ class Sketch:
             value = getattr(self, name).detach()
             good = holds(value)
             if not bool(good.all()):
-                stroke = int(good.reshape(len(value), -1).all(1).int().argmin())
-                got = value[stroke].reshape(-1)[int(good[stroke].reshape(-1).int().argmin())].item()
-                raise ValueError(f"{name} of stroke {stroke} must be {expected}, got {got}")
+                row = int(good.reshape(len(value), -1).all(1).int().argmin())
+                got = value[row].reshape(-1)[int(good[row].reshape(-1).int().argmin())].item()
+                raise ValueError(f"{name} of {self._named(row, len(value))} must be {expected}, got {got}")
+        if self.chains is not None:
+            self._check_joints(self.chains)
+
+    def _named(self, row: int, rows: int) -> str:
+        """What a row of a tensor with so many rows is about."""
+        if self.chains is None or rows != len(self.points) or rows == len(self):
+            return f"stroke {row}"
+        stroke = int(self.chains.stroke[row])
+        return f"stroke {stroke} (segment {row - int(self.chains.first[stroke])})"
+
+    def _check_joints(self, chains: Chains) -> None:
+        """Raises ValueError for the first joint where segments do not meet, or the width jumps."""
+        ends, starts = chains.joints
+        points, width = self.points.detach().double(), self.width.detach().double()
+        extent = (points.amax(1) - points.amin(1)).amax(1)
+        gap = (points[ends, -1] - points[starts, 0]).abs().amax(1)
+        rules = [("has a gap", gap, torch.maximum(extent[ends], extent[starts]))]
+        if width.ndim == 2:
+            widest = torch.maximum(width[ends].amax(1), width[starts].amax(1))
+            rules.append(("changes its width", (width[ends, -1] - width[starts, 0]).abs(), widest))
+        for what, jump, scale in rules:
+            apart = jump > JOINT_GAP * scale
+            if bool(apart.any()):
+                joint = int(apart.int().argmax())
+                stroke = int(chains.stroke[starts[joint]])
+                before, after = (int(rows[joint] - chains.first[stroke]) for rows in (ends, starts))
+                raise ValueError(
+                    f"stroke {stroke} {what} of {jump[joint].item():g} between its segments {before} and {after}: a "
+                    "segment must begin as the one before it ends (Chains.joined makes values agree there)"
+                )
 
     def __len__(self) -> int:
-        return len(self.points)
+        return len(self.opacity)
 
     def __getitem__(self, index: int | slice | list[int] | Tensor) -> "Sketch":
-        """Some of the strokes, by index, slice or mask; an int gives a sketch of one."""
+        """Some of the strokes, by index, slice or mask, with all their segments; an int gives a sketch of one."""
         rows = [index] if isinstance(index, int) else index
-        return self._map(lambda value: value[rows])
+        if self.chains is None:
+            return self._map(lambda value: value[rows])
+        strokes = torch.arange(len(self), device=self.points.device)[rows]
+        segments, chains = self.chains.select(strokes)
+        picked = {name: value[segments] for name, value in (("points", self.points), ("weights", self.weights))}
+        width = self.width[segments] if self.width.ndim == 2 else self.width[strokes]
+        appearance = {"width": width, "color": self.color[strokes], "opacity": self.opacity[strokes]}
+        return Sketch(**picked, **appearance, width_space=self.width_space, chains=chains)
+
+    def segments(self) -> "Sketch":
+        """Every segment as a stroke of its own, with the appearance of its stroke."""
+        if self.chains is None:
+            return self
+        stroke = self.chains.stroke
+        width = self.width if self.width.ndim == 2 else self.width[stroke]
+        return Sketch(self.points, self.weights, width, self.color[stroke], self.opacity[stroke], self.width_space)
 
     def tensors(self) -> dict[str, Tensor]:
         """The five tensor fields by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "width_space"}
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("width_space", "chains")}
+
+    @property
+    def segment_fields(self) -> tuple[str, ...]:
+        """Names of the tensors that have a row for each segment; the others have one for each stroke."""
+        return ("points", "weights", "width") if self.width.ndim == 2 else ("points", "weights")
 
     def to(self, target: torch.dtype | torch.device | str) -> "Sketch":
         """The same sketch in another dtype or on another device."""
-        return self._map(lambda value: value.to(target))
+        moved = {name: value.to(target) for name, value in self.tensors().items()}
+        chains = self.chains if self.chains is None else self.chains.to(moved["points"].device)
+        return Sketch(**moved, width_space=self.width_space, chains=chains)
 
     def detach(self) -> "Sketch":
         """The same sketch without its autograd history."""
@@ -123,7 +187,8 @@ class Sketch:
 
     def _map(self, function: Callable[[Tensor], Tensor]) -> "Sketch":
         changed = {name: function(value) for name, value in self.tensors().items()}
-        return Sketch(**changed, width_space=self.width_space)
+        chains = self.chains if len(changed["points"]) == len(self.points) else None
+        return Sketch(**changed, width_space=self.width_space, chains=chains)
 
     def transform(self, matrix: Float[Tensor, "4 4"]) -> "Sketch":
         """The sketch moved by a similarity (rotation, uniform scale, translation); world widths scale with it.
@@ -146,11 +211,14 @@ class Sketch:
     def elevate(self, degree: int = bezier.MAX_DEGREE) -> "Sketch":
         """The same strokes with degree + 1 control points each."""
         points, weights = bezier.elevate(self.points, self.weights, degree)
-        return replace(self, points=points, weights=weights)
+        width = self.width
+        if width.ndim == 2:
+            width = bezier.elevate(width[..., None], None, degree)[0][..., 0]
+        return replace(self, points=points, weights=weights, width=width)
 
     @staticmethod
     def concatenate(sketches: "Sequence[Sketch]") -> "Sketch":
-        """One sketch of all strokes, of the highest degree among them.
+        """One sketch of all strokes, of the highest degree among them; with widths a control point if one has such.
 
         Raises:
             ValueError: no sketches, or sketches of different `width_space`.
@@ -161,9 +229,23 @@ class Sketch:
         if len(spaces) > 1:
             raise ValueError("sketches with widths in image and in world units cannot be joined")
         degree = max(s.points.shape[1] for s in sketches) - 1
-        parts = [s.elevate(degree).tensors() for s in sketches]
+        raised = [s.elevate(degree) for s in sketches]
+        chains = None
+        if any(s.chains is not None for s in raised):
+            home = raised[0].points.device
+            chains = Chains.concatenate([s.chains or Chains.plain(len(s), home) for s in raised])
+        if any(s.width.ndim == 2 for s in raised):
+            raised = [s.with_widths_along() for s in raised]
+        parts = [s.tensors() for s in raised]
         joined = {name: torch.cat([p[name] for p in parts]) for name in parts[0]}
-        return Sketch(**joined, width_space=sketches[0].width_space)
+        return Sketch(**joined, width_space=sketches[0].width_space, chains=chains)
+
+    def with_widths_along(self) -> "Sketch":
+        """The same sketch with one width a control point."""
+        if self.width.ndim == 2:
+            return self
+        width = self.width if self.chains is None else self.width[self.chains.stroke]
+        return replace(self, width=width[:, None].expand(self.weights.shape))
 
     @staticmethod
     def random(
@@ -207,8 +289,21 @@ class Sketch:
         return Sketch(radius * points, width=width)
 
 
-def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...]) -> Tensor:
-    """The value as a tensor of this shape on the dtype and device of `points`."""
+def _kept(chains: Chains | None, points: Tensor) -> Chains | None:
+    """The chains, if they fit and are needed."""
+    if chains is None:
+        return None
+    if not isinstance(chains, Chains):
+        raise TypeError(f"chains must be Chains(...) or None, got {type(chains).__name__}")
+    if len(chains.stroke) != len(points):
+        raise ValueError(f"chains must say the stroke of each of the {len(points)} segments, got {len(chains.stroke)}")
+    if chains.stroke.device != points.device:
+        raise ValueError(f"chains must be on the device of points, {points.device}, got {chains.stroke.device}")
+    return None if chains.is_plain() else chains
+
+
+def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...], rows: str = "strokes") -> Tensor:
+    """The value as a tensor of this shape, with a row for each of these, on the dtype and device of `points`."""
     if isinstance(value, Tensor):
         if not value.is_floating_point() or value.dtype != points.dtype:
             raise TypeError(f"{name} must have the dtype of points, {points.dtype}, got {value.dtype}")
@@ -223,5 +318,5 @@ def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...]) ->
     ):
         return value.expand(shape)
     if value.shape != shape:
-        raise ValueError(f"{name} must have shape {shape} for {shape[0]} strokes, got {tuple(value.shape)}")
+        raise ValueError(f"{name} must have shape {shape} for {shape[0]} {rows}, got {tuple(value.shape)}")
     return value

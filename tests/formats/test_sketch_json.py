@@ -115,8 +115,8 @@ def put(*keys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (put("version", 2), r"version must be 1, got 2"),
-        (put("version", "1"), r"version must be 1, got '1'"),
+        (put("version", 3), r"version must be 1 or 2, got 3"),
+        (put("version", "1"), r"version must be 1 or 2, got '1'"),
         (lambda d: d.pop("version"), r"not a sketch.json: .*'version'"),
         (put("dtype", "int8"), r"dtype must be one of float16, .*got 'int8'"),
         (put("dtype", ["float32"]), r"dtype must be"),

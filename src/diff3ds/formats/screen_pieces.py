@@ -14,6 +14,7 @@ from diff3ds.bezier.curves import bernstein, subcurve_matrix
 from diff3ds.bezier.pieces import standard_form
 from diff3ds.project import Strokes2D
 from diff3ds.render.visible import visible_spans
+from diff3ds.sketch import WidthSpace
 
 # 2^-48 of a stroke is below the resolution of its parameter.
 MAX_HALVINGS = 48
@@ -24,8 +25,9 @@ class Pieces(NamedTuple):
 
     Attributes:
         stroke: index of the stroke.
-        start: parameter; where it is the stop of the piece before on the same stroke, the two are joined.
-        stop: parameter.
+        start: index of the segment plus the parameter in it; where it is the stop of the piece before on the same
+            stroke, the two are joined.
+        stop: the same.
         points: polynomial Bézier control points (x, y, half width) in pixels: cubics, or chords in the same form.
         depth: camera depth in the middle, world units.
     """
@@ -52,31 +54,54 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
     """
     cubics = strokes.cubics[view].double()
     spans = visible_spans(strokes.margin[view, None])
-    stroke, start, stop = spans.stroke, spans.start, spans.stop
+    segment, start, stop = spans.segment, spans.start, spans.stop
     half_width = strokes.half_width[min(view, len(strokes.half_width) - 1)].double()
+    along = half_width.ndim == 2
+    # A width along the stroke is no rational cubic: it is read off at the ends of chords instead.
+    rows = strokes.stroke_of(torch.arange(len(cubics), device=cubics.device))
+    even = torch.zeros_like(cubics[:, 0, 0]) if along else half_width[rows]
     scale = cubics[..., 2] if strokes.width_space == "image" else cubics[..., 3]
-    control = torch.stack([cubics[..., 0], cubics[..., 1], half_width[:, None] * scale, cubics[..., 2]], -1)
+    control = torch.stack([cubics[..., 0], cubics[..., 1], even[:, None] * scale, cubics[..., 2]], -1)
     done: list[Pieces] = []
     for _ in range(MAX_HALVINGS):
-        part = subcurve_matrix(start, stop, 3) @ control[stroke]
+        cut = subcurve_matrix(start, stop, 3)
+        part = cut @ control[segment]
         # Hulls need positive weights; in front of the near plane they become so by halving.
         ahead = (part[..., 3] > 0).all(-1)
-        points, error = _approximation(part, chords=strokes.width_space == "world")
+        points, error = _approximation(part, chords=along or strokes.width_space == "world")
+        if along:
+            radii, change = _widths(cut, half_width[segment], cubics[segment], strokes.width_space)
+            points, error = torch.cat([points[..., :2], radii[..., None]], -1), error + change
         hidden = ahead & _beyond(part[..., :3] / part[..., 3:], size)
         fits = ahead & ~hidden & (error <= tolerance) & _within(points, size)
         middle = (start + stop) / 2
-        place = (bernstein(middle, 3)[:, None] @ cubics[stroke])[:, 0]
-        columns = Pieces(stroke, start, stop, points, strokes.depth(place))
+        place = (bernstein(middle, 3)[:, None] @ cubics[segment])[:, 0]
+        columns = Pieces(segment, start, stop, points, strokes.depth(place))
         done.append(Pieces(*(column[fits] for column in columns)))
         rest = ~fits & ~hidden
-        stroke = stroke[rest].repeat(2)
+        segment = segment[rest].repeat(2)
         start, stop = torch.cat([start[rest], middle[rest]]), torch.cat([middle[rest], stop[rest]])
-        if len(stroke) == 0:
+        if len(segment) == 0:
             break
     pieces = Pieces(*(torch.cat(column) for column in zip(*done, strict=True)))
     order = pieces.start.argsort(stable=True)
     order = order[pieces.stroke[order].argsort(stable=True)]
-    return Pieces(*(column[order] for column in pieces))
+    segment, start, stop, points, depth = (column[order] for column in pieces)
+    return Pieces(strokes.stroke_of(segment), segment + start, segment + stop, points, depth)
+
+
+def _widths(
+    cut: Float[Tensor, "P 4 4"], half_width: Float[Tensor, "P 4"], cubics: Float[Tensor, "P 4 4"], space: WidthSpace
+) -> tuple[Float[Tensor, "P 4"], Float[Tensor, " P"]]:
+    """Half widths in pixels along chords, from end to end, and a bound of how far those in between may be off."""
+    polynomial = (cut @ half_width[..., None])[..., 0]
+    low, high, ends = polynomial.amin(-1), polynomial.amax(-1), polynomial[:, [0, 3]]
+    if space == "world":
+        part = cut @ cubics
+        depth = part[..., 2] / part[..., 3]
+        low, high, ends = low / depth.amax(-1), high / depth.amin(-1), ends / depth[:, [0, 3]]
+    thirds = torch.arange(4, dtype=ends.dtype, device=ends.device) / 3
+    return ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * thirds, high - low
 
 
 def _approximation(part: Float[Tensor, "P 4 4"], chords: bool) -> tuple[Float[Tensor, "P 4 3"], Float[Tensor, " P"]]:

@@ -1,11 +1,14 @@
 """sketch.json: the lossless, versioned file of a sketch.
 
-An object with these keys, for N strokes of K control points:
+An object with these keys, for N strokes of M segments with K control points each:
 
-* `version`: 1.
+* `version`: 1; 2 where a stroke has several segments or is closed, or widths change along strokes.
 * `dtype`: of the numbers, "float32" (the default) or "float64", "float16", "bfloat16".
 * `width_space`: "image" or "world".
-* `points` (N, K, 3), `weights` (N, K), `width` (N), `color` (N, 3), `opacity` (N): nested lists, as in `Sketch`.
+* `points` (M, K, 3), `weights` (M, K), `width` (N) or (M, K), `color` (N, 3), `opacity` (N): nested lists, as in
+  `Sketch`.
+* `segments`: how many each stroke has, in order, and `closed`: whether each ends where it begins (N); both are left out
+  where all strokes are one open segment.
 
 Numbers are written with as many digits as it takes to read the same bits again. Other keys are ignored.
 """
@@ -20,9 +23,10 @@ import torch
 
 from diff3ds._files import read_json, write_text
 from diff3ds._shapes import Tensor
+from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch, WidthSpace
 
-VERSION = 1
+VERSION, VERSION_OF_CHAINS = 1, 2
 _DTYPES = {"float16": torch.float16, "bfloat16": torch.bfloat16, "float32": torch.float32, "float64": torch.float64}
 
 
@@ -35,10 +39,12 @@ def save_json(path: str | Path, sketch: Sketch) -> None:
     """
     sketch.check_values()
     values: dict[str, Any] = {
-        "version": VERSION,
+        "version": VERSION if sketch.chains is None and sketch.width.ndim == 1 else VERSION_OF_CHAINS,
         "dtype": str(sketch.points.dtype).removeprefix("torch."),
         "width_space": sketch.width_space,
     }
+    if sketch.chains is not None:
+        values |= {"segments": sketch.chains.counts.tolist(), "closed": sketch.chains.closed.tolist()}
     values |= {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
     write_text(Path(path), "{\n" + ",\n".join(lines) + "\n}\n")
@@ -56,8 +62,9 @@ def load_json(path: str | Path) -> Sketch:
     data = read_json(path)
     if not isinstance(data, dict) or "version" not in data:
         raise ValueError(f"{path}: not a sketch.json: expected an object with the key 'version'")
-    if data["version"] != VERSION:
-        raise ValueError(f"{path}: version must be {VERSION}, got {data['version']!r}: a newer diff3ds may read it")
+    if data["version"] not in (VERSION, VERSION_OF_CHAINS):
+        known = f"{VERSION} or {VERSION_OF_CHAINS}"
+        raise ValueError(f"{path}: version must be {known}, got {data['version']!r}: a newer diff3ds may read it")
     name = data.get("dtype", "float32")
     if not isinstance(name, str) or name not in _DTYPES:
         raise ValueError(f"{path}: dtype must be one of {', '.join(_DTYPES)}, got {name!r}")
@@ -65,22 +72,39 @@ def load_json(path: str | Path) -> Sketch:
     if space not in get_args(WidthSpace):
         raise ValueError(f'{path}: width_space must be "image" or "world", got {space!r}')
     controls = _control_points(path, data)
-    shapes: dict[str, tuple[int, ...]] = {
-        "points": (controls, 3),
-        "weights": (controls,),
-        "width": (),
-        "color": (3,),
-        "opacity": (),
+    segments = len(data["points"])
+    chains = _chains(path, data, segments) if "segments" in data else None
+    strokes = segments if chains is None else len(chains)
+    width = data.get("width")
+    along = isinstance(width, list) and len(width) > 0 and isinstance(width[0], list)
+    shapes: dict[str, tuple[int, tuple[int, ...]]] = {
+        "points": (segments, (controls, 3)),
+        "weights": (segments, (controls,)),
+        "width": (segments, (controls,)) if along else (strokes, ()),
+        "color": (strokes, (3,)),
+        "opacity": (strokes, ()),
     }
-    tensors = {key: _numbers(path, data, key, shape).to(_DTYPES[name]) for key, shape in shapes.items()}
+    tensors = {key: _numbers(path, data, key, *shape).to(_DTYPES[name]) for key, shape in shapes.items()}
     try:
-        return Sketch(**tensors, width_space=space)
+        return Sketch(**tensors, width_space=space, chains=chains)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
 
 
+def _chains(path: Path, data: dict[str, Any], segments: int) -> Chains:
+    """Which segments make which stroke."""
+    counts, closed = data["segments"], data.get("closed")
+    if not isinstance(counts, list) or not all(type(count) is int and count > 0 for count in counts):
+        raise ValueError(f"{path}: segments must be a list of whole numbers, at least 1, got {reprlib.repr(counts)}")
+    if sum(counts) != segments:
+        raise ValueError(f"{path}: segments must add up to the {segments} items of points, got {sum(counts)}")
+    if not isinstance(closed, list) or len(closed) != len(counts) or not all(type(flag) is bool for flag in closed):
+        raise ValueError(f"{path}: closed must be a list of true or false, {len(counts)}, got {reprlib.repr(closed)}")
+    return Chains.of(counts, closed)
+
+
 def _control_points(path: Path, data: dict[str, Any]) -> int:
-    """K, from the first stroke."""
+    """K, from the first segment."""
     points = data.get("points")
     if not isinstance(points, list):
         raise ValueError(f"{path}: points must be a list with one item a stroke, got {reprlib.repr(points)}")
@@ -91,10 +115,9 @@ def _control_points(path: Path, data: dict[str, Any]) -> int:
     return len(points[0])
 
 
-def _numbers(path: Path, data: dict[str, Any], key: str, shape: tuple[int, ...]) -> Tensor:
-    """The value of a key as a float64 tensor (N, *shape)."""
+def _numbers(path: Path, data: dict[str, Any], key: str, count: int, shape: tuple[int, ...]) -> Tensor:
+    """The value of a key as a float64 tensor (count, *shape)."""
     rows = data.get(key)
-    count = len(data["points"])
     if not isinstance(rows, list) or len(rows) != count:
         got = f"{len(rows)} items" if isinstance(rows, list) else reprlib.repr(rows)
         raise ValueError(f"{path}: {key} must be a list with one item a stroke, {count}, got {got}")

@@ -28,9 +28,9 @@ def save_svg(
     """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
 
     Every stroke is one path with round ends. With `width_space="image"` it is a stroked path of cubic Béziers: SVG
-    knows no rational ones, so it stays within `TOLERANCE` (.05 px, guaranteed) of the exact curve. With "world", whose
-    strokes taper, it is the filled outline of discs swept along chords, to the same tolerance. What a view cannot show
-    is left out.
+    knows no rational ones, so it stays within `TOLERANCE` (.05 px, guaranteed) of the exact curve. With "world", or
+    widths along the stroke, it is the filled outline of discs swept along chords, to the same tolerance. What a view
+    cannot show is left out.
 
     SVG has no depth: whole strokes lie over each other in the order of their mean depth. Where the order of two strokes
     changes along them, as in a knot, the file cannot show it. Colours are clamped to [0, 1] and rounded to 8 bits.
@@ -78,20 +78,29 @@ def _paths(strokes: Strokes2D, pieces: Pieces) -> list[str]:
     for stroke in sorted(visible, key=lambda s: (float(depth[s]), s), reverse=True):
         color, opacity = _hex(strokes.color[stroke].tolist()), float(strokes.opacity[stroke])
         some = Pieces(*(column[rows[stroke]] for column in pieces))
-        if strokes.width_space == "image":
+        if strokes.width_space == "image" and strokes.half_width.ndim == 2:
             width = _number(2 * float(some.points[0, 0, 2]))
             style = (
                 f'fill="none" stroke="{color}" stroke-width="{width}" stroke-linecap="round" stroke-linejoin="round"'
             )
             style += f' stroke-opacity="{opacity:.6g}"' if opacity < 1 else ""
-            elements.append(f'<path d="{_centre_line(some)}" {style}/>')
+            elements.append(f'<path d="{_centre_line(some, _closes(strokes, stroke, some))}" {style}/>')
         else:
             style = f'fill="{color}"' + (f' fill-opacity="{opacity:.6g}"' if opacity < 1 else "")
             elements.append(f'<path d="{_outline(some.points)}" {style}/>')
     return elements
 
 
-def _centre_line(pieces: Pieces) -> str:
+def _closes(strokes: Strokes2D, stroke: int, pieces: Pieces) -> bool:
+    """Whether the pieces of a stroke run round without a gap."""
+    chains = strokes.chains
+    if chains is None or not bool(chains.closed[stroke]):
+        return False
+    whole = (pieces.start[1:] == pieces.stop[:-1]).all()
+    return bool(whole & (pieces.start[0] == chains.first[stroke]) & (pieces.stop[-1] == chains.first[stroke + 1]))
+
+
+def _centre_line(pieces: Pieces, closed: bool) -> str:
     """Path data of cubic Béziers, broken where pieces are not joined."""
     data, stop = [], None
     for start, next_stop, points in zip(
@@ -101,7 +110,7 @@ def _centre_line(pieces: Pieces) -> str:
             data.append("M" + _pair(*points[0]))
         data.append("C" + " ".join(_pair(*p) for p in points[1:]))
         stop = next_stop
-    return "".join(data)
+    return "".join(data) + ("Z" if closed else "")
 
 
 def _outline(points: Float[Tensor, "P 4 3"]) -> str:

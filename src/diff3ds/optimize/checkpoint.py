@@ -9,11 +9,13 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds._tensor_files import write_tensors
+from diff3ds.chains import Chains
 from diff3ds.optimize.strokes import Edit
 from diff3ds.sketch import Sketch, WidthSpace
 
 VERSION = 1
 FIELDS = ("points", "weights", "width", "color", "opacity")
+CHAIN_STROKE, CHAIN_CLOSED = "sketch.chains.stroke", "sketch.chains.closed"
 # Before the names of what learns beside the sketch; files have had it from the start.
 STATEFUL = "companion."
 # 100,000 strokes with their moments take 40 MB.
@@ -64,21 +66,28 @@ class State:
         """The state after strokes were dropped and added; new ones start without moments."""
         parts = [self.sketch[edit.kept], *([edit.added] if edit.added is not None else [])]
         sketch = Sketch.concatenate(parts)
-        fresh = len(sketch) - len(parts[0])
+        chains = self.sketch.chains
+        segments = edit.kept if chains is None else chains.select(edit.kept)[0]
 
-        def grown(values: Tensor) -> Tensor:
-            kept = values[edit.kept]
-            return torch.cat([kept, kept.new_zeros(fresh, *kept.shape[1:])])
+        def grown(values: Tensor, rows: Tensor, count: int) -> Tensor:
+            kept = values[rows]
+            return torch.cat([kept, kept.new_zeros(count - len(kept), *kept.shape[1:])])
 
-        moments = [{name: grown(value) for name, value in part.items()} for part in (self.first, self.second)]
-        return replace(self, sketch=sketch, first=moments[0], second=moments[1], age=grown(self.age))
+        def of_field(name: str, values: Tensor) -> Tensor:
+            rows = segments if name in self.sketch.segment_fields else edit.kept
+            return grown(values, rows, len(sketch.tensors()[name]))
+
+        moments = [{name: of_field(name, value) for name, value in part.items()} for part in (self.first, self.second)]
+        return replace(
+            self, sketch=sketch, first=moments[0], second=moments[1], age=grown(self.age, edit.kept, len(sketch))
+        )
 
 
 def start(sketch: Sketch, seed: int) -> State:
     """The state before the first step."""
     zeros = {name: torch.zeros_like(value) for name, value in sketch.tensors().items()}
     random = torch.Generator().manual_seed(seed).get_state()
-    return State(0, sketch, zeros, zeros, torch.zeros_like(sketch.width), random, ())
+    return State(0, sketch, zeros, zeros, torch.zeros_like(sketch.opacity), random, ())
 
 
 def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None:
@@ -90,10 +99,15 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         "age": state.age,
         "random": state.random,
         "losses": torch.tensor(state.all_losses(), dtype=torch.float64),
+        **_chain_tensors(state.sketch),
         **{f"{STATEFUL}{name}": value for name, value in state.stateful.items()},
     }
     about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
     write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
+
+
+def _chain_tensors(sketch: Sketch) -> dict[str, Tensor]:
+    return {} if sketch.chains is None else {CHAIN_STROKE: sketch.chains.stroke, CHAIN_CLOSED: sketch.chains.closed}
 
 
 def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State:
@@ -112,9 +126,9 @@ def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State
         name, (was, now) = next(iter(different.items()))
         raise ValueError(f"{path}: the run to resume had {name}={was}, not {now}: give the same, or start a new run")
     try:
-        sketch = Sketch(
-            **{name: tensors[f"sketch.{name}"] for name in FIELDS}, width_space=cast(WidthSpace, about["width_space"])
-        )
+        fields = {name: tensors[f"sketch.{name}"] for name in FIELDS}
+        chains = Chains(tensors[CHAIN_STROKE], tensors[CHAIN_CLOSED]) if CHAIN_STROKE in tensors else None
+        sketch = Sketch(**fields, width_space=cast(WidthSpace, about["width_space"]), chains=chains)
         first, second = ({name: tensors[f"{part}.{name}"] for name in FIELDS} for part in ("first", "second"))
         for moments in (first, second):
             if any(moments[name].shape != value.shape for name, value in sketch.tensors().items()):

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import torch
 
 from diff3ds._shapes import Bool, Float, Int, Tensor
-from diff3ds.bezier import split
+from diff3ds.bezier import subcurve
 from diff3ds.camera import Cameras
+from diff3ds.chains import Chains
 from diff3ds.optimize.strokes import Edit
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import rasterize
@@ -114,10 +115,34 @@ def footprints(
 
 
 def halves(sketch: Sketch, chosen: Int[Tensor, " M"]) -> Sketch:
-    """First the first halves of these strokes, then the second ones: the same drawing, but for the new ends."""
+    """First the first halves of these strokes, then the second ones: the same drawing, but for the new ends.
+
+    Strokes of several segments are halved at the joint in their middle; closed ones there and where they close.
+    """
     old = sketch[chosen].detach()
-    parts = split(old.points, old.weights, 0.5)
-    return Sketch.concatenate([replace(old, points=points, weights=weights) for points, weights in parts])
+    return Sketch.concatenate([_part(old, first=True), _part(old, first=False)])
+
+
+def _part(sketch: Sketch, first: bool) -> Sketch:
+    """The first or second halves of all strokes, open."""
+    chains = sketch.chains or Chains.plain(len(sketch), sketch.points.device)
+    start, stop = (0.0, 0.5) if first else (0.5, 1.0)
+    points, weights = subcurve(sketch.points, sketch.weights, start, stop)
+    # Half widths are polynomials: curves of one dimension without weights.
+    width = sketch.width if sketch.width.ndim == 1 else subcurve(sketch.width[..., None], None, start, stop)[0][..., 0]
+    half = (chains.counts // 2).clamp_min(1)[chains.stroke]
+    place = torch.arange(len(chains.stroke), device=half.device) - chains.first[chains.stroke]
+    whole = (chains.counts > 1)[chains.stroke]
+    kept = ~whole | ((place < half) if first else (place >= half))
+    rows = {"points": points, "weights": weights} | ({"width": width} if width.ndim == 2 else {})
+    given = {name: getattr(sketch, name) for name in rows}
+    cut = {
+        name: torch.where(whole.reshape(-1, *[1] * (value.ndim - 1)), given[name], value)[kept]
+        for name, value in rows.items()
+    }
+    open_ = Chains(chains.stroke[kept], torch.zeros_like(chains.closed))
+    appearance = {name: value for name, value in sketch.tensors().items() if name not in cut}
+    return Sketch(**cut, **appearance, width_space=sketch.width_space, chains=open_)
 
 
 def _chunks(count: int) -> Iterator[Int[Tensor, " B"]]:

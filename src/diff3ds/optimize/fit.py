@@ -312,7 +312,12 @@ def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:
 
 def _assembled(sketch: Sketch, leaves: dict[str, Tensor]) -> Sketch:
     moved = {name: value.exp() if name in LOGARITHMIC else value for name, value in leaves.items()}
-    return Sketch(**{**sketch.tensors(), **moved}, width_space=sketch.width_space)
+    tensors = {**sketch.tensors(), **moved}
+    if sketch.chains is not None:
+        # A joint is one point, with one width.
+        shared = [name for name in sketch.segment_fields if name != "weights"]
+        tensors |= {name: sketch.chains.joined(tensors[name]) for name in shared}
+    return Sketch(**tensors, width_space=sketch.width_space, chains=sketch.chains)
 
 
 def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
@@ -364,14 +369,16 @@ def _descended(
     state: State, leaves: dict[str, Tensor], gradients: dict[str, Tensor], config: FitConfig, decay: float
 ) -> State:
     """Adam (Kingma and Ba 2015, algorithm 1) with an age for every stroke, because strokes come and go."""
-    age = state.age + 1
+    age, chains = state.age + 1, state.sketch.chains
+    of_segments = age if chains is None else age[chains.stroke]
     first, second, moved = dict(state.first), dict(state.second), {}
     for name, gradient in gradients.items():
         first[name] = BETA1 * first[name] + (1 - BETA1) * gradient
         second[name] = BETA2 * second[name] + (1 - BETA2) * gradient.square()
         shape = (-1, *[1] * (gradient.ndim - 1))
-        mean = first[name] / (1 - BETA1**age).reshape(shape)
-        spread = (second[name] / (1 - BETA2**age).reshape(shape)).sqrt()
+        steps = of_segments if name in state.sketch.segment_fields else age
+        mean = first[name] / (1 - BETA1**steps).reshape(shape)
+        spread = (second[name] / (1 - BETA2**steps).reshape(shape)).sqrt()
         moved[name] = leaves[name].detach() - decay * getattr(config.rates, name) * mean / (spread + EPSILON)
     # Of logarithms, for the widths.
     widths = [math.log(bound) if bound else -math.inf for bound in config.width_range]

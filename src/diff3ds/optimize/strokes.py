@@ -99,7 +99,7 @@ class SupportPruning:
         )
         if not (replacing or dropping):
             return None
-        supported = support(sketch, self.cameras, self.ink).mean(1)
+        supported = _mean_of_strokes(sketch, support(sketch, self.cameras, self.ink).mean(1))
         # The best stroke stays in any case: a sketch never becomes empty.
         keep = (supported > self.least) & long_enough(sketch, self.length) | (supported == supported.max())
         kept = keep.nonzero()[:, 0]
@@ -108,10 +108,21 @@ class SupportPruning:
 
 
 def chord_lengths(sketch: Sketch) -> Float[Tensor, " N"]:
-    """Lengths of the strokes measured along `CHORDS` chords between evenly spaced parameters, world units."""
+    """Lengths of the strokes, segments measured along `CHORDS` chords between evenly spaced parameters, world units."""
     points = _along(sketch, CHORDS + 1)
     steps: Tensor = torch.linalg.vector_norm(points[:, 1:] - points[:, :-1], dim=-1)
-    return steps.sum(1)
+    return _sum_of_strokes(sketch, steps.sum(1))
+
+
+def _sum_of_strokes(sketch: Sketch, values: Float[Tensor, " M"]) -> Float[Tensor, " N"]:
+    """Over the segments of each stroke."""
+    if sketch.chains is None:
+        return values
+    return values.new_zeros(len(sketch)).index_add(0, sketch.chains.stroke, values)
+
+
+def _mean_of_strokes(sketch: Sketch, values: Float[Tensor, " M"]) -> Float[Tensor, " N"]:
+    return values if sketch.chains is None else _sum_of_strokes(sketch, values) / sketch.chains.counts
 
 
 def long_enough(sketch: Sketch, length: float) -> Bool[Tensor, " N"]:
@@ -122,15 +133,15 @@ def long_enough(sketch: Sketch, length: float) -> Bool[Tensor, " N"]:
 
 def support(
     sketch: Sketch, cameras: Cameras, ink: Float[Tensor, "V H W"], samples: int = CHORDS
-) -> Float[Tensor, "N S"]:
-    """Share of the views that show ink where the samples of each stroke appear.
+) -> Float[Tensor, "M S"]:
+    """Share of the views that show ink where the samples of each segment appear.
 
     A view that does not contain a sample (outside the image, or behind the camera) does not count for it; a sample that
     no view contains has support 0. Bilinear between pixels.
 
     Args:
         ink: target images in [0, 1].
-        samples: points along each stroke, at the middles of even parameter steps.
+        samples: points along each segment, at the middles of even parameter steps.
     """
     points = _along(sketch, 2 * samples + 1)[:, 1::2].double()
     homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
@@ -152,6 +163,6 @@ def _read(image: Float[Tensor, "H W"], places: Float[Tensor, "N S 2"]) -> Float[
     return torch.nn.functional.grid_sample(image, places[None], mode="bilinear", align_corners=False)[0, 0]
 
 
-def _along(sketch: Sketch, count: int) -> Float[Tensor, "N S 3"]:
+def _along(sketch: Sketch, count: int) -> Float[Tensor, "M S 3"]:
     points, weights = sketch.points.detach(), sketch.weights.detach()
     return evaluate(points, weights, torch.linspace(0, 1, count, dtype=points.dtype, device=points.device))

@@ -34,9 +34,14 @@ def check_strokes(strokes: Strokes2D) -> None:
     cubics, color = strokes.cubics, strokes.color
     if cubics.ndim != 4 or cubics.shape[2:] != (4, 4) or cubics.dtype != torch.float64:
         raise ValueError(f"cubics must be float64 of shape (V, N, 4, 4), got {cubics.dtype} of {tuple(cubics.shape)}")
-    views, count = cubics.shape[:2]
+    views, segments = cubics.shape[:2]
+    chains = strokes.chains
+    if chains is not None and (len(chains.stroke) != segments or chains.stroke.device != cubics.device):
+        got = f"{len(chains.stroke)} on {chains.stroke.device}"
+        raise ValueError(f"chains must be of the {segments} segments of cubics, on {cubics.device}, got {got}")
+    count = segments if chains is None else len(chains)
     expected: dict[str, list[tuple[int, ...]]] = {
-        "half_width": [(1, count), (views, count)],
+        "half_width": [(1, count), (views, count), (1, segments, 4), (views, segments, 4)],
         "color": [(count, 3)],
         "opacity": [(count,)],
     }
@@ -78,7 +83,8 @@ def check_stroke_values(strokes: Strokes2D) -> None:
         if not bool(good.all()):
             view, stroke, *_ = (~good).nonzero()[0].tolist()
             got = value[view, stroke].reshape(-1)[int(good[view, stroke].reshape(-1).int().argmin())].item()
-            raise InvalidStrokeError(f"{name} of stroke {stroke} (view {view}) must be {expected}, got {got}")
+            row = "stroke" if strokes.chains is None or value.shape[1] == len(opacity) else "segment"
+            raise InvalidStrokeError(f"{name} of {row} {stroke} (view {view}) must be {expected}, got {got}")
 
 
 def canvas_from(background: Background, like: Tensor, shape: tuple[int, int, int, int]) -> Tensor:

@@ -16,7 +16,8 @@ def forward(inputs: KernelInputs, save: bool) -> tuple[Images, Any]:
     module = _ready_kernels()
     # Keyword by keyword: no order that two languages must agree on.
     options = module.Options(**inputs.options._asdict())
-    color, alpha, depth, state = module.forward(inputs.curves, inputs.appearance, inputs.size, options, save)
+    chains = None if inputs.chains is None else (inputs.chains.first, inputs.chains.closed)
+    color, alpha, depth, state = module.forward(inputs.curves, chains, inputs.appearance, inputs.size, options, save)
     return (torch.from_numpy(color), torch.from_numpy(alpha), torch.from_numpy(depth)), state
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.chains import Chains
 from diff3ds.project import Strokes2D, half_widths, width_space
 from diff3ds.render.options import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch
@@ -13,8 +14,8 @@ Images = tuple[Float[Tensor, "V H W 3"], Float[Tensor, "V H W"], Float[Tensor, "
 # Homogeneous cubics in pixels, or what gives them: control points, weights, and the projections of the views.
 Curves = tuple[Tensor] | tuple[Tensor, Tensor, Tensor]
 # Half widths in pixels, a row for all views or one a view (`Strokes2D.half_width`), or with one axis the full widths of
-# a sketch, in units of which `Options.width_scale` speaks; colours; opacities; the background, whose first three axes
-# may be 1.
+# a sketch's strokes, in units of which `Options.width_scale` speaks; colours; opacities; the background, whose first
+# three axes may be 1.
 Appearance = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
@@ -39,9 +40,10 @@ class Options(NamedTuple):
 
 
 class KernelInputs(NamedTuple):
-    """One call of the kernels; `size` is (height, width)."""
+    """One call of the kernels; `size` is (height, width), `chains` as of `Strokes2D`."""
 
     curves: Curves
+    chains: Chains | None
     appearance: Appearance
     size: tuple[int, int]
     options: Options
@@ -55,12 +57,13 @@ def of_sketch(
     sketch: Sketch, cameras: Cameras, background: Float[Tensor, "V1 H1 W1 3"], antialiasing: Analytic | MonteCarlo
 ) -> KernelInputs:
     """Those of a sketch, projected by the kernels: a tenth faster than before them where images are tiny."""
-    of_world = sketch.width_space == "world"
-    widths, scale = (half_widths(sketch, cameras), 1.0) if of_world else (sketch.width, cameras.size[0] / 2)
+    plain = sketch.width.ndim == 1 and sketch.width_space == "image"
+    widths, scale = (sketch.width, cameras.size[0] / 2) if plain else (half_widths(sketch, cameras), 1.0)
     appearance = (widths, sketch.color, sketch.opacity, background)
     world = width_space(sketch, cameras) == "world"
     options = _options(antialiasing, (world, cameras.orthographic, cameras.near), scale)
-    return KernelInputs((sketch.points, sketch.weights, cameras.projection), appearance, cameras.size, options)
+    curves = (sketch.points, sketch.weights, cameras.projection)
+    return KernelInputs(curves, sketch.chains, appearance, cameras.size, options)
 
 
 def of_strokes(
@@ -73,7 +76,7 @@ def of_strokes(
     appearance = (strokes.half_width, strokes.color, strokes.opacity, background)
     how = strokes.width_space == "world", strokes.orthographic, strokes.near
     options = _options(antialiasing, how, 1.0)
-    return KernelInputs((strokes.cubics,), appearance, size, options)
+    return KernelInputs((strokes.cubics,), strokes.chains, appearance, size, options)
 
 
 def _options(antialiasing: Analytic | MonteCarlo, how: tuple[bool, bool, float], width_scale: float) -> Options:

@@ -20,7 +20,7 @@ CHORD_TOLERANCE = 0.5
 
 
 class Near(NamedTuple):
-    """Visible spans of strokes, and pairs (span, flat pixel) such that the pixel may hold points within reach."""
+    """Visible spans of segments, and pairs (span, flat pixel) such that the pixel may hold points within reach."""
 
     spans: Spans
     span: Int[Tensor, " C"]
@@ -28,7 +28,7 @@ class Near(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Strokes over points: view, stroke, index of the point, its position, the parameter of the closest point.
+    """Strokes over points: view, stroke, index of the point, its position; segment and parameter of the closest point.
 
     free: whether the parameter can move, that is does not sit at an end of the visible part.
     """
@@ -37,6 +37,7 @@ class Hits(NamedTuple):
     stroke: Int[Tensor, " P"]
     point: Int[Tensor, " P"]
     position: Float[Tensor, "P 2"]
+    segment: Int[Tensor, " P"]
     t: Float[Tensor, " P"]
     free: Tensor
 
@@ -45,22 +46,27 @@ class Hits(NamedTuple):
         return Hits(*(column[rows] for column in self))
 
 
-def half_width_at(strokes: Strokes2D, view: Tensor, stroke: Tensor, depth: Tensor) -> Tensor:
-    """Half width in pixels of strokes at points of this depth (docs eq. 8)."""
+def half_width_at(
+    strokes: Strokes2D, view: Tensor, segment: Tensor, t: Float[Tensor, " P"], depth: Float[Tensor, " P"]
+) -> Float[Tensor, " P"]:
+    """Half width in pixels at parameters t of segments, which have this depth there (docs eq. 8)."""
     row = view if len(strokes.half_width) > 1 else torch.zeros_like(view)
-    half_width = strokes.half_width[row, stroke].double()
+    if strokes.half_width.ndim == 2:
+        half_width = strokes.half_width[row, strokes.stroke_of(segment)].double()
+    else:
+        half_width = (bernstein(t, 3) * strokes.half_width[row, segment].double()).sum(-1)
     return half_width if strokes.width_space == "image" else half_width / depth
 
 
 def point_on_stroke(strokes: Strokes2D, hits: Hits, t: Tensor | None = None) -> tuple[Tensor, Tensor]:
     """Screen position and camera depth at the hits' parameters, or at t."""
-    value = (bernstein(hits.t if t is None else t, 3)[:, None] @ strokes.cubics[hits.view, hits.stroke])[:, 0]
+    value = (bernstein(hits.t if t is None else t, 3)[:, None] @ strokes.cubics[hits.view, hits.segment])[:, 0]
     return value[:, :2] / value[:, 2:3], strokes.depth(value)
 
 
 def moving_parameter(strokes: Strokes2D, hits: Hits) -> Tensor:
     """The hits' parameters with their derivative, constant at the ends of the visible part (docs eq. 6)."""
-    control = strokes.cubics[hits.view, hits.stroke][..., :3]
+    control = strokes.cubics[hits.view, hits.segment][..., :3]
     t = differentiable_parameter(control, hits.position[:, None], hits.t[:, None])[:, 0]
     return torch.where(hits.free, t, hits.t)
 
@@ -81,7 +87,7 @@ def find_near(strokes: Strokes2D, size: tuple[int, int], reach: float) -> Near:
 
 def span_controls(strokes: Strokes2D, spans: Spans) -> Float[Tensor, "S 4 4"]:
     """Homogeneous control points of the visible spans as curves of their own."""
-    return subcurve_matrix(spans.start, spans.stop, 3) @ strokes.cubics[spans.view, spans.stroke]
+    return subcurve_matrix(spans.start, spans.stop, 3) @ strokes.cubics[spans.view, spans.segment]
 
 
 @torch.no_grad()
@@ -96,20 +102,27 @@ def closest_hits(
     blocks = zip(torch.split(span, SOLVE_BLOCK), torch.split(position, SOLVE_BLOCK), strict=True)
     u = torch.cat([closest_parameter(control[s], q[:, None])[:, 0] for s, q in blocks])
     t = spans.start[span] + u * (spans.stop - spans.start)[span]
-    hits = Hits(spans.view[span], spans.stroke[span], point, position, t, (u > 0) & (u < 1))
+    segment = spans.segment[span]
+    hits = Hits(spans.view[span], strokes.stroke_of(segment), point, position, segment, t, (u > 0) & (u < 1))
     on_curve, depth = point_on_stroke(strokes, hits)
     distance = torch.linalg.vector_norm(position - on_curve, dim=-1)
     nearest = _nearest_of_stroke(hits, distance)
-    seen = distance < half_width_at(strokes, hits.view, hits.stroke, depth) + reach
+    seen = distance < half_width_at(strokes, hits.view, hits.segment, hits.t, depth) + reach
     return hits.where(nearest & seen)
 
 
 def _largest_half_width(strokes: Strokes2D, spans: Spans, control: Float[Tensor, "S 4 4"]) -> Float[Tensor, " S"]:
     """Largest half width of each visible stroke (of all its spans, so that the nearest of them is found) in pixels."""
     depth = homogeneous_box(control[..., 2:])[0][..., 0].clamp_min(strokes.near)
-    largest = half_width_at(strokes, spans.view, spans.stroke, depth)
-    key = spans.view * strokes.cubics.shape[1] + spans.stroke
-    most = largest.new_zeros(strokes.cubics.shape[0] * strokes.cubics.shape[1])
+    if strokes.half_width.ndim == 2:
+        largest = half_width_at(strokes, spans.view, spans.segment, spans.start, depth)
+    else:
+        # A polynomial is below its greatest Bernstein coefficient.
+        row = spans.view if len(strokes.half_width) > 1 else torch.zeros_like(spans.view)
+        largest = strokes.half_width[row, spans.segment].double().amax(-1)
+        largest = largest if strokes.width_space == "image" else largest / depth
+    key = spans.view * len(strokes.opacity) + strokes.stroke_of(spans.segment)
+    most = largest.new_zeros(strokes.cubics.shape[0] * len(strokes.opacity))
     return most.scatter_reduce(0, key, largest, "amax")[key]
 
 

@@ -99,16 +99,18 @@ def outline_jump(strokes: Strokes2D, near: Near, outline: Outline, size: tuple[i
     rows, point = _pairs_at(near, outline.place(size), size)
     position = outline.position.detach()
     hits = closest_hits(strokes, near, rows, point, position[point], 0.0)
-    own = hits.stroke == outline.stroke[hits.point]
+    own_stroke = strokes.stroke_of(outline.segment)
+    own = hits.stroke == own_stroke[hits.point]
     on_curve, depth = point_on_stroke(strokes, hits)
-    inside = half_width_at(strokes, hits.view, hits.stroke, depth) - torch.linalg.vector_norm(
+    inside = half_width_at(strokes, hits.view, hits.segment, hits.t, depth) - torch.linalg.vector_norm(
         hits.position - on_curve, dim=-1
     )
     hidden = torch.zeros(len(position), dtype=torch.bool, device=position.device)
     hidden[hits.point[own & (inside > OUTLINE_SLACK)]] = True
     others = hits.where(~own)
     index = torch.arange(len(position), device=position.device)
-    itself = Hits(outline.view, outline.stroke, index, position, outline.t, torch.zeros_like(index, dtype=torch.bool))
+    fixed = torch.zeros_like(index, dtype=torch.bool)
+    itself = Hits(outline.view, own_stroke, index, position, outline.segment, outline.t, fixed)
     both = Hits(*(torch.cat(pair) for pair in zip(others, itself, strict=True)))
 
     def shade(hits: Hits) -> tuple[Tensor, Tensor]:

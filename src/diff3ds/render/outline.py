@@ -6,7 +6,7 @@ from typing import NamedTuple
 import torch
 
 from diff3ds._shapes import Float, Int, Tensor
-from diff3ds.bezier.curves import homogeneous_derivatives
+from diff3ds.bezier.curves import bernstein, homogeneous_derivatives
 from diff3ds.bezier.measure import _Intervals, chord_intervals
 from diff3ds.project import Strokes2D
 from diff3ds.render.hits import half_width_at, span_controls
@@ -16,6 +16,8 @@ from diff3ds.render.visible import Spans
 CHORD_TOLERANCE = 0.02
 # Chords turn by less than this (radians) unless they are shorter than that (px): these stand for a jump of the tangent.
 MAX_TURN, MIN_LENGTH = 0.3, 1e-6
+# A joint that turns by less (radians) is smooth but for rounding: both sides go on across it.
+JOINT_TURN = 1e-3
 # Longer parts (px) get no more points: they lie off the image, most of them.
 MAX_LENGTH = 1e5
 # Of chords: then the parameter has no digits left.
@@ -23,10 +25,10 @@ MAX_HALVINGS = 32
 
 
 class Outline(NamedTuple):
-    """Points on outlines: view, stroke and parameter, position (it moves with the stroke), normal times length."""
+    """Points on outlines: view, segment and parameter, position (it moves with the stroke), normal times length."""
 
     view: Int[Tensor, " P"]
-    stroke: Int[Tensor, " P"]
+    segment: Int[Tensor, " P"]
     t: Float[Tensor, " P"]
     position: Float[Tensor, "P 2"]
     normal: Float[Tensor, "P 2"]
@@ -50,15 +52,47 @@ class _Strokes(NamedTuple):
     spans: Spans
     control: Float[Tensor, "S 4 4"]
 
-    def half_width(self, span: Tensor, value: Float[Tensor, "P 4"]) -> Float[Tensor, " P"]:
-        """At homogeneous points of spans."""
-        depth = self.strokes.depth(value)
-        return half_width_at(self.strokes, self.spans.view[span], self.spans.stroke[span], depth)
+    def half_width(self, span: Tensor, u: Tensor, value: Float[Tensor, "P 4"]) -> Float[Tensor, " P"]:
+        """At parameters u of spans, whose homogeneous points these are."""
+        view, segment = self.spans.view[span], self.spans.segment[span]
+        return half_width_at(self.strokes, view, segment, self.parameter(span, u), self.strokes.depth(value))
+
+    def half_width_slope(self, span: Tensor, u: Tensor) -> Float[Tensor, " P"]:
+        """Derivative with respect to u of `Strokes2D.half_width`, where it varies along strokes."""
+        view, segment = self.spans.view[span], self.spans.segment[span]
+        row = view if len(self.strokes.half_width) > 1 else torch.zeros_like(view)
+        control = self.strokes.half_width[row, segment].double()
+        slope = 3 * (bernstein(self.parameter(span, u), 2) * control.diff(dim=-1)).sum(-1)
+        return slope * (self.spans.stop[span] - self.spans.start[span])
+
+    def parameter(self, span: Tensor, u: Tensor) -> Float[Tensor, " P"]:
+        """Of the segment, at parameters u of spans."""
+        start, stop = self.spans.start[span], self.spans.stop[span]
+        return start + u * (stop - start)
+
+    def neighbours(self) -> tuple[Int[Tensor, " S"], Int[Tensor, " S"]]:
+        """The span that each goes on from at a joint, and the one that goes on from it; -1 where there is none."""
+        view, segment, start, stop = self.spans
+        none = torch.full_like(segment, -1)
+        chains = self.strokes.chains
+        if chains is None:
+            return none, none
+        segments = len(chains.stroke)
+        rows = torch.arange(len(segment), device=segment.device)
+
+        def at(touches: Tensor, neighbour: Tensor, mine: Tensor) -> Tensor:
+            table = torch.full((segments * len(self.strokes.cubics),), -1, device=rows.device)
+            table[(view * segments + segment)[touches]] = rows[touches]
+            found = table[view * segments + neighbour.clamp_min(0)]
+            return torch.where((neighbour >= 0) & mine, found, none)
+
+        before = at(stop == 1, chains.before[segment], start == 0)
+        after = at(start == 0, chains.after[segment], stop == 1)
+        return before, after
 
     def outline(self, span: Tensor, u: Tensor, position: Tensor, normal: Tensor) -> Outline:
         """Of points at parameters u of spans."""
-        start, stop = self.spans.start[span], self.spans.stop[span]
-        return Outline(self.spans.view[span], self.spans.stroke[span], start + u * (stop - start), position, normal)
+        return Outline(self.spans.view[span], self.spans.segment[span], self.parameter(span, u), position, normal)
 
 
 def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) -> Outline:
@@ -73,10 +107,17 @@ def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) ->
         first = torch.ones_like(jump)
         first[1:] = chords.curve[1:] != chords.curve[:-1]
         last = torch.cat([first[1:], first.new_ones(1)])[: len(first)]
-        joint = _turn(after.roll(1, 0), before)
+        earlier, later = s.neighbours()
+        joined, joins = earlier[chords.curve] >= 0, later[chords.curve] >= 0
+        # The chord in front of each: that of its span, or at a joint the last one of the span before it.
+        end = torch.zeros_like(earlier).index_copy(0, chords.curve[last], last.nonzero()[:, 0])
+        front = torch.arange(len(first), device=first.device) - 1
+        front = torch.where(first, end[earlier[chords.curve].clamp_min(0)] if len(end) else front, front)
+        joint = _turn(after[front], before)
+        turns = torch.where(first, joined & (joint.abs() > JOINT_TURN), joint.abs() > MAX_TURN)
         value, *_ = homogeneous_derivatives(s.control[chords.curve], chords.start[:, None])
         # Around the outside of a bend the outline is longer than the chord.
-        measure = torch.where(jump, 0.0, length + turn.abs() * s.half_width(chords.curve, value[:, 0]))
+        measure = torch.where(jump, 0.0, length + turn.abs() * s.half_width(chords.curve, chords.start, value[:, 0]))
         rows, fraction, part = _spread(measure, density, generator)
         width = (chords.stop - chords.start)[rows]
         half_turn = torch.full_like(length, math.pi)
@@ -84,10 +125,10 @@ def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) ->
         _side(s, chords.curve[rows], chords.start[rows] + fraction * width, part * width, sign) for sign in (1, -1)
     ]
     arcs = (
-        (first, chords.start, -before, half_turn),
-        (last, chords.stop, after, half_turn),
+        (first & ~joined, chords.start, -before, half_turn),
+        (last & ~joins, chords.stop, after, half_turn),
         (jump, (chords.start + chords.stop) / 2, before, turn),
-        (~first & (joint.abs() > MAX_TURN), chords.start, after.roll(1, 0), joint),
+        (turns, chords.start, after[front], joint),
     )
     around = [_arc(s, chords.curve[k], u[k], side[k], angle[k], density, generator) for k, u, side, angle in arcs]
     return Outline(*(torch.cat(column) for column in zip(*sides, *around, strict=True)))
@@ -146,7 +187,7 @@ def _side(s: _Strokes, span: Tensor, u: Tensor, du: Tensor, sign: int) -> Outlin
     speed = torch.linalg.vector_norm(velocity, dim=-1, keepdim=True)
     tangent = velocity / speed.clamp_min(1e-300)
     normal = sign * torch.stack([-tangent[:, 1], tangent[:, 0]], -1)
-    r = s.half_width(span, value)[:, None]
+    r = s.half_width(span, u, value)[:, None]
     with torch.no_grad():
         # q' = along tangent + slope normal; across it, outwards, the outline's normal times its length (eq. 12).
         along = speed - r * (normal * acceleration).sum(-1, keepdim=True) / speed.clamp_min(1e-300)
@@ -154,6 +195,9 @@ def _side(s: _Strokes, span: Tensor, u: Tensor, du: Tensor, sign: int) -> Outlin
         if s.strokes.width_space == "world":
             depth = z / value[:, 3:]
             slope = -r * (dz - depth * first[:, 3:]) / (value[:, 3:] * depth)
+        if s.strokes.half_width.ndim == 3:
+            change = s.half_width_slope(span, u)[:, None]
+            slope = slope + (change / (z / value[:, 3:]) if s.strokes.width_space == "world" else change)
         # On the inside of bends tighter than r there is no outline.
         outward = torch.where(along > 0, along * normal - slope * tangent, 0.0) * du[:, None]
     return s.outline(span, u, p + r * normal, outward)
@@ -164,7 +208,7 @@ def _arc(
 ) -> Outline:
     """Points of circles of radius r around points of spans: the outside of a turn from the directions `before` on."""
     value, *_ = homogeneous_derivatives(s.control[span], u[:, None])
-    r = s.half_width(span, value[:, 0])
+    r = s.half_width(span, u, value[:, 0])
     rows, fraction, part = _spread(r.detach() * turn.abs(), density, generator)
     start = torch.atan2(before[:, 1], before[:, 0]) - torch.where(turn > 0, math.pi / 2, -math.pi / 2)
     angle = start[rows] + fraction * turn[rows]

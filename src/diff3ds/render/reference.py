@@ -37,10 +37,11 @@ def rasterize(
     hits = closest_hits(strokes, near, rows, point, pixel_centers(near.pixel, size[1]), reach(blur))
 
     def shade(hits: Hits) -> tuple[Tensor, Tensor]:
-        position, depth = point_on_stroke(strokes, hits, moving_parameter(strokes, hits))
+        t = moving_parameter(strokes, hits)
+        position, depth = point_on_stroke(strokes, hits, t)
         # In the middle of a stroke a norm has no second derivative; the coverage, which is even in it, has.
         distance = ((hits.position - position).square().sum(-1) + MIDDLE**2).sqrt()
-        return coverage(distance, half_width_at(strokes, hits.view, hits.stroke, depth), blur), depth
+        return coverage(distance, half_width_at(strokes, hits.view, hits.segment, t, depth), blur), depth
 
     sums = composite_points(strokes, hits, shade, len(strokes.cubics) * size[0] * size[1])
     return images_from(sums, size, background)

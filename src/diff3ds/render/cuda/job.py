@@ -13,17 +13,19 @@ LISTS = ("pieces", "chords", "intersections", "tile_pieces", "fragments", "outli
 BAD = len(LISTS) + 2
 COUNTERS = BAD + 1
 TILE, PIXELS, WARPS = 16, 256, 8
-SUMS = 21
+SUMS = 24
+# Of them, those that are no control points: half width, opacity and colour.
+OF_APPEARANCE = 8
 
 _POINTERS = (
-    "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "out_color",
-    "out_alpha", "out_depth", "reach", "scale", "piece_first", "pieces", "piece_info", "arcs", "chord_first",
-    "outline_first", "chords", "chord_info", "tangents", "intersection_first", "intersection_chord",
-    "intersection_tile_piece", "tile_first", "tile_cursor", "tile_piece_first", "tile_piece_count", "tile_list",
-    "tile_pieces", "warp_fragments", "fragments", "order", "point_first", "point_count", "counters", "report",
-    "g_color", "g_alpha", "g_depth", "front", "g_fragment", "g_tile_piece", "g_background", "g_cubics",
-    "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights", "g_matrices", "outline",
-    "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline", "outline_sums",
+    "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "stroke_first",
+    "segment_stroke", "closed", "out_color", "out_alpha", "out_depth", "reach", "scale", "piece_first", "pieces",
+    "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents", "intersection_first",
+    "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor", "tile_piece_first",
+    "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order", "point_first",
+    "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment", "g_tile_piece",
+    "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights",
+    "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline", "outline_sums",
     "outline_warp_fragments", "outline_fragments", "outline_order",
 )  # fmt: skip
 
@@ -37,8 +39,8 @@ class Job(ctypes.Structure):
         ("seed", ctypes.c_uint64),
         *((f"background_{axis}", ctypes.c_int64) for axis in ("view", "row", "pixel")),
         *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach", "width_scale")),
-        *((name, ctypes.c_int32) for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y")),
-        *((name, ctypes.c_int32) for name in ("world", "orthographic", "strata")),
+        *((name, ctypes.c_int32) for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y")),
+        *((name, ctypes.c_int32) for name in ("world", "along", "orthographic", "strata")),
         *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "controls")),
     )
 
@@ -63,11 +65,12 @@ class Shape:
     Attributes:
         real: the size of a pixel's number in bytes.
         save: whether a backward pass may follow.
-        controls: control points of strokes in space, 0 for those that are projected already.
+        controls: control points of segments in space, 0 for those that are projected already.
     """
 
     views: int
     strokes: int
+    segments: int
     height: int
     width: int
     strata: int
@@ -77,8 +80,8 @@ class Shape:
 
     @property
     def seen(self) -> int:
-        """Strokes times views."""
-        return self.views * self.strokes
+        """Segments times views."""
+        return self.views * self.segments
 
     @property
     def tiles_x(self) -> int:
@@ -111,11 +114,11 @@ class Shape:
         points = PIXELS * self.tiles * self.samples if self.save else 0
         return {
             "cubics": 128 * self.seen if self.controls else 0,
-            "reach": self.real * self.seen,
+            "reach": self.real * self.views * self.strokes,
             "scale": 8 * self.seen,
             "piece_first": 4 * (self.seen + 1),
-            "pieces": 26 * self.real * pieces,
-            "piece_info": 168 * pieces,
+            "pieces": 29 * self.real * pieces,
+            "piece_info": 176 * pieces,
             "arcs": 80 * pieces,
             "chord_first": 4 * (pieces + 1),
             "outline_first": 4 * (pieces + 1),
@@ -136,7 +139,10 @@ class Shape:
     def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
         """Bytes of the arrays that a backward pass needs beside."""
         sizes = dict.fromkeys(("front", "g_fragment"), self.real * limits["fragments"])
-        sizes |= {"g_tile_piece": SUMS * self.real * limits["tile_pieces"], "g_appearance": 40 * self.seen}
+        sizes |= {
+            "g_tile_piece": SUMS * self.real * limits["tile_pieces"],
+            "g_appearance": 8 * OF_APPEARANCE * self.seen,
+        }
         sizes["g_cubics"] = 128 * self.seen if self.controls else 0
         if not self.strata:
             return sizes

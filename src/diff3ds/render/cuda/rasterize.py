@@ -87,7 +87,8 @@ def _shape(inputs: KernelInputs, save: bool) -> Shape:
     projected = len(inputs.curves) == 1
     views = len(inputs.curves[-1])
     controls = 0 if projected else first.shape[1]
-    return Shape(views, len(color), *inputs.size, inputs.options.strata, color.element_size(), save, controls)
+    segments = first.shape[0 if controls else 1]
+    return Shape(views, len(color), segments, *inputs.size, inputs.options.strata, color.element_size(), save, controls)
 
 
 def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
@@ -95,6 +96,9 @@ def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
     names = ("half_width", "color", "opacity", "background", *curves)
     tensors = {name: t.detach().contiguous() for name, t in zip(names, inputs.tensors(), strict=True)}
     tensors["background"] = tensors["background"].expand(shape.views, *inputs.size, 3)
+    if inputs.chains is not None:
+        chains = inputs.chains
+        tensors |= {"stroke_first": chains.first, "segment_stroke": chains.stroke, "closed": chains.closed}
     return tensors
 
 
@@ -149,8 +153,9 @@ def _settled(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
 
 def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
     job = Job(seed=options.seed, near=options.near, world=options.world, orthographic=options.orthographic)
-    job.half_width_per_view = tensors["half_width"].ndim == 2 and len(tensors["half_width"]) > 1
-    for name in ("views", "strokes", "height", "width", "tiles_x", "tiles_y", "strata", "save", "controls"):
+    job.half_width_per_view = tensors["half_width"].ndim > 1 and len(tensors["half_width"]) > 1
+    job.along = tensors["half_width"].ndim == 3
+    for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y", "strata", "save", "controls"):
         setattr(job, name, getattr(shape, name))
     job.background_view, job.background_row, job.background_pixel = tensors["background"].stride()[:3]
     job.inv_sigma = 1 / blur_sigma(options.blur) if options.blur > 0 else 0
@@ -171,11 +176,18 @@ def _run(device: Device, job: Job, work: list[Arrays], lengths: dict[str, int], 
     job.limit[:] = list(lengths.values())
     tiles = job.views * job.tiles_x * job.tiles_y
     launches = [("project_strokes", device.strides)] if job.controls else []
+    if job.stroke_first:
+        launches.append(("measure_strokes", device.strides))
     for part in ("pieces", "chords", "intersections"):
         places = 2 if part == "intersections" else 1
         launches += [(f"count_{part}", device.strides), (f"place_{part}", places), (f"write_{part}", device.strides)]
-    launches += [("group_tiles", tiles), ("draw_world" if job.world else "draw_image", tiles)]
+    launches += [("group_tiles", tiles), (f"draw_{_width(job)}", tiles)]
     device.launch([*launches, ("conclude_drawing", device.strides)], job)
+
+
+def _width(job: Job) -> str:
+    """The kind of width, as kernels are named."""
+    return ("world" if job.world else "image") + ("_along" if job.along else "")
 
 
 def backward(
@@ -245,13 +257,14 @@ def _differentiate(device: Device, job: Job, work: list[Arrays | dict[str, Tenso
         job.point(arrays)
     job.limit[:] = list(lengths.values())
     tiles, strides = job.views * job.tiles_x * job.tiles_y, device.strides
-    kind = "samples" if job.strata else "world" if job.world else "image"
-    # World widths need the derivative of depth in any case.
-    launches = [(f"differentiate_{kind}{'_depth' if job.g_depth and kind != 'world' else ''}", tiles)]
+    kind = "samples" if job.strata else _width(job)
+    # Other widths need the derivative of the closest point's parameter in any case.
+    depth = "_depth" if job.g_depth and kind in ("samples", "image") else ""
+    launches = [(f"differentiate_{kind}{depth}", tiles)]
     if job.strata:
         launches += [("count_outlines", strides), ("place_outlines", 1), ("write_outlines", strides)]
         launches += [("place_outline_tiles", 1), ("scatter_outlines", strides)]
-        launches += [(f"value_outlines_{'world' if job.world else 'image'}", tiles), ("sum_outlines", strides)]
+        launches += [(f"value_outlines_{_width(job)}", tiles), ("sum_outlines", strides)]
     launches += [("finish_gradients", strides), ("gather_strokes", strides)]
     if job.g_matrices:
         launches.append(("gather_cameras", job.views))
