@@ -40,6 +40,35 @@ def test_rational_cubics_come_back_exactly(tmp_path, generator):
 
 
 @needs_occt
+def test_strokes_of_several_segments_come_back(tmp_path, generator):
+    chains = ds.Chains.of([3, 1, 4], [False, False, True])
+    points = chains.joined(uniform(generator, 8, 4, 3) * 2 - 1)
+    weights = 0.5 + uniform(generator, 8, 4)
+    sketch = ds.Sketch(points, weights, color=uniform(generator, 3, 3), chains=chains)
+    ds.save(tmp_path / "a.step", sketch)
+    assert (tmp_path / "a.step").read_text().count("TRIMMED_CURVE") == 3
+    back = ds.load(tmp_path / "a.step")
+    assert back.chains.counts.tolist() == [3, 1, 4]
+    assert back.chains.closed.tolist() == [False, False, True]
+    assert torch.equal(back.points, sketch.points)
+    # Over the joints weights go on: those of a segment are scaled by one number, which moves no point.
+    ratio = back.weights / weights
+    torch.testing.assert_close(ratio, ratio[:, :1].expand_as(ratio), atol=0, rtol=1e-12)
+    torch.testing.assert_close(back.color, sketch.color, atol=1e-6, rtol=0)
+
+
+@needs_occt
+def test_a_whole_circle_is_one_closed_stroke(tmp_path):
+    points, weights = ds.bezier.circle((1.0, 2.0, 3.0), 5.0)
+    ds.save(tmp_path / "a.step", ds.Sketch(points, weights, chains=ds.Chains.of([4], True)))
+    back = ds.load(tmp_path / "a.step")
+    assert back.chains.closed.tolist() == [True]
+    places = evaluate(back.points, back.weights, torch.linspace(0, 1, 7, dtype=torch.float64))
+    radius = (places - torch.tensor([1.0, 2.0, 3.0]).double()).norm(dim=-1)
+    torch.testing.assert_close(radius, torch.full_like(radius, 5.0), atol=1e-9, rtol=0)
+
+
+@needs_occt
 @pytest.mark.parametrize("controls", [2, 3])
 def test_lower_degrees_and_float32_come_back_exactly(tmp_path, generator, controls):
     points = (uniform(generator, 9, controls, 3) * 2 - 1).float()

@@ -2,11 +2,14 @@
 
 One product with one set of curves, in millimetres: a world unit is written as 1 mm. A stroke becomes a trimmed rational
 B-spline of its own degree with its control points and weights to the last bit, called "stroke 0", "stroke 1" and so on,
-with its colour. Its width is written as the style's line width, which few programs show. STEP has no transparent lines
-and no lines of a width relative to the picture: opacity and `width_space` are not kept.
+with its colour; one of several segments is one B-spline with a knot at each joint, whose weights go on over the joints
+(those of a segment are scaled by one number). Its width, the mean one where it changes, is written as the style's line
+width, which few programs show. STEP has no transparent lines and no lines of a width relative to the picture: opacity
+and `width_space` are not kept.
 """
 
 import importlib.util
+import itertools
 import json
 import subprocess
 import sys
@@ -17,6 +20,8 @@ from typing import Any
 import torch
 
 from diff3ds._files import write_text
+from diff3ds.bezier import to_nurbs
+from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
 
 # A sketch of 100,000 strokes takes 100 MB; more is taken for a mistake or an attack.
@@ -72,39 +77,53 @@ def save_step(path: str | Path, sketch: Sketch) -> None:
     sketch.check_values()
     if len(sketch) == 0:
         raise ValueError(f"{path}: a STEP file needs at least one stroke, got none")
-    # An entity for each control point and six for the rest of a stroke: see _stroke.
-    size = sketch.points.shape[1] + 6
-    tensors = {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
-    starts = range(_FIRST_FREE, _FIRST_FREE + size * len(sketch), size)
+    strokes = list(_strokes(sketch.detach()))
+    # An entity for each control point and six for the rest of a stroke: see _entities.
+    ends = list(itertools.accumulate((len(stroke["points"]) + 6 for stroke in strokes), initial=_FIRST_FREE))
     product = _PRODUCT.format(
         name=_string(path.stem),
-        curves=",\n".join(f"#{start + size - 5}" for start in starts),
-        styles=",\n".join(f"#{start + size - 1}" for start in starts),
+        curves=",\n".join(f"#{end - 5}" for end in ends[1:]),
+        styles=",\n".join(f"#{end - 1}" for end in ends[1:]),
     )
     lines = [_HEADER.format(name=_string(path.name)) + product]
-    for index, first in enumerate(starts):
-        entities = _stroke(index, first, {name: value[index] for name, value in tensors.items()})
-        lines += [f"#{first + i}={entity};\n" for i, entity in enumerate(entities)]
+    for index, (first, stroke) in enumerate(zip(ends, strokes, strict=False)):
+        lines += [f"#{first + i}={entity};\n" for i, entity in enumerate(_entities(index, first, stroke))]
     write_text(path, "".join([*lines, "ENDSEC;\nEND-ISO-10303-21;\n"]))
 
 
-def _stroke(index: int, first: int, stroke: dict[str, Any]) -> Iterator[str]:
+def _strokes(sketch: Sketch) -> Iterator[dict[str, Any]]:
+    """What is written of each stroke: control points and weights of a B-spline of so many segments, width, colour."""
+    tensors = {name: value.double() for name, value in sketch.tensors().items()}
+    width, first = tensors["width"], range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
+    for index in range(len(sketch)):
+        segments = slice(first[index], first[index + 1])
+        points, weights, _ = to_nurbs(tensors["points"][segments], tensors["weights"][segments])
+        yield {
+            "points": points.tolist(),
+            "weights": weights.tolist(),
+            "segments": segments.stop - segments.start,
+            "width": float(width[index] if width.ndim == 1 else width[segments].mean()),
+            "color": tensors["color"][index].tolist(),
+        }
+
+
+def _entities(index: int, first: int, stroke: dict[str, Any]) -> Iterator[str]:
     """The entities of one stroke, to be numbered from `first`."""
-    points, name = stroke["points"], _string(f"stroke {index}")
-    controls = len(points)
+    points, segments, name = stroke["points"], stroke["segments"], _string(f"stroke {index}")
+    degree = (len(points) - 1) // segments
     for point in points:
         yield f"CARTESIAN_POINT('',({_reals(point)}))"
-    # A Bézier curve is a B-spline with knots 0 and 1 only. It is never called closed: OCCT would make it periodic, and
-    # replace its last weight by the first.
-    poles = ",".join(f"#{first + i}" for i in range(controls))
+    # It is never called closed: OCCT would make it periodic, and replace its last weight by the first.
+    poles = ",".join(f"#{first + i}" for i in range(len(points)))
+    multiplicities = ",".join(map(str, [degree + 1, *[degree] * (segments - 1), degree + 1]))
     yield (
-        f"(BOUNDED_CURVE()B_SPLINE_CURVE({controls - 1},({poles}),.UNSPECIFIED.,.F.,.U.)"
-        f"B_SPLINE_CURVE_WITH_KNOTS(({controls},{controls}),(0.,1.),.PIECEWISE_BEZIER_KNOTS.)"
+        f"(BOUNDED_CURVE()B_SPLINE_CURVE({degree},({poles}),.UNSPECIFIED.,.F.,.U.)"
+        f"B_SPLINE_CURVE_WITH_KNOTS(({multiplicities}),({_reals(range(segments + 1))}),.PIECEWISE_BEZIER_KNOTS.)"
         "CURVE()GEOMETRIC_REPRESENTATION_ITEM()"
         f"RATIONAL_B_SPLINE_CURVE(({_reals(stroke['weights'])}))REPRESENTATION_ITEM({name}))"
     )
-    spline = first + controls
-    yield f"TRIMMED_CURVE({name},#{spline},(PARAMETER_VALUE(0.)),(PARAMETER_VALUE(1.)),.T.,.PARAMETER.)"
+    spline = first + len(points)
+    yield f"TRIMMED_CURVE({name},#{spline},(PARAMETER_VALUE(0.)),(PARAMETER_VALUE({segments}.)),.T.,.PARAMETER.)"
     yield f"COLOUR_RGB('',{_reals(min(max(c, 0.0), 1.0) for c in stroke['color'])})"
     # A line width must be positive.
     width = f"POSITIVE_LENGTH_MEASURE({_reals([stroke['width']])})" if stroke["width"] > 0 else "$"
@@ -134,11 +153,11 @@ def _string(text: str) -> str:
 
 
 def load_step(path: str | Path) -> Sketch:
-    """Every edge of a STEP file as strokes, float64, in millimetres; needs the extra `cad`.
+    """Every edge of a STEP file as a stroke, float64, in millimetres; needs the extra `cad`.
 
-    Rational curves up to degree 3 (B-splines are cut at their knots), lines, circles, ellipses, parabolas and
-    hyperbolas are exact; other curves are approximated by cubics to 1e-4 of their size. Colours are those of the
-    curves, black where there is none. Widths, opacities and `width_space` get the defaults of `Sketch`.
+    Rational curves up to degree 3 (a B-spline has a segment between each two knots), lines, circles, ellipses,
+    parabolas and hyperbolas are exact; other curves are approximated by cubics to 1e-4 of their size. Colours are
+    those of the curves, black where there is none. Widths, opacities and `width_space` get the defaults of `Sketch`.
 
     OCCT reads in a process of its own: a file that makes it crash or hang gives an error like any other broken file.
     Single curves that OCCT refuses are left out.
@@ -197,11 +216,14 @@ def _read_apart(path: Path) -> list[dict[str, Any]]:
 def _sketch(strokes: list[dict[str, Any]]) -> Sketch:
     """Strokes of any degrees as one sketch, in their order."""
     parts, order = [], []
-    for controls in sorted({len(s["weights"]) for s in strokes}):
-        rows = [i for i, s in enumerate(strokes) if len(s["weights"]) == controls]
-        points, weights, color = (
-            torch.tensor([strokes[i][key] for i in rows], dtype=torch.float64) for key in ("points", "weights", "color")
+    for controls in sorted({len(s["segments"][0]["weights"]) for s in strokes}):
+        rows = [i for i, s in enumerate(strokes) if len(s["segments"][0]["weights"]) == controls]
+        segments = [segment for i in rows for segment in strokes[i]["segments"]]
+        points, weights = (
+            torch.tensor([segment[key] for segment in segments], dtype=torch.float64) for key in ("points", "weights")
         )
-        parts.append(Sketch(points, weights, color=color))
+        color = torch.tensor([strokes[i]["color"] for i in rows], dtype=torch.float64)
+        chains = Chains.of([len(strokes[i]["segments"]) for i in rows], [strokes[i]["closed"] for i in rows])
+        parts.append(Sketch(points, weights, color=color, chains=chains))
         order += rows
     return Sketch.concatenate(parts)[torch.tensor(order).argsort()]

@@ -32,7 +32,7 @@ MAX_SEGMENTS = 1000
 
 
 def strokes_of(path: str) -> list[dict[str, Any]]:
-    """The Bézier curves of all edges: points (K, 3) in millimetres, weights (K), colour (sRGB, in [0, 1])."""
+    """All edges: colour (sRGB, in [0, 1]), and Bézier segments with points (K, 3) in millimetres and weights (K)."""
     reader = STEPCAFControl_Reader()
     reader.SetColorMode(True)
     reader.SetNameMode(False)
@@ -48,11 +48,14 @@ def strokes_of(path: str) -> list[dict[str, Any]]:
     edges = ShapeMap()
     for i in range(1, labels.Length() + 1):
         TopExp.MapShapes_s(shapes.GetShape_s(labels.Value(i)), TopAbs_EDGE, edges)
-    strokes = []
+    strokes: list[dict[str, Any]] = []
     for i in range(1, edges.Extent() + 1):
         edge = TopoDS.Edge(edges.FindKey(i))
-        color = _color(colors, edge)
-        strokes += [{"points": p, "weights": w, "color": color} for p, w in _beziers(edge)]
+        segments: list[dict[str, Any]] = [{"points": points, "weights": weights} for points, weights in _beziers(edge)]
+        if segments:
+            # One segment that ends where it begins stays open, as it was written.
+            closed = len(segments) > 1 and segments[0]["points"][0] == segments[-1]["points"][-1]
+            strokes.append({"segments": segments, "closed": closed, "color": _color(colors, edge)})
     return strokes
 
 
