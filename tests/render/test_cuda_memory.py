@@ -29,7 +29,7 @@ def test_lists_have_room_for_what_they_hold(real):
     text = (source_folder() / "cuda" / "job.cuh").read_text(encoding="utf-8")
     asserted = re.findall(r"sizeof\((\w+)(?:<\w+>)?\) == (\d+)( \* sizeof\(real\))?", text)
     size = {name: int(number) * (real if reals else 1) for name, number, reals in asserted}
-    shape, lengths = Shape(2, 10, 30, 40, 0, real, save=True), dict.fromkeys(limits.LISTS, 1000)
+    shape, lengths = Shape(2, 10, 10, 30, 40, 0, real, save=True), dict.fromkeys(limits.LISTS, 1000)
     lists = {
         "pieces": size["Piece"],
         "piece_info": size["PieceInfo"],
@@ -111,7 +111,7 @@ def test_pictures_alone_are_never_spoilt(device, memories, monkeypatch):
 def test_the_least_memory_does_not_grow_with_samples(device):
     """Of small drawings, that of a run is a multiple of it."""
     for strata in (0, 2, 8, 64):
-        shape, bounds = Shape(1, 10, 16, 16, strata, 4, True), limits.Limits(torch.zeros(COUNTERS, dtype=torch.int64))
+        shape, bounds = Shape(1, 10, 10, 16, 16, strata, 4, True), limits.Limits(torch.zeros(COUNTERS, dtype=torch.int64))
         bounds.guess(shape)
         room = sum(shape.forward(bounds.length).values()) / 1e6
         assert room < 70 + 1.5 * shape.samples * 0.3, (strata, room)
@@ -181,7 +181,7 @@ def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories,
 @pytest.mark.parametrize(
     ("kernel", "places", "sizes"),
     [
-        ("write_pieces", "piece_first", {"pieces": 100, "piece_info": 168, "arcs": 80}),
+        ("write_pieces", "piece_first", {"pieces": 116, "piece_info": 176, "arcs": 80}),
         ("write_chords", "chord_first", {"chords": 36, "chord_info": 12, "tangents": 16}),
     ],
 )

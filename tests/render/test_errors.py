@@ -54,7 +54,7 @@ def test_values(backend, antialiasing, strokes, name, index, value, message):
         (
             {"half_width": torch.ones(3, 5).double()},
             ValueError,
-            "half_width must have shape (1, 5) or (1, 5) for 5 strokes",
+            "half_width must have shape (1, 5) or (1, 5) or (1, 5, 4) or (1, 5, 4) for 5 strokes",
         ),
         ({"color": torch.ones(4, 3).double()}, ValueError, "color must have shape (5, 3) for 5 strokes, got (4, 3)"),
         ({"opacity": torch.ones(5)}, TypeError, "opacity must have the floating point dtype of color, torch.float64"),
