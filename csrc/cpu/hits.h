@@ -262,7 +262,8 @@ template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const I
 
 // Candidates of a stroke with several pieces over the tile, those of intersections begin .. end: the best of all pieces.
 template <int POINTS>
-PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection *begin, const Intersection *end, const Place &p, Work &k, uint32_t n0, real R) {
+PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection *begin, const Intersection *end, const Place &p, Work &k, uint32_t n0,
+                                    real R) {
   for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
   Rows all = {TILE, -1};
   for (const Intersection *e = begin; e != end; e++)

@@ -13,7 +13,8 @@ void forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
 }
 void backward(const Job<real> &J, int tile, Scratch &S) {
   if (J.strata) return montecarlo_backward(J, tile, S);
-  with_width(J.world, J.along, [&](auto width) { J.g_depth ? analytic_backward<width, true>(J, tile, S) : analytic_backward<width, false>(J, tile, S); });
+  with_width(J.world, J.along,
+             [&](auto width) { J.g_depth ? analytic_backward<width, true>(J, tile, S) : analytic_backward<width, false>(J, tile, S); });
 }
 void outline_tile(const Job<real> &J, int tile, Scratch &S) {
   with_width(J.world, J.along, [&](auto width) { outline_values<width>(J, tile, S); });

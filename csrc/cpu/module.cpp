@@ -299,13 +299,8 @@ NB_MODULE(_kernels, m) {
       .def(
           "__init__",
           [](Options *self, bool world, bool orthographic, double near, double blur, int strata, uint64_t seed, double width_scale) {
-            new (self) Options{.world = world,
-                               .orthographic = orthographic,
-                               .near = near,
-                               .blur = blur,
-                               .strata = strata,
-                               .seed = seed,
-                               .width_scale = width_scale};
+            new (self) Options{
+                .world = world, .orthographic = orthographic, .near = near, .blur = blur, .strata = strata, .seed = seed, .width_scale = width_scale};
           },
           nb::kw_only(), "world"_a, "orthographic"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a);
   bind<float>(m, "State32");

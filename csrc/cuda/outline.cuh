@@ -13,7 +13,8 @@ __device__ inline u32 outline_tile(const Job &J, const OutlinePoint<real> &o) { 
   return (J.piece_info[o.piece].stroke / J.strokes * J.tiles_y + u32(o.y) / TILE) * J.tiles_x + u32(o.x) / TILE;
 }
 __device__ inline void count_outline(const Job &J, u32 piece) {
-  J.outline_first[piece] = OutlineSampler<real, Job>(J, J.world, J.along, J.strata, J.seed, NONE).piece(piece, [](u32, const OutlinePoint<real> &) {});
+  J.outline_first[piece] =
+      OutlineSampler<real, Job>(J, J.world, J.along, J.strata, J.seed, NONE).piece(piece, [](u32, const OutlinePoint<real> &) {});
 }
 // By one warp. Slots that stay empty lie nowhere: the host has filled them with NaN. The count was made by other code, which may round otherwise:
 // a point too many is left out.

@@ -111,7 +111,8 @@ def test_pictures_alone_are_never_spoilt(device, memories, monkeypatch):
 def test_the_least_memory_does_not_grow_with_samples(device):
     """Of small drawings, that of a run is a multiple of it."""
     for strata in (0, 2, 8, 64):
-        shape, bounds = Shape(1, 10, 10, 16, 16, strata, 4, True), limits.Limits(torch.zeros(COUNTERS, dtype=torch.int64))
+        shape = Shape(1, 10, 10, 16, 16, strata, 4, True)
+        bounds = limits.Limits(torch.zeros(COUNTERS, dtype=torch.int64))
         bounds.guess(shape)
         room = sum(shape.forward(bounds.length).values()) / 1e6
         assert room < 70 + 1.5 * shape.samples * 0.3, (strata, room)
