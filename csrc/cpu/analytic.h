@@ -50,7 +50,7 @@ template <int WIDTH, bool DEPTH> void analytic_backward(const Job<real> &J, int 
       }
       fragment_adjoint<WIDTH, DEPTH>(c, filter, select(in, load(tau + f), vf{}), qx, qy, select(in, load(k.g + f), vf{}), gz, m);
     }
-    add_to_slot(J, t.slot[l], m, color_gradient(t, k, l));
+    add_to_slot<WIDTH>(J, t.slot[l], m, color_gradient(t, k, l));
   }
 }
 }  // namespace

@@ -130,10 +130,12 @@ SIMD void clear_slots(const Job<real> &J, int tile) {
   std::memset(J.g_slot + first * NGRAD, 0, (last - first) * NGRAD * sizeof(real));
 }
 // Adds the sums of one layer to its slot, in the order of Moments.
-SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v4 color) {
+template <int WIDTH> SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v4 color) {
   real *g = J.g_slot + size_t(slot) * NGRAD;
   for (int i = 0; i < 16; i += VL) store(g + i, load(g + i) + sums((const vf *)&m + i));
-  for (int i = 0; i < (J.along ? 4 : 1); i++) g[OF_WIDTH + i] += sum(m.half_width[i]);
+  g[OF_WIDTH] += sum(m.half_width[0]);
+  if constexpr ((WIDTH & ALONG) != 0)
+    for (int i = 1; i < 4; i++) g[OF_WIDTH + i] += sum(m.half_width[i]);
   g[OF_OPACITY] += sum(m.opacity);
   for (int i = 0; i < 3; i++) g[OF_COLOR + i] += color[i];
 }

@@ -79,7 +79,7 @@ void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
         for (int i = 0; i < VL; i++) gz[i] = k.pix[px[i]][3];
         depth_adjoint<EVEN>(c, select(in, load(tau + f), vf{}), qx, qy, select(in, gz * load(T + f) * c.opacity, vf{}), vf{}, m, real(1));
       }
-      add_to_slot(J, t.slot[l], m, color_gradient(t, k, l));
+      add_to_slot<EVEN>(J, t.slot[l], m, color_gradient(t, k, l));
     }
   }
 }
