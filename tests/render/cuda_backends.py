@@ -51,7 +51,7 @@ def _let_cuda_draw(monkeypatch) -> None:
     choose = module.choose_backend
 
     def chosen(backend, device, dtype):
-        can = device.type == "cpu" and dtype in (torch.float32, torch.float64)
+        can = device.type == "cpu" and dtype in (torch.float16, torch.bfloat16, torch.float32, torch.float64)
         return "cuda" if backend == "cuda" and can else choose(backend, device, dtype)
 
     monkeypatch.setattr(module, "choose_backend", chosen)

@@ -9,7 +9,7 @@ import torch
 from scenes import strokes_at
 from sweep import sweep
 
-from diff3ds import MonteCarlo, Sketch, orbit, render
+from diff3ds import MonteCarlo, Sketch, orbit, project, render
 from diff3ds.render import rasterize, set_num_threads
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -156,14 +156,29 @@ def _on_meta(cameras):
 
 
 def test_unsupported_tensors_of_the_kernels(strokes):
-    half = replace(
-        strokes, half_width=strokes.half_width.half(), color=strokes.color.half(), opacity=strokes.opacity.half()
-    )
+    tiny = torch.float8_e5m2
+    odd = replace(strokes, **{name: getattr(strokes, name).to(tiny) for name in ("half_width", "color", "opacity")})
     if "cpu" in available():
-        with pytest.raises(ValueError, match=r'backend "cpu" draws float32 and float64, got torch.float16'):
-            rasterize(half, 16, backend="cpu")
-    # None finds the one that can.
-    assert rasterize(half, 16).color.dtype == torch.float16
+        with pytest.raises(ValueError, match=r'backend "cpu" draws float32, float64, .* got torch.float8_e5m2'):
+            rasterize(odd, 16, backend="cpu")
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_kernels_draw_half_precision_in_float32(kernels, dtype):
+    generator = torch.Generator().manual_seed(0)
+    points = torch.rand(5, 4, 3, generator=generator).to(dtype).requires_grad_()
+    cameras = orbit(30, 20, 3, size=24)
+
+    def drawn(points: torch.Tensor):
+        return render(Sketch(points, width=0.1, opacity=0.7), cameras, background=0.5, backend=kernels)
+
+    image, known = drawn(points), drawn(points.detach().float().requires_grad_())
+    assert image.color.dtype == image.alpha.dtype == image.depth.dtype == dtype
+    # The same numbers but for the width and the opacity, which are halves too.
+    assert (image.alpha.float() - known.alpha).abs().max() < 0.02
+    assert torch.autograd.grad(image.alpha.sum(), points)[0].dtype == dtype
+    flat = project(Sketch(points.detach(), width=0.1, opacity=0.7), cameras)
+    assert (rasterize(flat, 24, background=0.5, backend=kernels).alpha - image.alpha).abs().max() < 0.05
 
 
 def available() -> list[str]:

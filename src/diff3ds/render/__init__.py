@@ -1,7 +1,7 @@
 """Strokes to pixels, differentiably: `render` for sketches and cameras, `rasterize` for strokes already projected."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import cast
 
@@ -18,6 +18,7 @@ from diff3ds.render.backends import (
     choose_backend,
     drawing_device,
     get_num_threads,
+    kernel_dtype,
     set_num_threads,
 )
 from diff3ds.render.drawing import Images, KernelInputs, of_sketch, of_strokes
@@ -79,6 +80,8 @@ def render(
     Kernels have first derivatives in reverse mode (autograd, `torch.func.grad`, `vjp`, `jacrev`). Second derivatives
     and forward mode are for `backend="reference"` with analytic antialiasing, and an error elsewhere.
 
+    Kernels draw sketches in float16 and bfloat16 in float32; images and gradients come in the sketch's dtype.
+
     Where a device lacks float64, as Apple's GPUs do, strokes are drawn on the CPU and the images moved back, with a
     warning once a process.
 
@@ -107,14 +110,19 @@ def render(
     shape = (len(cameras), *cameras.size, 3)
     canvas = canvas_from(background, sketch.color, shape)
     how = antialiasing_from(antialiasing, blur, samples, generator)
+    dtype = sketch.points.dtype
+    drawn = dtype if chosen == "reference" else kernel_dtype(dtype)
     if place != home:
         sketch, cameras, canvas = sketch.to(place), cameras.to(place), canvas.to(place)
+    if drawn != dtype:
+        sketch, canvas = sketch.to(drawn), canvas.to(drawn)
     try:
         if chosen == "reference":
             images = _by_reference(project(sketch, cameras), cameras.size, canvas, how)
         else:
             images = _by_kernels(chosen, of_sketch(sketch, cameras, canvas, how))
-        return Rendering(*(images if place == home else (image.to(home) for image in images)))
+        as_given = place == home and drawn == dtype
+        return Rendering(*(images if as_given else (image.to(home, dtype) for image in images)))
     except ValueError:
         # The kernels only know that some value is bad; say which.
         sketch.check_values()
@@ -144,10 +152,17 @@ def rasterize(
     shape = (len(strokes.cubics), *size, 3)
     canvas = canvas_from(background, strokes.color, shape)
     how = antialiasing_from(antialiasing, blur, samples, generator)
+    dtype = strokes.color.dtype
     try:
         if chosen == "reference":
             return Rendering(*_by_reference(strokes, size, canvas, how))
-        return Rendering(*_by_kernels(chosen, of_strokes(strokes, size, canvas, how)))
+        drawn = kernel_dtype(dtype)
+        if drawn == dtype:
+            return Rendering(*_by_kernels(chosen, of_strokes(strokes, size, canvas, how)))
+        names = ("half_width", "color", "opacity")
+        raised = replace(strokes, **{name: getattr(strokes, name).to(drawn) for name in names})
+        images = _by_kernels(chosen, of_strokes(raised, size, canvas.to(drawn), how))
+        return Rendering(*(image.to(dtype) for image in images))
     except ValueError:
         check_stroke_values(strokes)
         raise

@@ -113,8 +113,14 @@ def choose_backend(backend: Backend | None, device: torch.device, dtype: torch.d
             f'backend "{backend}" draws tensors on {backend}, got {device}: use .to("{backend}") or backend=None'
         )
     if dtype not in _KERNEL_DTYPES:
-        raise ValueError(f'backend "{backend}" draws float32 and float64, got {dtype}: use .to(torch.float32)')
+        names = ", ".join(str(known).removeprefix("torch.") for known in _KERNEL_DTYPES)
+        raise ValueError(f'backend "{backend}" draws {names}, got {dtype}: use .to(torch.float32)')
     return backend
+
+
+def kernel_dtype(dtype: torch.dtype) -> torch.dtype:
+    """The dtype in which kernels draw strokes of another: halves have too few digits, and too few numbers to gain."""
+    return torch.float32 if dtype in _HALVES else dtype
 
 
 def drawing_device(device: torch.device) -> torch.device:
@@ -130,7 +136,8 @@ def lacks_float64(device: torch.device) -> bool:
     return device.type == "mps"
 
 
-_KERNEL_DTYPES = (torch.float32, torch.float64)
+_HALVES = (torch.float16, torch.bfloat16)
+_KERNEL_DTYPES = (torch.float32, torch.float64, *_HALVES)
 _HOW_TO_BUILD = (
     "Install a C++20 compiler (g++ or clang++, for example `apt install g++` or `xcode-select --install`) and install "
     "diff3ds again: `pip install --force-reinstall --no-deps diff3ds`, or for a checkout `pip install -e .`"
