@@ -16,7 +16,7 @@ struct InvalidStroke : std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
-// What a drawing needs besides tensors: `Options` of render/drawing.py field by field, bound by name in module.cpp.
+// What a drawing needs besides tensors: `Options` of render/kernel_inputs.py field by field, bound by name in module.cpp.
 struct Options {
   bool world, orthographic;
   double near, blur;

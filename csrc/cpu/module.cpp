@@ -95,7 +95,7 @@ template <class S> Unprojected<S> unprojected(const nb::tuple &curves) {
   require(curves.size() == 3, "curves must be cubics, or points, weights and matrices");
   return {In<S>(curves[0]), In<S>(curves[1]), In<double>(curves[2])};
 }
-// As render/drawing.py says: which segments make which stroke; both None where each is one.
+// As render/kernel_inputs.py says: which segments make which stroke; both None where each is one.
 struct ChainsIn {
   In<int64_t> first;
   In<bool> closed;
@@ -113,7 +113,7 @@ ChainsIn chains_of(const nb::object &chains, size_t segments) {
   require(size_t(out.first.data()[out.closed.shape(0)]) == segments, "chains must hold all segments");
   return out;
 }
-// As render/drawing.py says.
+// As render/kernel_inputs.py says.
 template <class S> struct Appearance {
   In<S> half_width, color, opacity, background;
 };

@@ -1,4 +1,4 @@
-// Projection of strokes through cameras and back on the CPU: the loops; the mathematics are in project_math.h.
+// Projection of strokes through cameras and back on the CPU: the loops; the mathematics are in common/project.h.
 #pragma once
 #include "common/project.h"
 #include "cpu/threads.h"

@@ -1,4 +1,4 @@
-// Occlusion: pixels of a tile composited (blended) from its fragments near to far, and back: one block a tile, one thread a pixel; analytic
+// Occlusion: pixels of a tile composited (blended) from its fragments near to far (hits.cuh sorts them): one block a tile, one thread a pixel; analytic
 // coverage, or strata of samples one after the other (docs/explanation/mathematics.md, eq. 7, 9, 10).
 #pragma once
 #include "common/hash.h"

@@ -84,7 +84,7 @@ def named_picture(path: Path, name: str) -> Path:
     return next((p for p in with_suffix if p.is_file()), picture if picture.suffix else with_suffix[0])
 
 
-def mask_of(path: Path, index: int, frame: Values) -> Path | None:
+def mask_file(path: Path, index: int, frame: Values) -> Path | None:
     """The mask of a frame.
 
     Raises:

@@ -21,7 +21,7 @@ from diff3ds.frames import (
     distortion_of,
     frame_size,
     intrinsics_of,
-    mask_of,
+    mask_file,
     named_picture,
     orthographic_of,
     picture_of,
@@ -258,7 +258,7 @@ def _view(path: Path, index: int, data: Values, frame: Values, picture: Path) ->
     orthographic = orthographic_of(path, index, data, frame)
     return View(
         picture,
-        mask_of(path, index, frame),
+        mask_file(path, index, frame),
         size,
         _inverse(to_world),
         intrinsics_of(path, index, data, frame, size, orthographic),

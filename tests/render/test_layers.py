@@ -9,7 +9,7 @@ from scenes import draw, strokes_at, tracked
 from diff3ds import render
 from diff3ds.library.crossing import crossing_cameras, crossing_strokes
 from diff3ds.project import project
-from diff3ds.render.arguments import canvas_from
+from diff3ds.render.checks import canvas_from
 
 
 def crossings(cubic: np.ndarray, other: np.ndarray) -> list[tuple[np.ndarray, bool]]:

@@ -8,7 +8,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.render.backends import kernels
-from diff3ds.render.drawing import Options
+from diff3ds.render.kernel_inputs import Options
 
 FIRST = torch.tensor(
     [[[-0.5, -0.4, 0.0], [0.1, 0.5, 0.2], [0.5, -0.3, 0.1]], [[-0.6, 0.0, 0.3], [0, 0.1, 0], [0.6, 0, -0.3]]]

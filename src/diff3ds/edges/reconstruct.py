@@ -23,8 +23,8 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import mean_of_strokes, part_support
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.first.carve import carve
-from diff3ds.edges.first.chains import follow_chains
 from diff3ds.edges.first.circles import find_circles
+from diff3ds.edges.first.ridge_chains import follow_chains
 from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
 from diff3ds.edges.measure.equal_radii import with_equal_circles

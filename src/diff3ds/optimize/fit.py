@@ -16,8 +16,8 @@ from diff3ds.optimize.checkpoint import State, read_checkpoint, start, write_che
 from diff3ds.optimize.strokes import Refinement
 from diff3ds.project import Strokes2D
 from diff3ds.render import Rendering, rasterize, render
-from diff3ds.render.arguments import Background
 from diff3ds.render.backends import torch_on_one_thread
+from diff3ds.render.checks import Background
 from diff3ds.render.options import Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 

@@ -11,7 +11,6 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
 from diff3ds.render import autograd, cpu, montecarlo, reference
-from diff3ds.render.arguments import Background, canvas_from, check_stroke_values, check_strokes
 from diff3ds.render.backends import (
     Backend,
     available_backends,
@@ -21,7 +20,8 @@ from diff3ds.render.backends import (
     kernel_dtype,
     set_num_threads,
 )
-from diff3ds.render.drawing import Images, KernelInputs, of_sketch, of_strokes
+from diff3ds.render.checks import Background, canvas_from, check_stroke_values, check_strokes
+from diff3ds.render.kernel_inputs import Images, KernelInputs, of_sketch, of_strokes
 from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 

@@ -11,7 +11,7 @@ import torch
 from diff3ds._modes import transformed
 from diff3ds._shapes import Tensor
 from diff3ds.chains import Chains
-from diff3ds.render.drawing import Appearance, Curves, Images, KernelInputs, Options
+from diff3ds.render.kernel_inputs import Appearance, Curves, Images, KernelInputs, Options
 
 # The gradient of each image, None where it is not used; then those of the appearance, and of the curves.
 Upstream = tuple[Tensor | None, Tensor | None, Tensor | None]

@@ -8,7 +8,7 @@ import torch
 from diff3ds._shapes import Tensor
 from diff3ds.render.autograd import Gradients, Upstream
 from diff3ds.render.backends import get_num_threads, kernels
-from diff3ds.render.drawing import Images, KernelInputs
+from diff3ds.render.kernel_inputs import Images, KernelInputs
 
 
 def forward(inputs: KernelInputs, save: bool) -> tuple[Images, Any]:

@@ -13,7 +13,6 @@ from diff3ds._modes import transformed
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
 from diff3ds.render.autograd import sampled
-from diff3ds.render.drawing import Images
 from diff3ds.render.hits import (
     Hits,
     Near,
@@ -23,6 +22,7 @@ from diff3ds.render.hits import (
     moving_parameter,
     point_on_stroke,
 )
+from diff3ds.render.kernel_inputs import Images
 from diff3ds.render.outline import Outline, sample_outline
 from diff3ds.render.reference import composite_points, images_from
 

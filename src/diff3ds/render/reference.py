@@ -14,8 +14,8 @@ from torch.utils.checkpoint import checkpoint
 from diff3ds._modes import transformed
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
-from diff3ds.render.drawing import Images
 from diff3ds.render.hits import Hits, closest_hits, find_near, half_width_at, moving_parameter, point_on_stroke
+from diff3ds.render.kernel_inputs import Images
 
 # The normal distribution is cut here; what is lost, 2e-4, is given back by scaling so that coverage is continuous.
 BLUR_REACH = 3.5

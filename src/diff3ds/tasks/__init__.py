@@ -1,1 +1,1 @@
-"""What a command does, as a function: one module a command."""
+"""What a command does, as a function: one folder a command."""

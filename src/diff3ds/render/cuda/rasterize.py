@@ -8,12 +8,12 @@ from typing import cast
 import torch
 
 from diff3ds._shapes import Tensor
-from diff3ds.render.arguments import InvalidStrokeError
 from diff3ds.render.autograd import Gradients, Upstream
+from diff3ds.render.checks import InvalidStrokeError
 from diff3ds.render.cuda.device import Device, device_for
 from diff3ds.render.cuda.job import COUNTERS, Arrays, Job, Shape
 from diff3ds.render.cuda.limits import Limits
-from diff3ds.render.drawing import Images, KernelInputs, Options
+from diff3ds.render.kernel_inputs import Images, KernelInputs, Options
 from diff3ds.render.reference import blur_sigma, reach
 
 # Lists that the forward pass counts.

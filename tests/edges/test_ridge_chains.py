@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from edge_scenes import arc, segment
 
-from diff3ds.edges.first.chains import follow_chains
+from diff3ds.edges.first.ridge_chains import follow_chains
 from diff3ds.edges.first.triangulate import EdgePoints
 from diff3ds.edges.shapes.lines import polyline_length
 
