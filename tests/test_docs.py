@@ -22,7 +22,7 @@ DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("**/*.md")])
 SOURCES = sorted([*(ROOT / "src").glob("**/*.py"), *(p for p in (ROOT / "csrc").glob("**/*") if p.is_file())])
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 # What the documents show is what the examples draw.
-PICTURES = {"first_render.py": "first_render.png", "crossing_figure.py": "crossing.png"}
+PICTURES = {"first_render.py": "first_render.png", "crossing_figure.py": "crossing.png", "helix.py": "helix.png"}
 MATHEMATICS = (ROOT / "docs/explanation/mathematics.md").read_text(encoding="utf-8")
 
 CITATION = re.compile(r"\beqs?\. *((?:\d+[a-z]?(?: *(?:,|-|–|to|and) *(?=\d))?)+)")

@@ -12,7 +12,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from diff3ds import bezier, guidance, library, losses
+    from diff3ds import bezier, constraints, guidance, library, losses
     from diff3ds.camera import Cameras, look_at, orbit
     from diff3ds.chains import Chains
     from diff3ds.formats import load, save
@@ -49,6 +49,7 @@ __all__ = [
     "__version__",
     "available_backends",
     "bezier",
+    "constraints",
     "density",
     "fit",
     "get_num_threads",

@@ -1,5 +1,6 @@
 """The optimisation loop: a sketch follows the gradient of any objective through the renderer."""
 
+import inspect
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -12,6 +13,7 @@ import torch
 from diff3ds._settings import check_seed
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.constraints import Constraint
 from diff3ds.optimize.checkpoint import State, read_checkpoint, start, write_checkpoint
 from diff3ds.optimize.strokes import Refinement
 from diff3ds.project import Strokes2D
@@ -29,6 +31,8 @@ LOOK_EVERY = 100
 
 # Fields that Adam moves as logarithms, because they are positive.
 LOGARITHMIC = ("weights", "width")
+
+Rate = float | Callable[[int], float]
 
 # Maps a sketch, the cameras of a step and its index to what is drawn.
 Projection = Callable[[Sketch, Cameras, int], Strokes2D]
@@ -51,6 +55,9 @@ class Stateful(Protocol):
 class Rates:
     """Adam's learning rates at the first step; fields with rate 0 stay as they are.
 
+    A rate may be a function of the step's index that gives the rate of that step; then `FitConfig.final_rate` has no
+    part in it.
+
     Attributes:
         points: world units a step.
         weights: of the weights' logarithms, so that they stay positive.
@@ -60,11 +67,11 @@ class Rates:
         opacity: opacities stay in [0, 1].
     """
 
-    points: float = 0.01
-    weights: float = 0.0
-    width: float = 0.0
-    color: float = 0.0
-    opacity: float = 0.0
+    points: Rate = 0.01
+    weights: Rate = 0.0
+    width: Rate = 0.0
+    color: Rate = 0.0
+    opacity: Rate = 0.0
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,8 @@ class FitConfig:
         samples: as for `render`.
         project: what is drawn in a step, a function of the sketch, the cameras and the step's index; by default all
             strokes as `render` draws them. Hides strokes in some views, or draws them as something else.
+        constraints: what strokes must keep to (`diff3ds.constraints`), applied in this order before a step is drawn and
+            after it; not together with refinements, which renumber strokes.
         refinements: called after every step, in this order; they may drop and add strokes.
         seed: of all random draws; a CPU run repeats bit for bit, whatever the number of threads.
         checkpoint: file that keeps the state, written every `checkpoint_every` steps, at the end, and when the run is
@@ -102,6 +111,7 @@ class FitConfig:
     antialiasing: Antialiasing = "analytic"
     samples: int | None = None
     project: Projection | None = None
+    constraints: Sequence[Constraint] = ()
     refinements: Sequence[Refinement] = ()
     seed: int = 0
     checkpoint: Path | None = None
@@ -119,6 +129,8 @@ class FitConfig:
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
                 raise ValueError(f"{name} must be a positive integer, got {getattr(self, name)!r}")
         for name, rate in {**asdict(self.rates), "final_rate": self.final_rate}.items():
+            if callable(rate) and name != "final_rate":
+                continue
             if not (isinstance(rate, int | float) and 0 <= rate < math.inf) or (name == "final_rate" and rate == 0):
                 raise ValueError(f"{name} must be a finite rate, not negative, got {rate}")
         if not any(asdict(self.rates).values()):
@@ -128,6 +140,8 @@ class FitConfig:
         least, most = self.width_range
         if not 0 <= least <= most:
             raise ValueError(f"width_range must be (least, greatest), not negative, got {self.width_range}")
+        if self.constraints and self.refinements:
+            raise ValueError("constraints and refinements cannot be combined: refinements renumber the strokes")
         if self.resume and self.checkpoint is None:
             raise ValueError("resume needs a checkpoint file: give checkpoint=")
         # What a function gives is known when its steps come.
@@ -145,6 +159,10 @@ class FitConfig:
         rules = {
             "rates": (isinstance(self.rates, Rates), "Rates(points=..., ...)"),
             "project": (self.project is None or callable(self.project), "a function of sketch, cameras and step"),
+            "constraints": (
+                isinstance(self.constraints, Sequence) and all(callable(c) for c in self.constraints),
+                "a sequence of functions from a sketch to a sketch",
+            ),
             "refinements": (functions, "a sequence of functions"),
             "checkpoint": (isinstance(self.checkpoint, str | PathLike | None), "a path or None"),
             "identity": (isinstance(self.identity, Mapping), "a mapping from names to what JSON knows"),
@@ -177,8 +195,9 @@ class Step:
         return float(self.loss_tensor)
 
 
-# Maps a rendering, its cameras and the index of the step to a scalar loss.
-Objective = Callable[[Rendering, Cameras, int], Tensor]
+# Maps a rendering, its cameras and the index of the step to a scalar loss. One with a parameter called `sketch` is
+# handed the sketch that was drawn as well, for regularisers.
+Objective = Callable[..., Tensor]
 CameraSampler = Callable[[int, torch.Generator], Cameras]
 
 
@@ -192,7 +211,9 @@ def fit(
 
     Args:
         sketch: where to start.
-        objective: called with the rendering (gradients on), the cameras and the step's index.
+        objective: called with the rendering (gradients on), the cameras and the step's index; and, if it has a
+            parameter of that name, `sketch=` what was drawn (gradients on), for regularisers such as
+            `losses.bending_energy`.
         cameras: the same views in every step, or a function (step, generator) that gives those of a step.
         config: default `FitConfig()`.
 
@@ -251,9 +272,14 @@ def _settings(config: FitConfig) -> dict[str, object]:
     how = antialiasing_from(config.antialiasing, samples=config.samples)
     mode, samples = ("montecarlo", how.samples) if isinstance(how, MonteCarlo) else ("analytic", MonteCarlo().samples)
     # Named apart from what an identity may hold: a run has a width as well as a rate of widths.
-    rates = {f"rate of {name}": rate for name, rate in asdict(config.rates).items()}
+    rates = {f"rate of {name}": _named(rate) for name, rate in asdict(config.rates).items()}
     chosen = {name: getattr(config, name) for name in names} | {"antialiasing": mode, "samples": samples}
     return {**rates, **chosen, **config.identity}
+
+
+def _named(rate: Rate) -> object:
+    """A rate as a checkpoint keeps it: functions by their names."""
+    return f"function {getattr(rate, '__qualname__', type(rate).__name__)}" if callable(rate) else rate
 
 
 def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
@@ -276,8 +302,10 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
     generator = state.generator()
     views = _checked(cameras(state.index, generator), state.index)
     leaves = _leaves(state.sketch, config.rates)
-    rendering = _drawn(_assembled(state.sketch, leaves), views, state.index, config, generator)
-    loss = objective(rendering, views, state.index)
+    sketch = _assembled(state.sketch, leaves, config.constraints)
+    rendering = _drawn(sketch, views, state.index, config, generator)
+    seen = {"sketch": sketch} if _looks_at_sketches(objective) else {}
+    loss = objective(rendering, views, state.index, **seen)
     loss, gradients = _gradients(loss, leaves, state.index)
     decay = config.final_rate ** (state.index / config.steps)
     state = _descended(state, leaves, gradients, config, decay)
@@ -310,14 +338,25 @@ def _leaves(sketch: Sketch, rates: Rates) -> dict[str, Tensor]:
     return {name: value.detach().clone().requires_grad_() for name, value in values.items()}
 
 
-def _assembled(sketch: Sketch, leaves: dict[str, Tensor]) -> Sketch:
+def _looks_at_sketches(objective: Objective) -> bool:
+    try:
+        return "sketch" in inspect.signature(objective).parameters
+    except (TypeError, ValueError):
+        # Some built-in functions say nothing of their parameters.
+        return False
+
+
+def _assembled(sketch: Sketch, leaves: dict[str, Tensor], constraints: Sequence[Constraint]) -> Sketch:
     moved = {name: value.exp() if name in LOGARITHMIC else value for name, value in leaves.items()}
     tensors = {**sketch.tensors(), **moved}
     if sketch.chains is not None:
         # A joint is one point, with one width.
         shared = [name for name in sketch.segment_fields if name != "weights"]
         tensors |= {name: sketch.chains.joined(tensors[name]) for name in shared}
-    return Sketch(**tensors, width_space=sketch.width_space, chains=sketch.chains)
+    moved_sketch = Sketch(**tensors, width_space=sketch.width_space, chains=sketch.chains)
+    for constrained in constraints:
+        moved_sketch = constrained(moved_sketch)
+    return moved_sketch
 
 
 def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
@@ -379,9 +418,13 @@ def _descended(
         steps = of_segments if name in state.sketch.segment_fields else age
         mean = first[name] / (1 - BETA1**steps).reshape(shape)
         spread = (second[name] / (1 - BETA2**steps).reshape(shape)).sqrt()
-        moved[name] = leaves[name].detach() - decay * getattr(config.rates, name) * mean / (spread + EPSILON)
+        rate = getattr(config.rates, name)
+        rate = rate(state.index) if callable(rate) else decay * rate
+        moved[name] = leaves[name].detach() - rate * mean / (spread + EPSILON)
     # Of logarithms, for the widths.
     widths = [math.log(bound) if bound else -math.inf for bound in config.width_range]
     limits = {"width": widths, "color": (0.0, 1.0), "opacity": (0.0, 1.0)}
     kept_in = {name: value.clamp(*limits[name]) if name in limits else value for name, value in moved.items()}
-    return replace(state, sketch=_assembled(state.sketch, kept_in), first=first, second=second, age=age)
+    return replace(
+        state, sketch=_assembled(state.sketch, kept_in, config.constraints), first=first, second=second, age=age
+    )
