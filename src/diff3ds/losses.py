@@ -136,7 +136,8 @@ def asymmetry(
     """Mean squared distance from the sketch, reflected at a plane, to the nearest point of the sketch; world units^2.
 
     Args:
-        normal, offset: of the plane normal . x = offset |normal|.
+        normal: of the plane normal . x = offset |normal|.
+        offset: of the plane, world units.
         samples: points along each segment.
 
     Raises:
