@@ -15,6 +15,9 @@ from diff3ds.sketch import Sketch
 
 Constraint = Callable[[Sketch], Sketch]
 
+# Radians; rounding turns a smooth joint less, and an eye sees no more.
+SMOOTH = 1e-2
+
 
 def fixed(sketch: Sketch, strokes: Sequence[int] | Int[Tensor, " S"]) -> Constraint:
     """These strokes stay what they are in this sketch, with their widths, colours and opacities.
@@ -94,6 +97,33 @@ def mirrored(
         return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains)
 
     return reflect
+
+
+def smooth(sketch: Sketch) -> Constraint:
+    """Joints that are smooth in this sketch stay so: each lies between its neighbouring control points, as far along.
+
+    A joint is smooth if the curve turns there by less than `SMOOTH` radians. Joints of straight segments stay as they
+    are, since their neighbours are joints as well.
+    """
+    chains = sketch.chains
+    if chains is None or sketch.points.shape[1] < 3:
+        return lambda moved: moved
+    ends, starts = chains.joints
+    points = sketch.points.detach()
+    before, after = points[starts, 0] - points[ends, -2], points[starts, 1] - points[starts, 0]
+    lengths = torch.linalg.vector_norm(before, dim=-1), torch.linalg.vector_norm(after, dim=-1)
+    sine = torch.linalg.vector_norm(torch.linalg.cross(before, after), dim=-1) / (lengths[0] * lengths[1])
+    level = (sine < SMOOTH) & ((before * after).sum(-1) > 0)
+    ends, starts = ends[level], starts[level]
+    ratio = (lengths[0] / (lengths[0] + lengths[1]))[level, None]
+
+    def straighten(moved: Sketch) -> Sketch:
+        joint = torch.lerp(moved.points[ends, -2], moved.points[starts, 1], ratio.to(moved.points))
+        first = moved.points[:, 0].index_copy(0, starts, joint)
+        last = moved.points[:, -1].index_copy(0, ends, joint)
+        return replace(moved, points=torch.cat([first[:, None], moved.points[:, 1:-1], last[:, None]], 1))
+
+    return straighten
 
 
 def _rows(sketch: Sketch, strokes: Sequence[int] | Tensor) -> Int[Tensor, " S"]:

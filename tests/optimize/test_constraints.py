@@ -95,6 +95,29 @@ def test_constraints_compose_and_know_chains():
     assert torch.equal(end.points[4], start.points[4])
 
 
+@pytest.mark.parametrize("closed", [False, True])
+def test_smooth_joints_stay_smooth(closed):
+    g = torch.Generator().manual_seed(2)
+    points = ds.bezier.catmull_rom(0.6 * torch.randn(6, 3, generator=g), closed)
+    # One joint is a corner, and stays free.
+    points[2, 2] += torch.tensor([0.1, 0.2, -0.1])
+    chains = Chains.of([len(points)], closed)
+    start = Sketch(points, width=0.1, chains=chains)
+
+    def turns(sketch: Sketch) -> torch.Tensor:
+        ends, starts = chains.joints
+        before = sketch.points[ends, 3] - sketch.points[ends, 2]
+        after = sketch.points[starts, 1] - sketch.points[starts, 0]
+        across = torch.linalg.vector_norm(torch.linalg.cross(before, after), dim=-1)
+        return across / (before.norm(dim=-1) * after.norm(dim=-1))
+
+    end = fitted(start, constraints=[constraints.smooth(start)])
+    free = fitted(start)
+    assert (turns(start) > 0.01).tolist() == (turns(end) > 0.01).tolist() == [k == 2 for k in range(len(turns(start)))]
+    assert (turns(free) > 0.01).sum() > 3
+    assert (end.points - start.points).abs().max() > 0.05
+
+
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
