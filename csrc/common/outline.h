@@ -6,6 +6,9 @@
 namespace stroke {
 // px: two strokes whose outlines touch within this count as overlapping there.
 constexpr double OUTLINE_SLACK = 1e-3;
+// px: a point this much farther from the nearest point of its stroke than the half width there is no outline either: it belongs to a wider part that
+// lies farther away. Where widths change, parameters that are off by TANGENT_STEP change them.
+constexpr double OUTLINE_GAP = 1e-2;
 // A joint that turns by less (radians) is smooth but for rounding: both sides go on across it.
 constexpr float JOINT_TURN = 1e-3f;
 // One point on the outline of a piece, at o + p(tau) + r u; along, slope: see outline_adjoint. It stands for along * dtau px.

@@ -335,8 +335,9 @@ template <int POINTS> PHASE void nearest_smooth_points(const Job<real> &J, const
   }
 }
 
-// Coverage and depth at the nearest points of all candidates up to `end`; the covered ones stay as fragments. Returns their number.
-template <int WIDTH> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t end) {
+// Coverage and depth at the nearest points of all candidates up to `end`; the covered ones stay as fragments, and of points on outlines all where
+// widths change along strokes. Returns their number.
+template <int POINTS, int WIDTH> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t end) {
   const Filter<real> filter = J.filter;
   uint32_t n = 0;
   for (uint32_t i = 0; i < end; i += VL) {
@@ -347,7 +348,7 @@ template <int WIDTH> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t 
     const Fragment<vf> g = fragment<WIDTH>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)));
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
-    const vi in = (a > real(0)) & (g.depth > J.min_depth) & (px >= 0);
+    const vi in = (POINTS == ANYWHERE && WIDTH != EVEN ? px >= 0 : a > real(0)) & (g.depth > J.min_depth) & (px >= 0);
     const Mask m = bits(in);
     compress_store(k.t + n, tau, m), compress_store(k.a + n, a * c.opacity, m);
     compress_store(k.z + n, g.depth, m), compress_store(k.px + n, px, m);
@@ -400,7 +401,7 @@ template <int POINTS, int WIDTH> SIMD uint32_t collect(const Job<real> &J, int t
   }
   if (2 * smooth > n) nearest_smooth_points<POINTS>(J, p, k, n);
   else nearest_points<POINTS>(J, p, k, n);
-  n = cover<WIDTH>(J, k, n);
+  n = cover<POINTS, WIDTH>(J, k, n);
   close_layers(k);
   return n;
 }

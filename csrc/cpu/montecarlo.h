@@ -85,7 +85,7 @@ void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
 }
 
 // dL per unit of normal displacement at the outline points in a tile: the value just inside less the value just outside, times the length
-// that the point stands for. Points that lie inside another part of their own stroke are no outline.
+// that the point stands for. Points that lie inside another part of their own stroke, or nearer to a thinner one, are no outline.
 template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &S) {
   const Place p = place_of(J, tile);
   Work &k = work(S);
@@ -118,7 +118,7 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
         const Point<real> point = point_at(c, k.t[f]);
         const real d2 = distance2(point, k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
         const Fragment<real> g = fragment<WIDTH>(c, J.filter, point.tau, point.z, sqrt(d2));
-        if (g.r - g.d > real(OUTLINE_SLACK)) hidden[i] = true;
+        if (g.r - g.d > real(OUTLINE_SLACK) || (WIDTH != EVEN && g.d - g.r > real(OUTLINE_GAP))) hidden[i] = true;
         k.a[f] = 0;
       }
     }

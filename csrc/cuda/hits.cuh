@@ -88,7 +88,8 @@ __device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first
   return best;
 }
 
-template <int WIDTH> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y) {
+// uncovered: strokes within reach that do not cover the point count as well.
+template <int WIDTH> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y, bool uncovered) {
   const Candidate start = nearest_start(J, p, first, last, x, y, J.reach[J.tile_pieces[first].stroke]);
   if (start.tile_piece == NONE) return {0, 0, 0, NONE};
   const Piece<real> &c = J.pieces[J.tile_pieces[start.tile_piece].piece];
@@ -98,7 +99,7 @@ template <int WIDTH> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32
   // Monte Carlo: a point is inside or not.
   const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
   // Less depth is rounding: strokes are clipped at twice as much.
-  return {point.tau, a * c.opacity, g.depth, a > 0 && g.depth > real(J.near / 2) ? start.tile_piece : NONE};
+  return {point.tau, a * c.opacity, g.depth, (a > 0 || uncovered) && g.depth > real(J.near / 2) ? start.tile_piece : NONE};
 }
 
 // Memory for the fragments of a warp, taken in chunks: fewer atomic additions, at the price of some that stay empty.
@@ -159,14 +160,14 @@ __device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
 // The fragments of this thread's point, relative to the tile, if `active`: their number, and in `first` where their order begins. accept: which
 // hits count. All threads of the block call this together.
 template <int WIDTH, class Accept>
-__device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active, Pool &pool, u32 &first, Accept accept) {
+__device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active, Pool &pool, u32 &first, Accept accept, bool uncovered = false) {
   __shared__ ShortLists lists;
   const u32 warp = threadIdx.x / WARP;
   u32 n = 0;
   for (u32 r = p.tile_piece_first, next; r < p.tile_piece_last; r = next) {
     for (next = r + 1; next < p.tile_piece_last && J.tile_pieces[next].stroke == J.tile_pieces[r].stroke;) next++;
     Hit hit = {0, 0, 0, NONE};
-    if (active) hit = nearest_hit<WIDTH>(J, p, r, next, x, y);
+    if (active) hit = nearest_hit<WIDTH>(J, p, r, next, x, y, uncovered);
     if (hit.tile_piece != NONE && !accept(hit)) hit.tile_piece = NONE;
     for (u32 k = r; k < next; k++) {
       const bool in = hit.tile_piece == k;

@@ -33,7 +33,7 @@ __device__ inline void scatter_outline(const Job &J, u32 i) {
 }
 
 // dL per unit of normal displacement at this thread's point: the value just inside less the value just outside, times the length that the point
-// stands for. A point that lies inside another part of its own stroke is no outline.
+// stands for. A point that lies inside another part of its own stroke, or nearer to a thinner one, is no outline.
 template <int WIDTH> __device__ void value_outline(const Job &J) {
   const Tile p = tile_at(J, blockIdx.x);
   const u32 last = J.outline_tile_first[p.index + 1];
@@ -55,15 +55,18 @@ template <int WIDTH> __device__ void value_outline(const Job &J) {
     const Upstream u = upstream_at(J, p, int(x), int(y), 1);
     bool hidden = false;
     u32 first;
-    const u32 n = collect<WIDTH>(J, p, x, y, active, pool, first, [&](const Hit &hit) {
-      if (J.tile_pieces[hit.tile_piece].stroke != own) return true;
-      const Piece<real> &part = J.pieces[J.tile_pieces[hit.tile_piece].piece];
-      const real qx = real(p.x) - part.ox + x, qy = real(p.y) - part.oy + y;
-      const Point<real> point = point_at(part, hit.tau);
-      const Fragment<real> g = fragment<WIDTH>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
-      hidden = hidden || g.r - g.d > real(OUTLINE_SLACK);
-      return false;
-    });
+    const u32 n = collect<WIDTH>(
+        J, p, x, y, active, pool, first,
+        [&](const Hit &hit) {
+          if (J.tile_pieces[hit.tile_piece].stroke != own) return hit.a > 0;
+          const Piece<real> &part = J.pieces[J.tile_pieces[hit.tile_piece].piece];
+          const real qx = real(p.x) - part.ox + x, qy = real(p.y) - part.oy + y;
+          const Point<real> point = point_at(part, hit.tau);
+          const Fragment<real> g = fragment<WIDTH>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
+          hidden = hidden || g.r - g.d > real(OUTLINE_SLACK) || (WIDTH != EVEN && g.d - g.r > real(OUTLINE_GAP));
+          return false;
+        },
+        WIDTH != EVEN);
     if (!active) continue;
     real front = 1, behind = 0, clear = 1;
     for (u32 k = 0; k < n; k++) {

@@ -5,6 +5,7 @@ the interior term (autograd, for colour, opacity and depth) and the Reynolds bou
 images as zeros with the right derivative (docs/explanation/mathematics.md, eq. 10 to 12).
 """
 
+import math
 from dataclasses import replace
 
 import torch
@@ -28,6 +29,8 @@ from diff3ds.render.reference import composite_points, images_from
 
 # An outline point this much (px) inside its own stroke is hidden by it; as long as the chords that stand for a jump.
 OUTLINE_SLACK = 1e-6
+# And one this much (px) outside the nearest part of its stroke belongs to a wider one farther away: no outline either.
+OUTLINE_GAP = 1e-4
 
 
 def rasterize(
@@ -98,7 +101,8 @@ def outline_jump(strokes: Strokes2D, near: Near, outline: Outline, size: tuple[i
     """
     rows, point = _pairs_at(near, outline.place(size), size)
     position = outline.position.detach()
-    hits = closest_hits(strokes, near, rows, point, position[point], 0.0)
+    # Of a stroke's own parts, those that do not reach a point matter too.
+    hits = closest_hits(strokes, near, rows, point, position[point], math.inf)
     own_stroke = strokes.stroke_of(outline.segment)
     own = hits.stroke == own_stroke[hits.point]
     on_curve, depth = point_on_stroke(strokes, hits)
@@ -106,8 +110,8 @@ def outline_jump(strokes: Strokes2D, near: Near, outline: Outline, size: tuple[i
         hits.position - on_curve, dim=-1
     )
     hidden = torch.zeros(len(position), dtype=torch.bool, device=position.device)
-    hidden[hits.point[own & (inside > OUTLINE_SLACK)]] = True
-    others = hits.where(~own)
+    hidden[hits.point[own & ((inside > OUTLINE_SLACK) | (inside < -OUTLINE_GAP))]] = True
+    others = hits.where(~own & (inside > 0))
     index = torch.arange(len(position), device=position.device)
     fixed = torch.zeros_like(index, dtype=torch.bool)
     itself = Hits(outline.view, own_stroke, index, position, outline.segment, outline.t, fixed)
