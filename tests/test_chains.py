@@ -70,6 +70,9 @@ def made_of(stroke: list, closed: list) -> Chains:
     ("make", "error", "message"),
     [
         (lambda: Chains.of([2, 0]), ValueError, "stroke 1 must have at least one segment, got 0"),
+        (lambda: Chains.of([1.5, 2]), TypeError, "stroke 0 must have a whole number of segments, got 1.5"),
+        (lambda: Chains.of("12"), TypeError, "a whole number of segments, got '1'"),
+        (lambda: Chains.of([2], [1]), TypeError, "closed must be true or false"),
         (lambda: Chains.of([2, 1], [True]), ValueError, "closed must have one value a stroke, 2, got 1"),
         (
             lambda: Chains(torch.tensor([0, 2]), torch.zeros(2, dtype=torch.bool)),

@@ -84,10 +84,19 @@ def test_gradients_are_differences(loss, chains):
     assert torch.autograd.gradcheck(of, values, rtol=1e-4, atol=1e-6)
 
 
+def test_a_sketch_without_strokes_costs_nothing():
+    empty = Sketch(torch.zeros(0, 4, 3))
+    for value in (losses.crowding(empty, 1.0), losses.asymmetry(empty, (1.0, 0, 0)), losses.end_gaps(empty, 1.0)):
+        assert float(value) == 0
+
+
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: losses.crowding(some(), 0.0), "distance must be a positive number, got 0.0"),
+        (lambda: losses.crowding(some(), "wide"), "distance must be a positive number, got 'wide'"),
+        (lambda: losses.crowding(some(), 1.0, samples=0), "samples must be a whole number, at least 1, got 0"),
         (lambda: losses.end_gaps(some(), -1.0), "distance must be a positive number"),
         (lambda: losses.asymmetry(some(), (0.0, 0.0, 0.0)), "normal must be three numbers with a length"),
     ],

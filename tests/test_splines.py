@@ -101,6 +101,8 @@ def test_chains_become_one_nurbs_and_come_back(degree):
         (lambda: bezier.from_nurbs(some(4), None, torch.zeros(8).double()), "defined nowhere"),
         (lambda: bezier.from_nurbs(some(4), -torch.ones(4).double(), torch.arange(8.0).double()), "4 positive numbers"),
         (lambda: bezier.from_nurbs(some(4), None, torch.arange(8.0).flip(0).double()), "knots must not decrease"),
+        (lambda: bezier.catmull_rom(some(3) * torch.nan), "points must be finite"),
+        (lambda: bezier.to_nurbs(some(4)[None], -torch.ones(1, 4).double()), "weights must be positive"),
         (lambda: bezier.to_nurbs(some(8).reshape(2, 4, 3)), "segment 1 must begin where segment 0 ends"),
     ],
 )

@@ -54,13 +54,19 @@ class Chains:
             closed: of all strokes, or one a stroke.
 
         Raises:
+            TypeError: numbers of segments that are no whole numbers, or `closed` that is not true or false.
             ValueError: a stroke without segments, or another number of values than strokes.
         """
-        counts = [int(count) for count in segments]
+        counts = segments.tolist() if isinstance(segments, Tensor) else list(segments)
         for stroke, count in enumerate(counts):
+            if not isinstance(count, int) or isinstance(count, bool):
+                raise TypeError(f"stroke {stroke} must have a whole number of segments, got {count!r}")
             if count < 1:
                 raise ValueError(f"stroke {stroke} must have at least one segment, got {count}")
-        flags = [closed] * len(counts) if isinstance(closed, bool) else list(closed)
+        given = closed.tolist() if isinstance(closed, Tensor) else closed
+        flags = [given] * len(counts) if isinstance(given, bool) else list(given)
+        if not all(isinstance(flag, bool) for flag in flags):
+            raise TypeError(f"closed must be true or false, or one such value a stroke, got {closed!r}")
         if len(flags) != len(counts):
             raise ValueError(f"closed must have one value a stroke, {len(counts)}, got {len(flags)}")
         rows = torch.repeat_interleave(torch.arange(len(counts)), torch.tensor(counts, dtype=torch.int64))

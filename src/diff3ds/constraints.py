@@ -127,7 +127,10 @@ def smooth(sketch: Sketch) -> Constraint:
 
 
 def _rows(sketch: Sketch, strokes: Sequence[int] | Tensor) -> Int[Tensor, " S"]:
-    rows = torch.as_tensor(strokes, dtype=torch.int64, device=sketch.points.device).reshape(-1)
+    rows = torch.as_tensor(strokes, device=sketch.points.device).reshape(-1)
+    if rows.dtype != torch.int64 and len(rows):
+        raise TypeError(f"strokes must be whole numbers, indices of strokes, got {strokes!r}")
+    rows = rows.long()
     if len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < len(sketch):
         raise IndexError(f"strokes must be indices from 0 to {len(sketch) - 1}, got {rows.tolist()}")
     return rows

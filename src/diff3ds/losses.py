@@ -120,10 +120,9 @@ def crowding(sketch: Sketch, distance: float, samples: int = 16) -> Float[Tensor
         samples: points along each segment; memory grows with the square of all of them.
 
     Raises:
-        ValueError: a distance that is not positive.
+        ValueError: a distance that is not positive, or no samples.
     """
-    if not 0 < distance < math.inf:
-        raise ValueError(f"distance must be a positive number, got {distance}")
+    _check_distance(distance)
     points, stroke = _samples(sketch, samples)
     gap = torch.cdist(points, points, compute_mode=EXACT)
     near = (1 - gap / distance).clamp_min(0).square()
@@ -148,6 +147,8 @@ def asymmetry(
         raise ValueError(f"normal must be three numbers with a length, got {normal}")
     n = n / torch.linalg.vector_norm(n)
     points, _ = _samples(sketch, samples)
+    if not len(points):
+        return points.sum()
     image = points - 2 * ((points @ n) - offset)[:, None] * n
     # The squares of differences, not the root's square: a point on the plane is its own image.
     nearest = torch.cdist(image.detach(), points.detach(), compute_mode=EXACT).argmin(1)
@@ -163,8 +164,7 @@ def end_gaps(sketch: Sketch, distance: float) -> Float[Tensor, ""]:
     Raises:
         ValueError: a distance that is not positive.
     """
-    if not 0 < distance < math.inf:
-        raise ValueError(f"distance must be a positive number, got {distance}")
+    _check_distance(distance)
     first, last, stroke = _open_ends(sketch)
     ends, owner = torch.cat([first, last]), torch.cat([stroke, stroke])
     squares = (ends[:, None] - ends).square().sum(-1)
@@ -172,6 +172,11 @@ def end_gaps(sketch: Sketch, distance: float) -> Float[Tensor, ""]:
     nearest, which = apart.min(1) if len(ends) else (squares.new_zeros(0), owner)
     chosen = squares[torch.arange(len(ends), device=owner.device), which]
     return torch.where(nearest < distance**2, chosen, 0.0).sum() / 2
+
+
+def _check_distance(distance: float) -> None:
+    if not isinstance(distance, int | float) or not 0 < distance < math.inf:
+        raise ValueError(f"distance must be a positive number, got {distance!r}")
 
 
 def _open_ends(sketch: Sketch) -> tuple[Tensor, Tensor, Tensor]:
@@ -200,6 +205,8 @@ def _velocity(sketch: Sketch) -> tuple[Float[Tensor, "M Q 3"], Float[Tensor, "M 
 
 def _samples(sketch: Sketch, count: int) -> tuple[Float[Tensor, "S 3"], Int[Tensor, " S"]]:
     """Points along all segments, at the middles of even steps, and their strokes."""
+    if not isinstance(count, int) or count < 1:
+        raise ValueError(f"samples must be a whole number, at least 1, got {count!r}")
     t = (torch.arange(count, device=sketch.points.device).to(sketch.points) + 0.5) / count
     points = evaluate(sketch.points, sketch.weights, t).flatten(0, 1)
     segment = torch.arange(len(sketch.points), device=points.device).repeat_interleave(count)

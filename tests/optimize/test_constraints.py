@@ -118,10 +118,18 @@ def test_smooth_joints_stay_smooth(closed):
     assert (end.points - start.points).abs().max() > 0.05
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
         (lambda s: constraints.fixed(s, [3]), IndexError, r"strokes must be indices from 0 to 2, got \[3\]"),
+        (lambda s: constraints.fixed(s, [0.5]), TypeError, "strokes must be whole numbers"),
+        (lambda s: fitted(s, constraints=[lambda moved: None]), TypeError, "must return a Sketch, got NoneType"),
+        (
+            lambda s: fitted(s, rates=Rates(points=lambda step: -1.0)),
+            ValueError,
+            "the rate of points in step 0 must be a finite number",
+        ),
         (lambda s: constraints.on_plane(s, [0], (0.0, 0.0, 0.0)), ValueError, "normal must be three numbers"),
         (lambda s: constraints.mirrored(s, [0, 1], [2], (1.0, 0, 0)), ValueError, "as many images as originals"),
         (lambda s: constraints.mirrored(s, [0], [0], (1.0, 0, 0)), ValueError, "all different"),

@@ -46,6 +46,8 @@ def catmull_rom(points: Float[Tensor, "P D"], closed: bool = False, *, alpha: fl
         # The ends go on as straight as they began.
         nodes = torch.cat([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
     steps = torch.linalg.vector_norm(nodes[1:] - nodes[:-1], dim=-1, keepdim=True)
+    if not bool(steps.isfinite().all()):
+        raise ValueError("points must be finite, got NaN or infinite values")
     if not bool((steps > 0).all()):
         place = int((steps[:, 0] <= 0).int().argmax())
         raise ValueError(f"neighbouring points must differ, points {max(place - 1, 0)} and {max(place, 1)} coincide")
@@ -85,6 +87,9 @@ def from_nurbs(
     """
     points = _checked(points, least=2)
     weights = points.new_ones(len(points)) if weights is None else weights
+    for name, value in (("weights", weights), ("knots", knots)):
+        if not isinstance(value, Tensor) or not value.is_floating_point():
+            raise TypeError(f"{name} must be a floating point tensor, got {kind(value)}")
     degree = len(knots) - len(points) - 1
     if not 1 <= degree <= MAX_DEGREE:
         raise ValueError(
@@ -136,6 +141,8 @@ def to_nurbs(
     if points.ndim != 3 or not len(points):
         raise ValueError(f"points must have shape (M, K, D) with at least one segment, got {tuple(points.shape)}")
     count, degree = len(points), points.shape[1] - 1
+    if not bool((weights > 0).all()):
+        raise ValueError("weights must be positive")
     gap = (points[1:, 0] - points[:-1, -1]).abs().amax(-1)
     extent = (points.amax(1) - points.amin(1)).amax(-1)
     apart = gap > JOINT_GAP * torch.maximum(extent[1:], extent[:-1])

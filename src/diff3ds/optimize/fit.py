@@ -277,6 +277,18 @@ def _settings(config: FitConfig) -> dict[str, object]:
     return {**rates, **chosen, **config.identity}
 
 
+def _scheduled(name: str, rate: Callable[[int], float], step: int) -> float:
+    """The rate of a step.
+
+    Raises:
+        ValueError: the function gives no finite rate, not negative.
+    """
+    value = rate(step)
+    if not isinstance(value, int | float) or not 0 <= value < math.inf:
+        raise ValueError(f"the rate of {name} in step {step} must be a finite number, not negative, got {value!r}")
+    return value
+
+
 def _named(rate: Rate) -> object:
     """A rate as a checkpoint keeps it: functions by their names."""
     return f"function {getattr(rate, '__qualname__', type(rate).__name__)}" if callable(rate) else rate
@@ -356,6 +368,8 @@ def _assembled(sketch: Sketch, leaves: dict[str, Tensor], constraints: Sequence[
     moved_sketch = Sketch(**tensors, width_space=sketch.width_space, chains=sketch.chains)
     for constrained in constraints:
         moved_sketch = constrained(moved_sketch)
+        if not isinstance(moved_sketch, Sketch):
+            raise TypeError(f"a constraint must return a Sketch, got {type(moved_sketch).__name__}")
     return moved_sketch
 
 
@@ -419,7 +433,7 @@ def _descended(
         mean = first[name] / (1 - BETA1**steps).reshape(shape)
         spread = (second[name] / (1 - BETA2**steps).reshape(shape)).sqrt()
         rate = getattr(config.rates, name)
-        rate = rate(state.index) if callable(rate) else decay * rate
+        rate = _scheduled(name, rate, state.index) if callable(rate) else decay * rate
         moved[name] = leaves[name].detach() - rate * mean / (spread + EPSILON)
     # Of logarithms, for the widths.
     widths = [math.log(bound) if bound else -math.inf for bound in config.width_range]
