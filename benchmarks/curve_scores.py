@@ -146,7 +146,8 @@ def _asked(curve: dict) -> bool:
 def score(sketch: dict, truth: dict) -> dict[str, float | int | None]:
     """All figures of a sketch against a ground truth, both as read from their JSON files.
 
-    The sketch has "control_points" or "points" (n, k, 3) and, if rational, "weights" (n, k).
+    The sketch has "control_points" or "points" (n, k, 3) and, if rational, "weights" (n, k). A stroke of several
+    segments counts as so many curves: the ground truth has one for each line and arc, too.
     """
     controls = sketch.get("control_points", sketch.get("points"))
     if controls is None:

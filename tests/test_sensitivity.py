@@ -23,7 +23,7 @@ def test_every_constant_of_edges_says_its_unit_and_what_it_was_chosen_on():
     assert ALL["evidence.bias.CLOSED[2]"].value == "8.0"
     assert ALL["complete.corners.TURN"].value == "np.cos(np.deg2rad(20.0))"
     # What follows from others is none.
-    assert "evidence.support.STROKE" not in ALL
+    assert "evidence.support.SEGMENT" not in ALL
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_changed_constant_changes_what_follows_from_it():
     for factor, samples in ((0.7, 4), (1.4, 7)):
         inner = {}
         exec(compile(changed_source(source, constant, factor), "support", "exec"), inner)
-        assert (inner["SAMPLES"], inner["STROKE"], inner["PARTS"]) == (samples, 6 * samples, 6)
+        assert (inner["SAMPLES"], inner["SEGMENT"], inner["PARTS"]) == (samples, 6 * samples, 6)
     # Of the cosine of an angle, the angle.
     corners = (known.EDGES / "complete/corners.py").read_text()
     assert "TURN = np.cos(np.deg2rad(28.0))" in changed_source(corners, ALL["complete.corners.TURN"], 1.4)

@@ -47,9 +47,9 @@ def test_constrained_gives_curves_of_the_kinds_and_leaves_its_results_alone(seed
     for vertex in range(5):
         mine = curves.vertex == vertex
         torch.testing.assert_close(ends[mine], points[:, [0, 3]][mine].mean(0).expand(int(mine.sum()), 3))
-    strokes = curves.strokes(points)
-    torch.testing.assert_close(strokes[0][:4], found, rtol=0, atol=0)
-    on = ds.bezier.evaluate(*strokes, T)
+    segments = curves.segments(points)
+    torch.testing.assert_close(segments[0][:4], found, rtol=0, atol=0)
+    on = ds.bezier.evaluate(*segments, T)
     # Straight, with even speed.
     torch.testing.assert_close(on[0], torch.lerp(ends[0, 0], ends[0, 1], T[:, None]))
     # A free curve keeps its inner points.
@@ -109,7 +109,7 @@ def test_curves_of_primitives():
     np.testing.assert_allclose(np.linalg.norm(curves.at(T.float())[1:].numpy(), axis=2), 1, rtol=1e-5)
     assert len(curves_of([])) == 0
     assert curves_of([]).at(T.float()).shape == (0, 33, 3)
-    assert curves_of([]).strokes(curves_of([]).points)[0].shape == (0, 4, 3)
+    assert curves_of([]).segments(curves_of([]).points)[0].shape == (0, 4, 3)
 
 
 @pytest.mark.parametrize(("kind", "b"), [(Kind.CIRCLE, 1.0), (Kind.ELLIPSE, 0.6)])
@@ -122,11 +122,11 @@ def test_a_closed_curve_is_one_and_goes_all_around(kind, b):
     np.testing.assert_allclose(on[[0, 16, 32]], [[1, 0], [-1, 0], [1, 0]], rtol=0, atol=1e-5)
     np.testing.assert_allclose(on[:16] + on[16:32], 0, rtol=0, atol=1e-5)
     assert (on[1:16, 1] > 0).all()
-    # On the way out it is two strokes, side by side.
+    # It is drawn by two segments, side by side.
     assert curves.owner.tolist() == [0, 1, 1]
-    sketch = curves.sketch(0.01)
-    assert len(sketch) == 3
-    both = ds.bezier.evaluate(sketch.points[1:], sketch.weights[1:], T.float()).numpy()
+    points, weights = curves.segments(curves.points)
+    assert len(points) == 3
+    both = ds.bezier.evaluate(points[1:], weights[1:], T.float()).numpy()
     expected = np.insert(curves.at(T.float())[1].numpy(), 16, center - U, axis=0)
     np.testing.assert_allclose(both[:, ::2].reshape(-1, 3), expected, rtol=0, atol=1e-5)
 
@@ -154,13 +154,11 @@ def test_some_of_the_curves():
     assert curves[torch.tensor([2])].vertex.tolist() == [[2, 0]]
 
 
-def test_moved_curves_and_their_sketch():
+def test_moved_curves_and_their_segments():
     curves = some_curves().moved(random_points(1).float())
     torch.testing.assert_close(curves.constrained(curves.points)[0], curves.points, rtol=0, atol=1e-5)
-    sketch = curves.sketch(0.01)
-    torch.testing.assert_close(sketch.points[:4], curves.points, rtol=0, atol=1e-5)
-    assert sketch.width.tolist() == [pytest.approx(0.01)] * 5
-    assert sketch.color.abs().max() == 0
-    assert (sketch.weights[[0, 2]] == 1).all()
+    points, weights = curves.segments(curves.points)
+    torch.testing.assert_close(points[:4], curves.points, rtol=0, atol=1e-5)
+    assert (weights[[0, 2]] == 1).all()
     t = torch.linspace(0, 1, 9)
-    torch.testing.assert_close(curves.at(t)[:3], ds.bezier.evaluate(sketch.points, sketch.weights, t)[:3])
+    torch.testing.assert_close(curves.at(t)[:3], ds.bezier.evaluate(points, weights, t)[:3])

@@ -32,7 +32,7 @@ def drawn(primitives):
     """Points of the rational curves, in double precision."""
     curves = curves_of(primitives)
     points = torch.tensor(np.stack([p.control for p in primitives]))
-    return ds.bezier.evaluate(*curves.strokes(points), T).numpy()
+    return ds.bezier.evaluate(*curves.segments(points), T).numpy()
 
 
 def implicit(points, a, b):
@@ -187,7 +187,7 @@ def test_any_control_points_become_ellipses_and_their_results_stay(seed, scale):
     # The arc keeps its mean inner point.
     torch.testing.assert_close(found[0, 1:3].mean(0), points[0, 1:3].mean(0), rtol=0, atol=1e-12 * scale)
     # Conjugate half diameters of the ring: half the chord, and from its middle to the farthest point.
-    on = ds.bezier.evaluate(*RING.strokes(points), T)[2:]
+    on = ds.bezier.evaluate(*RING.segments(points), T)[2:]
     middle = (on[0, 0] + on[0, 40]) / 2
     u, v = on[0, 0] - middle, on[0, 20] - middle
     x = torch.linalg.lstsq(torch.stack([u, v], 1), (on.reshape(-1, 3) - middle).T).solution

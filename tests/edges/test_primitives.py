@@ -25,7 +25,7 @@ def drawn(primitives):
     """Points of the rational curves, in double precision."""
     curves = curves_of(primitives)
     points = torch.tensor(np.stack([p.control for p in primitives]))
-    return ds.bezier.evaluate(*curves.strokes(points), T).numpy()
+    return ds.bezier.evaluate(*curves.segments(points), T).numpy()
 
 
 def radii(points, center=CENTER):

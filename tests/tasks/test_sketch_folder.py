@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +14,15 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.library import member
+from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.exact_prior import sketch_folder
-from diff3ds.tasks.exact_prior.exemplars import exemplars_in
+from diff3ds.tasks.exact_prior.exemplars import arranged, exemplars_in
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.recognition.lines import lines_of
+from diff3ds.tasks.small_prior.prior_data import shaken
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 
 FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
@@ -78,6 +81,42 @@ def test_members_fill_the_unit_ball_whatever_their_size_place_degree_and_width(t
     assert found.opacity.tolist() == pytest.approx([0.3, 1.0])
     assert found.width_space == "image"
     assert not found.color.any()
+
+
+def test_strokes_of_several_segments_stay_strokes(tmp_path, monkeypatch):
+    """A closed circle of two segments and a line, as `diff3ds views` writes them."""
+    points, weights = ds.bezier.circle((3.0, 1.0, 0.0), 2.0, dtype=torch.float32)
+    chains = ds.Chains.of([len(points), 1], [True, False])
+    rod = ds.Sketch(torch.tensor([[[0.0, 0, 0], [0, 0, 3]]])).elevate(points.shape[1] - 1)
+    opacity = torch.tensor([0.4, 1.0])
+    wheel = ds.Sketch(
+        torch.cat([chains.select(torch.tensor([0]))[1].joined(points), rod.points]),
+        torch.cat([weights, rod.weights]),
+        opacity=opacity,
+        chains=chains,
+    )
+    library = tmp_path / "library"
+    library.mkdir()
+    ds.save(library / "wheel.json", wheel)
+    folder = read_sketches(library)
+    (found,) = folder.members
+    arrived = pickle.loads(pickle.dumps(found))
+    twice = arranged(found.sketch, Request("wheel", (), 2, None, (1.0, 1.0, 2.0)))
+    # Control points that are moved at random keep the joints.
+    moved = shaken(found.sketch, 0.1, torch.Generator().manual_seed(0))
+    for sketch in (found.sketch, arrived.sketch, twice[:2], twice[2:], moved):
+        assert sketch.chains.counts.tolist() == chains.counts.tolist()
+        assert sketch.chains.closed.tolist() == [True, False]
+        torch.testing.assert_close(sketch.opacity, opacity)
+    away = (points_on(found.sketch[[0]]) - points_on(found.sketch[[0]]).mean(0)).norm(dim=1)
+    torch.testing.assert_close(away, away.mean().expand(len(away)), rtol=0.05, atol=0)
+    with monkeypatch.context() as patch:
+        patch.setattr(sketch_folder, "MOST_STROKES", len(points))
+        with pytest.raises(ValueError, match=f"wheel.json: {len(points) + 1} segments of strokes; a member"):
+            read_sketches(library)
+    out = tmp_path / "out"
+    main(["text", "a wheel", "--library", str(library), "-o", str(out), "--strokes", "4", *FEW])
+    assert (out / "sketch.json").exists()
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e300])

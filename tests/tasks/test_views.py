@@ -29,7 +29,7 @@ FILES, EDGE_FILES = ["checkpoint.safetensors", *RESULTS], ["edges.safetensors", 
 def distances(a: ds.Sketch, b: ds.Sketch):
     """From points along the strokes of one sketch to the nearest stroke of the other."""
     points = ds.bezier.evaluate(a.points, a.weights, torch.linspace(0, 1, 21)).reshape(1, -1, 3)
-    return ds.bezier.closest_point(b.points, b.weights, points.expand(len(b), -1, 3)).distance.amin(0)
+    return ds.bezier.closest_point(b.points, b.weights, points.expand(len(b.points), -1, 3)).distance.amin(0)
 
 
 @pytest.fixture(scope="session")
@@ -43,8 +43,9 @@ def demo(tmp_path_factory):
 def test_the_demo_finds_the_stool(demo):
     assert sorted(p.name for p in demo.iterdir()) == EDGE_FILES
     found, truth = ds.load(demo / "sketch.json"), demo_sketch()
-    # Eight lines, and three circles of two arcs each; the stool is two high.
-    assert len(found) == 14
+    # Eight lines, and three circles of two segments each; the stool is two high.
+    assert found.chains.counts.sort().values.tolist() == [1] * 8 + [2] * 3
+    assert torch.equal(found.chains.closed, found.chains.counts == 2)
     assert distances(truth, found).max() < 0.01
     assert distances(found, truth).max() < 0.01
     straight = (found.weights == 1).all(1)
@@ -57,7 +58,7 @@ def test_the_demo_finds_the_stool(demo):
 
 def test_circles_of_the_demo_are_circles(demo):
     found = ds.load(demo / "sketch.json")
-    arcs = found[(found.weights != 1).any(1)]
+    arcs = found[found.chains.closed]
     on = ds.bezier.evaluate(arcs.points, arcs.weights, torch.linspace(0, 1, 21))
     # Both halves end at both ends of one diameter.
     centers = (on[:, 0] + on[:, -1]) / 2
@@ -77,10 +78,10 @@ def test_what_the_demo_writes(demo):
     run = json.loads((demo / "run.json").read_text())
     found = ds.load(demo / "sketch.json")
     assert run["target"] == "edges"
-    assert run["curves"] == {"line": 8, "arc": 6, "free": 0, "ellipse": 0}
-    assert run["strokes_left"] == len(found) == 14
-    # Both ends of the circles' halves are shared.
-    assert run["vertices"] == 8 * 2 + 3 * 2
+    assert run["curves"] == {"line": 8, "arc": 0, "free": 0, "elliptic_arc": 0, "circle": 3, "ellipse": 0}
+    assert run["strokes_left"] == len(found) == 11
+    # Circles have no ends.
+    assert run["vertices"] == 8 * 2
     assert run["steps_done"] == len(run["loss"]["values"]) * run["loss"]["every"]
     assert run["loss"]["values"][-1] < run["loss"]["values"][0]
     assert all(abs(value) < 0.1 for value in run["bias_pixels"].values())
@@ -96,6 +97,8 @@ def test_step_holds_the_same_strokes(demo):
     pytest.importorskip("OCP", reason="reading STEP needs the extra cad")
     found, back = ds.load(demo / "sketch.json"), ds.load(demo / "sketch.step")
     torch.testing.assert_close(back.points.float(), found.points, rtol=0, atol=1e-6)
+    assert back.chains.counts.tolist() == found.chains.counts.tolist()
+    assert torch.equal(back.chains.closed, found.chains.closed)
 
 
 @pytest.fixture
@@ -230,8 +233,8 @@ def test_drawings_stopped_and_resumed(drawings):
     folder, truth = drawings
     assert_resumed_ends_as_unbroken(folder, [str(folder), "--quiet"], EDGE_FILES)
     found = ds.load(folder / "whole" / "sketch.json")
-    # The circle as two arcs.
-    assert len(found) == 4
+    # Two lines, and the circle.
+    assert found.chains.counts.sort().values.tolist() == [1, 1, 2]
     assert distances(truth, found).max() < 0.02
     assert distances(found, truth).max() < 0.02
     # A finished run has nothing left to do, and other settings are another run.
@@ -255,7 +258,7 @@ def test_ctrl_c_before_the_first_curves_leaves_something_to_resume(drawings, mon
     assert [p.name for p in (folder / "out").iterdir()] == ["edges.safetensors"]
     monkeypatch.undo()
     main([*command, "--resume"])
-    assert len(ds.load(folder / "out" / "sketch.json")) == 4
+    assert len(ds.load(folder / "out" / "sketch.json")) == 3
 
 
 @pytest.mark.parametrize("stage", ["refined", "bridged", "with_pockets"])
@@ -274,7 +277,7 @@ def test_ctrl_c_in_a_stage_leaves_what_was_reached_before(drawings, monkeypatch,
     about = json.loads((folder / "out" / "run.json").read_text())
     assert about["stopped_early"]
     assert about["stages"]["carve"]["processor"] > 0
-    assert len(ds.load(folder / "out" / "sketch.json")) >= 4
+    assert len(ds.load(folder / "out" / "sketch.json")) >= 3
     # Nothing is carved again.
     monkeypatch.setattr("diff3ds.edges.reconstruct.carve", stopped)
     monkeypatch.setattr(

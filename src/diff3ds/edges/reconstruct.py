@@ -20,7 +20,7 @@ from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.evidence.support import mean_of_strokes, part_support
+from diff3ds.edges.evidence.support import mean_of_segments, part_support
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.first.carve import carve
 from diff3ds.edges.first.circles import find_circles
@@ -260,7 +260,7 @@ def _best_shown(curves: Curves, views: EdgeViews, most: int, capped: Capped) -> 
     if len(curves) <= most:
         return curves
     capped("curves", most, len(curves))
-    shown = mean_of_strokes(curves, part_support(views, curves).double().mean(2).sum(0))
+    shown = mean_of_segments(curves, part_support(views, curves).double().mean(2).sum(0))
     lines = curves.at(torch.linspace(0, 1, CHORDS + 1))
     ink = shown * (lines[:, 1:] - lines[:, :-1]).norm(dim=2).sum(1)
     return curves[ink.argsort(descending=True, stable=True)[:most].sort().values]

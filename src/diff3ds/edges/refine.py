@@ -41,7 +41,7 @@ class _Shown:
 
     def strokes(self, sketch: Sketch, cameras: Cameras, step: int) -> Strokes2D:
         """All parts of the curves; those that a view does not show have no width there."""
-        points, weights = self.curves.strokes(sketch.points)
+        points, weights = self.curves.segments(sketch.points)
         if step % RECHECK == 0:
             self.parts = clear_support(self.views, self.curves.moved(sketch.points.detach()))
         whole = project(Sketch(points, weights, width=0.0), cameras)

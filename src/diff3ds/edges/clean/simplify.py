@@ -7,7 +7,7 @@ import torch
 
 from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import mean_of_strokes, part_support
+from diff3ds.edges.evidence.support import mean_of_segments, part_support
 from diff3ds.edges.shapes.curve_set import Curves, curves_of, sampled
 from diff3ds.edges.shapes.ellipses import fit_elliptic_arcs
 from diff3ds.edges.shapes.lines import pairs_by_ends, resampled, unit
@@ -36,7 +36,7 @@ def pruned(curves: Curves, views: EdgeViews, min_views: float, shortest: float) 
         min_views: so many views have to show a curve, mean over its parts.
         shortest: pixels.
     """
-    support = mean_of_strokes(curves, part_support(views, curves).double().sum(0).mean(1)).numpy()
+    support = mean_of_segments(curves, part_support(views, curves).double().sum(0).mean(1)).numpy()
     samples = sampled(curves)
     length = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(1)
     keep = (support >= min_views) & (length >= shortest * views.pixel)

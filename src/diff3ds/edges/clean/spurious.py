@@ -13,8 +13,8 @@ from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import (
     AGREEING,
+    SEGMENT,
     SLANT,
-    STROKE,
     headings,
     inliers,
     owners,
@@ -40,10 +40,10 @@ def without_spurious(curves: Curves, views: EdgeViews) -> Curves:
     if not len(curves):
         return curves
     shown, beside = _explained(curves, views)
-    strokes = curves.owner.numpy()
+    owner = curves.owner.numpy()
     kept = np.ones(len(curves), bool)
     while True:
-        fraction = _own_fraction(shown, beside[kept[beside[:, 2]]], strokes)
+        fraction = _own_fraction(shown, beside[kept[beside[:, 2]]], owner)
         fraction[~kept] = np.inf
         worst = int(fraction.argmin())
         if fraction[worst] >= LEAST:
@@ -52,20 +52,20 @@ def without_spurious(curves: Curves, views: EdgeViews) -> Curves:
 
 
 def _own_fraction(
-    shown: Bool[NDArray[np.bool_], "V M"], beside: Int[NDArray[np.int64], "P 3"], strokes: Int[NDArray[np.int64], " S"]
+    shown: Bool[NDArray[np.bool_], "V M"], beside: Int[NDArray[np.int64], "P 3"], owner: Int[NDArray[np.int64], " S"]
 ) -> Float[Array, " N"]:
     """Of the views that show each curve, how many show ridges of its own; 1 where none or nearly all show it.
 
     Args:
-        strokes: the curve that each stroke is of.
+        owner: the curve that each segment is of.
     """
     own = shown.copy()
     own[beside[:, 0], beside[:, 1]] = False
-    own, every = (flags.reshape(len(flags), -1, STROKE) for flags in (own, shown))
+    own, every = (flags.reshape(len(flags), -1, SEGMENT) for flags in (own, shown))
     seen = every.mean(2) >= AGREEING
     clear = seen & (own.sum(2) >= OWN * every.sum(2))
-    count, of = (np.bincount(strokes, flags.sum(0)) for flags in (clear, seen))
-    doubtful = (of > 0) & (of <= MOST_SHOWN * np.bincount(strokes) * len(shown))
+    count, of = (np.bincount(owner, flags.sum(0)) for flags in (clear, seen))
+    doubtful = (of > 0) & (of <= MOST_SHOWN * np.bincount(owner) * len(shown))
     return np.where(doubtful, count / np.maximum(of, 1), 1.0)
 
 

@@ -15,8 +15,9 @@ from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
-from diff3ds.edges.shapes.lines import outward_tangent, resampled, unit
+from diff3ds.edges.shapes.lines import resampled, unit
 from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
+from diff3ds.edges.shapes.smooth_joints import smooth_joints
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ SAMPLES, OPEN, SEEN, SHORTEST = 24, 3.0, 1.2, 6.0
 # [ratio, fraction; empirical] So many views, relative to those that confirm an edge, have to show this fraction of the
 # open sample points: the ends are known.
 SHOWN, MOST = 0.7, 0.9
-# [cosine; empirical] Curves that meet at a smaller angle meet smoothly.
-SMOOTH = 0.94
 # [points; speed] Samples looked at first, to pass over most pairs quickly.
 GLANCE = 4
 # [pairs; speed] Of so many pairs of vertices, the shortest, each is looked at: all those of 630 vertices, while CAD
@@ -47,6 +46,7 @@ class _Drawing:
         names, places, degree: numbers of the vertices (increasing), where they are, how many curves end there.
         lines, ends: which of the curves are lines, and their ends.
         tree: of points along all curves.
+        smooth: the vertices where two curves meet smoothly: outlines of a rounded edge start there, no edge.
     """
 
     curves: Curves
@@ -56,6 +56,7 @@ class _Drawing:
     lines: Int[NDArray[np.int64], " L"]
     ends: Float[Array, "L 2 3"]
     tree: "cKDTree"
+    smooth: frozenset[int]
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,9 @@ def _drawing(curves: Curves) -> _Drawing:
 
     lines = np.nonzero((curves.kind == Kind.LINE).numpy())[0]
     ends = curves.points.double().numpy()[lines][:, [0, 3]]
-    return _Drawing(curves, *_vertices(curves), lines, ends, cKDTree(sampled(curves, 4 * SAMPLES).reshape(-1, 3)))
+    tree = cKDTree(sampled(curves, 4 * SAMPLES).reshape(-1, 3))
+    smooth = frozenset(curves.vertex.numpy().reshape(-1)[smooth_joints(curves)[:, 0]].tolist())
+    return _Drawing(curves, *_vertices(curves), lines, ends, tree, smooth)
 
 
 def _touches(drawing: _Drawing, vertices: tuple[int, int], bridge: _Bridge, pixel: float) -> bool:
@@ -181,7 +184,7 @@ def _bridge(
         return None
     # A line with a gap: its own ridges run on.
     whole = len(pieces) > 1
-    if not whole and any(_smooth(curves, name) for name in vertices):
+    if not whole and not drawing.smooth.isdisjoint(vertices):
         return None
     open_ = drawing.tree.query(line.x[0])[0] > OPEN * pixel
     if open_.sum() * np.linalg.norm(stop - start) / SAMPLES < (0 if whole else SHORTEST) * pixel:
@@ -191,16 +194,6 @@ def _bridge(
     if fraction_shown(shown, min_views) < MOST:
         return None
     return _Bridge(vertices, pieces, float(shown.sum(0).mean()))
-
-
-def _smooth(curves: Curves, name: int) -> bool:
-    """Whether two curves meet smoothly at the vertex, and no third: outlines of a rounded edge start there, no edge."""
-    points = curves.points.double().numpy()
-    at = np.argwhere(curves.vertex.numpy() == name).tolist()
-    if len(at) != 2:
-        return False
-    first, second = (outward_tangent(points[i], end) for i, end in at)
-    return bool(first @ second < -SMOOTH)
 
 
 def _beside(

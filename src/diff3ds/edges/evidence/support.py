@@ -10,11 +10,11 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.lines import tangents_of, unit
 
-# [parts; empirical] Parts of a stroke: a curve, or half of a closed one.
+# [parts; empirical] Parts of a segment: a curve, or half of a closed one.
 PARTS = 6
 # [points, fraction; empirical] Sample points of a part, and the fraction of them that has to be inliers.
 SAMPLES, AGREEING = 5, 0.6
-STROKE = PARTS * SAMPLES
+SEGMENT = PARTS * SAMPLES
 # [px, sine; empirical] Inliers are so near to a ridge, and run along it to this angle (25 degrees).
 NEAR, SLANT = 2.5, 0.436
 # [px; empirical] Lines closer than this in the image pull each other's ridges; if they are farther apart in space than
@@ -32,7 +32,7 @@ Flags = Bool[NDArray[np.bool_], "V M"]
 
 
 def part_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
-    """Whether each of the `PARTS` equal parts of each stroke of the curves lies on an edge in each view."""
+    """Whether each of the `PARTS` equal parts of each segment of the curves lies on an edge in each view."""
     return torch.from_numpy(_by_parts(inliers(views, *samples(curves))))
 
 
@@ -46,8 +46,8 @@ def clear_support(views: EdgeViews, curves: Curves) -> Bool[Tensor, "V S P"]:
 
 
 def samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
-    """Points in the middle of even steps along the strokes of curves, stroke by stroke, and unit tangents."""
-    x = evaluate(*curves.strokes(curves.points), (torch.arange(STROKE) + 0.5) / STROKE).double().numpy()
+    """Points in the middle of even steps along the segments of curves, segment by segment, and unit tangents."""
+    x = evaluate(*curves.segments(curves.points), (torch.arange(SEGMENT) + 0.5) / SEGMENT).double().numpy()
     return x.reshape(-1, 3), tangents_of(x).reshape(-1, 3)
 
 
@@ -66,11 +66,11 @@ def spaced_samples(
 
 def owners(curves: Curves) -> Int[NDArray[np.int64], " M"]:
     """The curve that each of `samples` is of."""
-    return np.repeat(curves.owner.numpy(), STROKE)
+    return np.repeat(curves.owner.numpy(), SEGMENT)
 
 
-def mean_of_strokes(curves: Curves, values: Float[Tensor, " S"]) -> Float[Tensor, " N"]:
-    """For each curve the mean of a value of its strokes."""
+def mean_of_segments(curves: Curves, values: Float[Tensor, " S"]) -> Float[Tensor, " N"]:
+    """For each curve the mean of a value of its segments."""
     return values.new_zeros(len(curves)).index_add(0, curves.owner, values) / (1 + curves.closed.long())
 
 

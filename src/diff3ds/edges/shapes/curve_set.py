@@ -10,7 +10,6 @@ import torch
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, circle_of
-from diff3ds.sketch import Sketch
 
 # [units; numerical] Lengths are at least so small where something is divided by them.
 TINY = 1e-9
@@ -23,7 +22,7 @@ FLATTEST, ROUNDEST = (1 / (1 + 2 * math.cos(math.radians(sweep) / 2)) for sweep 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """N curves; any control points become such curves by `constrained`. `strokes` is the way out.
+    """N curves; any control points become such curves by `constrained`; `smooth_joints.sketch_of` is the way out.
 
     Attributes:
         points: control points of cubics; those of arcs of circles and ellipses are rational, their weights follow from
@@ -51,7 +50,7 @@ class Curves:
 
     @property
     def owner(self) -> Int[Tensor, " S"]:
-        """The curve that each of the `strokes` draws."""
+        """The curve that each of the `segments` draws."""
         return torch.arange(len(self)).repeat_interleave(1 + self.closed.long())
 
     @property
@@ -65,7 +64,7 @@ class Curves:
         """Curves of the same kinds nearest to these control points."""
         return replace(self, points=self.constrained(points)[0])
 
-    def strokes(self, points: Float[Tensor, "N 4 3"]) -> tuple[Float[Tensor, "S 4 3"], Float[Tensor, "S 4"]]:
+    def segments(self, points: Float[Tensor, "N 4 3"]) -> tuple[Float[Tensor, "S 4 3"], Float[Tensor, "S 4"]]:
         """Control points and weights of the rational cubics that draw curves of these kinds: closed ones in two halves.
 
         In the order of the curves, halves side by side (`owner`); differentiable, from any control points.
@@ -77,11 +76,6 @@ class Curves:
         halves, weights = points[owner], weights[owner]
         opposite = halves[:, :1] + halves[:, 3:] - halves
         return torch.where(second[:, None, None], opposite, halves), weights
-
-    def sketch(self, width: float) -> Sketch:
-        """The curves as black strokes."""
-        points, weights = self.strokes(self.points)
-        return Sketch(points, weights, width=width)
 
     def at(self, t: Float[Tensor, " T"]) -> Float[Tensor, "N T 3"]:
         """Points along the curves; closed ones go all around as t goes from 0 to 1."""

@@ -3,13 +3,15 @@
 import hashlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from diff3ds.bezier import MAX_DEGREE, elevate
+from diff3ds.chains import Chains
+from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.formats import load
 from diff3ds.formats.mesh import MESHES, UP_IS_KNOWN, load_mesh
 from diff3ds.library.members import fill_ball
@@ -24,7 +26,8 @@ READ = (*SKETCHES, *MESHES)
 RUN = "run.json"
 # Of meshes that are not read.
 OTHER_MESHES = (".3ds", ".3mf", ".blend", ".dae", ".fbx", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
-# Bounds: every step draws all members four times. 480 members with 11,700 strokes took half a second of two cores.
+# Bounds (a stroke of several segments counts as so many): every step draws all members four times. 480 members with
+# 11,700 strokes took half a second of two cores.
 MOST_FILES, MOST_BYTES, MOST_STROKES, MOST_STROKES_IN_ALL = 500, 1 << 24, 2000, 20_000
 # Of a sketch, relative to its farthest coordinate: some steps of float32.
 LEAST_EXTENT = 1e-6
@@ -50,12 +53,15 @@ class FolderMember:
     def __reduce__(self) -> tuple[Any, ...]:
         """Hands a member to another process as arrays: torch would open a file a tensor, and a thousand are allowed."""
         arrays = {name: value.numpy() for name, value in self.sketch.tensors().items()}
-        return _unpacked, (arrays, self.name)
+        joined = self.sketch.chains
+        chains = None if joined is None else (joined.stroke.numpy(), joined.closed.numpy())
+        return _unpacked, (arrays, chains, self.name)
 
 
-def _unpacked(arrays: dict[str, Any], name: Name) -> FolderMember:
+def _unpacked(arrays: dict[str, Any], chains: tuple[Any, Any] | None, name: Name) -> FolderMember:
     tensors: dict[str, Any] = {field: torch.from_numpy(array) for field, array in arrays.items()}
-    return FolderMember(Sketch(**tensors), name)
+    joined = None if chains is None else Chains(*map(torch.from_numpy, chains))
+    return FolderMember(Sketch(**tensors, chains=joined), name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +136,7 @@ def read_sketches(path: Path, up: Up = "z") -> SketchFolder:
     for file, name in zip(read, names, strict=True):
         sketch, warning = _member(file, up)
         warnings += [warning] if warning else []
-        strokes += len(sketch)
+        strokes += len(sketch.points)
         if strokes > MOST_STROKES_IN_ALL:
             raise ValueError(f"{path}: more than {MOST_STROKES_IN_ALL} strokes in all: take some sketches out")
         members.append(FolderMember(sketch, name))
@@ -169,8 +175,9 @@ def _member(file: Path, up: Up) -> tuple[Sketch, str]:
     if size > MOST_BYTES:
         raise ValueError(f"{file}: {size} bytes are more than the {MOST_BYTES} that a member of a library may have")
     sketch, warning = _feature_lines(file, up) if file.suffix.lower() in MESHES else (_loaded(file), "")
-    if not 0 < len(sketch) <= MOST_STROKES:
-        raise ValueError(f"{file}: {len(sketch)} strokes; a member of a library has 1 to {MOST_STROKES}")
+    count, what = len(sketch.points), "strokes" if sketch.chains is None else "segments of strokes"
+    if not 0 < count <= MOST_STROKES:
+        raise ValueError(f"{file}: {count} {what}; a member of a library has 1 to {MOST_STROKES}")
     points = sketch.detach().points.double()
     # Of any size: squares of large numbers are none.
     points = points / points.abs().max().clamp(min=torch.finfo(torch.float64).tiny)
@@ -181,7 +188,7 @@ def _member(file: Path, up: Up) -> tuple[Sketch, str]:
         filled = fill_ball(torch.cat([points * weights[..., None], weights[..., None]], -1))
     except ValueError as error:
         raise ValueError(f"{file}: its numbers leave the range of float32 ({error})") from error
-    return replace(filled, opacity=sketch.opacity.float()), warning
+    return Sketch(filled.points, filled.weights, opacity=sketch.opacity.float(), chains=sketch.chains), warning
 
 
 def _loaded(file: Path) -> Sketch:
@@ -196,7 +203,7 @@ def _feature_lines(file: Path, up: Up) -> tuple[Sketch, str]:
     if up == "y" and file.suffix.lower() not in UP_IS_KNOWN:
         vertices = vertices[:, [2, 0, 1]]
     try:
-        sketch = mesh_lines(vertices, faces, MOST_STROKES).sketch(DEFAULT_WIDTH)
+        sketch = sketch_of(mesh_lines(vertices, faces, MOST_STROKES), DEFAULT_WIDTH)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     fraction = outline_share(vertices, faces)

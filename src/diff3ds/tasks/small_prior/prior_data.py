@@ -206,7 +206,8 @@ class Examples(Dataset[dict[str, Tensor]]):
 def shaken(sketch: Sketch, amount: float, generator: torch.Generator) -> Sketch:
     """A sketch whose control points are moved at random, by such a standard deviation (world units)."""
     moved = amount * torch.randn(sketch.points.shape, generator=generator)
-    return replace(sketch, points=sketch.points + moved)
+    points = sketch.points + moved
+    return replace(sketch, points=points if sketch.chains is None else sketch.chains.joined(points))
 
 
 def single_thread(worker: int) -> None:

@@ -13,7 +13,8 @@ from diff3ds.edges.evidence.ridges import MOST_INK, Ridges, color_ridges, map_ri
 from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
 from diff3ds.edges.resume import read_result, write_result
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind
+from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
 from diff3ds.pictures.content.line_width import line_width
@@ -32,8 +33,6 @@ MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
 # Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
 # cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
 FEW_VIEWS, MOST_RIDGES = 50, 400_000
-# What run.json calls the strokes of each kind; whole circles and ellipses are two strokes.
-STROKES = {Kind.LINE: "line", Kind.ARC: "arc", Kind.FREE: "free", Kind.ELLIPTIC_ARC: "ellipse"}
 
 
 def fit_edges(
@@ -175,12 +174,13 @@ def _fitted(
     pictures: PosedPictures, frame: Frame, result: Result, losses: list[float], stopped: bool, about: dict[str, Any]
 ) -> Fitted:
     drawn = pictures.target == "edges"
-    sketch = result.curves.sketch(line_width(pictures.store) if drawn else DEFAULT_WIDTH)
-    of_strokes = Counter(CLOSED_KINDS.get(Kind(k), k) for k in result.curves.kind[result.curves.owner].tolist())
-    bias = result.bias
+    curves, bias = result.curves, result.bias
+    sketch = sketch_of(curves, line_width(pictures.store) if drawn else DEFAULT_WIDTH)
+    of_kind = Counter(curves.kind.tolist())
     chosen = {
-        "curves": {name: of_strokes[kind] for kind, name in STROKES.items()},
-        "vertices": len(set(result.curves.vertex.flatten().tolist())),
+        # Several curves may make one stroke; whole circles and ellipses have no ends.
+        "curves": {kind.name.lower(): of_kind[kind] for kind in Kind},
+        "vertices": len(set(curves.vertex[~curves.closed].flatten().tolist())),
         "bias_pixels": {"dx": bias.dx, "dy": bias.dy, "outward": bias.outward},
         **about,
     }
