@@ -33,29 +33,41 @@ template <class S> std::vector<Part<S>> &parts_of(size_t chunks) {
 }
 template <class S> void check(const Input<S> &in, size_t i, const double *cubic, double half_width, const S *color, double opacity) {
   if (drawable(cubic, in.options.orthographic, half_width, color, opacity)) return;
-  throw InvalidStroke("stroke " + std::to_string(i % in.strokes) + " in view " + std::to_string(i / in.strokes));
+  const Seen seen = seen_in(in.layout, STROKES, i);
+  throw InvalidStroke("stroke " + std::to_string(seen.index) + " in view " + std::to_string(seen.view));
 }
 
-// Half widths of segment m of a view at its control points: they are given so, or all are that of stroke n.
-template <class S> void widths_of(const Input<S> &in, int view, int m, int n, double *out) {
+// A stroke in one view: its row, those of its segments, and the numbers of both.
+struct StrokeRow {
+  size_t row, segment_row;
+  int view, n, first, end;  // first, end: its segments
+  StrokeRow(const Layout &layout, const Chains &chains, size_t i) : row(i) {
+    const Seen seen = seen_in(layout, STROKES, i);
+    view = seen.view, n = seen.index, first = chains.first_of(n), end = chains.first_of(n + 1);
+    segment_row = rows_of(layout, SEGMENTS, first).at(view);
+  }
+  size_t row_of(int m) const { return segment_row + (m - first); }
+};
+
+// Half widths of segment m of a stroke at its control points: they are given so, or all are that of the stroke.
+template <class S> void widths_of(const Input<S> &in, const StrokeRow &stroke, int m, double *out) {
   const S scale = S(in.options.width_scale);
-  const size_t row = in.half_width_per_view ? size_t(view) : 0;
-  for (int k = 0; k < 4; k++)
-    out[k] = in.half_width_along ? scale * in.half_width[4 * (row * in.segments + m) + k] : scale * in.half_width[row * in.strokes + n];
+  const size_t of_segment = in.half_width_per_view ? stroke.row_of(m) : m, of_stroke = in.half_width_per_view ? stroke.row : stroke.n;
+  for (int k = 0; k < 4; k++) out[k] = in.half_width_along ? scale * in.half_width[4 * of_segment + k] : scale * in.half_width[of_stroke];
 }
 
-// px beyond which no segment of stroke i (view and stroke) covers anything. Finds their scales.
-template <class S> double measure_stroke(State<S> &st, size_t i) {
+// px beyond which no segment of a stroke covers anything. Finds their scales.
+template <class S> double measure_stroke(State<S> &st, const StrokeRow &stroke) {
   const Input<S> &in = st.input;
-  const int view = int(i / in.strokes), n = int(i % in.strokes);
+  const int n = stroke.n;
   double reach = 0;
-  for (int m = in.chains.first_of(n); m < in.chains.first_of(n + 1); m++) {
-    const size_t at = size_t(view) * in.segments + m;
+  for (int m = stroke.first; m < stroke.end; m++) {
+    const size_t at = stroke.row_of(m);
     const double *given = in.cubics + 16 * at;
     double widths[4], cubic[16], largest = 0, widest = 0;
-    widths_of(in, view, m, n, widths);
+    widths_of(in, stroke, m, widths);
     for (int k = 0; k < (in.half_width_along ? 4 : 1); k++)
-      check(in, i, given, widths[k], in.color + 3 * n, in.opacity[n]), widest = std::max(widest, widths[k]);
+      check(in, stroke.row, given, widths[k], in.color + 3 * n, in.opacity[n]), widest = std::max(widest, widths[k]);
     for (int k = weight_place(in.options.orthographic); k < 16; k += 4) largest = std::max(largest, given[k]);
     st.scale[at] = 1 / largest;
     for (int k = 0; k < 16; k++) cubic[k] = given[k] * st.scale[at];
@@ -66,18 +78,19 @@ template <class S> double measure_stroke(State<S> &st, size_t i) {
 
 template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_t i, Part<S> &part) {
   const Input<S> &in = st.input;
-  const int view = int(i / in.strokes), n = int(i % in.strokes), first = in.chains.first_of(n), last = in.chains.first_of(n + 1) - 1;
+  const StrokeRow stroke(in.layout, in.chains, i);
+  const int n = stroke.n, first = stroke.first, last = stroke.end - 1;
   const bool closed = in.chains.first && in.chains.closed[n];
-  const double reach = measure_stroke(st, i);
+  const double reach = measure_stroke(st, stroke);
   st.reach[i] = S(reach);
   Piece<S> appearance{};
   appearance.opacity = in.opacity[n], appearance.orthographic = in.options.orthographic;
   for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
   const uint32_t first_piece = uint32_t(part.flat.pieces.size());
   for (int m = first; m <= last; m++) {
-    const size_t at = size_t(view) * in.segments + m, pieces = part.flat.pieces.size();
+    const size_t at = stroke.row_of(m), pieces = part.flat.pieces.size();
     double widths[4], cubic[16];
-    widths_of(in, view, m, n, widths);
+    widths_of(in, stroke, m, widths);
     appearance.half_width[0] = S(widths[0]);
     for (int k = 0; k < 16; k++) cubic[k] = in.cubics[16 * at + k] * st.scale[at];
     const Segment segment = {uint32_t(i), uint32_t(at), m > first || closed, m < last || closed, in.half_width_along ? widths : nullptr};
@@ -96,7 +109,8 @@ template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_
 template <class S> void bin_stroke(const State<S> &st, size_t i, uint32_t first_chord, Binner &binner, Part<S> &part) {
   const Job<S> &J = st.job;
   const float R = float(st.reach[i]);
-  const uint32_t first_tile = uint32_t(i / J.strokes) * J.tiles_x * J.tiles_y, first_intersection = uint32_t(part.stroke_intersections.size());
+  const uint32_t first_tile = uint32_t(seen_in(st.input.layout, STROKES, i).view) * J.tiles_x * J.tiles_y,
+                 first_intersection = uint32_t(part.stroke_intersections.size());
   for (uint32_t s = first_chord; s < part.flat.chords.size(); s++)
     visit_tiles(part.flat.chords[s], part.flat.chord_info[s].length, R, J.strata > 0, J.tiles_x, J.tiles_y, [&](int tx, int ty) {
       uint32_t &mark = binner.mark[ty * J.tiles_x + tx];

@@ -77,7 +77,7 @@ template <class S> void prepare(State<S> &st) {
   const Input<S> &in = st.input;
   const Options &options = in.options;
   Job<S> &J = st.job;
-  J.views = in.views, J.strokes = in.strokes, J.height = in.height, J.width = in.width, J.world = options.world, J.along = in.half_width_along;
+  J.views = in.layout.views, J.height = in.height, J.width = in.width, J.world = options.world, J.along = in.half_width_along;
   J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
   const double sigma = std::sqrt(options.blur * options.blur + 1. / 12);
   J.filter = options.strata ? Filter<S>{S(0), S(0)} : options.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
@@ -85,8 +85,7 @@ template <class S> void prepare(State<S> &st) {
   J.strata = options.strata, J.seed = options.seed;
   J.background = in.background, J.background_view = in.background_view, J.background_row = in.background_row;
   J.background_pixel = in.background_pixel;
-  const size_t count = size_t(in.views) * in.strokes, chunks = (count + CHUNK - 1) / CHUNK;
-  const size_t segments = size_t(in.views) * in.segments;
+  const size_t count = in.layout.rows(STROKES), segments = in.layout.rows(SEGMENTS), chunks = (count + CHUNK - 1) / CHUNK;
   st.reach = Buffer<S>(count + 1), st.scale = Buffer<double>(segments + 1);
   st.piece_first = Buffer<uint32_t>(segments + 1), st.stroke_intersection_first = Buffer<uint32_t>(count + 1);
   std::vector<Part<S>> &parts = parts_of<S>(chunks);
@@ -157,9 +156,11 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
   Job<S> J = st.job;
   const size_t tiles = size_t(J.views) * J.tiles_x * J.tiles_y;
   const size_t pixels = size_t(J.views) * J.height * J.width, pieces = st.flat.pieces.size();
-  const size_t width_rows = in.half_width_per_view ? in.views : 1, width_row = in.half_width_along ? 4 * size_t(in.segments) : J.strokes;
-  Gradients<S> out{Buffer<double>(16 * size_t(in.views) * in.segments), Buffer<S>(width_rows * width_row), Buffer<S>(3 * size_t(J.strokes)),
-                   Buffer<S>(J.strokes), Buffer<S>(background ? 3 * pixels : 0)};
+  const Layout &layout = in.layout;
+  const Kind with_width = in.half_width_along ? SEGMENTS : STROKES;
+  const size_t widths = (in.half_width_per_view ? layout.rows(with_width) : layout.count(with_width)) * (in.half_width_along ? 4 : 1);
+  Gradients<S> out{Buffer<double>(16 * layout.rows(SEGMENTS)), Buffer<S>(widths), Buffer<S>(3 * size_t(layout.strokes)), Buffer<S>(layout.strokes),
+                   Buffer<S>(background ? 3 * pixels : 0)};
   Buffer<S> slots(size_t(st.intersections[st.stroke_intersections.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
   J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get();
   J.g_background = background ? out.background.get() : nullptr;
@@ -176,25 +177,26 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
     });
   }
   const S scale = S(in.options.width_scale);
-  threads().run(J.strokes, 16, [&](int n, int) {
-    const size_t first = in.chains.first_of(n), widths = in.half_width_along ? 4 * (in.chains.first_of(n + 1) - first) : 0;
+  threads().run(layout.strokes, 16, [&](int n, int) {
+    const int first = in.chains.first_of(n), segments = in.chains.first_of(n + 1) - first;
+    const Rows stroke = rows_of(layout, STROKES, n), segment = rows_of(layout, SEGMENTS, first);
+    const size_t widths = in.half_width_along ? 4 * size_t(segments) : 0;
     Appearance total;
     total.widths.resize(widths);
-    auto put_widths = [&](const Appearance &sums, size_t row) {
-      S *to = out.half_width.get() + row * width_row;
-      if (!in.half_width_along) to[n] = scale * S(sums.half_width);
-      for (size_t k = 0; k < widths; k++) to[4 * first + k] = scale * S(sums.widths[k]);
+    auto put_widths = [&](const Appearance &sums, size_t stroke, size_t segment) {
+      if (!in.half_width_along) out.half_width[stroke] = scale * S(sums.half_width);
+      for (size_t k = 0; k < widths; k++) out.half_width[4 * segment + k] = scale * S(sums.widths[k]);
     };
-    for (int v = 0; v < J.views; v++) {
+    for (int v = stroke.first_view; v < stroke.end_view; v++) {
       Appearance one;
       one.widths.resize(widths);
-      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, v, n, out.cubics.get(), one);
-      if (in.half_width_per_view) put_widths(one, v);
+      finish_view(st, J, J.strata ? outline_sums.get() : nullptr, stroke.at(v), segment.at(v), segments, out.cubics.get(), one);
+      if (in.half_width_per_view) put_widths(one, stroke.at(v), segment.at(v));
       total.half_width += one.half_width, total.opacity += one.opacity;
       for (int k = 0; k < 3; k++) total.color[k] += one.color[k];
       for (size_t k = 0; k < widths; k++) total.widths[k] += one.widths[k];
     }
-    if (!in.half_width_per_view) put_widths(total, 0);
+    if (!in.half_width_per_view) put_widths(total, n, first);
     out.opacity[n] = S(total.opacity);
     for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total.color[k]);
   });

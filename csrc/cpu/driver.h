@@ -1,6 +1,7 @@
 // One call on the CPU: rasterize rational Bézier strokes to images, and take gradients back.
 #pragma once
 #include "common/coverage.h"
+#include "common/layout.h"
 #include "cpu/flatten.h"
 #include "cpu/threads.h"
 #include <cstdint>
@@ -33,10 +34,11 @@ struct Chains {
 };
 
 template <class S> struct Input {
-  int views, strokes, segments, height, width;
+  Layout layout;
+  int height, width;
   Chains chains;
-  const double *cubics;  // (views, segments, 4, 4)
-  const S *half_width;   // (views or 1, strokes), in units of options.width_scale pixels; along: (views or 1, segments, 4)
+  const double *cubics;  // (rows of segments, 4, 4)
+  const S *half_width;   // (rows or number of strokes), in units of options.width_scale pixels; along: (rows or number of segments, 4)
   bool half_width_per_view, half_width_along;
   const S *color, *opacity;  // (strokes, 3), (strokes)
   const S *background;       // strides in elements, innermost 1
@@ -53,7 +55,7 @@ template <class S> struct Upstream {
   const S *color, *alpha, *depth;
 };
 template <class S> struct Gradients {
-  Buffer<double> cubics;  // (views, segments, 4, 4)
+  Buffer<double> cubics;  // (rows of segments, 4, 4)
   Buffer<S> half_width, color, opacity, background;
 };
 

@@ -11,13 +11,13 @@ struct Appearance {
   std::vector<double> widths;  // 4 a segment
 };
 
-// Adds those of stroke n in one view, and writes the gradients of its segments' cubics, from the sums of its pieces, in double precision and in
-// their order.
+// Adds those of the stroke of row i, whose segments are rows from `first` on, and writes the gradients of their cubics, from the sums of its pieces,
+// in double precision and in their order.
 template <class S>
-void finish_view(const State<S> &st, const Job<S> &J, const S *outline_sums, int view, int n, double *g_cubics, Appearance &view_sums) {
+void finish_view(const State<S> &st, const Job<S> &J, const S *outline_sums, size_t i, size_t first, int segments, double *g_cubics,
+                 Appearance &view_sums) {
   const Input<S> &in = st.input;
-  const size_t i = size_t(view) * J.strokes + n, first = size_t(view) * in.segments + in.chains.first_of(n);
-  const size_t last = size_t(view) * in.segments + in.chains.first_of(n + 1);
+  const size_t last = first + segments;
   const uint32_t p0 = st.piece_first[first], p1 = st.piece_first[last];
   thread_local std::vector<double> sums;
   sums.assign(size_t(p1 - p0) * NGRAD, 0.);

@@ -49,13 +49,13 @@ struct Tile {
 };
 
 template <class S> struct Job {
-  int views, strokes, height, width, tiles_x, tiles_y;
+  int views, height, width, tiles_x, tiles_y;
   bool world, along, save;  // world, along: see Width
   Filter<S> filter;
   S min_depth;    // less depth than this is rounding: strokes are clipped at twice as much
   S chord_slack;  // px: chords this much farther than the nearest may still lead to the nearest point
   const Piece<S> *pieces;
-  const uint32_t *piece_stroke;  // view * strokes + stroke
+  const uint32_t *piece_stroke;  // the row of the stroke
   const Chord<S> *chords;
   const ChordInfo *chord_info;
   const Intersection *intersections;  // and one more, with the number of slots

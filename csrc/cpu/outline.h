@@ -18,7 +18,7 @@ template <class S> Outlines<S> sample_outlines(const State<S> &st) {
   const OutlineSampler<S, Flat<S>> sampler(st.flat, J.world, J.along, J.strata, J.seed);
   auto tile_of = [&](const OutlinePoint<S> &o) -> int64_t {
     if (!(o.x >= 0 && o.y >= 0 && o.x < J.width && o.y < J.height)) return -1;
-    return (int64_t(st.piece_stroke[o.piece] / J.strokes) * J.tiles_y + int(o.y) / TILE) * J.tiles_x + int(o.x) / TILE;
+    return (int64_t(seen_in(st.input.layout, STROKES, st.piece_stroke[o.piece]).view) * J.tiles_y + int(o.y) / TILE) * J.tiles_x + int(o.x) / TILE;
   };
   Outlines<S> out;
   out.piece_first = Buffer<uint32_t>(pieces + 1), out.tile_first = Buffer<uint32_t>(tiles + 1);

@@ -8,7 +8,7 @@ namespace stroke {
 // The intersections of one chord.
 template <bool WRITE> __device__ void bin_chord(const Job &J, u32 chord) {
   const ChordInfo info = J.chord_info[chord];
-  const u32 stroke = J.piece_info[info.piece].stroke, first_tile = stroke / J.strokes * J.tiles_x * J.tiles_y;
+  const u32 stroke = J.piece_info[info.piece].stroke, first_tile = u32(seen_in(layout_of(J), STROKES, stroke).view) * J.tiles_x * J.tiles_y;
   u32 n = 0;
   const u32 at = WRITE ? J.intersection_first[chord] : 0;
   visit_tiles(J.chords[chord], info.length, float(J.reach[stroke]), J.strata > 0, J.tiles_x, J.tiles_y, [&](int tx, int ty) {

@@ -11,11 +11,15 @@ struct Whole {
   double reach, scale, widths[4];
   Piece<real> appearance;
 };
-// Half widths of segment i (view and segment) at its control points.
+// The row of a stroke in a view, and of a segment.
+__device__ inline u32 stroke_row(const Job &J, u32 view, u32 n) { return u32(rows_of(layout_of(J), STROKES, n).at(view)); }
+__device__ inline u32 segment_row(const Job &J, u32 view, u32 m) { return u32(rows_of(layout_of(J), SEGMENTS, m).at(view)); }
+// Half widths of the segment of row i at its control points.
 __device__ inline void widths_of(const Job &J, u32 i, double *out) {
-  const u32 view = i / J.segments, m = i % J.segments, row = J.half_width_per_view ? view : 0;
-  for (int k = 0; k < 4; k++)
-    out[k] = J.half_width[J.along ? 4 * (u64(row) * J.segments + m) + k : u64(row) * J.strokes + stroke_of(J, m)] * real(J.width_scale);
+  const Seen seen = seen_in(layout_of(J), SEGMENTS, i);
+  const u32 m = seen.index, n = stroke_of(J, m);
+  const u64 of_segment = J.half_width_per_view ? i : m, of_stroke = J.half_width_per_view ? stroke_row(J, seen.view, n) : n;
+  for (int k = 0; k < 4; k++) out[k] = J.half_width[J.along ? 4 * of_segment + k : of_stroke] * real(J.width_scale);
 }
 // px beyond which segment i covers nothing. Its cubic is as given, or scaled.
 __device__ inline double reach_of_segment(const Job &J, u32 i, const double *cubic) {
@@ -25,7 +29,8 @@ __device__ inline double reach_of_segment(const Job &J, u32 i, const double *cub
 }
 // False if it cannot be drawn.
 __device__ inline bool load_segment(const Job &J, u32 i, Whole &s) {
-  const u32 n = stroke_of(J, i % J.segments);
+  const Seen seen = seen_in(layout_of(J), SEGMENTS, i);
+  const u32 n = stroke_of(J, seen.index);
   const double *cubic = J.cubics + 16 * u64(i);
   widths_of(J, i, s.widths);
   for (int k = 0; k < (J.along ? 4 : 1); k++)
@@ -35,19 +40,20 @@ __device__ inline bool load_segment(const Job &J, u32 i, Whole &s) {
   s.scale = 1 / largest;
   for (int k = 0; k < 16; k++) scaled[k] = cubic[k] / largest, s.control.c[k / 4][k % 4] = scaled[k];
   // That of the stroke, if it was measured: the nearest of its segments counts, whichever is the widest.
-  s.reach = J.stroke_first ? double(J.reach[i / J.segments * J.strokes + n]) : reach_of_segment(J, i, scaled);
+  s.reach = J.stroke_first ? double(J.reach[stroke_row(J, seen.view, n)]) : reach_of_segment(J, i, scaled);
   s.frame = {-s.reach, J.width + s.reach, -s.reach, J.height + s.reach};
   s.appearance = {};
   s.appearance.half_width[0] = real(s.widths[0]), s.appearance.opacity = J.opacity[n], s.appearance.orthographic = J.orthographic;
   for (int k = 0; k < 3; k++) s.appearance.color[k] = J.color[3 * n + k];
   return true;
 }
-// The reach of stroke i (view and stroke) of several segments.
+// The reach of the stroke of row i, of several segments.
 __device__ inline void measure_stroke(const Job &J, u32 i) {
-  const u32 view = i / J.strokes, n = i % J.strokes;
+  const Seen seen = seen_in(layout_of(J), STROKES, i);
+  const u32 n = seen.index;
   double reach = 0;
   for (u32 m = first_of(J, n); m < first_of(J, n + 1); m++) {
-    const u32 at = view * J.segments + m;
+    const u32 at = segment_row(J, seen.view, m);
     reach = most(reach, reach_of_segment(J, at, J.cubics + 16 * u64(at)));
   }
   J.reach[i] = real(reach);
@@ -103,8 +109,9 @@ template <class Visit> __device__ void visit_pieces(const Whole &s, double a, do
 
 // The piece that one goes on from, which begins segment i or follows the one at piece - 1 in it.
 __device__ inline u32 piece_before(const Job &J, u32 i, u32 piece) {
-  const u32 view = i / J.segments, n = stroke_of(J, i % J.segments);
-  const u32 first = J.piece_first[view * J.segments + first_of(J, n)], end = J.piece_first[view * J.segments + first_of(J, n + 1)];
+  const Seen seen = seen_in(layout_of(J), SEGMENTS, i);
+  const u32 n = stroke_of(J, seen.index), row = segment_row(J, seen.view, first_of(J, n));
+  const u32 first = J.piece_first[row], end = J.piece_first[row + first_of(J, n + 1) - first_of(J, n)];
   return piece > first ? piece - 1 : J.closed && J.closed[n] ? end - 1 : NO_PIECE;
 }
 
@@ -112,7 +119,9 @@ __device__ inline u32 piece_before(const Job &J, u32 i, u32 piece) {
 template <bool WRITE> __device__ void cut_segment(const Job &J, u32 i) {
   Whole s;
   u32 n = 0;
-  const u32 at = WRITE ? J.piece_first[i] : 0, end = WRITE ? J.piece_first[i + 1] : 0, m = i % J.segments, stroke = stroke_of(J, m);
+  const u32 at = WRITE ? J.piece_first[i] : 0, end = WRITE ? J.piece_first[i + 1] : 0;
+  const Seen seen = seen_in(layout_of(J), SEGMENTS, i);
+  const u32 m = seen.index, stroke = stroke_of(J, m);
   const bool closed = J.closed && J.closed[stroke];
   const bool joined_start = closed || m > first_of(J, stroke), joined_stop = closed || m + 1 < first_of(J, stroke + 1);
   const bool good = load_segment(J, i, s);
@@ -127,7 +136,7 @@ template <bool WRITE> __device__ void cut_segment(const Job &J, u32 i) {
         Piece<real> c = s.appearance;
         J.arcs[piece] = make_piece(k, p, c);
         PieceInfo &info = J.piece_info[piece];
-        info.stroke = i / J.segments * J.strokes + stroke, info.segment = i, info.start = start, info.stop = stop;
+        info.stroke = stroke_row(J, seen.view, stroke), info.segment = i, info.start = start, info.stop = stop;
         info.cap_start = start == a && !(joined_start && start == 0), info.cap_stop = stop == b && !(joined_stop && stop == 1);
         info.before = info.cap_start ? NO_PIECE : piece_before(J, i, piece);
         blossom(start, stop, info.map);

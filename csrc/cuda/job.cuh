@@ -3,6 +3,7 @@
 #pragma once
 #include "common/adjoint.h"
 #include "common/flatten.h"
+#include "common/layout.h"
 #ifndef REAL
 #define REAL float
 #endif
@@ -50,9 +51,10 @@ struct Job {
   // every segment is a stroke
   const long long *stroke_first, *segment_stroke;
   const bool *closed;
+  const int *batch;  // as of Layout
   real *out_color, *out_alpha, *out_depth;
-  real *reach;  // per view and stroke
-  // per view and segment
+  real *reach;  // per row of strokes
+  // per row of segments
   double *scale;
   u32 *piece_first;
   // per piece, and one more
@@ -98,6 +100,7 @@ struct Job {
   long long background_view, background_row, background_pixel;
   double near, inv_sigma, filter_reach, width_scale;
   int views, strokes, segments, height, width, tiles_x, tiles_y, world, along, orthographic, strata, half_width_per_view, save;
+  int sketches;  // of a batch
   int controls;  // control points of a segment in space; 0 where cubics are given
 };
 
@@ -107,8 +110,10 @@ static_assert(sizeof(Piece<real>) == 29 * sizeof(real) && sizeof(PieceInfo) == 1
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
 static_assert(sizeof(TilePiece) == 16 && sizeof(WarpFragments) == 8 && sizeof(Cover) == 4 * sizeof(real));
 
-__device__ inline u32 segment_count(const Job &J) { return u32(J.views) * u32(J.segments); }
-__device__ inline u32 stroke_count(const Job &J) { return u32(J.views) * u32(J.strokes); }
+__device__ inline Layout layout_of(const Job &J) { return {J.views, J.strokes, J.segments, J.sketches, J.batch}; }
+// Rows of segments, and of strokes.
+__device__ inline u32 segment_count(const Job &J) { return u32(layout_of(J).rows(SEGMENTS)); }
+__device__ inline u32 stroke_count(const Job &J) { return u32(layout_of(J).rows(STROKES)); }
 // The stroke of segment m, and the first segment of stroke n.
 __device__ inline u32 stroke_of(const Job &J, u32 m) { return J.segment_stroke ? u32(J.segment_stroke[m]) : m; }
 __device__ inline u32 first_of(const Job &J, u32 n) { return J.stroke_first ? u32(J.stroke_first[n]) : n; }

@@ -10,7 +10,7 @@ static_assert(sizeof(OutlinePoint<real>) == 9 * sizeof(real));
 
 __device__ inline u32 outline_tile(const Job &J, const OutlinePoint<real> &o) {  // NONE off the image
   if (!(o.x >= 0 && o.y >= 0 && o.x < J.width && o.y < J.height)) return NONE;
-  return (J.piece_info[o.piece].stroke / J.strokes * J.tiles_y + u32(o.y) / TILE) * J.tiles_x + u32(o.x) / TILE;
+  return (u32(seen_in(layout_of(J), STROKES, J.piece_info[o.piece].stroke).view) * J.tiles_y + u32(o.y) / TILE) * J.tiles_x + u32(o.x) / TILE;
 }
 __device__ inline void count_outline(const Job &J, u32 piece) {
   J.outline_first[piece] =

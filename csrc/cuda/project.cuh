@@ -8,24 +8,26 @@ namespace stroke {
 __device__ inline const real *points_of(const Job &J, u32 m) { return J.points + u64(m) * J.controls * 3; }
 __device__ inline const real *weights_of(const Job &J, u32 m) { return J.weights + u64(m) * J.controls; }
 
-// i: view and segment.
+// i: the row of a segment.
 __device__ inline void project_segment(const Job &J, u32 i) {
-  const u32 view = i / J.segments, m = i % J.segments;
+  const Seen seen = seen_in(layout_of(J), SEGMENTS, i);
   double control[16];
-  control_of(points_of(J, m), weights_of(J, m), J.controls, control);
-  to_view(J.matrices + 16 * view, control, J.cubics + 16 * u64(i));
+  control_of(points_of(J, seen.index), weights_of(J, seen.index), J.controls, control);
+  to_view(J.matrices + 16 * seen.view, control, J.cubics + 16 * u64(i));
 }
 
 constexpr int OF_APPEARANCE = NGRAD - 16;  // numbers of g_appearance: of the half width's polynomial, opacity and colour
 // Sums over the views and segments of stroke n.
 __device__ inline void gather_stroke(const Job &J, u32 n) {
   double sums[OF_APPEARANCE] = {};
-  for (u32 view = 0; view < u32(J.views); view++) {
+  const u32 first = first_of(J, n), segments = first_of(J, n + 1) - first;
+  const Rows stroke = rows_of(layout_of(J), STROKES, n), segment = rows_of(layout_of(J), SEGMENTS, first);
+  for (int view = stroke.first_view; view < stroke.end_view; view++) {
     double one[OF_APPEARANCE] = {};
-    for (u32 m = first_of(J, n); m < first_of(J, n + 1); m++)
-      for (int k = 0; k < OF_APPEARANCE; k++) one[k] += J.g_appearance[OF_APPEARANCE * (u64(view) * J.segments + m) + k];
+    for (u32 m = 0; m < segments; m++)
+      for (int k = 0; k < OF_APPEARANCE; k++) one[k] += J.g_appearance[OF_APPEARANCE * (u64(segment.at(view)) + m) + k];
     for (int k = 0; k < OF_APPEARANCE; k++) sums[k] += one[k];
-    if (J.half_width_per_view && !J.along) J.g_widths[u64(view) * J.strokes + n] = real(one[0]);
+    if (J.half_width_per_view && !J.along) J.g_widths[stroke.at(view)] = real(one[0]);
   }
   if (!J.half_width_per_view && !J.along) J.g_widths[n] = real(sums[0] * J.width_scale);
   J.g_opacities[n] = real(sums[OF_OPACITY - OF_WIDTH]);
@@ -34,8 +36,9 @@ __device__ inline void gather_stroke(const Job &J, u32 n) {
 // Sums over the views of segment m.
 __device__ inline void gather_segment(const Job &J, u32 m) {
   double widths[4] = {}, control[16] = {};
-  for (u32 view = 0; view < u32(J.views); view++) {
-    const u64 i = u64(view) * J.segments + m;
+  const Rows rows = rows_of(layout_of(J), SEGMENTS, m);
+  for (int view = rows.first_view; view < rows.end_view; view++) {
+    const u64 i = rows.at(view);
     if (J.along)
       for (int k = 0; k < 4; k++) {
         widths[k] += J.g_appearance[OF_APPEARANCE * i + k];
@@ -53,9 +56,11 @@ constexpr u32 GATHER_THREADS = 128;
 __device__ inline void gather_camera(const Job &J, u32 view) {
   __shared__ double sums[GATHER_THREADS];
   double matrix[16] = {}, control[16];
-  for (u32 m = threadIdx.x; m < u32(J.segments); m += GATHER_THREADS) {
+  const SegmentsSeen seen = segments_of(layout_of(J), int(view));
+  for (u32 k = threadIdx.x; k < u32(seen.end - seen.first); k += GATHER_THREADS) {
+    const u32 m = seen.first + k;
     control_of(points_of(J, m), weights_of(J, m), J.controls, control);
-    to_matrix(control, J.g_cubics + 16 * (u64(view) * J.segments + m), matrix);
+    to_matrix(control, J.g_cubics + 16 * (u64(seen.first_row) + k), matrix);
   }
   for (u32 k = 0; k < 16; k++) {
     sums[threadIdx.x] = matrix[k];

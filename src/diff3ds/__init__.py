@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         get_num_threads,
         rasterize,
         render,
+        render_batch,
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
@@ -64,6 +65,7 @@ __all__ = [
     "project",
     "rasterize",
     "render",
+    "render_batch",
     "save",
     "save_transforms",
     "set_num_threads",
@@ -79,7 +81,16 @@ _HOMES = {
     **dict.fromkeys(("Strokes2D", "project"), "project"),
     "NoiseDeletion": "optimize.strokes",
     **dict.fromkeys(
-        ("Rendering", "available_backends", "get_num_threads", "rasterize", "render", "set_num_threads"), "render"
+        (
+            "Rendering",
+            "available_backends",
+            "get_num_threads",
+            "rasterize",
+            "render",
+            "render_batch",
+            "set_num_threads",
+        ),
+        "render",
     ),
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Chains": "chains",

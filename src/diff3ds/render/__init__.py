@@ -1,6 +1,8 @@
-"""Strokes to pixels, differentiably: `render` for sketches and cameras, `rasterize` for strokes already projected."""
+"""Strokes to pixels, differentiably: `render` and `render_batch` for sketches, `rasterize` for projected strokes."""
 
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import cast
@@ -21,7 +23,7 @@ from diff3ds.render.backends import (
     set_num_threads,
 )
 from diff3ds.render.checks import Background, canvas_from, check_stroke_values, check_strokes
-from diff3ds.render.kernel_inputs import Images, KernelInputs, of_sketch, of_strokes
+from diff3ds.render.kernel_inputs import Images, KernelInputs, kind, of_sketch, of_sketches, of_strokes
 from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
@@ -35,6 +37,7 @@ __all__ = [
     "get_num_threads",
     "rasterize",
     "render",
+    "render_batch",
     "set_num_threads",
 ]
 
@@ -128,6 +131,104 @@ def render(
         sketch.check_values()
         check_stroke_values(project(sketch, cameras))
         raise
+
+
+def render_batch(
+    sketches: Sequence[Sketch],
+    cameras: Cameras | Sequence[Cameras],
+    *,
+    background: Background = 1.0,
+    antialiasing: Antialiasing = "analytic",
+    blur: float | None = None,
+    samples: int | None = None,
+    generator: torch.Generator | None = None,
+    backend: Backend | None = None,
+) -> list[Rendering]:
+    """Draws many sketches, each as its own cameras see it: what a loop over `render` gives to the last bit, but faster.
+
+    Sketches may have any number of strokes, none as well, and each any number of views. Those that agree in degree,
+    kind of width, dtype, device, size of the images and kind of camera are drawn by one call of the kernels. The
+    reference, and Monte Carlo antialiasing, draw one sketch after the other.
+
+    Args:
+        sketches: B of them.
+        cameras: B, or one for all.
+        background: of every sketch, as of `render`.
+        antialiasing, blur, samples, generator, backend: as of `render`.
+
+    Raises:
+        TypeError, ValueError, RuntimeError: as `render`; the message names the sketch by its place among them.
+    """
+    seen = [cameras] * len(sketches) if isinstance(cameras, Cameras) else list(cameras)
+    if len(seen) != len(sketches):
+        raise ValueError(f"there must be as many cameras as sketches, {len(sketches)}, or one for all, got {len(seen)}")
+    how = antialiasing_from(antialiasing, blur, samples, generator)
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for k, (sketch, views) in enumerate(zip(sketches, seen, strict=True)):
+        with _naming(k):
+            groups.setdefault(_together(sketch, views, how, backend) or (k,), []).append(k)
+    drawn: dict[int, Rendering] = {}
+    for group in groups.values():
+        if len(group) > 1:
+            parts = [sketches[k] for k in group], [seen[k] for k in group]
+            try:
+                drawn |= dict(
+                    zip(group, _drawn_together(*parts, background, cast(Analytic, how), backend), strict=True)
+                )
+                continue
+            except ValueError:
+                # One after the other, they say which it was.
+                pass
+        for k in group:
+            with _naming(k):
+                drawn[k] = render(sketches[k], seen[k], background=background, antialiasing=how, backend=backend)
+    return [drawn[k] for k in range(len(sketches))]
+
+
+def _together(
+    sketch: Sketch, cameras: Cameras, antialiasing: Analytic | MonteCarlo, backend: Backend | None
+) -> tuple[object, ...] | None:
+    """What sketches that are drawn in one call have in common; None for one that is drawn by itself."""
+    if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
+        got = f"{type(sketch).__name__} and {type(cameras).__name__}"
+        raise TypeError(f"render_batch takes sketches and Cameras, got {got}")
+    check_devices(sketch, cameras)
+    home = sketch.points.device
+    chosen = choose_backend(backend, drawing_device(home), sketch.points.dtype)
+    alone = chosen == "reference" or not len(cameras) or drawing_device(home) != home
+    return None if alone or isinstance(antialiasing, MonteCarlo) else kind(sketch, cameras)
+
+
+def _drawn_together(
+    sketches: list[Sketch],
+    cameras: list[Cameras],
+    background: Background,
+    antialiasing: Analytic,
+    backend: Backend | None,
+) -> list[Rendering]:
+    points, size = sketches[0].points, cameras[0].size
+    counts = [len(views) for views in cameras]
+    canvas = [canvas_from(background, points, (views, *size, 3)) for views in counts]
+    # One that all views share stays one.
+    apart = any(len(one) > 1 for one in canvas)
+    ground = torch.cat([c.expand(n, -1, -1, -1) for c, n in zip(canvas, counts, strict=True)]) if apart else canvas[0]
+    dtype = points.dtype
+    raised = kernel_dtype(dtype)
+    if raised != dtype:
+        sketches, ground = [sketch.to(raised) for sketch in sketches], ground.to(raised)
+    chosen = choose_backend(backend, points.device, dtype)
+    images = _by_kernels(chosen, of_sketches(sketches, cameras, ground, antialiasing))
+    parts = zip(*(torch.split(image.to(dtype), counts) for image in images), strict=True)
+    return [Rendering(*part) for part in parts]
+
+
+@contextmanager
+def _naming(sketch: int) -> Iterator[None]:
+    """Inside, errors say which sketch of a batch they are about."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"sketch {sketch} of the batch: {error}") from error
 
 
 def rasterize(

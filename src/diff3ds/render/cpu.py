@@ -17,7 +17,9 @@ def forward(inputs: KernelInputs, save: bool) -> tuple[Images, Any]:
     # Keyword by keyword: no order that two languages must agree on.
     options = module.Options(**inputs.options._asdict())
     chains = None if inputs.chains is None else (inputs.chains.first, inputs.chains.closed)
-    color, alpha, depth, state = module.forward(inputs.curves, chains, inputs.appearance, inputs.size, options, save)
+    batch = None if inputs.batch is None else inputs.batch.table
+    given = inputs.curves, chains, batch, inputs.appearance
+    color, alpha, depth, state = module.forward(*given, inputs.size, options, save)
     return (torch.from_numpy(color), torch.from_numpy(alpha), torch.from_numpy(depth)), state
 
 

@@ -1,9 +1,14 @@
 """What compiled kernels are given: curves, in space or projected, their appearance, and options."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
 from typing import NamedTuple
 
-from diff3ds._shapes import Float, Tensor
+import torch
+
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import Strokes2D, half_widths, width_space
@@ -39,11 +44,42 @@ class Options(NamedTuple):
     width_scale: float
 
 
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Which views, strokes and segments belong to which of B sketches, as `Layout` of csrc/common/layout.h wants it.
+
+    Attributes:
+        table: of each sketch its first view, stroke, segment, row of strokes and row of segments, and then the number
+            of all. A row is a pair of a view and of a stroke, or segment, that it sees.
+    """
+
+    table: Int[Tensor, "5 F"]
+
+    @staticmethod
+    def of(sketches: Sequence[Sketch], cameras: Sequence[Cameras]) -> "Batch":
+        """That of sketches, each seen by its own cameras."""
+        views, strokes, segments = map(len, cameras), map(len, sketches), (len(s.points) for s in sketches)
+        counts = [(v, n, m, v * n, v * m) for v, n, m in zip(views, strokes, segments, strict=True)]
+        return Batch(
+            torch.tensor([[0, *accumulate(column)] for column in zip(*counts, strict=True)], dtype=torch.int32)
+        )
+
+    @property
+    def rows(self) -> tuple[int, int]:
+        """How many rows of strokes and of segments there are."""
+        return int(self.table[3, -1]), int(self.table[4, -1])
+
+
 class KernelInputs(NamedTuple):
-    """One call of the kernels; `size` is (height, width), `chains` as of `Strokes2D`."""
+    """One call of the kernels; `size` is (height, width), `chains` as of `Strokes2D`, `batch` None for one sketch.
+
+    The tensors of a batch are those of its sketches one after the other; half widths that differ between views stand in
+    one row, (1, rows) or (1, rows, 4).
+    """
 
     curves: Curves
     chains: Chains | None
+    batch: Batch | None
     appearance: Appearance
     size: tuple[int, int]
     options: Options
@@ -57,13 +93,51 @@ def of_sketch(
     sketch: Sketch, cameras: Cameras, background: Float[Tensor, "V1 H1 W1 3"], antialiasing: Analytic | MonteCarlo
 ) -> KernelInputs:
     """Those of a sketch, projected by the kernels: a tenth faster than before them where images are tiny."""
-    plain = sketch.width.ndim == 1 and sketch.width_space == "image"
-    widths, scale = (sketch.width, cameras.size[0] / 2) if plain else (half_widths(sketch, cameras), 1.0)
+    widths, scale = (sketch.width, cameras.size[0] / 2) if is_plain(sketch) else (half_widths(sketch, cameras), 1.0)
     appearance = (widths, sketch.color, sketch.opacity, background)
     world = width_space(sketch, cameras) == "world"
     options = _options(antialiasing, (world, cameras.orthographic, cameras.near), scale)
     curves = (sketch.points, sketch.weights, cameras.projection)
-    return KernelInputs(curves, sketch.chains, appearance, cameras.size, options)
+    return KernelInputs(curves, sketch.chains, None, appearance, cameras.size, options)
+
+
+def of_sketches(
+    sketches: Sequence[Sketch],
+    cameras: Sequence[Cameras],
+    background: Float[Tensor, "V1 H1 W1 3"],
+    antialiasing: Analytic,
+) -> KernelInputs:
+    """Those of sketches of one kind (`kind`), each seen by its own cameras, of which there is one at least."""
+    first, seen = sketches[0], cameras[0]
+    plain = is_plain(first)
+    if plain:
+        widths, scale = torch.cat([s.width for s in sketches]), seen.size[0] / 2
+    else:
+        rows = [half_widths(s, c).flatten(0, 1) for s, c in zip(sketches, cameras, strict=True)]
+        widths, scale = torch.cat(rows)[None], 1.0
+    color, opacity = (torch.cat([getattr(s, name) for s in sketches]) for name in ("color", "opacity"))
+    chains = None
+    if any(s.chains is not None for s in sketches):
+        device = first.points.device
+        chains = Chains.concatenate([s.chains or Chains.plain(len(s), device) for s in sketches])
+    points, weights = (torch.cat([getattr(s, name) for s in sketches]) for name in ("points", "weights"))
+    curves = (points, weights, torch.cat([c.projection for c in cameras]))
+    world = width_space(first, seen) == "world"
+    options = _options(antialiasing, (world, seen.orthographic, seen.near), scale)
+    batch = Batch.of(sketches, cameras)
+    return KernelInputs(curves, chains, batch, (widths, color, opacity, background), seen.size, options)
+
+
+def kind(sketch: Sketch, cameras: Cameras) -> tuple[object, ...]:
+    """What must agree in sketches and cameras that are drawn in one call."""
+    space = "image" if is_plain(sketch) else f"{sketch.width_space} seen as {width_space(sketch, cameras)}"
+    axes = sketch.points.shape[1], sketch.width.ndim, space
+    return *axes, sketch.points.dtype, sketch.points.device, cameras.size, cameras.orthographic, cameras.near
+
+
+def is_plain(sketch: Sketch) -> bool:
+    """Whether strokes have one width each, in units of the image: then the kernels scale it."""
+    return sketch.width.ndim == 1 and sketch.width_space == "image"
 
 
 def of_strokes(
@@ -76,7 +150,7 @@ def of_strokes(
     appearance = (strokes.half_width, strokes.color, strokes.opacity, background)
     how = strokes.width_space == "world", strokes.orthographic, strokes.near
     options = _options(antialiasing, how, 1.0)
-    return KernelInputs((strokes.cubics,), strokes.chains, appearance, size, options)
+    return KernelInputs((strokes.cubics,), strokes.chains, None, appearance, size, options)
 
 
 def _options(antialiasing: Analytic | MonteCarlo, how: tuple[bool, bool, float], width_scale: float) -> Options:

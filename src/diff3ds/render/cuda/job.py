@@ -19,14 +19,14 @@ OF_APPEARANCE = 8
 
 _POINTERS = (
     "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "stroke_first",
-    "segment_stroke", "closed", "out_color", "out_alpha", "out_depth", "reach", "scale", "piece_first", "pieces",
-    "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents", "intersection_first",
-    "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor", "tile_piece_first",
-    "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order", "point_first",
-    "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment", "g_tile_piece",
-    "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points", "g_weights",
-    "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline", "outline_sums",
-    "outline_warp_fragments", "outline_fragments", "outline_order",
+    "segment_stroke", "closed", "batch", "out_color", "out_alpha", "out_depth", "reach", "scale", "piece_first",
+    "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents",
+    "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor",
+    "tile_piece_first", "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order",
+    "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
+    "g_tile_piece", "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points",
+    "g_weights", "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline",
+    "outline_sums", "outline_warp_fragments", "outline_fragments", "outline_order",
 )  # fmt: skip
 
 
@@ -41,7 +41,7 @@ class Job(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach", "width_scale")),
         *((name, ctypes.c_int32) for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y")),
         *((name, ctypes.c_int32) for name in ("world", "along", "orthographic", "strata")),
-        *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "controls")),
+        *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "sketches", "controls")),
     )
 
     def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
@@ -66,6 +66,7 @@ class Shape:
         real: the size of a pixel's number in bytes.
         save: whether a backward pass may follow.
         controls: control points of segments in space, 0 for those that are projected already.
+        batch: how many rows of strokes and of segments a batch of sketches has (csrc/common/layout.h); None for one.
     """
 
     views: int
@@ -77,11 +78,17 @@ class Shape:
     real: int
     save: bool
     controls: int = 0
+    batch: tuple[int, int] | None = None
+
+    @property
+    def rows(self) -> int:
+        """Strokes, each as often as views see it."""
+        return self.batch[0] if self.batch else self.views * self.strokes
 
     @property
     def seen(self) -> int:
-        """Segments times views."""
-        return self.views * self.segments
+        """Segments, each as often as views see it."""
+        return self.batch[1] if self.batch else self.views * self.segments
 
     @property
     def tiles_x(self) -> int:
@@ -114,7 +121,7 @@ class Shape:
         points = PIXELS * self.tiles * self.samples if self.save else 0
         return {
             "cubics": 128 * self.seen if self.controls else 0,
-            "reach": self.real * self.views * self.strokes,
+            "reach": self.real * self.rows,
             "scale": 8 * self.seen,
             "piece_first": 4 * (self.seen + 1),
             "pieces": 29 * self.real * pieces,

@@ -88,7 +88,9 @@ def _shape(inputs: KernelInputs, save: bool) -> Shape:
     views = len(inputs.curves[-1])
     controls = 0 if projected else first.shape[1]
     segments = first.shape[0 if controls else 1]
-    return Shape(views, len(color), segments, *inputs.size, inputs.options.strata, color.element_size(), save, controls)
+    rows = None if inputs.batch is None else inputs.batch.rows
+    strata, real = inputs.options.strata, color.element_size()
+    return Shape(views, len(color), segments, *inputs.size, strata, real, save, controls, rows)
 
 
 def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
@@ -99,11 +101,13 @@ def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
     if inputs.chains is not None:
         chains = inputs.chains
         tensors |= {"stroke_first": chains.first, "segment_stroke": chains.stroke, "closed": chains.closed}
+    if inputs.batch is not None:
+        tensors["batch"] = inputs.batch.table.to(tensors["color"].device)
     return tensors
 
 
 def _remembered(shape: Shape, like: Tensor, device: Device) -> Limits:
-    key = (like.device, like.dtype, shape.views, shape.height, shape.width, shape.strata)
+    key = (like.device, like.dtype, shape.views, shape.height, shape.width, shape.strata, shape.batch)
     if key not in _limits:
         if device.capturing():
             raise _unknown_needs(shape)
@@ -153,8 +157,15 @@ def _settled(device: Device, limits: Limits, shape: Shape, which: str) -> bool:
 
 def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
     job = Job(seed=options.seed, near=options.near, world=options.world, orthographic=options.orthographic)
-    job.half_width_per_view = tensors["half_width"].ndim > 1 and len(tensors["half_width"]) > 1
-    job.along = tensors["half_width"].ndim == 3
+    widths = tensors["half_width"]
+    job.along = widths.ndim == 3
+    if shape.batch is None:
+        job.half_width_per_view = widths.ndim > 1 and len(widths) > 1
+    else:
+        job.sketches = tensors["batch"].shape[1] - 1
+        job.half_width_per_view = widths.shape[-2 if job.along else -1] != (
+            shape.segments if job.along else shape.strokes
+        )
     for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y", "strata", "save", "controls"):
         setattr(job, name, getattr(shape, name))
     job.background_view, job.background_row, job.background_pixel = tensors["background"].stride()[:3]
