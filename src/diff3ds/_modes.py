@@ -25,7 +25,7 @@ def is_ordinary(value: Tensor) -> bool:
 
 def check_plain(**values: Tensor) -> None:
     """Raises RuntimeError for tensors whose values cannot be looked at, which all that draws does."""
-    if not torch._C._are_functorch_transforms_active():
+    if torch.compiler.is_compiling() or not torch._C._are_functorch_transforms_active():
         return
     for name, value in values.items():
         # Below what torch.func differentiates lies a plain tensor.

@@ -145,7 +145,7 @@ class Cameras:
         pose, lens = self.world_to_camera, self.intrinsics
         # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
         # is computed.
-        if pose.device.type != "cpu" or not (is_ordinary(pose) and is_ordinary(lens)):
+        if torch.compiler.is_compiling() or pose.device.type != "cpu" or not (is_ordinary(pose) and is_ordinary(lens)):
             return self._projection()
         # Frozen is the reference to a tensor, not what it holds.
         state = (pose.data_ptr(), pose._version, lens.data_ptr(), lens._version)

@@ -88,7 +88,8 @@ class Sketch:
             object.__setattr__(self, name, value)
         object.__setattr__(self, "width_space", width_space)
         object.__setattr__(self, "chains", chains)
-        if points.device.type == "cpu":
+        # Values are not known while a graph is made; where it runs, drawing refuses bad ones.
+        if points.device.type == "cpu" and not torch.compiler.is_compiling():
             self.check_values()
 
     def check_values(self) -> None:

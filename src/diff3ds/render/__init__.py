@@ -12,7 +12,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
-from diff3ds.render import autograd, cpu, montecarlo, reference
+from diff3ds.render import montecarlo, reference
 from diff3ds.render.backends import (
     Backend,
     available_backends,
@@ -23,7 +23,8 @@ from diff3ds.render.backends import (
     set_num_threads,
 )
 from diff3ds.render.checks import Background, canvas_from, check_stroke_values, check_strokes
-from diff3ds.render.kernel_inputs import Images, KernelInputs, kind, of_sketch, of_sketches, of_strokes
+from diff3ds.render.kernel_inputs import Images, kind, of_sketch, of_sketches, of_strokes
+from diff3ds.render.kernels import drawn_by
 from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
@@ -83,6 +84,9 @@ def render(
     Kernels have first derivatives in reverse mode (autograd, `torch.func.grad`, `vjp`, `jacrev`). Second derivatives
     and forward mode are for `backend="reference"` with analytic antialiasing, and an error elsewhere.
 
+    In `torch.compile`, with `fullgraph=True` too, and in `torch.export` a drawing by kernels is one operator,
+    `diff3ds::draw`; its backward draws again. The reference is drawn outside of such graphs.
+
     Kernels draw sketches in float16 and bfloat16 in float32; images and gradients come in the sketch's dtype.
 
     Where a device lacks float64, as Apple's GPUs do, strokes are drawn on the CPU and the images moved back, with a
@@ -106,6 +110,13 @@ def render(
     if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
         got = f"{type(sketch).__name__} and {type(cameras).__name__}"
         raise TypeError(f"render takes a Sketch and Cameras, got {got}")
+    if torch.compiler.is_compiling():
+        # Imported by those who compile only: operators load a second of torch.
+        from diff3ds.render import compiled
+
+        if operator := compiled.kernels_for(sketch.points.device.type, sketch.points.dtype, backend):
+            how = antialiasing_from(antialiasing, blur, samples, generator)
+            return Rendering(*compiled.render(sketch, cameras, background, how, operator))
     check_devices(sketch, cameras)
     home = sketch.points.device
     place = drawing_device(home)
@@ -123,7 +134,7 @@ def render(
         if chosen == "reference":
             images = _by_reference(project(sketch, cameras), cameras.size, canvas, how)
         else:
-            images = _by_kernels(chosen, of_sketch(sketch, cameras, canvas, how))
+            images = drawn_by(chosen, of_sketch(sketch, cameras, canvas, how))
         as_given = place == home and drawn == dtype
         return Rendering(*(images if as_given else (image.to(home, dtype) for image in images)))
     except ValueError:
@@ -217,7 +228,7 @@ def _drawn_together(
     if raised != dtype:
         sketches, ground = [sketch.to(raised) for sketch in sketches], ground.to(raised)
     chosen = choose_backend(backend, points.device, dtype)
-    images = _by_kernels(chosen, of_sketches(sketches, cameras, ground, antialiasing))
+    images = drawn_by(chosen, of_sketches(sketches, cameras, ground, antialiasing))
     parts = zip(*(torch.split(image.to(dtype), counts) for image in images), strict=True)
     return [Rendering(*part) for part in parts]
 
@@ -259,10 +270,10 @@ def rasterize(
             return Rendering(*_by_reference(strokes, size, canvas, how))
         drawn = kernel_dtype(dtype)
         if drawn == dtype:
-            return Rendering(*_by_kernels(chosen, of_strokes(strokes, size, canvas, how)))
+            return Rendering(*drawn_by(chosen, of_strokes(strokes, size, canvas, how)))
         names = ("half_width", "color", "opacity")
         raised = replace(strokes, **{name: getattr(strokes, name).to(drawn) for name in names})
-        images = _by_kernels(chosen, of_strokes(raised, size, canvas.to(drawn), how))
+        images = drawn_by(chosen, of_strokes(raised, size, canvas.to(drawn), how))
         return Rendering(*(image.to(dtype) for image in images))
     except ValueError:
         check_stroke_values(strokes)
@@ -272,12 +283,6 @@ def rasterize(
 def _drawing(views: int, chosen: Backend) -> Backend:
     # No views are no work for kernels: a GPU refuses a grid without blocks.
     return chosen if views else "reference"
-
-
-def _by_kernels(backend: Backend, inputs: KernelInputs) -> Images:
-    # The other is imported by those who draw with it only.
-    kernels = cpu if backend == "cpu" else import_module("diff3ds.render.cuda.rasterize")
-    return autograd.draw(inputs, cast(autograd.Kernels, kernels))
 
 
 def _by_reference(
