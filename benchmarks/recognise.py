@@ -36,9 +36,9 @@ from diff3ds._settings import with_options
 from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition import recognise as recogniser
 from diff3ds.tasks.recognition.lines import Lines, lines_of
-from diff3ds.tasks.recognition.recognise import DISTANCE, described, matches, recognise
+from diff3ds.tasks.recognition.poses import DISTANCE, LEAST_CONFIDENCE, Match, described, gap_to, seen_from, table
+from diff3ds.tasks.recognition.recognise import Guess, recognise
 from diff3ds.tasks.text_image.image import run_image
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Picture
@@ -83,8 +83,6 @@ FRONT = 75.0
 NEAR, SAME = 15.0, 0.75
 # Of the sheet of sketches: how far beside the picture's view the other one is, degrees; pixels.
 BESIDE, CELL, HEADING = 70.0, 132, 22
-# The recogniser's own threshold would end the count.
-THRESHOLD, ANY_CONFIDENCE = recogniser.LEAST_CONFIDENCE, 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +143,7 @@ def lines_in(picture: torch.Tensor) -> Lines:
         return lines_of(read_reference(path))
 
 
-def pose_found(shown: Shown, found: recogniser.Recognised) -> tuple[bool, bool]:
+def pose_found(shown: Shown, found: Guess) -> tuple[bool, bool]:
     """Whether the pose is near, and whether it is near or the thing looks the same from there."""
     apart = abs((found.azimuth - shown.azimuth + 180) % 360 - 180)
     near = apart <= NEAR and abs(found.elevation - shown.elevation) <= NEAR
@@ -164,18 +162,17 @@ def seen_points(sketch: ds.Sketch, camera: ds.Cameras) -> np.ndarray:
 
 def recognised(chosen: argparse.Namespace) -> dict[str, Any]:
     """Shares of category, attributes and pose that are found, and of what the threshold lets through."""
-    recogniser.LEAST_CONFIDENCE = ANY_CONFIDENCE
     begun = time.perf_counter()
     for name in CATEGORIES:
-        recogniser.table(name)
+        table(name)
     figures: dict[str, Any] = {"seconds_of_the_tables": time.perf_counter() - begun, "conditions": {}}
     for condition in (*CONDITIONS, *HIDDEN):
         rows, begun = [], time.perf_counter()
         for shown in pictures_of(condition, chosen.each):
-            found = recognise(lines_in(shown.picture))
-            right = found.category == shown.category
+            recognition = recognise(lines_in(shown.picture))
+            found, sure = recognition.guesses[0], recognition.taken
+            right = found.kind == shown.category
             near, same = pose_found(shown, found)
-            sure = found.confidence >= THRESHOLD
             if not (right and same and sure):
                 print(condition, shown.category, shown.attributes, round(shown.azimuth), "->", found, file=sys.stderr)
             rows.append((right, right and found.attributes == shown.attributes, right and near, right and same,
@@ -199,7 +196,7 @@ def shapes_taken(each: int) -> dict[str, Any]:
     for name in SHAPES:
         drawn = [shape_drawing(name, how) for how in (None, *[chance] * (each - 1))]
         found = [recognise(lines_in(picture)) for picture in drawn]
-        taken = [f"{one.category} ({one.confidence:.2f})" for one in found if one.confidence >= THRESHOLD]
+        taken = [f"{one.guesses[0].kind} ({one.guesses[0].confidence:.2f})" for one in found if one.taken]
         figures[name] = {"of": each, "taken_for": taken}
     show("Shapes that are no thing", ("shape", "taken for", "of"),
          [(name, ", ".join(row["taken_for"]), each) for name, row in figures.items()])  # fmt: skip
@@ -291,8 +288,9 @@ def seen_flat(sketch: ds.Sketch, camera: ds.Cameras) -> ds.Sketch:
 
 
 def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
-    """Fits the logistic function of confidence: things count twice, once with their category left out; shapes once.
+    """Fits the logistic function of confidence in a folder of one's own sketches, on members of the library.
 
+    Things count twice, once with their category left out; shapes once.
     Every condition has the same weight, and so have the shapes: there are fewer drawings without hidden lines, but they
     are what people draw.
     """
@@ -300,7 +298,7 @@ def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
     for condition in (*CONDITIONS, *HIDDEN):
         for shown in pictures_of(condition, chosen.each, FIRST_SEED * 2):
             lines = lines_in(shown.picture)
-            found = matches(described(lines))
+            found = matches(lines)
             left = {name: match for name, match in found.items() if name != shown.category}
             name, known = best_of(lines, found)
             rows += [(*known, name == shown.category, "known", condition),
@@ -310,7 +308,7 @@ def confidence(chosen: argparse.Namespace) -> dict[str, Any]:
     for name in list(SHAPES)[: len(SHAPES) // 2]:
         for how in (None, *[chance] * (2 * chosen.each - 1)):
             lines = lines_in(shape_drawing(name, how))
-            rows.append((*best_of(lines, matches(described(lines)))[1], False, "shape", "shape"))
+            rows.append((*best_of(lines, matches(lines))[1], False, "shape", "shape"))
             print(rows[-1], file=sys.stderr)
     return fitted(rows)
 
@@ -333,17 +331,23 @@ def fitted(rows: list[tuple[Any, ...]]) -> dict[str, Any]:
     }
     for group in ("known", "left_out", "shape"):
         of_group = np.array([row[4] == group for row in rows])
-        taken = (sure >= THRESHOLD)[of_group]
+        taken = (sure >= LEAST_CONFIDENCE)[of_group]
         figures[group] = {"pictures": len(taken), "taken": float(taken.mean()),
                           "taken_and_wrong": float((taken & ~right[of_group]).mean())}  # fmt: skip
     show("Confidence", ("figure", "value"), list(figures.items()))
     return {**figures, "right_by_confidence": table}
 
 
-def best_of(lines: Lines, found: dict[str, recogniser.Match]) -> tuple[str, tuple[float, float, float]]:
+def matches(lines: Lines) -> dict[str, Match]:
+    """The view of every kind that is most like a picture."""
+    wanted = described(lines)
+    return {name: seen_from(wanted, name) for name in CATEGORIES}
+
+
+def best_of(lines: Lines, found: dict[str, Match]) -> tuple[str, tuple[float, float, float]]:
     """The best category, and what confidence is a function of: its score, its lead, and how far its lines lie."""
     (name, best), (_, second) = sorted(found.items(), key=lambda pair: -pair[1].score)[:2]
-    return name, (best.score, best.score - second.score, recogniser.gap_to(lines, name, best))
+    return name, (best.score, best.score - second.score, gap_to(lines, name, best))
 
 
 def fitted_logistic(features: np.ndarray, right: np.ndarray, weights: np.ndarray) -> tuple[list[float], float]:

@@ -251,6 +251,26 @@ def recognised() -> str:
     )
 
 
+def by_people() -> str:
+    """Drawings by people recognised, before there was a network and with it."""
+    read = _read("drawings_by_people")
+    keys = ("first", "among_three", "taken", "wrong_among_taken")
+    rows = [
+        [f"{name}, {of}", part[of]["drawings"], *(_percent(part[of][key]) for key in keys)]
+        for name, part in read["figures"].items()
+        for of in ("all", "understood")
+    ]
+    head = ["drawings", "of", "right kind first", "among three", "taken", "wrong among taken"]
+    rows += [
+        [f"{name}, {of}", part[of]["of"], "", "", _percent(part[of]["taken"] / part[of]["of"]), ""]
+        for of in ("doodles", "icons")
+        for name, part in read["figures"].items()
+        if part.get(of, {}).get("of")
+    ]
+    about = {**read["environment"], "commit": read["figures"]["after"]["commit"]}
+    return _table(head, rows) + _about(about, "drawings_by_people")
+
+
 def drawn_again() -> str:
     """Sketches made of drawings, compared with what was drawn."""
     keys = ("F5", "F2", "chamfer_percent", "view_F5", "view_chamfer_percent", "view_error")
@@ -292,7 +312,7 @@ def sensitivity() -> str:
 TABLES: tuple[Callable[[], str], ...] = (
     speed, machines, step_cost, compile_cuda, agreement, differences, edges, circles, damage, sensitivity, color,
     categories, categories_small, combinations_small, ablations, known_answer, known_answer_ablations, recognised,
-    drawn_again,
+    by_people, drawn_again,
 )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
-    from diff3ds.tasks.functions import image_to_sketch, text_to_sketch, views_to_sketch
+    from diff3ds.tasks.functions import image_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
 __all__ = [
@@ -64,6 +64,7 @@ __all__ = [
     "orbit",
     "project",
     "rasterize",
+    "recognise",
     "render",
     "render_batch",
     "save",
@@ -95,7 +96,7 @@ _HOMES = {
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Chains": "chains",
     "Sketch": "sketch",
-    **dict.fromkeys(("image_to_sketch", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
+    **dict.fromkeys(("image_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }
 

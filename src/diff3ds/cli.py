@@ -7,9 +7,9 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn, TransferSpeedColumn
@@ -27,6 +27,9 @@ from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase, Picture
 from diff3ds.tasks.views.options import DoodleOptions, ViewsOptions
 from diff3ds.weights.options import FetchOptions
+
+if TYPE_CHECKING:
+    from diff3ds.tasks.recognition.recognise import NotRecognised
 
 # Exit codes: 0 done, 1 the input is at fault (2: the command line, from tyro), 130 (STOPPED) by Ctrl-C as in shells.
 FAULT = 1
@@ -149,19 +152,50 @@ class Image:
     spec: Annotated[OmitArgPrefixes[RunSpec[Picture]], arg(name="")]
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # Print what the picture may show, and write nothing.
+    guess: bool = False
     # No progress, only errors.
     quiet: bool = False
 
     def run(self) -> None:
         """Runs the command."""
         self.spec.prior.require((*FOR_PICTURES, *BUILT_IN))
+        if self.guess:
+            self._print_guesses()
+            return
         with importing():
+            from diff3ds.tasks.recognition.recognise import NotRecognised
             from diff3ds.tasks.text_image.image import run_image
 
         console = _Console(stderr=True, quiet=self.quiet)
-        with _progress(console) as report:
-            sketch = run_image(self.spec, self.out, report, _sayer(console))
-        _written(console, len(sketch), self.out)
+
+        def drawn(spec: RunSpec[Picture]) -> int:
+            with _progress(console) as report:
+                return len(run_image(spec, self.out, report, _sayer(console)))
+
+        try:
+            count = drawn(self.spec)
+        except NotRecognised as unsure:
+            if not (sys.stdin.isatty() and console.is_terminal):
+                raise
+            known = replace(self.spec.subject, shows=_asked(console, unsure))
+            count = drawn(replace(self.spec, subject=known))
+        _written(console, count, self.out)
+
+    def _print_guesses(self) -> None:
+        """Prints what the picture may show."""
+        subject = self.spec.subject
+        for given, option in ((subject.shows, "shows"), (self.spec.prior.library, "library")):
+            if given is not None:
+                raise ValueError(f"--guess looks among the kinds of the built-in library: leave --{option} out")
+        with importing():
+            from diff3ds.tasks.functions import recognise
+
+        found = recognise(subject.picture, mask=subject.cut.mask, background=subject.cut.background)
+        console = _Console(highlight=False, markup=False, soft_wrap=True)
+        console.print(
+            f"{found}\n{'the first is sure enough to be drawn' if found.taken else 'none is sure enough to be drawn'}"
+        )
 
 
 @dataclass(frozen=True)
@@ -348,6 +382,24 @@ def _stopped(command: object, stop: KeyboardInterrupt) -> str:
 def _fail(message: str) -> NoReturn:
     _Console(stderr=True).print(f"diff3ds: {message}", markup=False, highlight=False, soft_wrap=True)
     sys.exit(FAULT)
+
+
+def _asked(console: Console, unsure: "NotRecognised") -> str:
+    """What the user says that a picture shows: one of the guesses by its number, or a phrase.
+
+    Raises:
+        NotRecognised: nothing.
+    """
+    guesses = unsure.recognition.guesses
+    choices = [str(i) for i in range(1, len(guesses) + 1)]
+    _sayer(console)(
+        f"The picture is not recognised for sure. It may be:\n{unsure.recognition}\n"
+        f"Which is it? {choices[0]} to {choices[-1]}, or a phrase; Enter stops."
+    )
+    answer = sys.stdin.readline().strip()
+    if not answer:
+        raise unsure
+    return guesses[choices.index(answer)].caption if answer in choices else answer
 
 
 def _written(console: Console, count: int, out: Path) -> None:

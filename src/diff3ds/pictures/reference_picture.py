@@ -46,12 +46,15 @@ class ReferencePicture:
         return self.pixels[..., 3]
 
 
-def read_reference(path: Path, size: int = OF, options: PictureOptions | None = None) -> ReferencePicture:
+def read_reference(
+    picture: Path | Float[Tensor, "H W C"], size: int = OF, options: PictureOptions | None = None
+) -> ReferencePicture:
     """Reads a reference picture: RGBA, or one with a mask, or one with a plain background, or a drawing on paper.
 
     Pixels are area means where the picture is reduced, bilinear where it is enlarged. A rotation in EXIF is heeded.
 
     Args:
+        picture: a file, or its pixels: gray, RGB or straight RGBA, in [0, 1].
         size: height and width of the result in pixels.
         options: default `PictureOptions()`.
 
@@ -61,14 +64,18 @@ def read_reference(path: Path, size: int = OF, options: PictureOptions | None = 
         OSError: a file cannot be read.
     """
     options = options or PictureOptions()
-    _require_file(path, "a picture of one object, a file such as mug.png")
     if options.mask is not None:
         _require_file(options.mask, "a mask, a picture that is white where the object is")
-    pixels = _cut_out(path, load_upright(path), options)
-    top, bottom, left, right = box = _object_box(path, pixels[..., 3], options)
+    if isinstance(picture, Path):
+        _require_file(picture, "a picture of one object, a file such as mug.png")
+        name, image = str(picture), load_upright(picture)
+    else:
+        name, image = "the picture", picture
+    pixels = _cut_out(name, image, options)
+    top, bottom, left, right = box = _object_box(name, pixels[..., 3], options)
     if max(bottom - top, right - left) < LEAST:
         raise ValueError(
-            f"{path}: the object has {right - left} x {bottom - top} pixels; "
+            f"{name}: the object has {right - left} x {bottom - top} pixels; "
             f"give a picture in which its longer side has {LEAST} or more"
         )
     if options.frame == "picture":
@@ -83,60 +90,60 @@ def _require_file(path: Path, wanted: str) -> None:
         raise FileNotFoundError(f"{path} is not there: give {wanted}")
 
 
-def _cut_out(path: Path, image: Float[Tensor, "H W C"], options: PictureOptions) -> Float[Tensor, "H W 4"]:
+def _cut_out(name: str, image: Float[Tensor, "H W C"], options: PictureOptions) -> Float[Tensor, "H W 4"]:
     """RGB times alpha, and alpha, of the object."""
     pixels = premultiplied(image)
     size = (image.shape[0], image.shape[1])
     if options.mask is not None:
-        return pixels * _mask(path, options.mask, size)
+        return pixels * _mask(name, options.mask, size)
     color = parse_background(options.background) if options.background else None
     if bool((pixels[..., 3] < 1).any()):
         if is_inverted(pixels[..., 3]):
             raise ValueError(
-                f"{path}: opaque all along its borders, and transparent inside, as if its alpha were inverted: invert "
+                f"{name}: opaque all along its borders, and transparent inside, as if its alpha were inverted: invert "
                 "it, or give --mask, a picture that is white where the object is"
             )
         highest = float(pixels[..., 3].max())
         if highest <= FAINT:
-            raise ValueError(f"{path}: transparent everywhere (alpha is at most {highest:.2g}): it shows no object")
+            raise ValueError(f"{name}: transparent everywhere (alpha is at most {highest:.2g}): it shows no object")
         return pixels
     # The camera says the size and nothing else.
-    opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (path.name,))
+    opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (Path(name).name,))
     cut, found = with_alpha(opaque, color)
     if found is None:
-        ink = ink_on_paper(image[..., :3].numpy())
+        ink = ink_on_paper(pixels[..., :3].numpy())
         if ink is not None:
             pixels[..., :3], pixels[..., 3] = 0, torch.from_numpy(ink)
             return pixels
         tells = "the picture has no transparency" if image.shape[2] < 4 else "no area of the picture is transparent"
         raise ValueError(
-            f"{path}: cannot tell the object from what is behind it: {tells}, and its borders "
+            f"{name}: cannot tell the object from what is behind it: {tells}, and its borders "
             "no single colour. Cut the object out in an image editor and save it as PNG with transparency, or give "
             "--mask, a picture that is white where the object is"
         )
     return cut.batch([0]).pixels[0]
 
 
-def _mask(path: Path, mask: Path, size: tuple[int, int]) -> Float[Tensor, "H W 1"]:
+def _mask(name: str, mask: Path, size: tuple[int, int]) -> Float[Tensor, "H W 1"]:
     image = load_upright(mask)
     if image.shape[:2] != size:
         raise ValueError(
-            f"{mask}: {image.shape[0]} x {image.shape[1]} (height x width) pixels, but {path} has {size[0]} x {size[1]}"
+            f"{mask}: {image.shape[0]} x {image.shape[1]} (height x width) pixels, but {name} has {size[0]} x {size[1]}"
         )
     return mask_of(image)[..., None]
 
 
-def _object_box(path: Path, alpha: Float[Tensor, "H W"], options: PictureOptions) -> tuple[int, int, int, int]:
+def _object_box(name: str, alpha: Float[Tensor, "H W"], options: PictureOptions) -> tuple[int, int, int, int]:
     """First row, end of rows, first column and end of columns of what is visible."""
     seen = alpha > FAINT
     rows, columns = seen.any(1).nonzero(), seen.any(0).nonzero()
     if not len(rows):
         what = (
-            f"all black where {path} is visible"
+            f"all black where {name} is visible"
             if options.mask
             else "nothing differs from the background by more than 5 %"
         )
-        raise ValueError(f"{options.mask or path}: {what}: there is no object to make a sketch of")
+        raise ValueError(f"{options.mask or name}: {what}: there is no object to make a sketch of")
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 

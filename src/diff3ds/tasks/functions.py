@@ -12,7 +12,11 @@ from diff3ds._settings import Options, option_hints, with_options
 from diff3ds.tasks.typed_options import typed
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from torch import Tensor
+
     from diff3ds.sketch import Sketch
+    from diff3ds.tasks.recognition.recognise import Recognition
 
 _LOG = logging.getLogger("diff3ds")
 
@@ -61,6 +65,40 @@ def image_to_sketch(picture: str | PathLike[str], out: str | PathLike[str] | Non
     spec = _filled("image_to_sketch", RunSpec(Picture(Path(picture))), option_hints(RunSpec[Picture]), options)
     with _folder(out, options) as folder:
         return run_image(spec, folder, say=_say)
+
+
+def recognise(
+    picture: "str | PathLike[str] | Tensor | NDArray[Any]",
+    *,
+    mask: str | PathLike[str] | None = None,
+    background: str | None = None,
+) -> "Recognition":
+    """Says what a picture may show, and from where it is seen, as `diff3ds image --guess` does.
+
+    Args:
+        picture: file of a photograph or drawing of one object; or its pixels, (H, W) or (H, W, C), gray, RGB or
+            straight RGBA: uint8, or floats from 0 to 1.
+        mask: file of a picture of the same size, white where the object is.
+        background: colour of a plain background: white, black or R,G,B, each from 0 to 1. By default the one along the
+            borders.
+
+    Returns:
+        The three best guesses, each with `kind`, `confidence`, `azimuth` and `elevation`, and whether the first is sure
+        enough to be drawn, `taken`.
+
+    Raises:
+        TypeError: the picture is neither a path nor an array.
+        ValueError, OSError: as `diff3ds image`, whose message it is; an array that is no picture.
+    """
+    from diff3ds.pictures.options import PictureOptions
+    from diff3ds.pictures.reading.array import picture_of_array
+    from diff3ds.pictures.reference_picture import read_reference
+    from diff3ds.tasks.recognition.lines import lines_of
+    from diff3ds.tasks.recognition.recognise import recognise as recognise_lines
+
+    cut = PictureOptions(None if mask is None else Path(mask), background)
+    read = Path(picture) if isinstance(picture, str | PathLike) else picture_of_array(picture)
+    return recognise_lines(lines_of(read_reference(read, options=cut)))
 
 
 def views_to_sketch(

@@ -13,16 +13,12 @@ from diff3ds.tasks.exact_prior.exemplars import FITTING, Exemplars, arranged, ex
 from diff3ds.tasks.exact_prior.folder_phrase import asked_of, fits
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
 from diff3ds.tasks.recognition.lines import Lines
-from diff3ds.tasks.recognition.recognise import (
-    AZIMUTHS,
-    CANDIDATES,
-    ELEVATIONS,
+from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
+from diff3ds.tasks.recognition.poses import (
     LEAST_CONFIDENCE,
     REFINED,
     STEPS_AROUND,
     STEPS_UP,
-    SUGGESTIONS,
-    Recognised,
     cameras_at,
     confidence,
     described,
@@ -30,7 +26,10 @@ from diff3ds.tasks.recognition.recognise import (
     gap,
     pieces,
 )
+from diff3ds.tasks.recognition.recognise import GUESSES, Guess
 
+# So many of the best kinds are refined.
+CANDIDATES = 4
 # Members whose scores are so near to the best one's are drawn like it. Of 64 members of the built-in library, the six
 # most like a view of another one lie within .006 in nine of ten cases.
 ALIKE = 0.01
@@ -47,7 +46,7 @@ class _Seen:
     pose: Pose
 
 
-def recognise_in(folder: SketchFolder, lines: Lines, shows: str | None = None) -> tuple[Recognised, Exemplars]:
+def recognise_in(folder: SketchFolder, lines: Lines, shows: str | None = None) -> tuple[Guess, Exemplars]:
     """Finds what lines show, and the members most like them.
 
     Args:
@@ -71,11 +70,11 @@ def recognise_in(folder: SketchFolder, lines: Lines, shows: str | None = None) -
     if sure < LEAST_CONFIDENCE:
         raise ValueError(
             f"the {lines.kind} is not recognised: of what {folder.path} has it is most like "
-            f"{', '.join(f'{one} ({score:.2f})' for one, score in scores[:SUGGESTIONS])}, but may be none of them. "
+            f"{', '.join(f'{one} ({score:.2f})' for one, score in scores[:GUESSES])}, but may be none of them. "
             f'If it shows one of them, say so: --shows "{scores[0][0]}"'
         )
     name = folder.names[seen.member]
-    found = Recognised(noun, name.words, *seen.pose, sure, tuple(scores[:SUGGESTIONS]), name.said)
+    found = Guess(noun, name.words, *seen.pose, sure, name.said)
     of_noun = {i: sketch for i, sketch in sketches.items() if folder.names[i].noun == noun}
     return found, exemplars_among(folder, _alike(of_noun, found, wanted), request.color if request else None)
 
@@ -115,7 +114,7 @@ def _views(i: int, sketch: Sketch, poses: list[Pose], wanted: Float[Tensor, " D"
     return [_Seen(float(score), i, pose) for score, pose in zip(scores, poses, strict=True)]
 
 
-def _alike(sketches: Mapping[int, Sketch], found: Recognised, wanted: Float[Tensor, " D"]) -> dict[int, Sketch]:
+def _alike(sketches: Mapping[int, Sketch], found: Guess, wanted: Float[Tensor, " D"]) -> dict[int, Sketch]:
     """The sketches most like the picture from where it was taken; the best first."""
     scores = torch.stack([descriptors(*pieces(s, found.camera))[0] for s in sketches.values()]) @ wanted
     places = [*sketches]

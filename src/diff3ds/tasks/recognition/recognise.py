@@ -1,60 +1,51 @@
-"""What a picture shows: the category, attributes and pose of the library's view whose lines are most like its own."""
+"""What a picture shows: the kinds that a network names, each with attributes and the side that it is seen from."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
-
-import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.bezier import evaluate
-from diff3ds.camera import Cameras, orbit
+from diff3ds.camera import Cameras
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.members import member
-from diff3ds.sketch import Sketch
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.recognition.lines import Lines
+from diff3ds.tasks.recognition.network import Opinion, trained
+from diff3ds.tasks.recognition.poses import (
+    LEAST_CONFIDENCE,
+    Match,
+    cameras_at,
+    confidence,
+    described,
+    gap_to,
+    seen_from,
+)
 
-# Views of the table, degrees; distance and field of view are those of the built-in prior's cameras.
-AZIMUTHS, ELEVATIONS = tuple(15.0 * i for i in range(24)), (0.0, 15.0, 30.0)
-DISTANCE, FOV = 1.9, 60.0
-# A descriptor counts pieces of lines in cells of a square of this side, in lengths of the longer side of their box, by
-# direction; the blur is in cells, and every second cell is kept.
-CELLS, DIRECTIONS, SIDE, BLUR, EVERY = 32, 4, 1.2, 1.6, 2
-# Pieces of a stroke.
-PIECES = 32
-# So many best views of the best categories are refined: each with so many seeds, at its pose and beside it (degrees).
-CANDIDATES, REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 4, 5, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
-# Seeds among which members like the picture are sought.
-POOL = 64
-# Confidence is a logistic function of the score of the best category, of its lead over the next one and of how far its
-# lines lie from the picture's, squared: hidden lines that a drawing lacks are forgiven, whole parts are not. Fitted to
-# distorted members of other seeds, half of them with their category left out, to some without hidden lines, and to
-# shapes that are no thing: `benchmarks/recognise.py confidence`.
-OF_SCORE, OF_LEAD, OF_SQUARED_GAP, OFFSET = 36.4, 50.3, -3100.0, -35.2
-LEAST_CONFIDENCE = 0.5
-SUGGESTIONS = 3
+# Guesses that are offered.
+GUESSES = 3
+# Confidence says no more than this: it was fitted to some two hundred pictures, which cannot tell more apart.
+MOST = 0.99
+# A pose that the network takes for so many times less likely than the likeliest one scores 1 / e of this less, where
+# the likenesses of a kind's views to a picture are dot products of unit vectors. Empirical.
+OF_NETWORK = 0.002
+# [nats] What the network takes for unlikelier than that is unlikely enough.
+LEAST_LIKELY = -4.0
 
 
 @dataclass(frozen=True)
-class Recognised:
-    """What a picture shows.
+class Guess:
+    """What a picture may show.
 
     Attributes:
-        category, attributes: of the library.
-        azimuth, elevation: of the camera, degrees.
-        confidence: in [0, 1]: so many of such pictures showed this category, where every other one showed something
-            that the library lacks.
-        scores: of the categories that are most like the picture, in [0, 1].
-        caption: such as "a chair with armrests".
+        kind: name of a category of the library, such as "hot-air balloon".
+        attributes: of it, names as in the library.
+        azimuth, elevation: of the camera, degrees: 0 is in front, 90 at its left hand, 180 behind.
+        confidence: in [0, 1]: so many of such pictures show this kind.
+        caption: such as "a chair with armrests"; `diff3ds image --shows` takes it.
     """
 
-    category: str
+    kind: str
     attributes: tuple[str, ...]
     azimuth: float
     elevation: float
     confidence: float
-    scores: tuple[tuple[str, float], ...]
     caption: str
 
     @property
@@ -73,220 +64,95 @@ class Recognised:
 
     def as_json(self) -> dict[str, object]:
         """Says it in the types of JSON."""
-        return {**asdict(self), "attributes": list(self.attributes), "scores": [list(pair) for pair in self.scores]}
+        return {**asdict(self), "attributes": list(self.attributes)}
 
 
 @dataclass(frozen=True)
-class Match:
-    """A view of a category's members that is like a picture.
+class Recognition:
+    """What a picture may show.
 
     Attributes:
-        attributes: of the member.
-        azimuth, elevation: of the camera, degrees.
-        score: in [0, 1].
-        seed: of the member.
+        guesses: the best first.
+        taken: whether the first is sure enough to be drawn.
     """
 
-    attributes: tuple[str, ...]
-    azimuth: float
-    elevation: float
-    score: float
-    seed: int = 0
+    guesses: tuple[Guess, ...]
+    taken: bool
+
+    def __str__(self) -> str:
+        """Lists the guesses, each with the option that says it is right."""
+        lines = [f'{i}. {guess}\n   --shows "{guess.caption}"' for i, guess in enumerate(self.guesses, 1)]
+        return "\n".join(lines)
 
 
-def recognise(lines: Lines, category: str | None = None, attributes: tuple[str, ...] = ()) -> Recognised:
+class NotRecognised(ValueError):  # noqa: N818 (what came of it, not a fault)
+    """A picture may show one of several things, or none of them.
+
+    Attributes:
+        recognition: what it may show.
+    """
+
+    def __init__(self, recognition: Recognition, message: str) -> None:
+        """Takes what it may show and what is said of it."""
+        super().__init__(message)
+        self.recognition = recognition
+
+
+@torch_on_one_thread()
+def recognise(lines: Lines) -> Recognition:
     """Finds what lines show.
 
-    Args:
-        category: if it is known; the confidence is 1 then.
-        attributes: the same; if none are named, they are sought.
+    The network names the kinds. Its best one is taken if it is sure, or if the lines lie on those of a member: then
+    they are a picture of the library's, whichever side the network has seen too little of.
+    """
+    wanted, network = described(lines), trained()
+    opinion = network.opinion(lines)
+    best = opinion.kinds[:-1].topk(GUESSES)
+    kinds, sure = [network.kinds[place] for place in best.indices.tolist()], best.values.tolist()
+    found = [_match(wanted, kind, opinion) for kind in kinds]
+    next_best = max(match.score for match in found[1:])
+    on_lines = confidence(found[0].score, next_best, gap_to(lines, kinds[0], found[0]))
+    taken = sure[0] >= network.threshold or on_lines >= LEAST_CONFIDENCE
+    first = min(max(sure[0], on_lines), MOST)
+    # What the first gains the others lose.
+    left = (1 - first) / max(1 - sure[0], 1 - MOST)
+    confidences = (first, *(min(left, 1.0) * share for share in sure[1:]))
+    guesses = [_guess(*three) for three in zip(kinds, found, confidences, strict=True)]
+    return Recognition(tuple(guesses), taken)
+
+
+def recognised(lines: Lines) -> Guess:
+    """What lines show.
 
     Raises:
-        ValueError: nothing in the library is like it.
+        NotRecognised: no guess is sure enough.
     """
-    wanted = described(lines)
-    if category is not None:
-        best = _refined(wanted, category, _table_of(category, attributes))
-        return _recognised(category, best, 1.0, ((category, 1.0),))
-    found = matches(wanted)
-    scores = sorted(((name, match.score) for name, match in found.items()), key=lambda pair: -pair[1])[:SUGGESTIONS]
-    name = scores[0][0]
-    sure = confidence(scores[0][1], scores[1][1], gap_to(lines, name, found[name]))
-    if sure < LEAST_CONFIDENCE:
-        raise ValueError(
-            f"the built-in prior does not recognise the {lines.kind} ({sure:.0%} sure): it is most like "
-            f"{', '.join(f'{one} ({score:.2f})' for one, score in scores)}, but may be none of them. "
-            f"If it shows one of the {len(CATEGORIES)} kinds of things that it knows, say so: "
-            f'--shows "{CATEGORIES[name].captions()[0]}". '
-            "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123"
+    found = recognise(lines)
+    if not found.taken:
+        raise NotRecognised(
+            found,
+            f"the built-in prior does not recognise the {lines.kind}: it may be one of these, or none of the "
+            f"{len(trained().kinds)} kinds of things that it knows. If it is one, say so:\n{found}\n"
+            "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123",
         )
-    return _recognised(name, found[name], sure, tuple(scores))
+    return found.guesses[0]
 
 
-def _recognised(category: str, best: Match, sure: float, scores: tuple[tuple[str, float], ...]) -> Recognised:
-    caption = CATEGORIES[category].captions(best.attributes)[0]
-    return Recognised(category, best.attributes, best.azimuth, best.elevation, sure, scores, caption)
-
-
-def confidence(best: float, next_best: float, gap: float) -> float:
-    """That the category with the best score is right, whose lines lie this far from the picture's."""
-    return 1 / (1 + math.exp(-(OF_SCORE * best + OF_LEAD * (best - next_best) + OF_SQUARED_GAP * gap**2 + OFFSET)))
-
-
-def gap_to(lines: Lines, category: str, match: Match) -> float:
-    """Measures how far the lines of a match lie from a picture's: see `gap`."""
-    return gap(lines, _drawn(category, match.attributes, match.seed), cameras_at([(match.azimuth, match.elevation)]))
-
-
-def gap(lines: Lines, sketch: Sketch, cameras: Cameras) -> float:
-    """Measures how far a sketch's lines, as a camera sees them, lie from a picture's: the mean distance both ways.
-
-    In lengths of the longer side of their boxes. Scores forgive what is missing: a bare circle is more like a clock
-    than like anything else, but hands and ticks lie far from it.
-    """
-    from scipy.spatial import cKDTree
-
-    seen = pieces(sketch, cameras)[0][0].numpy()
-    there, back = cKDTree(lines.points).query(seen)[0], cKDTree(seen).query(lines.points)[0]
-    return float(there.mean() + back.mean()) / 2
-
-
-def matches(wanted: Float[Tensor, " D"]) -> dict[str, Match]:
-    """The best match of every category; those of the best categories are refined."""
-    found = {name: _best(wanted, table(name)) for name in CATEGORIES}
-    best = sorted(found, key=lambda name: -found[name].score)[:CANDIDATES]
-    return found | {name: _refined(wanted, name, table(name)) for name in best}
-
-
-def alike(lines: Lines, found: Recognised, count: int) -> list[Sketch]:
-    """The members of what was recognised that are most like the picture, from where it was taken; the best first."""
-    wanted, camera = described(lines), found.camera
-    pool = [_drawn(found.category, found.attributes, seed) for seed in range(POOL)]
-    scores = torch.stack([descriptors(*pieces(sketch, camera))[0] for sketch in pool]) @ wanted
-    return [pool[int(i)] for i in scores.topk(count).indices]
-
-
-def drawn_over(lines: Lines, sketch: Sketch, cameras: Cameras, width: float) -> Float[Tensor, "H W 3"]:
-    """The lines, black on white, where and as large as a camera sees a sketch that is like them.
+@torch_on_one_thread()
+def seen_as(lines: Lines, kind: str, attributes: tuple[str, ...] = ()) -> Guess:
+    """From where lines show a thing that is known.
 
     Args:
-        cameras: one view of square images.
-        width: of the lines, as a fraction of the image height.
+        attributes: of the thing; if none are named, they are sought.
     """
-    seen = _projected(sketch, cameras).flatten(0, 2) / cameras.size[0]
-    low, high = seen.amin(0), seen.amax(0)
-    x, y = ((low + high) / 2).tolist()
-    ink = lines.ink(cameras.size[0], width, float((high - low).max()), (x, y))
-    return 1 - torch.from_numpy(ink)[..., None].repeat(1, 1, 3)
+    return _guess(kind, _match(described(lines), kind, trained().opinion(lines), attributes), 1.0)
 
 
-def _best(wanted: Float[Tensor, " D"], views: "Views") -> Match:
-    scores = views.descriptors @ wanted
-    best = int(scores.argmax())
-    return Match(views.attributes[best], *views.poses[best], float(scores[best]))
+def _match(wanted: Float[Tensor, " D"], kind: str, opinion: Opinion, attributes: tuple[str, ...] = ()) -> Match:
+    likely = opinion.azimuths[:, None] + opinion.elevations
+    return seen_from(wanted, kind, attributes, OF_NETWORK * (likely - likely.max()).clamp(min=LEAST_LIKELY))
 
 
-def _refined(wanted: Float[Tensor, " D"], category: str, views: "Views") -> Match:
-    """The best match among poses beside those of the best views, with proportions of other seeds."""
-    found = []
-    for i in (views.descriptors @ wanted).topk(REFINED).indices.tolist():
-        kind, (azimuth, elevation) = views.attributes[i], views.poses[i]
-        poses = [((azimuth + a) % 360, max(0.0, elevation + e)) for a in STEPS_AROUND for e in STEPS_UP]
-        cameras = cameras_at(poses)
-        for seed in range(SEEDS):
-            scores = descriptors(*pieces(_drawn(category, kind, seed), cameras)) @ wanted
-            best = int(scores.argmax())
-            found.append(Match(kind, *poses[best], float(scores[best]), seed))
-    return max(found, key=lambda match: match.score)
-
-
-@dataclass(frozen=True, eq=False)
-class Views:
-    """Views of members of one category.
-
-    Attributes:
-        descriptors: of their lines.
-        attributes: of the member in each.
-        poses: azimuth and elevation of each, degrees.
-    """
-
-    descriptors: Float[Tensor, "V D"]
-    attributes: tuple[tuple[str, ...], ...]
-    poses: tuple[tuple[float, float], ...]
-
-
-@cache
-def table(category: str) -> Views:
-    """Views of a category's members, plain and with each attribute, all around; kept while the program runs."""
-    return _views(category, [(), *((attribute.name,) for attribute in CATEGORIES[category].attributes)])
-
-
-def _views(category: str, kinds: Sequence[tuple[str, ...]]) -> Views:
-    poses = tuple((a, e) for a in AZIMUTHS for e in ELEVATIONS)
-    cameras = cameras_at(poses)
-    seen = [descriptors(*pieces(_drawn(category, kind, 0), cameras)) for kind in kinds]
-    return Views(torch.cat(seen), tuple(kind for kind in kinds for _ in poses), poses * len(kinds))
-
-
-def _table_of(category: str, attributes: tuple[str, ...]) -> Views:
-    """Views of members with just these attributes; of all members, if none are named."""
-    return _views(category, [attributes]) if attributes else table(category)
-
-
-def cameras_at(poses: Sequence[tuple[float, float]]) -> Cameras:
-    """Views from azimuths and elevations, degrees."""
-    return orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
-
-
-@cache
-def _drawn(category: str, attributes: tuple[str, ...], seed: int) -> Sketch:
-    return member(category, torch.Generator().manual_seed(seed), attributes).sketch
-
-
-def described(lines: Lines) -> Float[Tensor, " D"]:
-    """The descriptor of a picture's lines."""
-    points, tangents = (torch.from_numpy(a).float()[None] for a in (lines.points, lines.tangents))
-    return descriptors(points, tangents)[0]
-
-
-def _projected(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "V C S 2"]:
-    """Points along the strokes in pixels."""
-    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, PIECES + 1))
-    homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
-    seen = torch.einsum("vij,csj->vcsi", cameras.projection[:, :3].float(), homogeneous)
-    return seen[..., :2] / seen[..., 2:]
-
-
-def pieces(sketch: Sketch, cameras: Cameras) -> tuple[Float[Tensor, "V N 2"], Float[Tensor, "V N 2"]]:
-    """Middles and vectors of the strokes' pieces as cameras see them, in the frame of `Lines`."""
-    seen = _projected(sketch, cameras)
-    low, high = seen.amin((1, 2), keepdim=True), seen.amax((1, 2), keepdim=True)
-    seen = (seen - (low + high) / 2) / (high - low).amax(-1, keepdim=True)
-    return ((seen[:, :, 1:] + seen[:, :, :-1]) / 2).flatten(1, 2), (seen[:, :, 1:] - seen[:, :, :-1]).flatten(1, 2)
-
-
-def descriptors(points: Float[Tensor, "V N 2"], tangents: Float[Tensor, "V N 2"]) -> Float[Tensor, "V D"]:
-    """Describes how much line of which direction lies where, by unit vectors whose dot products compare views.
-
-    A histogram of oriented pieces over cells, blurred. A cell holds no more than a line through it: lines that fall
-    together count once. Square roots lessen the weight of what is dense.
-    """
-    cell = ((points / SIDE + 0.5) * CELLS).long().clamp(0, CELLS - 1)
-    turn = torch.atan2(tangents[..., 1], tangents[..., 0]) / torch.pi % 1 * DIRECTIONS
-    length = torch.linalg.vector_norm(tangents, dim=-1) * CELLS / SIDE
-    count = torch.zeros(len(points) * DIRECTIONS * CELLS * CELLS)
-    place = torch.arange(len(points))[:, None] * (DIRECTIONS * CELLS * CELLS) + cell[..., 1] * CELLS + cell[..., 0]
-    lower, fraction = turn.long(), turn.frac()
-    for direction, weight in ((lower, 1 - fraction), (lower + 1, fraction)):
-        count.index_add_(0, (place + direction % DIRECTIONS * (CELLS * CELLS)).flatten(), (weight * length).flatten())
-    held = count.view(-1, DIRECTIONS, CELLS, CELLS)
-    held = held / held.sum(1, keepdim=True).clamp(min=1)
-    blurred = (_blur() @ held @ _blur().mT).sqrt().flatten(1)
-    return torch.nn.functional.normalize(blurred, dim=1)
-
-
-@cache
-def _blur() -> Float[Tensor, "c C"]:
-    """A Gaussian at every second cell."""
-    kept = torch.arange(0, CELLS, EVERY) + EVERY / 2
-    return torch.exp(-((kept[:, None] - torch.arange(CELLS) - 0.5) ** 2) / (2 * BLUR**2))
+def _guess(kind: str, best: Match, sure: float) -> Guess:
+    caption = CATEGORIES[kind].captions(best.attributes)[0]
+    return Guess(kind, best.attributes, best.azimuth, best.elevation, sure, caption)

@@ -18,7 +18,8 @@ from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognition.lines import Lines, lines_of
-from diff3ds.tasks.recognition.recognise import Recognised, alike, drawn_over, recognise
+from diff3ds.tasks.recognition.poses import alike, drawn_over
+from diff3ds.tasks.recognition.recognise import Guess, recognised, seen_as
 from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import sharpen
@@ -112,7 +113,7 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
     if name == "small":
         small = trained(spec.prior.weights, spec.prior.device)
         view = drawn(small.network.shape.size, WIDTH)
-        denoiser = small.asked(Request(found.category, found.attributes), view.picture[None], view.cameras)
+        denoiser = small.asked(Request(found.kind, found.attributes), view.picture[None], view.cameras)
         prior = ConditionedPrior.of_small(small, denoiser, color, told, drawn(size, width) if weight else None)
     else:
         both = (drawn(size, width, color), drawn(sharpen.SIZE, sharpen.WIDTH, color)) if weight else ()
@@ -125,7 +126,7 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
 
 def _recognised(
     lines: Lines, folder: SketchFolder | None, spec: RunSpec[Picture], say: Callable[[str], None]
-) -> tuple[Recognised, Exemplars]:
+) -> tuple[Guess, Exemplars]:
     """Recognises what lines show, and finds members like it, in the built-in library or in the user's own."""
     if folder is None:
         return _looked_up(lines, spec.subject.shows, spec.descent.seed)
@@ -140,12 +141,14 @@ def inked(picture: Float[Tensor, "H W 3"], color: Color | None) -> Float[Tensor,
     return picture if color is None else 1 - (1 - picture) * (1 - picture.new_tensor(color))
 
 
-def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Recognised, Exemplars]:
+def _looked_up(lines: Lines, shows: str | None, seed: int) -> tuple[Guess, Exemplars]:
     """Recognises what lines show, and finds members like it, in the built-in library."""
     asked = _asked(shows)
-    found = recognise(lines) if asked is None else recognise(lines, asked.category, asked.attributes)
+    found = recognised(lines) if asked is None else seen_as(lines, asked.category, asked.attributes)
     color = asked.color if asked else None
-    return found, exemplars_like(alike(lines, found, FITTING), found.category, seed, color)
+    return found, exemplars_like(
+        alike(lines, found.kind, found.attributes, found.camera, FITTING), found.kind, seed, color
+    )
 
 
 def _asked(shows: str | None) -> Request | None:

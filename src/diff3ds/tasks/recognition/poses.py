@@ -1,0 +1,225 @@
+"""From where a thing of a known kind is seen: the view of the library's members whose lines are most like its own."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier import evaluate
+from diff3ds.camera import Cameras, orbit
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.members import member
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.recognition.lines import Lines
+from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
+
+# Distance and field of view of the cameras, those of the built-in prior's; the azimuths and elevations of the views are
+# those that the network tells apart.
+DISTANCE, FOV = 1.9, 60.0
+# A descriptor counts pieces of lines in cells of a square of this side, in lengths of the longer side of their box, by
+# direction; the blur is in cells, and every second cell is kept.
+CELLS, DIRECTIONS, SIDE, BLUR, EVERY = 32, 4, 1.2, 1.6, 2
+# Pieces of a stroke.
+PIECES = 32
+# So many best views are refined: each with so many seeds, at its pose and beside it (degrees).
+REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 5, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
+# Seeds among which members like the picture are sought.
+POOL = 64
+
+# Confidence is a logistic function of the score of the best kind, of its lead over the next one and of how far its
+# lines lie from the picture's, squared: hidden lines that a drawing lacks are forgiven, whole parts are not. Fitted to
+# distorted members of the built-in library of other seeds, half of them with their category left out, to some without
+# hidden lines, and to shapes that are no thing: `benchmarks/recognise.py confidence`.
+OF_SCORE, OF_LEAD, OF_SQUARED_GAP, OFFSET = 36.4, 50.3, -3100.0, -35.2
+LEAST_CONFIDENCE = 0.5
+
+
+@dataclass(frozen=True)
+class Match:
+    """A view of a category's members that is like a picture.
+
+    Attributes:
+        attributes: of the member.
+        azimuth, elevation: of the camera, degrees.
+        score: in [0, 1].
+        seed: of the member.
+    """
+
+    attributes: tuple[str, ...]
+    azimuth: float
+    elevation: float
+    score: float
+    seed: int = 0
+
+
+def seen_from(
+    wanted: Float[Tensor, " D"],
+    kind: str,
+    attributes: tuple[str, ...] = (),
+    likely: Float[Tensor, "A E"] | None = None,
+) -> Match:
+    """The view of a kind's members that is most like a picture.
+
+    Args:
+        wanted: the descriptor of the picture's lines.
+        attributes: of the members; if none are named, they are sought.
+        likely: added to the scores of the views from each of the azimuths and elevations.
+    """
+    views = _views(kind, [attributes]) if attributes else table(kind)
+    scores = views.descriptors @ wanted
+    if likely is not None:
+        scores = scores + likely.flatten().repeat(len(scores) // likely.numel())
+    return _refined(wanted, kind, views, scores)
+
+
+def gap(lines: Lines, sketch: Sketch, cameras: Cameras) -> float:
+    """Measures how far a sketch's lines, as a camera sees them, lie from a picture's: the mean distance both ways.
+
+    In lengths of the longer side of their boxes. Scores forgive what is missing: a bare circle is more like a clock
+    than like anything else, but hands and ticks lie far from it.
+    """
+    from scipy.spatial import cKDTree
+
+    seen = pieces(sketch, cameras)[0][0].numpy()
+    there, back = cKDTree(lines.points).query(seen)[0], cKDTree(seen).query(lines.points)[0]
+    return float(there.mean() + back.mean()) / 2
+
+
+def drawn_over(lines: Lines, sketch: Sketch, cameras: Cameras, width: float) -> Float[Tensor, "H W 3"]:
+    """The lines, black on white, where and as large as a camera sees a sketch that is like them.
+
+    Args:
+        cameras: one view of square images.
+        width: of the lines, as a fraction of the image height.
+    """
+    seen = projected(sketch, cameras).flatten(0, 2) / cameras.size[0]
+    low, high = seen.amin(0), seen.amax(0)
+    x, y = ((low + high) / 2).tolist()
+    ink = lines.ink(cameras.size[0], width, float((high - low).max()), (x, y))
+    return 1 - torch.from_numpy(ink)[..., None].repeat(1, 1, 3)
+
+
+def gap_to(lines: Lines, kind: str, match: Match) -> float:
+    """Measures how far the lines of a match lie from a picture's: see `gap`."""
+    sketch = member_drawn(kind, match.attributes, match.seed)
+    return gap(lines, sketch, cameras_at([(match.azimuth, match.elevation)]))
+
+
+def confidence(best: float, next_best: float, gap: float) -> float:
+    """That the kind with the best score is right, whose lines lie this far from the picture's."""
+    return 1 / (1 + math.exp(-(OF_SCORE * best + OF_LEAD * (best - next_best) + OF_SQUARED_GAP * gap**2 + OFFSET)))
+
+
+def alike(lines: Lines, kind: str, attributes: tuple[str, ...], camera: Cameras, count: int) -> list[Sketch]:
+    """The members of a kind that are most like a picture, from where it was taken; the best first."""
+    wanted = described(lines)
+    pool = [member_drawn(kind, attributes, seed) for seed in range(POOL)]
+    scores = torch.stack([descriptors(*pieces(sketch, camera))[0] for sketch in pool]) @ wanted
+    return [pool[int(i)] for i in scores.topk(count).indices]
+
+
+def _refined(wanted: Float[Tensor, " D"], kind: str, views: "Views", scores: Float[Tensor, " V"]) -> Match:
+    """The best match among poses beside those of the best views, with proportions of other seeds."""
+    found = []
+    for i in scores.topk(REFINED).indices.tolist():
+        attributes, (azimuth, elevation) = views.attributes[i], views.poses[i]
+        likely = float(scores[i] - views.descriptors[i] @ wanted)
+        poses = [((azimuth + a) % 360, max(0.0, elevation + e)) for a in STEPS_AROUND for e in STEPS_UP]
+        cameras = cameras_at(poses)
+        for seed in range(SEEDS):
+            beside = descriptors(*pieces(member_drawn(kind, attributes, seed), cameras)) @ wanted
+            best = int(beside.argmax())
+            match = Match(attributes, *poses[best], float(beside[best]), seed)
+            found.append((match.score + likely, match))
+    return max(found, key=lambda pair: pair[0])[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Views of members of one category.
+
+    Attributes:
+        descriptors: of their lines.
+        attributes: of the member in each.
+        poses: azimuth and elevation of each, degrees.
+    """
+
+    descriptors: Float[Tensor, "V D"]
+    attributes: tuple[tuple[str, ...], ...]
+    poses: tuple[tuple[float, float], ...]
+
+
+@cache
+def table(category: str) -> Views:
+    """Views of a category's members, plain and with each attribute, all around; kept while the program runs."""
+    return _views(category, [(), *((attribute.name,) for attribute in CATEGORIES[category].attributes)])
+
+
+def _views(category: str, kinds: Sequence[tuple[str, ...]]) -> Views:
+    poses = tuple((a, e) for a in AZIMUTHS for e in ELEVATIONS)
+    cameras = cameras_at(poses)
+    seen = [descriptors(*pieces(member_drawn(category, kind, 0), cameras)) for kind in kinds]
+    return Views(torch.cat(seen), tuple(kind for kind in kinds for _ in poses), poses * len(kinds))
+
+
+def cameras_at(poses: Sequence[tuple[float, float]]) -> Cameras:
+    """Views from azimuths and elevations, degrees."""
+    return orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
+
+
+@cache
+def member_drawn(category: str, attributes: tuple[str, ...], seed: int) -> Sketch:
+    """A member of a category; kept while the program runs."""
+    return member(category, torch.Generator().manual_seed(seed), attributes).sketch
+
+
+def described(lines: Lines) -> Float[Tensor, " D"]:
+    """The descriptor of a picture's lines."""
+    points, tangents = (torch.from_numpy(a).float()[None] for a in (lines.points, lines.tangents))
+    return descriptors(points, tangents)[0]
+
+
+def projected(sketch: Sketch, cameras: Cameras) -> Float[Tensor, "V C S 2"]:
+    """Points along the strokes in pixels."""
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, PIECES + 1))
+    homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
+    seen = torch.einsum("vij,csj->vcsi", cameras.projection[:, :3].float(), homogeneous)
+    return seen[..., :2] / seen[..., 2:]
+
+
+def pieces(sketch: Sketch, cameras: Cameras) -> tuple[Float[Tensor, "V N 2"], Float[Tensor, "V N 2"]]:
+    """Middles and vectors of the strokes' pieces as cameras see them, in the frame of `Lines`."""
+    seen = projected(sketch, cameras)
+    low, high = seen.amin((1, 2), keepdim=True), seen.amax((1, 2), keepdim=True)
+    seen = (seen - (low + high) / 2) / (high - low).amax(-1, keepdim=True)
+    return ((seen[:, :, 1:] + seen[:, :, :-1]) / 2).flatten(1, 2), (seen[:, :, 1:] - seen[:, :, :-1]).flatten(1, 2)
+
+
+def descriptors(points: Float[Tensor, "V N 2"], tangents: Float[Tensor, "V N 2"]) -> Float[Tensor, "V D"]:
+    """Describes how much line of which direction lies where, by unit vectors whose dot products compare views.
+
+    A histogram of oriented pieces over cells, blurred. A cell holds no more than a line through it: lines that fall
+    together count once. Square roots lessen the weight of what is dense.
+    """
+    cell = ((points / SIDE + 0.5) * CELLS).long().clamp(0, CELLS - 1)
+    turn = torch.atan2(tangents[..., 1], tangents[..., 0]) / torch.pi % 1 * DIRECTIONS
+    length = torch.linalg.vector_norm(tangents, dim=-1) * CELLS / SIDE
+    count = torch.zeros(len(points) * DIRECTIONS * CELLS * CELLS)
+    place = torch.arange(len(points))[:, None] * (DIRECTIONS * CELLS * CELLS) + cell[..., 1] * CELLS + cell[..., 0]
+    lower, fraction = turn.long(), turn.frac()
+    for direction, weight in ((lower, 1 - fraction), (lower + 1, fraction)):
+        count.index_add_(0, (place + direction % DIRECTIONS * (CELLS * CELLS)).flatten(), (weight * length).flatten())
+    held = count.view(-1, DIRECTIONS, CELLS, CELLS)
+    held = held / held.sum(1, keepdim=True).clamp(min=1)
+    blurred = (_blur() @ held @ _blur().mT).sqrt().flatten(1)
+    return torch.nn.functional.normalize(blurred, dim=1)
+
+
+@cache
+def _blur() -> Float[Tensor, "c C"]:
+    """A Gaussian at every second cell."""
+    kept = torch.arange(0, CELLS, EVERY) + EVERY / 2
+    return torch.exp(-((kept[:, None] - torch.arange(CELLS) - 0.5) ** 2) / (2 * BLUR**2))
