@@ -87,7 +87,7 @@ def test_pose_of_what_is_known_to_be_there(chair):
 
 
 def test_what_the_library_lacks_is_refused_with_three_guesses(cross):
-    with pytest.raises(NotRecognised, match=r"does not recognise the drawing: .*fetch zero123") as refused:
+    with pytest.raises(NotRecognised, match=r"(?s)does not recognise the drawing: .*fetch zero123") as refused:
         recognised(lines_in(cross))
     guesses = refused.value.recognition.guesses
     assert len({guess.kind for guess in guesses}) == 3
