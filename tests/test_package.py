@@ -20,7 +20,7 @@ MODULES = {
 # What each part (a module or folder right under the package) may import: cli -> tasks -> everything below; edges and
 # pictures -> optimize, formats -> render -> project -> {bezier, camera, sketch}; guidance and metrics -> weights.
 # "diff3ds" stands for the list of public names. A new part needs a line here.
-HELPERS = {"_checks", "_files", "_modes", "_settings", "_shapes", "_tensor_files", "_version"}
+HELPERS = {"_checks", "_files", "_modes", "_settings", "_shapes", "_tensor_files", "_units", "_version"}
 SCENE = {"bezier", "camera", "chains", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
@@ -30,6 +30,7 @@ ALLOWED = {
     "_shapes": set(),
     "_start": {"cli", "command_line"},
     "_tensor_files": {"_files", "_shapes"},
+    "_units": set(),
     "_version": set(),
     "command_line": {"_settings"},
     "bezier": {"_checks", "_modes", "_shapes"},

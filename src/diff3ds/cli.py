@@ -20,7 +20,9 @@ from diff3ds._version import __version__
 from diff3ds.command_line.interrupt import STOPPED, importing
 from diff3ds.command_line.read_options import as_typed, read_options
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
+from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
+from diff3ds.tasks.render.options import PictureOptions, ViewOptions
 from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -199,6 +201,57 @@ class Image:
 
 
 @dataclass(frozen=True)
+class Render:
+    """Draw a sketch: one view, several, a sheet of them, or a turntable.
+
+    The suffix says what is written: .png or .svg; .mp4, .webp or .gif for a turntable.
+    """
+
+    view: OmitArgPrefixes[ViewOptions]
+    picture: OmitArgPrefixes[PictureOptions]
+    # sketch.json, a STEP file, or the folder of a run.
+    source: Positional[Path]
+    # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
+    out: Annotated[Path, arg(aliases=["-o"])]
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.render.render_views import run_render
+
+        console = _Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            files = run_render(self.source, self.out, self.view, self.picture, report)
+        _sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a sketch in another format, in the size, unit and frame that another program wants.
+
+    The suffix says which: .json, .step or .stp. Pictures are drawn by "diff3ds render".
+    """
+
+    export: OmitArgPrefixes[ExportOptions]
+    # sketch.json, a STEP file, or the folder of a run.
+    source: Positional[Path]
+    # The file to write.
+    file: Positional[Path]
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.export.export import run_export
+
+        sketch = run_export(self.source, self.file, self.export)
+        _sayer(_Console(stderr=True, quiet=self.quiet))(f"{_counted(len(sketch))}: {self.file}")
+
+
+@dataclass(frozen=True)
 class Eval:
     """Score a folder of runs of "diff3ds text" and "diff3ds image": one table as CSV, Markdown and JSON.
 
@@ -323,7 +376,7 @@ def main(arguments: list[str] | None = None) -> None:
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
     commands = {"text": Text, "image": Image, "views": views}
-    commands |= {"eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor}
+    commands |= {"render": Render, "export": Export, "eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor}
     command = None
     try:
         command = read_options(commands, arguments, _ABOUT)
@@ -402,9 +455,12 @@ def _asked(console: Console, unsure: "NotRecognised") -> str:
     return guesses[choices.index(answer)].caption if answer in choices else answer
 
 
+def _counted(count: int) -> str:
+    return "1 stroke" if count == 1 else f"{count} strokes"
+
+
 def _written(console: Console, count: int, out: Path) -> None:
-    strokes = "1 stroke" if count == 1 else f"{count} strokes"
-    _sayer(console)(f"{strokes}: {out / 'sketch.json'}, .svg, .step, preview.png")
+    _sayer(console)(f"{_counted(count)}: {out / 'sketch.json'}, .svg, .step, preview.png")
 
 
 def _sayer(console: Console) -> Callable[[str], None]:

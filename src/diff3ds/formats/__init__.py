@@ -1,9 +1,11 @@
 """Sketches to files and back; the suffix of the name says which format."""
 
-import math
+from collections.abc import Callable
 from pathlib import Path
 
-from diff3ds.camera import Cameras, orbit
+from diff3ds._units import Unit, check_unit
+from diff3ds.camera import Cameras
+from diff3ds.formats.framing import framed
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.step import load_step, save_step
@@ -24,12 +26,14 @@ __all__ = [
     "tile_images",
 ]
 
-_GEOMETRY = {".json": save_json, ".step": save_step, ".stp": save_step}
-_PICTURES = (".svg", ".png")
+_GEOMETRY: dict[str, Callable[..., None]] = {".json": save_json, ".step": save_step, ".stp": save_step}
+# Formats whose files say in which unit of length they are.
+_WITH_UNITS = (".step", ".stp")
+PICTURES = (".svg", ".png")
 _READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
 
 
-def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None) -> None:
+def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, unit: Unit | None = None) -> None:
     """Writes a sketch, whole or not at all, in the format of the suffix.
 
     * `.json`: everything, bit for bit.
@@ -39,11 +43,14 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None) -> No
 
     Args:
         cameras: the views of a picture; formats that hold the sketch itself need none.
+        unit: what a world unit is, in formats that know units of length: "mm", "cm", "m", "in" or "ft"; by default mm
+            in those for CAD.
 
     Raises:
         TypeError: not a sketch.
-        ValueError: another suffix; a picture without cameras; values that have become invalid since the sketch was
-            made.
+        ValueError: another suffix; a picture without cameras; a unit for a format that has none, or one that is not
+            known; values that have become invalid since the sketch was made.
+        ImportError: the extra that writes this format is not installed.
         OSError: the file cannot be written.
     """
     path = Path(path)
@@ -51,10 +58,16 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None) -> No
         raise TypeError(f"save writes a Sketch, got {type(sketch).__name__}")
     sketch.check_values()
     suffix = path.suffix.lower()
-    if suffix in _GEOMETRY:
+    if unit is not None:
+        check_unit(unit)
+        if suffix in (*_GEOMETRY, *PICTURES) and suffix not in _WITH_UNITS:
+            raise ValueError(f"{path}: a {suffix} file says no unit of length: scale the sketch instead")
+    if suffix in _WITH_UNITS and unit is not None:
+        _GEOMETRY[suffix](path, sketch, unit=unit)
+    elif suffix in _GEOMETRY:
         _GEOMETRY[suffix](path, sketch)
-    elif suffix not in _PICTURES:
-        raise ValueError(f"{path}: cannot save as {suffix!r}, only as {', '.join([*_GEOMETRY, *_PICTURES])}")
+    elif suffix not in PICTURES:
+        raise ValueError(f"{path}: cannot save as {suffix!r}, only as {', '.join([*_GEOMETRY, *PICTURES])}")
     elif not isinstance(cameras, Cameras):
         raise ValueError(f"{path}: a picture needs cameras=Cameras, got {type(cameras).__name__}: try ds.orbit(30, 20)")
     elif suffix == ".svg":
@@ -65,13 +78,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None) -> No
 
 def notebook_png(sketch: Sketch) -> bytes:
     """A sketch as a notebook shows it: a PNG of 256 x 256 pixels, from azimuth 30 and elevation 20."""
-    fov = 40.0
-    points = sketch.detach().points.to("cpu").flatten(0, 1).double()
-    middle = (points.amin(0) + points.amax(0)) / 2 if len(points) else points.new_zeros(3)
-    radius = float((points - middle).norm(dim=1).max()) if len(points) else 0.0
-    # The ball around the control points, which holds the strokes, fills 90 % of the picture.
-    distance = (radius or 1.0) / (0.9 * math.sin(math.radians(fov / 2)))
-    cameras = orbit(30, 20, distance, fov=fov, size=256, target=middle.tolist(), near=distance / 100)
+    cameras = framed(sketch, 30, 20)
     return encoded(render(sketch.detach().to("cpu"), cameras).color[0])
 
 

@@ -4,6 +4,7 @@ import io
 import math
 import warnings
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -35,6 +36,17 @@ def encoded(image: object) -> bytes:
     Raises:
         TypeError, ValueError: as `save_png`.
     """
+    file = io.BytesIO()
+    as_pillow(image).save(file, format="PNG")
+    return file.getvalue()
+
+
+def as_pillow(image: object) -> Any:
+    """A picture as `save_png` takes it, as one of Pillow's with 8 bits a channel.
+
+    Raises:
+        TypeError, ValueError: as `save_png`.
+    """
     from PIL import Image
 
     if not isinstance(image, Tensor) or not image.is_floating_point():
@@ -48,10 +60,7 @@ def encoded(image: object) -> bytes:
         row, column, channel = (~values.isfinite()).nonzero()[0].tolist()
         raise ValueError(f"image must be finite, got {values[row, column, channel]} at row {row}, column {column}")
     content = (values.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
-    picture = Image.fromarray(content[..., 0] if content.shape[2] == 1 else content)
-    file = io.BytesIO()
-    picture.save(file, format="PNG")
-    return file.getvalue()
+    return Image.fromarray(content[..., 0] if content.shape[2] == 1 else content)
 
 
 def load_image(path: str | Path) -> Float[Tensor, "H W C"]:

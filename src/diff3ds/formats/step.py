@@ -1,11 +1,11 @@
 """STEP files (ISO 10303-21, AP242): exact rational curves for CAD programs, by an own small writer; read through OCCT.
 
-One product with one set of curves, in millimetres: a world unit is written as 1 mm. A stroke becomes a trimmed rational
-B-spline of its own degree with its control points and weights to the last bit, called "stroke 0", "stroke 1" and so on,
-with its colour; one of several segments is one B-spline with a knot at each joint, whose weights go on over the joints
-(those of a segment are scaled by one number). Its width, the mean one where it changes, is written as the style's line
-width, which few programs show. STEP has no transparent lines and no lines of a width relative to the picture: opacity
-and `width_space` are not kept.
+One product with one set of curves: a world unit is written as 1 mm, or as another unit. A stroke becomes a trimmed
+rational B-spline of its own degree with its control points and weights to the last bit, called "stroke 0", "stroke 1"
+and so on, with its colour; one of several segments is one B-spline with a knot at each joint, whose weights go on over
+the joints (those of a segment are scaled by one number). Its width, the mean one where it changes, is written as the
+style's line width, which few programs show. STEP has no transparent lines and no lines of a width relative to the
+picture: opacity and `width_space` are not kept.
 """
 
 import importlib.util
@@ -20,6 +20,7 @@ from typing import Any
 import torch
 
 from diff3ds._files import write_text
+from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.bezier import to_nurbs
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
@@ -38,7 +39,7 @@ FILE_SCHEMA(('AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF {{ 1 0 10303 442 1
 ENDSEC;
 DATA;
 """
-# The product and its units; numbers below 20 are taken by it. 1e-7 is the resolution of OCCT.
+# The product and its units; numbers below 20 are taken by it.
 _PRODUCT = """#1=APPLICATION_CONTEXT('managed model based 3d engineering');
 #2=APPLICATION_PROTOCOL_DEFINITION('international standard','ap242_managed_model_based_3d_engineering',2014,#1);
 #3=PRODUCT_CONTEXT('',#1,'mechanical');
@@ -48,10 +49,10 @@ _PRODUCT = """#1=APPLICATION_CONTEXT('managed model based 3d engineering');
 #7=PRODUCT_DEFINITION_CONTEXT('part definition',#1,'design');
 #8=PRODUCT_DEFINITION('design','',#6,#7);
 #9=PRODUCT_DEFINITION_SHAPE('','',#8);
-#10=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));
+#10=({length});
 #11=(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.));
 #12=(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT());
-#13=UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(1.E-7),#10,'distance_accuracy_value','');
+#13=UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE({resolution}),#10,'distance_accuracy_value','');
 #14=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT((#13))
 GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('','3D'));
 #15=SHAPE_DEFINITION_REPRESENTATION(#9,#16);
@@ -61,26 +62,41 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('','3D'));
 #19=DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous');
 """
 _FIRST_FREE = 20
+# Millimetres: OCCT's.
+_RESOLUTION = 1e-7
+_PREFIXES = {"mm": ".MILLI.", "cm": ".CENTI.", "m": "$"}
+_NAMES = {"in": "INCH", "ft": "FOOT"}
+_CONVERSION = """#{0}=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));
+#{1}=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({millimetres}),#{0});
+#{2}=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);
+"""
 
 
-def save_step(path: str | Path, sketch: Sketch) -> None:
+def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
     """Writes a STEP file, whole or not at all; the same sketch and name give the same file.
 
     Not kept: opacity, `width_space`, colours outside [0, 1] (they are clamped). A STEP reader may drop strokes shorter
     than its resolution, 1e-7 mm in OCCT, and write equal weights as 1.
 
+    Args:
+        unit: what a world unit is.
+
     Raises:
-        ValueError: no strokes, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
+    check_unit(unit)
     sketch.check_values()
     if len(sketch) == 0:
         raise ValueError(f"{path}: a STEP file needs at least one stroke, got none")
     strokes = list(_strokes(sketch.detach()))
     # An entity for each control point and six for the rest of a stroke: see _entities.
     ends = list(itertools.accumulate((len(stroke["points"]) + 6 for stroke in strokes), initial=_FIRST_FREE))
+    length, conversion = _length_unit(unit, ends[-1])
     product = _PRODUCT.format(
+        length=length,
+        resolution=_reals([_RESOLUTION / MILLIMETRES[unit]]),
         name=_string(path.stem),
         curves=",\n".join(f"#{end - 5}" for end in ends[1:]),
         styles=",\n".join(f"#{end - 1}" for end in ends[1:]),
@@ -88,7 +104,18 @@ def save_step(path: str | Path, sketch: Sketch) -> None:
     lines = [_HEADER.format(name=_string(path.name)) + product]
     for index, (first, stroke) in enumerate(zip(ends, strokes, strict=False)):
         lines += [f"#{first + i}={entity};\n" for i, entity in enumerate(_entities(index, first, stroke))]
-    write_text(path, "".join([*lines, "ENDSEC;\nEND-ISO-10303-21;\n"]))
+    write_text(path, "".join([*lines, conversion, "ENDSEC;\nEND-ISO-10303-21;\n"]))
+
+
+def _length_unit(unit: Unit, free: int) -> tuple[str, str]:
+    """What a unit of length is, and entities that it refers to, numbered from `free`."""
+    if unit in _PREFIXES:
+        return f"LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({_PREFIXES[unit]},.METRE.)", ""
+    millimetres = _reals([MILLIMETRES[unit]])
+    return (
+        f"CONVERSION_BASED_UNIT('{_NAMES[unit]}',#{free + 1})LENGTH_UNIT()NAMED_UNIT(#{free + 2})",
+        _CONVERSION.format(free, free + 1, free + 2, millimetres=millimetres),
+    )
 
 
 def _strokes(sketch: Sketch) -> Iterator[dict[str, Any]]:

@@ -1,0 +1,37 @@
+"""A sketch in one file to another format, in the unit, the size and the frame that another program wants."""
+
+from pathlib import Path
+
+import torch
+
+from diff3ds.formats import PICTURES, save
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.export.options import ExportOptions
+from diff3ds.tasks.sketch_input import load_sketch
+
+
+def run_export(source: Path, file: Path, options: ExportOptions) -> Sketch:
+    """Writes the sketch of a file, or of the folder of a run, in the format of the suffix of `file`.
+
+    Returns:
+        The sketch as it was written.
+
+    Raises:
+        ValueError, OSError, ImportError: as `load_sketch` and `save`; a suffix of pictures.
+    """
+    if file.suffix.lower() in PICTURES:
+        raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
+    sketch = load_sketch(source)
+    if options.scale != 1 or options.up != "z":
+        sketch = sketch.transform(_placement(options).to(sketch.points))
+    save(file, sketch, unit=options.unit)
+    return sketch
+
+
+def _placement(options: ExportOptions) -> torch.Tensor:
+    """The similarity from the sketch to the file: (x, y, z) with z up is (x, z, -y) with y up."""
+    matrix = torch.eye(4, dtype=torch.float64)
+    if options.up == "y":
+        matrix[:3, :3] = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    matrix[:3] *= options.scale
+    return matrix

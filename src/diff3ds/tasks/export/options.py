@@ -1,0 +1,27 @@
+"""Options of `diff3ds export`."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from diff3ds._settings import require_finite
+from diff3ds._units import Unit
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options of `diff3ds export`.
+
+    Attributes:
+        unit: of length that the numbers in the file are in, where the format knows units: by default mm in STEP.
+        scale: how many of these units a world unit of the sketch becomes.
+        up: the axis of the file that points up; sketches have z up.
+    """
+
+    unit: Unit | None = None
+    scale: float = 1.0
+    up: Literal["z", "y"] = "z"
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+        if self.scale <= 0:
+            raise ValueError(f"scale must be positive, got {self.scale:g}")

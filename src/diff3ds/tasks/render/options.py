@@ -1,0 +1,128 @@
+"""Options of `diff3ds render`: the views, and the pictures made of them."""
+
+import math
+import re
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from diff3ds._settings import MAX_SIZE, require_finite
+from diff3ds.pictures.options import parse_color
+
+# Each suffix by what it holds: views, or the frames of a turntable.
+STILLS, MOVIES = (".png", ".svg"), (".mp4", ".webp", ".gif")
+MOST_FRAMES = 10_000
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """From where the sketch is seen: its middle is in the middle of the picture.
+
+    Attributes:
+        azimuth: degrees, 0 on +x, counter-clockwise seen from above; several make a view each.
+        elevation: degrees above the horizon.
+        distance: from the middle, world units; by default the sketch fills the picture.
+        fov: vertical field of view, degrees.
+        height: world units from the lower edge of the picture to the upper: then the view is orthographic.
+        cameras: the views of a transforms.json, or of a folder with one, instead.
+    """
+
+    azimuth: tuple[float, ...] = (30.0,)
+    elevation: float = 20.0
+    distance: float | None = None
+    fov: float = 40.0
+    height: float | None = None
+    cameras: Path | None = None
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+        if not self.azimuth:
+            raise ValueError("azimuth must be one number or several, got none")
+        if not -90 <= self.elevation <= 90:
+            raise ValueError(f"elevation must be from -90 to 90 degrees, got {self.elevation:g}")
+        for name in ("distance", "height"):
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                raise ValueError(f"{name} must be positive, got {value:g}")
+        if not 0 < self.fov < 180:
+            raise ValueError(f"fov must be between 0 and 180 degrees, got {self.fov:g}")
+        if self.height is not None and self.fov != ViewOptions.fov:
+            raise ValueError("give either --fov or --height: orthographic views have no field of view")
+        if self.cameras is not None:
+            for field in fields(self):
+                if field.name != "cameras" and getattr(self, field.name) != field.default:
+                    raise ValueError(f"give either --cameras or --{field.name}: the file says where the cameras are")
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """What is made of the views.
+
+    Attributes:
+        size: pixels: 512, or width x height as 1280x720; by default 512, or what --cameras says.
+        background: white, black, R,G,B with numbers from 0 to 1, or transparent.
+        turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
+        fps: frames a second of a turntable.
+        sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
+    """
+
+    size: str | None = None
+    background: str = "white"
+    turntable: int | None = None
+    fps: int = 24
+    sheet: bool = False
+
+    def __post_init__(self) -> None:
+        if self.size is not None:
+            parse_size(self.size)
+        if self.background != "transparent":
+            parse_color(self.background)
+        if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
+            raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
+        if not 1 <= self.fps <= 100:
+            raise ValueError(f"fps must be from 1 to 100, got {self.fps}")
+        if self.turntable is not None and self.sheet:
+            raise ValueError("give either --turntable or --sheet")
+
+    @property
+    def color(self) -> tuple[float, float, float] | None:
+        """RGB of the background, None for a transparent one."""
+        return None if self.background == "transparent" else parse_color(self.background)
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """(height, width) of `512`, or of `1280x720`, which is width x height.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    found = re.fullmatch(r"(\d{1,6})(?:[xX×](\d{1,6}))?", text)
+    width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+    if not (0 < width <= MAX_SIZE and 0 < height <= MAX_SIZE and width * height <= MOST_PIXELS):
+        side = math.isqrt(MOST_PIXELS)
+        raise ValueError(f"size must be a number of pixels or WIDTHxHEIGHT, up to {side}x{side}, got {text!r}")
+    return height, width
+
+
+# More takes more than 4 GiB to draw.
+MOST_PIXELS = 1 << 26
+
+
+def check_file(file: Path, options: PictureOptions) -> None:
+    """Sees that a file of this name can hold what is asked for.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in (*STILLS, *MOVIES):
+        raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {', '.join((*STILLS, *MOVIES))}")
+    if suffix in MOVIES and options.turntable is None:
+        raise ValueError(f"{file}: a {suffix} file holds a turntable: give --turntable 120, or a .png or .svg file")
+    if suffix in STILLS and options.turntable is not None:
+        raise ValueError(f"{file}: a turntable goes to {', '.join(MOVIES)}, not to {suffix}")
+    if suffix in (".mp4", ".gif") and options.color is None:
+        raise ValueError(f"{file}: {suffix} has no partly transparent pixels: give a --background, or a .webp file")
+    if suffix == ".gif" and options.fps > 50:
+        raise ValueError(f"{file}: fps must be at most 50 in a .gif file, which viewers show slower, got {options.fps}")
+    if suffix == ".mp4" and options.size is not None and any(side % 2 for side in parse_size(options.size)):
+        raise ValueError(f"{file}: size must be even both ways in an .mp4 file, got {options.size}")

@@ -1,0 +1,24 @@
+"""The sketch that a command is given: a file, or the folder of a run."""
+
+from pathlib import Path
+
+from diff3ds.formats import load
+from diff3ds.sketch import Sketch
+
+
+def load_sketch(source: Path) -> Sketch:
+    """The sketch in a file that `load` reads, or in the sketch.json of a folder that a run wrote.
+
+    Raises:
+        ValueError: a folder without sketch.json, a sketch without strokes; as `load`.
+        OSError, ImportError: as `load`.
+    """
+    path = source
+    if source.is_dir():
+        path = source / "sketch.json"
+        if not path.is_file():
+            raise ValueError(f"{source} has no sketch.json: give the folder of a run, or a file with a sketch")
+    sketch = load(path)
+    if len(sketch) == 0:
+        raise ValueError(f"{path}: the sketch has no strokes")
+    return sketch

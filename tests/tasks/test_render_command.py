@@ -1,0 +1,154 @@
+"""`diff3ds render`: views, sheets and turntables of a sketch, read back by other programs."""
+
+import numpy as np
+import pytest
+import torch
+from needs import needs
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.cli import main
+from diff3ds.formats.framing import ball_of, framed
+from diff3ds.tasks.render.options import parse_size
+
+# A thick stroke along z and a red one along +x, which is at the right only from some sides.
+POINTS = torch.tensor([[[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+SKETCH = ds.Sketch(POINTS, width=0.05, color=torch.tensor([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+
+
+@pytest.fixture
+def source(tmp_path):
+    ds.save(tmp_path / "sketch.json", SKETCH)
+    return tmp_path / "sketch.json"
+
+
+def drawn(source, file, *options) -> np.ndarray:
+    main(["render", str(source), "-o", str(file), "--size", "64", "--quiet", *map(str, options)])
+    return np.asarray(Image.open(file))
+
+
+def red_columns(picture: np.ndarray) -> np.ndarray:
+    """Columns with red ink."""
+    return np.flatnonzero(((picture[..., 0] > 128) & (picture[..., 1] < 64)).any(0))
+
+
+def test_the_azimuth_turns_the_sketch(source, tmp_path):
+    """From -y (azimuth -90) +x is at the right, from +y at the left."""
+    front = red_columns(drawn(source, tmp_path / "a.png", "--azimuth", -90, "--elevation", 0))
+    back = red_columns(drawn(source, tmp_path / "b.png", "--azimuth", 90, "--elevation", 0))
+    assert front.max() > 40
+    assert back.min() < 24
+
+
+def test_an_orthographic_height_is_the_height_of_the_picture(source, tmp_path):
+    """The stroke along z is 2 units long, half of a picture 4 units high: 32 px and its width of 3.2."""
+    picture = drawn(source, tmp_path / "a.png", "--height", 4, "--elevation", 0, "--azimuth", -90)
+    rows = np.flatnonzero((picture[..., 1] < 128)[:, 22:26].any(1))
+    assert rows[-1] - rows[0] + 1 == pytest.approx(35.2, abs=1.5)
+
+
+def test_several_views_are_numbered_files_or_a_sheet(source, tmp_path):
+    main(["render", str(source), "-o", str(tmp_path / "v.png"), "--size", "32", "--azimuth", "0", "90", "--quiet"])
+    alone = [np.asarray(Image.open(tmp_path / f"v-{i}.png")) for i in (1, 2)]
+    assert not (tmp_path / "v.png").exists()
+    main(["render", str(source), "-o", str(tmp_path / "s.png"), "--size", "32", "--azimuth", "0", "90", "--sheet"])
+    assert (np.asarray(Image.open(tmp_path / "s.png")) == np.concatenate(alone, 1)).all()
+
+
+def test_views_of_a_transforms_json(source, tmp_path):
+    cameras = ds.orbit([0, 90], 10, 4, size=(48, 32))
+    ds.save_transforms(tmp_path / "transforms.json", cameras, [tmp_path / "0.png", tmp_path / "1.png"])
+    main(["render", str(source), "-o", str(tmp_path / "v.png"), "--cameras", str(tmp_path), "--quiet"])
+    expected = (ds.render(ds.load(source), cameras).color * 255).round().byte().numpy()
+    for i in (1, 2):
+        found = np.asarray(Image.open(tmp_path / f"v-{i}.png"))
+        assert np.abs(found.astype(int) - expected[i - 1]).max() <= 1
+
+
+def test_a_transparent_background_shows_the_same_over_white(source, tmp_path):
+    white = drawn(source, tmp_path / "a.png").astype(float)
+    clear = drawn(source, tmp_path / "b.png", "--background", "transparent").astype(float)
+    assert clear.shape == (64, 64, 4)
+    assert clear[0, 0, 3] == 0
+    alpha = clear[..., 3:] / 255
+    assert np.abs(clear[..., :3] * alpha + 255 * (1 - alpha) - white).max() <= 1.5
+
+
+@pytest.mark.parametrize("suffix", [".webp", ".gif"])
+def test_a_turntable_goes_once_round(suffix, source, tmp_path):
+    main(["render", str(source), "-o", str(tmp_path / f"t{suffix}"), "--size", "48", "--turntable", "4", "--quiet"])
+    with Image.open(tmp_path / f"t{suffix}") as movie:
+        assert movie.n_frames == 4
+        total = 0
+        for i in range(4):
+            movie.seek(i)
+            movie.load()
+            total += movie.info["duration"]
+            expected = (ds.render(SKETCH, framed(SKETCH, 30 + 90 * i, 20, size=48)).color[0] * 255).round().numpy()
+            assert np.abs(np.asarray(movie.convert("RGB")).astype(float) - expected).mean() < 1
+    assert total == pytest.approx(4000 / 24, abs=6)
+
+
+@needs("av")
+def test_a_turntable_as_mp4(source, tmp_path):
+    import av
+
+    main(["render", str(source), "-o", str(tmp_path / "t.mp4"), "--size", "64x48", "--turntable", "5", "--quiet"])
+    with av.open(str(tmp_path / "t.mp4")) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        assert container.streams.video[0].average_rate == 24
+    assert len(frames) == 5
+    for i, frame in enumerate(frames):
+        expected = (ds.render(SKETCH, framed(SKETCH, 30 + 72 * i, 20, size=(48, 64))).color[0] * 255).numpy()
+        assert np.abs(frame.astype(float).mean(-1) - expected.mean(-1)).mean() < 4
+
+
+@pytest.mark.parametrize("size", [(64, 64), (40, 90), (90, 40)])
+@pytest.mark.parametrize("place", [0.0, 4e6])
+def test_a_sketch_is_in_the_picture_whatever_its_shape_and_place(size, place):
+    """The ball around the sketch takes nine tenths of the shorter side."""
+    sketch = ds.Sketch(SKETCH.points.double() + place, width=0.001)
+    middle, radius = ball_of(sketch)
+    cameras = framed(sketch, [0, 40, 200], 20, size=size)
+    around = torch.randn(500, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    rim = middle + radius * torch.nn.functional.normalize(around, dim=-1)
+    seen, _ = cameras.seen(torch.cat([rim, rim[:, :1] * 0 + 1], -1) @ cameras.projection.mT)
+    reach = (seen - seen.new_tensor([size[1] / 2, size[0] / 2])).norm(dim=-1).amax()
+    assert 0.42 * min(size) < reach < 0.5 * min(size)
+
+
+def test_sizes():
+    assert parse_size("512") == (512, 512)
+    assert parse_size("1280x720") == (720, 1280)
+    for text in ("0", "12x", "axb", "-5", "70000", "100000x100000", ""):
+        with pytest.raises(ValueError, match="size must be a number of pixels or WIDTHxHEIGHT"):
+            parse_size(text)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-o", "a.jpg"], "a.jpg: cannot draw to '.jpg', only to .png, .svg, .mp4"),
+        (["-o", "a.mp4"], "a .mp4 file holds a turntable: give --turntable"),
+        (["-o", "a.png", "--turntable", "5"], "a turntable goes to .mp4, .webp, .gif, not to .png"),
+        (["-o", "a.gif", "--turntable", "5", "--background", "transparent"], "no partly transparent pixels"),
+        (["-o", "a.gif", "--turntable", "5", "--fps", "60"], "fps must be at most 50"),
+        (["-o", "a.mp4", "--turntable", "5", "--size", "5x4"], "size must be even both ways"),
+        (["-o", "a.webp", "--turntable", "5", "--azimuth", "0", "9"], "a turntable goes once round from one --azimuth"),
+        (["-o", "a.png", "--turntable", "1"], "--turntable must be from 2"),
+        (["-o", "a.png", "--size", "0"], "--size must be a number of pixels or WIDTHxHEIGHT"),
+        (["-o", "a.png", "--elevation", "91"], "--elevation must be from -90 to 90"),
+        (["-o", "a.png", "--height", "0"], "--height must be positive"),
+        (["-o", "a.png", "--background", "pink"], "--background must be white, black or R,G,B"),
+        (["-o", "a.png", "--fov", "30", "--height", "2"], "either --fov or --height"),
+        (["-o", "a.png", "--cameras", "x", "--distance", "2"], "give either --cameras or --distance"),
+        (["-o", "a.png", "--cameras", "x.json"], "x.json"),
+    ],
+)
+def test_faults_are_sentences_and_leave_nothing(arguments, message, source, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["render", str(source), *arguments])
+    assert ended.value.code == 1
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
