@@ -5,6 +5,7 @@ from pathlib import Path
 
 from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
+from diff3ds.formats.dxf import save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.sketch_json import load_json, save_json
@@ -19,6 +20,7 @@ __all__ = [
     "load_json",
     "load_step",
     "save",
+    "save_dxf",
     "save_json",
     "save_png",
     "save_step",
@@ -26,9 +28,14 @@ __all__ = [
     "tile_images",
 ]
 
-_GEOMETRY: dict[str, Callable[..., None]] = {".json": save_json, ".step": save_step, ".stp": save_step}
+_GEOMETRY: dict[str, Callable[..., None]] = {
+    ".json": save_json,
+    ".step": save_step,
+    ".stp": save_step,
+    ".dxf": save_dxf,
+}
 # Formats whose files say in which unit of length they are.
-_WITH_UNITS = (".step", ".stp")
+_WITH_UNITS = (".step", ".stp", ".dxf")
 PICTURES = (".svg", ".png")
 _READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
 
@@ -38,6 +45,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
 
     * `.json`: everything, bit for bit.
     * `.step`, `.stp`: exact curves and weights, and colours, for CAD programs (see `save_step`).
+    * `.dxf`: the same as lines, arcs, circles, ellipses and splines on a layer a colour (see `save_dxf`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.png`: the views of `cameras` in a grid, rendered over white.
 

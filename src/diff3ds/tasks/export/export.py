@@ -4,7 +4,7 @@ from pathlib import Path
 
 import torch
 
-from diff3ds.formats import PICTURES, save
+from diff3ds.formats import PICTURES, save, save_dxf
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.sketch_input import load_sketch
@@ -21,10 +21,15 @@ def run_export(source: Path, file: Path, options: ExportOptions) -> Sketch:
     """
     if file.suffix.lower() in PICTURES:
         raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
+    if options.dxf_polylines and file.suffix.lower() != ".dxf":
+        raise ValueError(f"{file}: --dxf-polylines is for .dxf files")
     sketch = load_sketch(source)
     if options.scale != 1 or options.up != "z":
         sketch = sketch.transform(_placement(options).to(sketch.points))
-    save(file, sketch, unit=options.unit)
+    if options.dxf_polylines:
+        save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
+    else:
+        save(file, sketch, unit=options.unit)
     return sketch
 
 

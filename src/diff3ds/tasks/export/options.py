@@ -12,14 +12,17 @@ class ExportOptions:
     """Options of `diff3ds export`.
 
     Attributes:
-        unit: of length that the numbers in the file are in, where the format knows units: by default mm in STEP.
+        unit: of length that the numbers in the file are in, where the format knows units: by default mm
+            in STEP and DXF.
         scale: how many of these units a world unit of the sketch becomes.
         up: the axis of the file that points up; sketches have z up.
+        dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
     """
 
     unit: Unit | None = None
     scale: float = 1.0
     up: Literal["z", "y"] = "z"
+    dxf_polylines: bool = False
 
     def __post_init__(self) -> None:
         require_finite(self)

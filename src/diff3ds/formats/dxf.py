@@ -1,0 +1,123 @@
+"""DXF files for CAD programs and cutters, by ezdxf (the extra `cad`); written, not read.
+
+A stroke becomes LINE, ARC, CIRCLE and ELLIPSE where it is one, and rational SPLINE elsewhere, exactly; or, for programs
+that ignore the weights of splines, polylines. There is a layer a colour, named by it, and each entity has the number of
+its stroke (extended data of the application DIFF3DS). Not kept: widths, opacities and `width_space`.
+"""
+
+import importlib.util
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diff3ds._files import replacing
+from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds.bezier import tessellate
+from diff3ds.formats.curve_kinds import Arc, Curve, Line, curves_of
+from diff3ds.formats.framing import ball_of
+from diff3ds.sketch import Sketch
+
+APPLICATION = "DIFF3DS"
+# Of the radius of the sketch: how far polylines may be off the curves.
+POLYLINE_TOLERANCE = 1e-4
+# The numbers of $INSUNITS.
+_INSUNITS: dict[Unit, int] = {"in": 1, "ft": 2, "mm": 4, "cm": 5, "m": 6}
+
+
+def save_dxf(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", polylines: bool = False) -> None:
+    """Writes a DXF file of AutoCAD 2010, whole or not at all.
+
+    Args:
+        unit: what a world unit is.
+        polylines: all strokes as 3D polylines, off by 1e-4 of the sketch's radius at most.
+
+    Raises:
+        ImportError: the extra `cad` is not installed.
+        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    check_unit(unit)
+    sketch.check_values()
+    if len(sketch) == 0:
+        raise ValueError(f"{path}: a DXF file needs at least one stroke, got none")
+    if importlib.util.find_spec("ezdxf") is None:
+        raise ImportError(f"{path}: writing DXF takes ezdxf: install it with pip install 'diff3ds[cad]'")
+    import ezdxf
+
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = _INSUNITS[unit]
+    # Metric, or English.
+    document.header["$MEASUREMENT"] = int(MILLIMETRES[unit] % 1 == 0)
+    document.appids.add(APPLICATION)
+    space = document.modelspace()
+    sketch = sketch.detach().to("cpu")
+    drawn = _polylines(space, sketch) if polylines else _curves(space, sketch)
+    for stroke, entities in enumerate(drawn):
+        color = tuple(round(min(max(c, 0.0), 1.0) * 255) for c in sketch.color[stroke].tolist())
+        name = "COLOR_{:02X}{:02X}{:02X}".format(*color)
+        if name not in document.layers:
+            document.layers.add(name).rgb = color
+        for entity in entities:
+            entity.dxf.layer = name
+            entity.set_xdata(APPLICATION, [(1000, "stroke"), (1071, stroke)])
+    with replacing(path) as temporary:
+        document.saveas(temporary)
+
+
+def _curves(space: Any, sketch: Sketch) -> list[list[Any]]:
+    """The entities of each stroke."""
+    return [[_entity(space, curve) for curve in curves] for curves in curves_of(sketch)]
+
+
+def _entity(space: Any, curve: Curve) -> Any:
+    if isinstance(curve, Line):
+        return space.add_line(curve.start, curve.stop)
+    if isinstance(curve, Arc):
+        return _circle(space, curve) if curve.circular else _ellipse(space, curve)
+    spline = space.add_spline(degree=curve.degree)
+    # They are what they are: of ezdxf's own knots the inner ones are simple.
+    spline.control_points, spline.knots, spline.weights = curve.points, curve.knots, curve.weights
+    return spline
+
+
+def _circle(space: Any, arc: Arc) -> Any:
+    """Circles and their arcs are given in a frame that the normal defines (DXF's arbitrary axes)."""
+    from ezdxf.math import OCS
+
+    radius = float(np.linalg.norm(arc.major))
+    normal = np.cross(arc.major, arc.minor) / radius**2
+    frame = OCS(tuple(normal))
+    center, axis = frame.from_wcs(tuple(arc.center)), frame.from_wcs(tuple(arc.major))
+    given = {"extrusion": tuple(normal)}
+    if arc.whole:
+        return space.add_circle(center, radius, dxfattribs=given)
+    offset = math.atan2(axis[1], axis[0])
+    ends = [math.degrees(offset + t) for t in (arc.start, arc.stop)]
+    return space.add_arc(center, radius, *ends, dxfattribs=given)
+
+
+def _ellipse(space: Any, arc: Arc) -> Any:
+    major, minor = float(np.linalg.norm(arc.major)), float(np.linalg.norm(arc.minor))
+    normal = np.cross(arc.major, arc.minor) / (major * minor)
+    given = {"extrusion": tuple(normal)}
+    return space.add_ellipse(tuple(arc.center), tuple(arc.major), minor / major, arc.start, arc.stop, dxfattribs=given)
+
+
+def _polylines(space: Any, sketch: Sketch) -> list[list[Any]]:
+    """One polyline a stroke."""
+    tolerance = POLYLINE_TOLERANCE * ball_of(sketch)[1]
+    pieces = [
+        vertices.numpy() for _, vertices in tessellate(sketch.points.double(), sketch.weights.double(), tolerance)
+    ]
+    first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
+    closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
+    found = []
+    for stroke in range(len(sketch)):
+        some = pieces[first[stroke] : first[stroke + 1]]
+        vertices = np.concatenate([some[0], *(piece[1:] for piece in some[1:])])
+        vertices = vertices[:-1] if closed[stroke] else vertices
+        found.append([space.add_polyline3d(vertices, close=closed[stroke])])
+    return found
