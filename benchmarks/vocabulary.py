@@ -9,7 +9,8 @@ from pathlib import Path
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Attribute, Category
-from diff3ds.library.vocabulary import COLORS, COUNTS, IDLE, PAIR, SIZES, STRETCHES
+from diff3ds.library.scene import RELATIONS
+from diff3ds.library.vocabulary import COLORS, COUNTS, IDLE, PAIR, SIZES, STRETCHES, UNSEEN
 
 DOCUMENT = Path(__file__).parents[1] / "docs/reference/vocabulary.md"
 AXES = ("front to back", "left to right", "up")
@@ -40,6 +41,7 @@ def document() -> str:
     return (
         HEAD
         + "".join(_row(*cells) for cells in _of_every_kind())
+        + f"\nWhere a thing stands: {', '.join(RELATIONS)}.\n"
         + KINDS
         + "".join(
             _row(category.name, ", ".join(category.synonyms), _attributes(category), ", ".join(category.parts))
@@ -61,7 +63,11 @@ def _of_every_kind() -> list[tuple[str, str]]:
         ("numbers", f"{numbers}; {', '.join(PAIR)}: two, but one of {_pairs()}"),
         ("colours", ", ".join(COLORS)),
         ("proportions", proportions),
-        ("sizes, which change nothing, and the command says so", ", ".join(SIZES)),
+        (
+            "sizes, of things in a scene; of one they change nothing, and the command says so",
+            ", ".join(SIZES),
+        ),
+        ("what no line shows, which changes nothing, and the command says so", ", ".join(sorted(UNSEEN))),
         ("passed over", ", ".join(IDLE)),
     ]
 

@@ -132,9 +132,8 @@ def test_forms_of_letters_and_punctuation_do_not_matter():
 
 
 @pytest.mark.parametrize("word", ["old", "new", "nice", "simple"])
-def test_what_cannot_be_drawn_is_not_swallowed(word):
-    with pytest.raises(ValueError, match=f"does not know '{word}'"):
-        parse(f"a {word} car")
+def test_what_cannot_be_drawn_is_told(word):
+    assert parse(f"a {word} car") == Request("car", ignored=(word,))
 
 
 @pytest.mark.parametrize("phrase", ["a tall short lamp", "a tall tall lamp", "a thin wide lamp", "a tall high mug"])
@@ -155,7 +154,7 @@ def test_proportions_are_said_once_along_an_axis(phrase):
         ("with armrests", "names nothing"),
         ("a chair with", "nothing follows 'with'"),
         ("a chair with armrests and", "nothing follows 'and'"),
-        ("a chiar", r"does not know 'chiar'; the nearest that it knows: .*chair.* mvdream; for pictures zero123"),
+        ("a chxir", r"does not know 'chxir'; the nearest that it knows: .*chair.* mvdream; for pictures zero123"),
         ("a dragon", "does not know 'dragon'"),
         ("a sparkling chair", "does not know 'sparkling'"),
         ("a chair with wings", "does not know 'with wings'"),
@@ -176,12 +175,12 @@ def test_proportions_are_said_once_along_an_axis(phrase):
             "does not know 'several'; what it knows of a chair: with armrests, .*: black.*to six",
         ),
         (
-            "an old car",
-            "does not know 'old'; what it knows of a car: with an open top, .*with wheels, .*: black",
+            "a spotted car",
+            "does not know 'spotted'; what it knows of a car: with an open top, .*with wheels, .*: black",
         ),
         ("a car with feathers", "does not know 'with feathers'; what it knows of a car: with an open top"),
         ("a chair that is comfortable", "does not know 'comfortable'; what it knows of a chair"),
-        ("a rokcing chair", "does not know 'rokcing'; the nearest that it knows: rocking"),
+        ("a rackimg chair", "does not know 'rackimg'; the nearest that it knows: rocking"),
         ("a mug with a sauser", "does not know 'with a sauser'; the nearest that it knows: with a saucer"),
         ("a mug, tall", "put 'tall' before 'mug'"),
         ("a mug that is red", "put 'red' before 'mug'"),

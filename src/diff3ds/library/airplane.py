@@ -59,7 +59,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "airplane",
     _make,
-    synonyms=("aeroplane", "plane", "aircraft"),
+    synonyms=("aeroplane", "plane", "aircraft", "airliner"),
     attributes=(
         Attribute("propeller", ("with a propeller",), excludes=("jets",)),
         Attribute("two wings", ("with two pairs of wings",), nouns=("biplane",), excludes=("jets",)),
@@ -69,4 +69,5 @@ CATEGORY = Category(
         "wings",
         "a tail",
     ),
+    metres=30,
 )

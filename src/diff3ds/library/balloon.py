@@ -50,4 +50,5 @@ CATEGORY = Category(
         Attribute("flag", ("with a flag",)),
     ),
     parts=("a basket",),
+    metres=20,
 )

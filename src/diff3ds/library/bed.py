@@ -51,4 +51,6 @@ CATEGORY = Category(
         Attribute("footboard", ("with a footboard",)),
     ),
     parts=("pillows",),
+    metres=2.1,
+    carries=0.5,
 )

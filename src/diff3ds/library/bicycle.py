@@ -65,4 +65,5 @@ CATEGORY = Category(
         "a saddle",
     ),
     mirror=None,
+    metres=1.8,
 )

@@ -43,7 +43,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "bookshelf",
     _make,
-    synonyms=("bookcase", "shelf"),
+    synonyms=("bookcase", "shelf", "book shelf", "book case"),
     attributes=(
         Attribute("books", ("with books", "full")),
         Attribute("low", ("low", "wide")),
@@ -51,4 +51,5 @@ CATEGORY = Category(
     ),
     parts=("shelves",),
     mirror=None,
+    metres=1.9,
 )

@@ -35,11 +35,12 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "bottle",
     _make,
-    synonyms=("wine bottle",),
+    synonyms=("wine bottle", "bottle of wine", "bottle of water", "water bottle"),
     attributes=(
         Attribute("label", ("with a label", "labelled"), excludes=("flask",)),
         Attribute("cork", ("with a cork", "corked")),
         Attribute("flask", ("round", "with a round body"), nouns=("flask",)),
     ),
     parts=("a neck",),
+    metres=0.3,
 )

@@ -50,4 +50,5 @@ CATEGORY = Category(
     ),
     parts=("a string",),
     mirror="x",
+    metres=1.6,
 )

@@ -56,4 +56,5 @@ CATEGORY = Category(
         Attribute("railing", ("with railings", "with a railing")),
         Attribute("river", ("with a river",)),
     ),
+    metres=40,
 )

@@ -57,4 +57,5 @@ CATEGORY = Category(
         "windows",
         "headlights",
     ),
+    metres=11,
 )

@@ -73,4 +73,5 @@ CATEGORY = Category(
         Attribute("pot", ("with a pot", "potted")),
     ),
     mirror=None,
+    metres=1.2,
 )

@@ -48,4 +48,5 @@ CATEGORY = Category(
     ),
     parts=("a wick",),
     mirror="x",
+    metres=0.2,
 )

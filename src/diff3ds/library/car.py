@@ -34,7 +34,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "car",
     _make,
-    synonyms=("automobile",),
+    synonyms=("automobile", "motor car", "sports car", "racing car", "race car"),
     attributes=(
         Attribute("convertible", ("with an open top", "open-top"), nouns=("convertible",), excludes=("pickup", "taxi")),
         Attribute("pickup", ("with a load bed",), nouns=("pickup", "pickup truck"), excludes=("taxi",)),
@@ -44,4 +44,5 @@ CATEGORY = Category(
         "wheels",
         "four wheels",
     ),
+    metres=4.3,
 )

@@ -44,6 +44,8 @@ class Category:
         mirror: the coordinate whose sign can be changed without changing any member: "y" if left and right are alike,
             "x" for front and back, None if neither.
         pair: the noun is a plural: "a pair of scissors".
+        metres: how large it usually is: the longest side of its bounding box.
+        carries: at which fraction of its height things stand on it.
     """
 
     name: str
@@ -53,6 +55,8 @@ class Category:
     parts: tuple[str, ...] = ()
     mirror: Literal["x", "y"] | None = "y"
     pair: bool = False
+    metres: float = 1.0
+    carries: float = 1.0
 
     def captions(self, attributes: Collection[str] = ()) -> tuple[str, ...]:
         """All ways to call a member with these attributes; the first has the category's name and usual phrases."""

@@ -51,4 +51,6 @@ CATEGORY = Category(
         "four legs",
         "a seat",
     ),
+    metres=0.95,
+    carries=0.5,
 )

@@ -52,6 +52,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "church",
     _make,
+    synonyms=("chapel",),
     attributes=(
         Attribute("dome", ("with a dome", "domed")),
         Attribute("two towers", ("with two towers",), nouns=("cathedral",)),
@@ -62,4 +63,5 @@ CATEGORY = Category(
         "windows",
         "a cross",
     ),
+    metres=30,
 )

@@ -55,6 +55,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "clock",
     _make,
+    synonyms=("wall clock",),
     attributes=(
         Attribute("square", ("square", "with a square case"), excludes=("alarm", "pendulum")),
         Attribute("alarm", ("alarm", "with bells"), excludes=("pendulum",)),
@@ -62,4 +63,5 @@ CATEGORY = Category(
     ),
     parts=("hands",),
     mirror=None,
+    metres=0.35,
 )

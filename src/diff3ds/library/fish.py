@@ -47,6 +47,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "fish",
     _make,
+    synonyms=("goldfish",),
     attributes=(
         Attribute("stripes", ("with stripes", "striped")),
         Attribute("slender", ("slender", "long")),
@@ -57,4 +58,5 @@ CATEGORY = Category(
         "fins",
         "eyes",
     ),
+    metres=0.4,
 )

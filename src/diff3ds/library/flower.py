@@ -45,7 +45,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "flower",
     _make,
-    synonyms=("blossom",),
+    synonyms=("blossom", "rose", "daisy"),
     attributes=(
         Attribute("tulip", ("cup-shaped",), nouns=("tulip",)),
         Attribute("pot", ("with a pot", "potted")),
@@ -56,4 +56,5 @@ CATEGORY = Category(
         "a stem",
     ),
     mirror=None,
+    metres=0.5,
 )

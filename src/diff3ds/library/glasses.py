@@ -51,11 +51,12 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "glasses",
     _make,
-    synonyms=("spectacles", "eyeglasses"),
+    synonyms=("spectacles", "eyeglasses", "eye glasses", "reading glasses"),
     attributes=(
         Attribute("round", ("round",), excludes=("square",)),
         Attribute("square", ("square",)),
         Attribute("tinted", ("tinted", "with dark lenses"), nouns=("sunglasses",)),
     ),
     pair=True,
+    metres=0.15,
 )

@@ -56,6 +56,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "guitar",
     _make,
+    synonyms=("acoustic guitar",),
     attributes=(
         Attribute("electric", ("electric",)),
         Attribute("strap", ("with a strap",)),
@@ -65,4 +66,5 @@ CATEGORY = Category(
         "a neck",
     ),
     mirror=None,
+    metres=1,
 )

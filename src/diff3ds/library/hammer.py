@@ -70,4 +70,5 @@ CATEGORY = Category(
     ),
     parts=("a handle",),
     mirror="x",
+    metres=0.35,
 )

@@ -32,7 +32,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "house",
     _make,
-    synonyms=("home",),
+    synonyms=("home", "cottage", "cabin", "hut"),
     attributes=(
         Attribute("chimney", ("with a chimney",)),
         Attribute("two floors", ("with two floors", "two-storey", "two-story")),
@@ -43,4 +43,5 @@ CATEGORY = Category(
         "windows",
         "a roof",
     ),
+    metres=10,
 )

@@ -49,4 +49,5 @@ CATEGORY = Category(
     ),
     parts=("teeth",),
     mirror="x",
+    metres=0.08,
 )

@@ -48,4 +48,5 @@ CATEGORY = Category(
         Attribute("hooks", ("with hooks",)),
     ),
     parts=("rungs",),
+    metres=2.5,
 )

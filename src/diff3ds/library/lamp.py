@@ -42,4 +42,5 @@ CATEGORY = Category(
         Attribute("hanging", ("hanging", "ceiling"), nouns=("pendant light",)),
     ),
     parts=("a shade",),
+    metres=0.5,
 )

@@ -53,4 +53,5 @@ CATEGORY = Category(
         Attribute("rocks", ("with rocks",)),
     ),
     parts=("a door",),
+    metres=25,
 )

@@ -29,7 +29,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "mug",
     _make,
-    synonyms=("cup", "coffee mug", "coffee cup"),
+    synonyms=("cup", "coffee mug", "coffee cup", "teacup", "tea cup", "cup of coffee", "cup of tea", "mug of tea"),
     attributes=(
         Attribute("tall", ("tall",), excludes=("saucer",)),
         Attribute("saucer", ("with a saucer",), nouns=("cup and saucer",)),
@@ -37,4 +37,5 @@ CATEGORY = Category(
     ),
     parts=("a handle",),
     mirror="x",
+    metres=0.12,
 )

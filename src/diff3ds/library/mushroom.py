@@ -60,4 +60,5 @@ CATEGORY = Category(
         "a stem",
     ),
     mirror="x",
+    metres=0.12,
 )

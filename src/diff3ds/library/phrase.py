@@ -7,9 +7,11 @@ Nouns, attributes and parts are those of the categories; plurals are understood.
 """
 
 import difflib
+import functools
+import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
@@ -21,6 +23,7 @@ from diff3ds.library.vocabulary import (
     PAIR,
     SIZES,
     STRETCHES,
+    UNSEEN,
     number,
     parted,
     singulars,
@@ -46,7 +49,8 @@ class Request:
         count: how many.
         color: straight RGB, or None if none is said.
         stretch: factors along x, y and z.
-        ignored: its words of size, without effect.
+        ignored: its words of size, and of what no line shows, without effect.
+        corrected: words that were misspelt, each with what it is taken for.
     """
 
     category: str
@@ -55,6 +59,7 @@ class Request:
     color: tuple[float, float, float] | None = None
     stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
     ignored: tuple[str, ...] = ()
+    corrected: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ def parse(phrase: str) -> Request:
     Raises:
         ValueError: it is empty, or a word is outside the vocabulary; names the nearest words that are known.
     """
-    front, behind = parted(phrase)
+    (front, behind), corrected = corrected_parts(phrase)
     if not front and not behind:
         raise ValueError("the phrase is empty: say what to draw, such as a chair")
     noun = _ending(front)
@@ -91,7 +96,18 @@ def parse(phrase: str) -> Request:
     request = _Reader(noun, phrase)
     request.read_before(front[: noun.first])
     request.read_behind(behind)
-    return request.finished()
+    return replace(request.finished(), corrected=corrected)
+
+
+def corrected_parts(phrase: str) -> tuple[tuple[list[str], list[str]], tuple[tuple[str, str], ...]]:
+    """The words of a phrase, `parted`, and those that were misspelt, each with the known word that it is taken for."""
+    parts, known = parted(phrase), _words()
+    found: dict[str, str] = {}
+    for word in itertools.chain(*parts):
+        if word not in known and (meant := {other for other in known if is_slip(word, other)}):
+            found[word] = min(meant, key=lambda other: (sorted(other) != sorted(word), other))
+    front, behind = ([found.get(word, word) for word in part] for part in parts)
+    return (front, behind), tuple(found.items())
 
 
 class _Reader:
@@ -106,7 +122,7 @@ class _Reader:
         self.numbers: list[str] = []
         self.color: tuple[float, float, float] | None = None
         self.proportions: list[str] = []
-        self.sizes: list[str] = []
+        self.ignored: list[str] = []
         self.ways = _ways(self.category)
 
     def read_before(self, words: list[str]) -> None:
@@ -131,9 +147,9 @@ class _Reader:
             if self.color is not None:
                 raise ValueError(f"{self.phrase!r}: strokes have one colour, got a second one, {word}")
             self.color = COLORS[word]
-        elif word in SIZES:
-            self.sizes.append(word)
-        return word in GENERAL or word in IDLE
+        elif word in SIZES or word in UNSEEN:
+            self.ignored.append(word)
+        return word in GENERAL or word in IDLE or word in UNSEEN
 
     def _unknown_before(self, words: list[str], word: str) -> str:
         other = _last_noun(words)
@@ -213,7 +229,7 @@ class _Reader:
         if self.noun.plural and not self.numbers:
             raise ValueError(f"{self.phrase!r}: say how many: two {self.noun.said}, or one")
         count = number(self.phrase, self.numbers, self.category.pair)
-        return Request(self.category.name, names, count, self.color, stretch, tuple(self.sizes))
+        return Request(self.category.name, names, count, self.color, stretch, tuple(self.ignored))
 
 
 def _ways(category: Category) -> dict[str, str]:
@@ -245,7 +261,7 @@ def _no_noun(words: list[str], phrase: str) -> str:
         late = next((word for word in behind if word in GENERAL or word in _ways(noun.category)), None)
         if late is not None:
             return f"{phrase!r}: put {late!r} before {noun.said!r}"
-    if {*words} <= GENERAL | {*IDLE}:
+    if {*words} <= GENERAL | {*IDLE} | UNSEEN:
         return f"{phrase!r} names nothing: say what to draw, such as a chair"
     near = _near(words[-1], {noun: noun for noun in _nouns()})
     if noun is not None and not near:
@@ -264,6 +280,36 @@ def _nouns() -> dict[str, tuple[Category, str | None]]:
         for noun in (category.name, *category.synonyms):
             nouns[" ".join(words_of(noun))] = (category, None)
     return nouns
+
+
+@functools.cache
+def _words() -> frozenset[str]:
+    """Every word that a phrase may have, plurals included."""
+    said = [*_nouns(), *GENERAL, *IDLE, *UNSEEN, "in", "with", "without", "no"]
+    said += [way for c in CATEGORIES.values() for a in c.attributes for way in a.phrases]
+    said += [part for category in CATEGORIES.values() for part in category.parts]
+    words = {word for way in said for word in words_of(way)}
+    return frozenset(words | {word + "s" for word in words} | {word.removesuffix("s") for word in words})
+
+
+def is_slip(word: str, known: str) -> bool:
+    """Whether a word is surely a known one with a slip of the pen: two neighbours swapped, or a letter too many or few.
+
+    Doubled letters slip in any word; of others the known word must have seven letters, and a wrong letter is none:
+    "hose" is no house, "bride" no bridge, and "horse" no slip of "house".
+    """
+    if min(len(word), len(known)) < 4:
+        return False
+    if len(word) == len(known):
+        wrong = [i for i in range(len(word)) if word[i] != known[i]]
+        swapped = len(wrong) == 2 and wrong[1] == wrong[0] + 1
+        return swapped and (word[wrong[0]], word[wrong[1]]) == (known[wrong[1]], known[wrong[0]])
+    short, long = sorted((word, known), key=len)
+    if len(long) != len(short) + 1:
+        return False
+    at = next((i for i in range(len(short)) if short[i] != long[i]), len(short))
+    doubled = (at > 0 and long[at] == long[at - 1]) or (at + 1 < len(long) and long[at] == long[at + 1])
+    return short[at:] == long[at + 1 :] and (doubled or len(known) >= 7)
 
 
 def _bare(text: str) -> str:

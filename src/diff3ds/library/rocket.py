@@ -27,7 +27,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "rocket",
     _make,
-    synonyms=("spaceship", "space rocket"),
+    synonyms=("spaceship", "space rocket", "space ship", "rocket ship"),
     attributes=(
         Attribute("flame", ("with a flame", "flying")),
         Attribute("boosters", ("with boosters",)),
@@ -36,4 +36,5 @@ CATEGORY = Category(
         "fins",
         "a window",
     ),
+    metres=40,
 )

@@ -52,7 +52,7 @@ def _hull(long: float, half: float, deep: float) -> list[Strokes]:
 CATEGORY = Category(
     "sailing boat",
     _make,
-    synonyms=("sailboat", "sail boat", "sailing ship", "boat"),
+    synonyms=("sailboat", "sail boat", "sailing ship", "boat", "yacht", "sailing yacht"),
     attributes=(
         Attribute("square sail", ("with a square sail",), nouns=("Viking ship",)),
         Attribute("flag", ("with a flag", "with a pennant")),
@@ -63,4 +63,5 @@ CATEGORY = Category(
         "a sail",
         "a hull",
     ),
+    metres=8,
 )

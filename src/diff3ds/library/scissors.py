@@ -39,4 +39,5 @@ CATEGORY = Category(
     ),
     parts=("blades",),
     pair=True,
+    metres=0.2,
 )

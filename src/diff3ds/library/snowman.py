@@ -53,6 +53,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "snowman",
     _make,
+    synonyms=("snow man",),
     attributes=(
         Attribute("hat", ("with a hat",)),
         Attribute("scarf", ("with a scarf",)),
@@ -66,4 +67,5 @@ CATEGORY = Category(
         "arms",
     ),
     mirror=None,
+    metres=1.7,
 )

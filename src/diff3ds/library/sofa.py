@@ -37,7 +37,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "sofa",
     _make,
-    synonyms=("couch", "settee"),
+    synonyms=("couch", "settee", "loveseat"),
     attributes=(
         Attribute("three seats", ("with three seats", "three-seat", "long")),
         Attribute("legs", ("with legs",)),
@@ -48,4 +48,6 @@ CATEGORY = Category(
         "arms",
         "a back",
     ),
+    metres=2,
+    carries=0.5,
 )

@@ -51,4 +51,5 @@ CATEGORY = Category(
         "a blade",
     ),
     mirror="x",
+    metres=1.1,
 )

@@ -29,7 +29,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "table",
     _make,
-    synonyms=("dining table",),
+    synonyms=("dining table", "coffee table", "kitchen table", "desk"),
     attributes=(
         Attribute("round", ("round", "circular"), excludes=("square",)),
         Attribute("square", ("square",)),
@@ -39,4 +39,5 @@ CATEGORY = Category(
         "legs",
         "four legs",
     ),
+    metres=1.4,
 )

@@ -54,6 +54,7 @@ CATEGORY = Category(
         "a lid",
         "a handle",
     ),
-    synonyms=("tea pot",),
+    synonyms=("tea pot", "kettle", "tea kettle", "pot of tea"),
     mirror="x",
+    metres=0.25,
 )

@@ -48,10 +48,12 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "tent",
     _make,
+    synonyms=("camping tent",),
     attributes=(
         Attribute("tipi", ("with crossed poles",), nouns=("tipi", "teepee"), excludes=("dome",)),
         Attribute("dome", ("round", "dome")),
         Attribute("flag", ("with a flag",)),
     ),
     parts=("a door",),
+    metres=2.5,
 )

@@ -73,6 +73,7 @@ def _boughs(tall: float, reach: float) -> list[Strokes]:
 CATEGORY = Category(
     "tree",
     _make,
+    synonyms=("oak", "oak tree"),
     attributes=(
         Attribute(
             "fir",
@@ -85,4 +86,5 @@ CATEGORY = Category(
         Attribute("apples", ("with apples",), nouns=("apple tree",)),
     ),
     parts=("a trunk",),
+    metres=7,
 )

@@ -47,4 +47,5 @@ CATEGORY = Category(
         Attribute("beach", ("beach", "with a straight pole"), nouns=("parasol",)),
         Attribute("stripes", ("with stripes", "striped")),
     ),
+    metres=1,
 )

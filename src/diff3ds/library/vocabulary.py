@@ -36,6 +36,22 @@ STRETCHES = {
 }
 # Understood, but without effect, which is said: every sketch fills the unit ball.
 SIZES = ("big", "large", "huge", "small", "little", "tiny")
+# Words of material, age, mood and use, which no line shows: understood, but without effect, which is said.
+UNSEEN = frozenset(
+    re.findall(
+        r"\w+",
+        """
+        wooden wood metal iron steel stone brick plastic glass leather paper cardboard ceramic porcelain marble
+        velvet woollen golden gold silver copper bronze old new ancient modern antique vintage classic rustic rusty
+        broken cracked dirty dusty clean shiny polished cute pretty beautiful nice lovely happy sad funny scary
+        spooky cozy cosy magic magical enchanted fancy elegant comfortable ugly friendly lonely sweet haunted royal
+        empty warm cold cool fresh soft hard heavy fast slow strong sharp blunt wild garden kitchen office school
+        classroom farm city village country street toy baby birthday medieval colorful colourful bright dark fluffy
+        cheap expensive simple plain ordinary normal regular typical favorite favourite parked sleeping burning
+        steaming hot frozen snowy sunny
+        """,
+    )
+)
 # Words between the others: the two chairs are two.
 IDLE = ("a", "an", "the", "of", "and")
 OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
@@ -117,7 +133,10 @@ def stretched(phrase: str, said: Iterable[str], kinds: Collection[str] = ()) -> 
 
 
 def singulars(noun: str) -> Iterable[str]:
-    """What a plural may come from: mugs, buses, berries, shelves, snowmen, cacti."""
+    """What a plural may come from: mugs, buses, berries, shelves, snowmen, cacti, cups of tea."""
+    head, of, rest = noun.partition(" of ")
+    if of:
+        yield from (f"{singular} of {rest}" for singular in singulars(head))
     for ending, instead in (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("men", "man"), ("i", "us")):
         if noun.endswith(ending):
             yield noun.removesuffix(ending) + instead

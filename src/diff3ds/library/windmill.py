@@ -54,4 +54,5 @@ CATEGORY = Category(
         Attribute("lattice", ("with lattice sails",)),
         Attribute("gallery", ("with a gallery", "with a balcony")),
     ),
+    metres=15,
 )

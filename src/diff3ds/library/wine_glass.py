@@ -37,7 +37,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
 CATEGORY = Category(
     "wine glass",
     _make,
-    synonyms=("glass", "stemmed glass"),
+    synonyms=("glass", "stemmed glass", "glass of wine", "glass of water"),
     attributes=(
         Attribute("wine", ("with wine", "full")),
         Attribute("flute", ("tall", "slender"), nouns=("champagne flute", "champagne glass")),
@@ -54,4 +54,5 @@ CATEGORY = Category(
         "a foot",
     ),
     mirror="x",
+    metres=0.22,
 )

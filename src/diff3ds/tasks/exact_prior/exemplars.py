@@ -10,7 +10,8 @@ from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.members import RADIUS, member
+from diff3ds.library.layout import in_ball
+from diff3ds.library.members import member
 from diff3ds.library.phrase import Request, parse
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
@@ -62,16 +63,17 @@ class Exemplars:
         return ExemplarDenoiser(draw, torch.tensor(self.fitting), SIZE, GROUP)
 
 
-def exemplars_of(phrase: str, seed: int) -> Exemplars:
+def exemplars_of(phrase: str | Request, seed: int) -> Exemplars:
     """Members for a phrase: some that it means, and some of everything else.
 
     Args:
+        phrase: what is asked for, in words or understood already.
         seed: of the members' proportions.
 
     Raises:
         ValueError: the phrase is not understood (`diff3ds.library.phrase.parse`).
     """
-    request = parse(phrase)
+    request = parse(phrase) if isinstance(phrase, str) else phrase
     generator = torch.Generator().manual_seed(seed)
     wanted = [requested(request, generator) for _ in range(FITTING)]
     known = _among_others(wanted, request.category, generator, request.color)
@@ -128,7 +130,7 @@ def requested(request: Request, generator: torch.Generator) -> Sketch:
 def arranged(sketch: Sketch, request: Request) -> Sketch:
     """A member in the proportions, number and colour that a phrase asks for, in the unit ball."""
     several = _in_a_row(_stretched(sketch, request.stretch), request.count)
-    return painted(_fitted(Sketch.concatenate(several)), request.color)
+    return painted(in_ball(Sketch.concatenate(several)), request.color)
 
 
 def painted(sketch: Sketch, color: Color | None) -> Sketch:
@@ -150,11 +152,3 @@ def _in_a_row(sketch: Sketch, count: int) -> list[Sketch]:
     step = (1 + GAP) * (high - low).clamp(min=GAP)
     offsets = [(i - (count - 1) / 2) * step * sketch.points.new_tensor([0.0, 1.0, 0.0]) for i in range(count)]
     return [replace(sketch, points=sketch.points + offset) for offset in offsets]
-
-
-def _fitted(sketch: Sketch) -> Sketch:
-    """Moves a sketch to the middle of the unit ball and makes it as large as that allows."""
-    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
-    middle = (points.amin(0) + points.amax(0)) / 2
-    scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
-    return replace(sketch, points=(sketch.points - middle) * scale)

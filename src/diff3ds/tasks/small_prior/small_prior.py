@@ -43,6 +43,11 @@ class Trained:
         """The precision in which it computes there."""
         return "bfloat16" if half_is_fast(self.device) else "float32"
 
+    @property
+    def knows_the_library(self) -> bool:
+        """Whether it was trained on the built-in library, and not on a folder."""
+        return self.vocabulary.words == words()
+
     def understood(self, phrase: str) -> Request:
         """Reads a phrase by the library's grammar, or by that of the folder that the network was trained on.
 
@@ -50,7 +55,7 @@ class Trained:
             ValueError: the phrase is not understood.
         """
         known = self.vocabulary.words
-        if known == words():
+        if self.knows_the_library:
             return parse(phrase)
         kinds: dict[str, list[str]] = {word: [] for word in known if ": " not in word and word not in AXES}
         for noun, _, rest in (word.partition(": ") for word in known if ": " in word):

@@ -3,18 +3,22 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from diff3ds.library.phrase import Request
+from diff3ds.library.scene import parse_scene
+from diff3ds.library.vocabulary import SIZES
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import exemplars_in, exemplars_of
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import check_output_folder
-from diff3ds.tasks.small_prior.small_prior import trained
+from diff3ds.tasks.small_prior.small_prior import Trained, trained
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES
 from diff3ds.tasks.text_image.priors import choose_prior, load_for_phrase, loaded
 from diff3ds.tasks.text_image.run_spec import RunSpec
+from diff3ds.tasks.text_image.scene import PLAN, forget_scene, run_scene
 from diff3ds.tasks.text_image.subject import Phrase
 
 
@@ -36,12 +40,29 @@ def run_text(
     Raises:
         ValueError, OSError: as `check_output_folder`, the prior's loader, and `distill`.
     """
-    check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
+    checkpoint = out / (PLAN if (out / PLAN).exists() else CHECKPOINT)
+    check_output_folder(out, checkpoint, spec.output.resume, spec.output.overwrite)
     name = choose_prior(spec.prior, FOR_PHRASES, say)
     if name not in BUILT_IN:
         return distill(_network(name, spec), spec, out, report)
     _check_built_in(spec)
-    return distill(_small(spec, say) if name == "small" else _exemplar(spec, say), spec, out, report)
+    small = trained(spec.prior.weights, spec.prior.device) if name == "small" else None
+    if spec.prior.library is not None or (small and not small.knows_the_library):
+        return distill(_of_folder(small, spec, say), spec, out, report)
+    scene = parse_scene(spec.subject.phrase)
+    alone = len(scene.things) == 1 and scene.things[0].count == 1
+    for thing in scene.things:
+        _say_noted(thing.request, alone, say)
+
+    def prior(one: RunSpec[Phrase], request: Request) -> ConditionedPrior:
+        if small:
+            return ConditionedPrior.of_small(small, small.asked(request), request.color)
+        return ConditionedPrior.of_exemplars(exemplars_of(request, one.descent.seed), None, one)
+
+    if alone:
+        forget_scene(out)
+        return distill(prior(spec, scene.things[0].request), spec, out, report)
+    return run_scene(scene, prior, spec, out, report)
 
 
 def _network(name: str, spec: RunSpec[Phrase]) -> ConditionedPrior:
@@ -65,27 +86,32 @@ def _check_built_in(spec: RunSpec[Phrase]) -> None:
     spec.check_built_in()
 
 
-def _small(spec: RunSpec[Phrase], say: Callable[[str], None]) -> ConditionedPrior:
-    """The small network, told the phrase."""
-    small = trained(spec.prior.weights, spec.prior.device)
-    request = small.understood(spec.subject.phrase)
-    _say_ignored(request.ignored, say)
-    return ConditionedPrior.of_small(small, small.asked(request), request.color)
-
-
-def _exemplar(spec: RunSpec[Phrase], say: Callable[[str], None]) -> ConditionedPrior:
-    """The exact prior of the built-in library or of the user's own, told the phrase."""
-    folder = None if spec.prior.library is None else read_sketches(spec.prior.library, spec.prior.up)
+def _of_folder(small: Trained | None, spec: RunSpec[Phrase], say: Callable[[str], None]) -> ConditionedPrior:
+    """The prior of the user's own library, told the phrase: the exact one, or the small network trained on it."""
     phrase = spec.subject.phrase
-    known = exemplars_of(phrase, spec.descent.seed) if folder is None else exemplars_in(folder, phrase)
-    _say_ignored(known.ignored, say)
-    if folder is not None:
-        for warning in folder.warnings:
-            say(warning)
-        say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
+    if small:
+        request = small.understood(phrase)
+        _say_noted(request, True, say)
+        return ConditionedPrior.of_small(small, small.asked(request), request.color)
+    assert spec.prior.library is not None
+    folder = read_sketches(spec.prior.library, spec.prior.up)
+    known = exemplars_in(folder, phrase)
+    _say_unseen(known.ignored, say)
+    for warning in folder.warnings:
+        say(warning)
+    say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
     return ConditionedPrior.of_exemplars(known, folder, spec)
 
 
-def _say_ignored(words: Sequence[str], say: Callable[[str], None]) -> None:
+def _say_noted(request: Request, alone: bool, say: Callable[[str], None]) -> None:
+    """Says what was taken otherwise than it stands in the phrase, or not at all."""
+    for word, meant in request.corrected:
+        say(f"{word!r} is taken for {meant!r}")
+    # In a scene a big chair is bigger than a chair.
+    _say_unseen([word for word in request.ignored if alone or word not in SIZES], say)
+
+
+def _say_unseen(words: Sequence[str], say: Callable[[str], None]) -> None:
     for word in words:
-        say(f"{word!r} changes nothing: every sketch fills the same ball")
+        why = "every sketch fills the same ball" if word in SIZES else "lines do not show it"
+        say(f"{word!r} changes nothing: {why}")

@@ -1,0 +1,240 @@
+"""Where the things of a scene stand: x points to the front, y to the right as one sees it from there, z up."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+
+from diff3ds._shapes import Tensor
+from diff3ds.bezier import evaluate
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.members import RADIUS
+from diff3ds.library.scene import Relation, Scene
+from diff3ds.sketch import Sketch
+
+# What a thing's real size is multiplied by where the phrase says so. Empirical.
+SAID_SIZES = {"big": 1.3, "large": 1.3, "huge": 1.7, "small": 0.75, "little": 0.75, "tiny": 0.5}
+# No thing is drawn smaller than this fraction of the largest: a mug before a house would be a dot. Empirical.
+LEAST = 0.15
+# Between neighbours, as a fraction of the larger one's longest side. Empirical.
+GAP = 0.12
+# What stands under something fills its height to this fraction at most. Empirical.
+UNDER = 0.9
+# Under these is room: in the middle, or before what carries them. What is under other things is below them.
+ROOM_UNDER = {"table": 0.0, "chair": 0.0, "bed": 0.0, "bridge": 0.0, "tree": 0.3, "umbrella": 0.3}
+# Points on a stroke when extents are measured.
+SAMPLES = 33
+# Where something stands beside, behind and so on: along x and y.
+SIDES = {"in front of": (1, 0), "behind": (-1, 0), "right of": (0, 1), "left of": (0, -1)}
+
+
+@dataclass
+class _Placed:
+    """A sketch of a category at its place."""
+
+    sketch: Sketch
+    category: str
+
+    def __post_init__(self) -> None:
+        points = evaluate(self.sketch.points, self.sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
+        self.low, self.high = points.amin(0), points.amax(0)
+
+    @property
+    def size(self) -> Tensor:
+        """Of the bounding box."""
+        return self.high - self.low
+
+    @property
+    def middle(self) -> Tensor:
+        """Of the bounding box."""
+        return (self.high + self.low) / 2
+
+    @property
+    def surface(self) -> float:
+        """The height at which things stand on it."""
+        return float(self.low[2] + CATEGORIES[self.category].carries * self.size[2])
+
+    def at(self, x: float, y: float, bottom: float) -> "_Placed":
+        """The same with the middle of its footprint there."""
+        offset = torch.tensor([x - float(self.middle[0]), y - float(self.middle[1]), bottom - float(self.low[2])])
+        return _Placed(replace(self.sketch, points=self.sketch.points + offset.to(self.sketch.points)), self.category)
+
+    def scaled(self, factor: float) -> "_Placed":
+        """Larger or smaller."""
+        return _Placed(replace(self.sketch, points=self.sketch.points * factor), self.category)
+
+    def turned(self, degrees: float) -> "_Placed":
+        """About the vertical."""
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        turn = torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).to(self.sketch.points)
+        return _Placed(replace(self.sketch, points=self.sketch.points @ turn.T), self.category)
+
+
+def arranged(scene: Scene, sketches: Sequence[Sketch]) -> Sketch:
+    """The scene as one sketch in the unit ball, as members are.
+
+    Args:
+        sketches: of each of its things one, the front on +x, of any size.
+    """
+    parts = _real_sizes(scene, sketches)
+    standing: list[list[_Placed]] = [[] for _ in scene.things]
+    for number in _free(scene):
+        _beside(standing, number, [parts[number]] * scene.things[number].count)
+    for relation in scene.relations:
+        # Of two places the first one said counts.
+        if not standing[relation.thing]:
+            alike = [r.thing for r in scene.relations if (r.kind, r.targets) == (relation.kind, relation.targets)]
+            together = [number for number in alike if not standing[number]]
+            copies = {number: [parts[number]] * scene.things[number].count for number in together}
+            _place(standing, relation, copies)
+    return in_ball(Sketch.concatenate([one.sketch for group in standing for one in group]))
+
+
+def in_ball(sketch: Sketch) -> Sketch:
+    """Moves a sketch to the middle of the unit ball and makes it as large as that allows."""
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
+    middle = (points.amin(0) + points.amax(0)) / 2
+    scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
+    return replace(sketch, points=(sketch.points - middle) * scale)
+
+
+def _real_sizes(scene: Scene, sketches: Sequence[Sketch]) -> list[_Placed]:
+    """Each thing as large as it is, in metres, but none too small to be seen."""
+    metres = []
+    for thing in scene.things:
+        said = [SAID_SIZES[word] for word in thing.request.ignored if word in SAID_SIZES]
+        metres.append(CATEGORIES[thing.request.category].metres * math.prod(said))
+    found = []
+    for thing, sketch, size in zip(scene.things, sketches, metres, strict=True):
+        placed = _Placed(sketch, thing.request.category)
+        found.append(placed.scaled(max(size, LEAST * max(metres)) / float(placed.size.max())))
+    return found
+
+
+def _free(scene: Scene) -> list[int]:
+    """Things that stand anywhere: those that no relation is about."""
+    placed = {relation.thing for relation in scene.relations}
+    return [number for number in range(len(scene.things)) if number not in placed]
+
+
+def _place(standing: list[list[_Placed]], relation: Relation, copies: dict[int, list[_Placed]]) -> None:
+    """Places all things of which the same is said, by their numbers."""
+    targets = [one for number in relation.targets for one in standing[number]]
+    if not targets or relation.kind == "beside":
+        for number, alike in copies.items():
+            _beside(standing, number, alike)
+        return
+    row = [one for alike in copies.values() for one in alike]
+    if relation.kind in ("on", "under"):
+        found = _over(targets, row, _upon if relation.kind == "on" else _below)
+    elif relation.kind == "around":
+        found = _around(targets[0], row)
+    elif relation.kind == "between":
+        found = _between(standing, relation, targets, row)
+    else:
+        found = _aside(targets, row, SIDES[relation.kind])
+    for number, alike in copies.items():
+        standing[number], found = found[: len(alike)], found[len(alike) :]
+
+
+def _over(
+    targets: list[_Placed], copies: list[_Placed], put: Callable[[_Placed, _Placed, float], _Placed]
+) -> list[_Placed]:
+    """Dealt out to the targets, on each in a row from left to right, no longer than it."""
+    found: dict[int, _Placed] = {}
+    for first, target in enumerate(targets):
+        mine = copies[first :: len(targets)]
+        widths = [(1 + GAP) * float(one.size[1]) for one in mine]
+        total = sum(widths)
+        squeeze, edge = min(1.0, float(target.size[1]) / max(total, 1e-9)), -total / 2
+        for k, (one, width) in enumerate(zip(mine, widths, strict=True)):
+            found[first + k * len(targets)] = put(one, target, squeeze * (edge + width / 2))
+            edge += width
+    return [found[k] for k in range(len(copies))]
+
+
+def _upon(one: _Placed, target: _Placed, aside: float) -> _Placed:
+    return one.at(float(target.middle[0]), float(target.middle[1]) + aside, target.surface)
+
+
+def _below(one: _Placed, target: _Placed, aside: float) -> _Placed:
+    """On the target's ground, no higher than there is room; or below it, if there is none."""
+    x, y, ground = float(target.middle[0]), float(target.middle[1]) + aside, float(target.low[2])
+    if target.category not in ROOM_UNDER:
+        return one.at(x, y, ground - float(one.size[2]) - GAP * _larger(one, [target]) / 2)
+    fitted = one.scaled(min(1.0, UNDER * (target.surface - ground) / float(one.size[2])))
+    return fitted.at(x + ROOM_UNDER[target.category] * float(target.size[0]), y, ground)
+
+
+def _beside(standing: list[list[_Placed]], number: int, copies: list[_Placed]) -> None:
+    """On the ground, to the right of all that stands and to its left in turns."""
+    for one in copies:
+        there = [other for group in standing for other in group]
+        if not there:
+            standing[number].append(one.at(0.0, 0.0, 0.0))
+            continue
+        low, high = min(float(o.low[1]) for o in there), max(float(o.high[1]) for o in there)
+        right = high <= -low
+        away = float(one.size[1]) / 2 + GAP * _larger(one, there)
+        standing[number].append(one.at(0.0, high + away if right else low - away, 0.0))
+
+
+def _aside(targets: list[_Placed], copies: list[_Placed], side: tuple[int, int]) -> list[_Placed]:
+    """In a row, before, behind, to the left or to the right of the targets."""
+    low, high = (torch.stack([getattr(t, name) for t in targets]) for name in ("low", "high"))
+    low, high, found = low.amin(0), high.amax(0), []
+    middle = (low + high) / 2
+    ground, gap = float(low[2]), GAP * _larger(copies[0], targets)
+    for k, one in enumerate(copies):
+        width = float(one.size[1]) + gap
+        if side[0]:
+            edge = float(high[0] if side[0] > 0 else low[0])
+            x = edge + side[0] * (float(one.size[0]) / 2 + gap)
+            found.append(one.at(x, float(middle[1]) + (k - (len(copies) - 1) / 2) * width, ground))
+        else:
+            edge = float(high[1] if side[1] > 0 else low[1])
+            found.append(one.at(float(middle[0]), edge + side[1] * (float(one.size[1]) / 2 + gap + k * width), ground))
+    return found
+
+
+def _around(target: _Placed, copies: list[_Placed]) -> list[_Placed]:
+    """On an oval about the target, facing it."""
+    found, gap = [], GAP * _larger(copies[0], [target]) / 2
+    for k, one in enumerate(copies):
+        # One pair faces each other from the sides that one sees best.
+        degrees = 90 + 360 * k / len(copies)
+        x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        facing = one.turned(degrees + 180)
+        along_x, along_y = (float(n) / 2 + gap for n in target.size[:2] + one.size[0])
+        found.append(facing.at(float(target.middle[0]) + x * along_x, float(target.middle[1]) + y * along_y, 0.0))
+    return found
+
+
+def _between(
+    standing: list[list[_Placed]], relation: Relation, targets: list[_Placed], copies: list[_Placed]
+) -> list[_Placed]:
+    """In the middle of the targets, which make room to the left and to the right."""
+    gap = GAP * _larger(copies[0], targets)
+    widths = [float(one.size[1]) + gap for one in copies]
+    middle = float(torch.stack([t.middle for t in targets]).mean(0)[1])
+    half, edge, found = len(targets) // 2, middle - sum(widths) / 2, []
+    for one, width in zip(copies, widths, strict=True):
+        found.append(one.at(float(targets[0].middle[0]), edge + width / 2, 0.0))
+        edge += width
+    right, left, moved = middle + sum(widths) / 2 + gap, middle - sum(widths) / 2 - gap, {}
+    for k, target in enumerate(sorted(targets, key=lambda t: float(t.middle[1]))):
+        width = float(target.size[1])
+        if k < half:
+            moved[id(target)] = target.at(float(target.middle[0]), left - width / 2, 0.0)
+        else:
+            moved[id(target)] = target.at(float(target.middle[0]), right + width / 2, 0.0)
+            right += width + gap
+    for number in relation.targets:
+        standing[number] = [moved[id(one)] for one in standing[number]]
+    return found
+
+
+def _larger(one: _Placed, others: Sequence[_Placed]) -> float:
+    """The longest side of the larger of neighbours."""
+    return max(float(one.size.max()), *(float(other.size.max()) for other in others))

@@ -1,0 +1,243 @@
+"""Phrases of several things and where they stand: "a table with a lamp on it and two chairs".
+
+    THING [relation THING] [with THING [relation it]] [and THING [relation THING]] ...
+
+A thing is a phrase of the library (`phrase.py`); a relation one of `RELATIONS`.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.phrase import Request, parse
+from diff3ds.library.vocabulary import COUNTS, OPENING, words_of
+
+# How one says where a thing stands, and what it is called here.
+RELATIONS = {
+    "on top of": "on",
+    "on": "on",
+    "upon": "on",
+    "underneath": "under",
+    "beneath": "under",
+    "below": "under",
+    "under": "under",
+    "in front of": "in front of",
+    "behind": "behind",
+    "to the left of": "left of",
+    "on the left of": "left of",
+    "left of": "left of",
+    "to the right of": "right of",
+    "on the right of": "right of",
+    "right of": "right of",
+    "next to": "beside",
+    "beside": "beside",
+    "near": "beside",
+    "by": "beside",
+    "between": "between",
+    "around": "around",
+}
+PRONOUNS = ("it", "them")
+MOST_THINGS = 12
+_RELATION = re.compile(rf"^({'|'.join(sorted(RELATIONS, key=len, reverse=True))})\b ?")
+_STANDING = re.compile(
+    r"\b(that |which )?(is |are )?(standing|sitting|lying|placed|parked|floating|hanging) (?=on|in|by|under|be|n)"
+)
+_ARTICLES = ("a", "an", "the", *COUNTS)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """One or more of a kind, alike.
+
+    Attributes:
+        request: what each is; its count is one.
+        count: how many.
+        said: what each is, in words: "a red chair".
+    """
+
+    request: Request
+    count: int
+    said: str
+
+
+@dataclass(frozen=True)
+class Relation:
+    """Where a thing stands.
+
+    Attributes:
+        thing: the number of the thing.
+        kind: a value of `RELATIONS`.
+        targets: numbers of the things that it is said of: two for "between", else one.
+    """
+
+    thing: int
+    kind: str
+    targets: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Things, and where all but the first stand."""
+
+    things: tuple[Thing, ...]
+    relations: tuple[Relation, ...] = ()
+
+
+def parse_scene(phrase: str) -> Scene:
+    """What a phrase asks for, of one thing or several.
+
+    Raises:
+        ValueError: it is not understood; where it speaks of one thing, as `parse`.
+    """
+    try:
+        return Scene((_thing(phrase, parse(phrase)),))
+    except ValueError as error:
+        text = _STANDING.sub("", OPENING.sub("", " ".join(words_of(phrase.replace(",", " and ")))))
+        reader = _Reader(text.replace("and and", "and"), phrase)
+        if not reader.speaks_of_several():
+            raise
+        alone = error
+    scene = reader.read(alone)
+    if sum(thing.count for thing in scene.things) > MOST_THINGS:
+        raise ValueError(f"{phrase!r}: at most {MOST_THINGS} things can be drawn in a scene")
+    return scene
+
+
+def _thing(said: str, request: Request) -> Thing:
+    return Thing(replace(request, count=1), request.count, said)
+
+
+class _Reader:
+    """Reads a scene from its front to its end."""
+
+    def __init__(self, text: str, phrase: str) -> None:
+        self.rest = text.split()
+        self.phrase = phrase
+        self.things: list[Thing] = []
+        self.relations: list[Relation] = []
+        self.latest = 0  # that was named
+
+    def speaks_of_several(self) -> bool:
+        """Whether a word joins things in it, behind the first."""
+        return any(self._joins(place) for place in range(1, len(self.rest)))
+
+    def _joins(self, place: int) -> bool:
+        return self.rest[place] in ("and", "with") or bool(_RELATION.match(" ".join(self.rest[place:]) + " "))
+
+    def _longest(self, first: int, least: int = 1) -> tuple[Request, int] | None:
+        """The longest words from a place on that are a thing, and how many they are."""
+        for end in range(len(self.rest), first + least - 1, -1):
+            try:
+                return parse(" ".join(self.rest[first:end])), end - first
+            except ValueError:
+                continue
+        return None
+
+    def read(self, alone: ValueError) -> Scene:
+        """The scene.
+
+        Args:
+            alone: why the phrase is not one thing.
+        """
+        # Things of which nothing has been said: "a teapot and two mugs" may yet be "on a table".
+        listed = [self._take_thing(alone)]
+        latest = anchor = listed[0]
+        while self.rest:
+            joined = self.rest[0] in ("and", "with")
+            if joined:
+                if self.rest.pop(0) == "with":
+                    # "a mug on a table with a chair beside it"
+                    listed, anchor = [], self.latest
+                latest = self._take_thing(alone)
+                listed.append(latest)
+            relation = self._take_relation()
+            if relation is None and not joined:
+                raise self._lost(alone)
+            if relation is None:
+                continue
+            targets = self._take_targets(relation, anchor, alone)
+            for thing in listed or [latest]:
+                if thing == latest or (thing not in targets and self._may_stand(thing, targets[0])):
+                    self.relations.append(Relation(thing, relation, targets))
+            listed = []
+            latest = targets[-1] if not joined else latest
+        related = {relation.thing for relation in self.relations}
+        named = {target for relation in self.relations for target in relation.targets}
+        others = [number for number in range(1, len(self.things)) if number not in related | named]
+        beside = [Relation(number, "beside", (0,)) for number in others]
+        return Scene(tuple(self.things), tuple(_in_order([*self.relations, *beside])))
+
+    def _may_stand(self, thing: int, target: int) -> bool:
+        """Whether a thing that is listed before another is meant too: a sofa and a lamp on a table are not both."""
+        sizes = [CATEGORIES[self.things[number].request.category].metres for number in (thing, target)]
+        return sizes[0] < sizes[1]
+
+    def _take_thing(self, alone: ValueError) -> int:
+        """The number of the thing that comes next."""
+        found = self._longest(0)
+        if found is None:
+            raise self._lost(alone)
+        request, count = found
+        self.things.append(_thing(" ".join(self.rest[:count]), request))
+        del self.rest[:count]
+        self.latest = len(self.things) - 1
+        return self.latest
+
+    def _take_relation(self) -> str | None:
+        match = _RELATION.match(" ".join(self.rest) + " ")
+        if match is None:
+            return None
+        del self.rest[: len(match[1].split())]
+        return RELATIONS[match[1]]
+
+    def _take_targets(self, relation: str, anchor: int, alone: ValueError) -> tuple[int, ...]:
+        if len(self.things) > 1 and self.rest and self.rest[0] in PRONOUNS:
+            self.rest.pop(0)
+            return (anchor,)
+        targets = [self._take_target(alone)]
+        if relation == "between" and self.things[targets[0]].count == 1:
+            if self.rest[:1] != ["and"]:
+                raise ValueError(f"{self.phrase!r}: between what? Say between a tree and a house, or between two trees")
+            self.rest.pop(0)
+            targets.append(self._take_target(alone))
+        return tuple(targets)
+
+    def _take_target(self, alone: ValueError) -> int:
+        """A thing that was named before, as "the table", or a new one."""
+        if self.rest[:1] == ["the"] and (found := self._longest(0)) is not None:
+            request, count = found
+            for number, known in enumerate(self.things):
+                if known.request.category == request.category:
+                    del self.rest[:count]
+                    self.latest = number
+                    return number
+        return self._take_thing(alone)
+
+    def _lost(self, alone: ValueError) -> ValueError:
+        """What the first thing that is not understood is wrong about."""
+        if not self.rest:
+            return ValueError(f"{self.phrase!r}: something is missing at its end: what stands there?")
+        if self.things and not self._names_a_thing():
+            return alone
+        end = next((place for place in range(1, len(self.rest)) if self._joins(place)), len(self.rest))
+        try:
+            parse(" ".join(self.rest[:end]))
+        except ValueError as error:
+            return error
+        return alone
+
+    def _names_a_thing(self) -> bool:
+        """Whether the words that come next are about a thing rather than about what the one before them has."""
+        return self.rest[0] in _ARTICLES and any(self._joins(place) for place in range(1, len(self.rest)))
+
+
+def _in_order(relations: Sequence[Relation]) -> list[Relation]:
+    """Each after those that place its targets: the first thing, or what stands on nothing, comes first."""
+    left, done = list(relations), []
+    while left:
+        waiting = {relation.thing for relation in left}
+        ready = [r for r in left if not waiting & {*r.targets}] or left[:1]
+        done += ready
+        left = [relation for relation in left if relation not in ready]
+    return done

@@ -1,0 +1,179 @@
+"""Phrases of several things: what is understood, and where the things stand."""
+
+import itertools
+
+import pytest
+import torch
+
+from diff3ds.bezier import evaluate
+from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.layout import LEAST, arranged
+from diff3ds.library.members import member
+from diff3ds.library.phrase import is_slip, parse
+from diff3ds.library.scene import parse_scene
+
+READ = {
+    "a chair": ("1 chair", ""),
+    "two chairs": ("2 chair", ""),
+    "a chair with armrests and a high back": ("1 chair", ""),
+    "a table with a lamp on it and two chairs": ("1 table, 1 lamp, 2 chair", "1 on 0; 2 beside 0"),
+    "a mug that is standing on a round table": ("1 mug, 1 table", "0 on 1"),
+    "a teapot and three mugs on a table": ("1 teapot, 3 mug, 1 table", "0 on 2; 1 on 2"),
+    "a candle, a mug and a teapot on a table": ("1 candle, 1 mug, 1 teapot, 1 table", "0 on 3; 1 on 3; 2 on 3"),
+    "a sofa and a lamp on a table": ("1 sofa, 1 lamp, 1 table", "1 on 2"),
+    "a sofa and a lamp": ("1 sofa, 1 lamp", "1 beside 0"),
+    "a wine glass on a table with two chairs around it": ("1 wine glass, 1 table, 2 chair", "0 on 1; 2 around 1"),
+    "a bookshelf behind a sofa and a table in front of the sofa": (
+        "1 bookshelf, 1 sofa, 1 table",
+        "0 behind 1; 2 in front of 1",
+    ),
+    "a house between a tree and a windmill": ("1 house, 1 tree, 1 windmill", "0 between 1 2"),
+    "a church between two trees": ("1 church, 2 tree", "0 between 1"),
+    "a small table to the left of a bed": ("1 table, 1 bed", "0 left of 1"),
+    "a lamp on a table between two chairs": ("1 lamp, 1 table, 2 chair", "1 between 2; 0 on 1"),
+    "two cups of coffee on a kitchen table": ("2 mug, 1 table", "0 on 1"),
+    "A sketch of a fish underneath a boat.": ("1 fish, 1 sailing boat", "0 under 1"),
+}
+
+
+@pytest.mark.parametrize("phrase", READ)
+def test_what_is_read(phrase) -> None:
+    scene = parse_scene(phrase)
+    things = ", ".join(f"{thing.count} {thing.request.category}" for thing in scene.things)
+    relations = "; ".join(f"{r.thing} {r.kind} {' '.join(map(str, r.targets))}" for r in scene.relations)
+    assert (things, relations) == READ[phrase]
+    assert all(thing.request.count == 1 for thing in scene.things)
+
+
+REFUSED = {
+    "a table with a lamp on": "something is missing at its end",
+    "a chair and": "something is missing at its end",
+    "a dragon on a table": "'a dragon': the built-in prior does not know 'dragon'",
+    "a table with a dragon on it": "'a dragon': the built-in prior does not know 'dragon'",
+    "a chair with wheels": "what it knows of a chair",
+    "a chair between a table": "between what",
+    "ten chairs around a table": "'ten chairs'",
+    "six chairs around a table beside six trees": "at most 12 things",
+    "": "the phrase is empty",
+}
+
+
+@pytest.mark.parametrize("phrase", REFUSED)
+def test_what_is_refused(phrase) -> None:
+    with pytest.raises(ValueError, match=REFUSED[phrase]):
+        parse_scene(phrase)
+
+
+def placed(phrase: str) -> list[list[torch.Tensor]]:
+    """Low and high corners of each thing's copies, of those in the ball."""
+    scene = parse_scene(phrase)
+    generator = torch.Generator().manual_seed(0)
+    sketches = [member(t.request.category, generator, t.request.attributes).sketch for t in scene.things]
+    whole = arranged(scene, sketches)
+    points = evaluate(whole.points, whole.weights, torch.linspace(0, 1, 65))
+    assert points.norm(dim=-1).max() == pytest.approx(0.95, abs=1e-3)
+    order = []
+    # `arranged` concatenates copies thing by thing.
+    start = 0
+    for thing, sketch in zip(scene.things, sketches, strict=True):
+        boxes = []
+        for _ in range(thing.count):
+            own = points[start : start + len(sketch)].reshape(-1, 3)
+            boxes.append(torch.stack([own.amin(0), own.amax(0)]))
+            start += len(sketch)
+        order.append(boxes)
+    assert start == len(whole)
+    return order
+
+
+def test_what_stands_on_a_table_stands_on_its_top() -> None:
+    (table,), (lamp,) = placed("a table with a lamp on it")
+    assert lamp[0, 2] == pytest.approx(float(table[1, 2]), abs=1e-3)
+    assert (table[0, :2] < lamp[0, :2]).all()
+    assert (lamp[1, :2] < table[1, :2]).all()
+    sizes = [(box[1] - box[0]).max() for box in (table, lamp)]
+    wanted = CATEGORIES["table"].metres / CATEGORIES["lamp"].metres
+    assert sizes[0] / sizes[1] == pytest.approx(wanted, rel=0.01)
+
+
+def test_what_stands_on_a_chair_stands_on_its_seat() -> None:
+    (book,), (chair,) = placed("a teapot on a chair")
+    height = chair[1, 2] - chair[0, 2]
+    assert float((book[0, 2] - chair[0, 2]) / height) == pytest.approx(CATEGORIES["chair"].carries, abs=1e-3)
+
+
+def test_things_on_one_table_do_not_overlap() -> None:
+    (one,), mugs, (table,) = placed("a teapot and three mugs on a table")
+    row = sorted([one, *mugs], key=lambda box: float(box[0, 1]))
+    assert all(left[1, 1] < right[0, 1] for left, right in itertools.pairwise(row))
+    assert all(box[0, 2] == pytest.approx(float(table[1, 2]), abs=1e-3) for box in row)
+
+
+@pytest.mark.parametrize(
+    ("relation", "axis", "sign"),
+    [("in front of", 0, 1), ("behind", 0, -1), ("to the right of", 1, 1), ("to the left of", 1, -1)],
+)
+def test_sides(relation, axis, sign) -> None:
+    (car,), (house,) = placed(f"a car {relation} a house")
+    near, far = (car[0, axis], house[1, axis]) if sign > 0 else (house[0, axis], car[1, axis])
+    assert near > far
+    # On one ground, and in the middle of the other direction.
+    assert car[0, 2] == pytest.approx(float(house[0, 2]), abs=1e-3)
+    assert car[:, 1 - axis].mean() == pytest.approx(float(house[:, 1 - axis].mean()), abs=1e-3)
+
+
+def test_between_around_under_and_beside() -> None:
+    (church,), trees = placed("a church between two trees")
+    left, right = sorted(trees, key=lambda box: float(box[0, 1]))
+    assert left[1, 1] < church[0, 1]
+    assert church[1, 1] < right[0, 1]
+    chairs, (table,) = placed("four chairs around a round table")
+    middles = torch.stack([box.mean(0) for box in chairs]) - table.mean(0)
+    assert [(float(m[1]) > 0.1, float(m[0]) < -0.1) for m in middles[:2]] == [(True, False), (False, True)]
+    (fish,), (boat,) = placed("a fish under a boat")
+    assert fish[1, 2] < boat[0, 2]
+    (mug,), (table,) = placed("a mug under a table")
+    assert table[0, 2] == pytest.approx(float(mug[0, 2]), abs=1e-3)
+    assert mug[1, 2] < table[1, 2]
+    boxes = [box for thing in placed("a table, a bed and two chairs") for box in thing]
+    row = sorted(boxes, key=lambda box: float(box[0, 1]))
+    assert all(one[1, 1] < other[0, 1] for one, other in itertools.pairwise(row))
+
+
+def test_small_things_are_seen_and_said_sizes_count() -> None:
+    (bicycle,), (church,) = placed("a bicycle beside a church")
+    sizes = [float((box[1] - box[0]).max()) for box in (bicycle, church)]
+    assert sizes[0] / sizes[1] == pytest.approx(LEAST, rel=0.01)
+    (big,), (small,) = placed("a big chair and a small chair")
+    ratio = float((big[1] - big[0]).max() / (small[1] - small[0]).max())
+    assert ratio == pytest.approx(1.3 / 0.75, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "slip"),
+    [
+        ("chiar", "chair", True),
+        ("umbrela", "umbrella", True),
+        ("ladder", "lader", True),
+        ("windmil", "windmill", True),
+        ("bicyle", "bicycle", True),
+        ("horse", "house", False),
+        ("hose", "house", False),
+        ("bride", "bridge", False),
+        ("cable", "table", False),
+        ("castle", "candle", False),
+        ("bow", "bwo", False),
+        ("chair", "chair", False),
+    ],
+)
+def test_slips_of_the_pen(word, known, slip) -> None:
+    assert is_slip(word, known) is slip
+
+
+def test_misspelt_and_unseen_words_are_taken_and_told() -> None:
+    request = parse("two old wooden chiars with armrsets")
+    assert (request.category, request.count, request.attributes) == ("chair", 2, ("armrests",))
+    assert request.ignored == ("old", "wooden")
+    assert dict(request.corrected) == {"chiars": "chairs", "armrsets": "armrests"}
+    assert parse("a glass bottle").category == "bottle"
+    assert parse("a steaming cup of tea").attributes == ("steam",)

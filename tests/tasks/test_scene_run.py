@@ -1,0 +1,68 @@
+"""`diff3ds text` of several things: the folder of the run, Ctrl-C and going on."""
+
+import json
+
+import pytest
+import torch
+
+from diff3ds import load
+from diff3ds.tasks.progress import Stopped
+from diff3ds.tasks.text_image.prior_options import PriorOptions
+from diff3ds.tasks.text_image.run_spec import CameraOptions, DescentOptions, OutputOptions, RunSpec
+from diff3ds.tasks.text_image.subject import Phrase
+from diff3ds.tasks.text_image.text import run_text
+
+PHRASE = "an old table with a mug on it and two chiars"
+
+
+def spec(phrase: str = PHRASE, prior: str = "exemplar", **output) -> RunSpec[Phrase]:
+    descent = DescentOptions(steps=3, sharpen=False)
+    options = OutputOptions(sheet_every=0, **output)
+    return RunSpec(Phrase(phrase), PriorOptions(prior), cameras=CameraOptions(size=32), descent=descent, output=options)
+
+
+def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
+    said: list[str] = []
+    sketch = run_text(spec(), tmp_path / "run", say=said.append)
+    things = sorted(path.name for path in (tmp_path / "run/things").iterdir())
+    assert things == ["1_table", "2_mug", "3_chair"]
+    table, mug, chair = (load(tmp_path / "run/things" / name / "sketch.json") for name in things)
+    assert len(sketch) == len(table) + len(mug) + 2 * len(chair)
+    # Placed, never bent: the two chairs differ by a shift.
+    first, second = sketch.points[-2 * len(chair) : -len(chair)], sketch.points[-len(chair) :]
+    assert (second - first).reshape(-1, 3).std(0).max() < 1e-5
+    assert "'chiars' is taken for 'chairs'" in said
+    assert "'old' changes nothing: lines do not show it" in said
+    info = json.loads((tmp_path / "run/run.json").read_text())
+    assert info["options"]["phrase"] == PHRASE
+    assert len(info["things"]) == 3
+    assert torch.equal(load(tmp_path / "run/sketch.json").points, sketch.points)
+
+
+def test_a_stopped_scene_is_usable_and_goes_on_to_the_same(tmp_path) -> None:
+    whole = run_text(spec(), tmp_path / "whole")
+
+    def stop(progress) -> None:
+        if progress.stage.startswith("a mug") and progress.done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Stopped):
+        run_text(spec(), tmp_path / "run", report=stop)
+    info = json.loads((tmp_path / "run/run.json").read_text())
+    assert info["stopped_early"]
+    assert 0 < len(load(tmp_path / "run/sketch.json")) < len(whole)
+    with pytest.raises(ValueError, match="holds a run: give another folder"):
+        run_text(spec(), tmp_path / "run")
+    with pytest.raises(ValueError, match="a run of another phrase"):
+        run_text(spec("a chair and a table", resume=True), tmp_path / "run")
+    again = run_text(spec(resume=True), tmp_path / "run")
+    assert torch.equal(again.points, whole.points)
+    alone = run_text(spec("a chair", overwrite=True), tmp_path / "run")
+    assert not (tmp_path / "run/things").exists()
+    assert len(alone) < len(whole)
+
+
+def test_the_small_network_draws_scenes_too(tmp_path) -> None:
+    sketch = run_text(spec("a mug on a table", prior="small"), tmp_path / "run")
+    assert len(sketch)
+    assert (tmp_path / "run/things/2_table/sketch.json").exists()
