@@ -7,6 +7,7 @@ from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
 from diff3ds.formats.dxf import save_dxf
 from diff3ds.formats.framing import framed
+from diff3ds.formats.glb import save_glb
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.step import load_step, save_step
@@ -21,6 +22,7 @@ __all__ = [
     "load_step",
     "save",
     "save_dxf",
+    "save_glb",
     "save_json",
     "save_png",
     "save_step",
@@ -33,9 +35,10 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".step": save_step,
     ".stp": save_step,
     ".dxf": save_dxf,
+    ".glb": save_glb,
 }
 # Formats whose files say in which unit of length they are.
-_WITH_UNITS = (".step", ".stp", ".dxf")
+_WITH_UNITS = (".step", ".stp", ".dxf", ".glb")
 PICTURES = (".svg", ".png")
 _READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
 
@@ -46,13 +49,14 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.json`: everything, bit for bit.
     * `.step`, `.stp`: exact curves and weights, and colours, for CAD programs (see `save_step`).
     * `.dxf`: the same as lines, arcs, circles, ellipses and splines on a layer a colour (see `save_dxf`).
+    * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.png`: the views of `cameras` in a grid, rendered over white.
 
     Args:
         cameras: the views of a picture; formats that hold the sketch itself need none.
         unit: what a world unit is, in formats that know units of length: "mm", "cm", "m", "in" or "ft"; by default mm
-            in those for CAD.
+            in those for CAD, m in GLB.
 
     Raises:
         TypeError: not a sketch.

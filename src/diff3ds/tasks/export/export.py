@@ -23,6 +23,8 @@ def run_export(source: Path, file: Path, options: ExportOptions) -> Sketch:
         raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
     if options.dxf_polylines and file.suffix.lower() != ".dxf":
         raise ValueError(f"{file}: --dxf-polylines is for .dxf files")
+    if options.up == "y" and file.suffix.lower() == ".glb":
+        raise ValueError(f"{file}: GLB files have y up by themselves: leave --up out")
     sketch = load_sketch(source)
     if options.scale != 1 or options.up != "z":
         sketch = sketch.transform(_placement(options).to(sketch.points))

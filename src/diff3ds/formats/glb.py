@@ -1,0 +1,113 @@
+"""GLB files (binary glTF 2.0) for viewers and scenes: strokes as tubes (`tubes.py`); an own small writer.
+
+One node a stroke, called "stroke 0", "stroke 1" and so on, and one material a colour and opacity. glTF is in metres
+with y up and z in front: x, y and z of a sketch become z, x and y, as `formats.mesh` reads them back. Numbers are
+float32, relative to the middle of the sketch, whose place is that of the root node.
+"""
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diff3ds._files import write_bytes
+from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds._version import __version__
+from diff3ds.formats.framing import ball_of
+from diff3ds.formats.tubes import Tube, tubes_of
+from diff3ds.sketch import Sketch
+
+# Of the glTF standard: numbers for float, unsigned int, vertices, indices.
+_FLOAT, _UINT32, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
+
+
+def save_glb(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
+    """Writes a GLB file, whole or not at all.
+
+    Args:
+        unit: what a world unit is; the file is in metres.
+
+    Raises:
+        ValueError: no strokes with a width, a unit that is not known, values that have become invalid since the sketch
+            was made, or more than the 4 GiB that the format can hold.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    check_unit(unit)
+    sketch.check_values()
+    tubes = {i: tube for i, tube in enumerate(tubes_of(sketch)) if len(tube.faces)}
+    if not tubes:
+        raise ValueError(f"{path}: a GLB file needs at least one stroke with a width, got none of {len(sketch)}")
+    middle, _ = ball_of(sketch)
+    metres = MILLIMETRES[unit] / 1000
+    buffer = bytearray()
+    content = _scene(sketch, tubes, middle.numpy(), metres, buffer)
+    text = json.dumps(content, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    length = 12 + 8 + len(text) + 8 + len(buffer)
+    if length >= 1 << 32:
+        raise ValueError(f"{path}: {length} bytes are more than the 4 GiB of a GLB file: export parts of the sketch")
+    header = _MAGIC + struct.pack("<II", 2, length) + struct.pack("<I", len(text)) + _JSON
+    write_bytes(path, b"".join([header, text, struct.pack("<I", len(buffer)) + _BINARY, bytes(buffer)]))
+
+
+def _scene(sketch: Sketch, tubes: dict[int, Tube], middle: Any, metres: float, buffer: bytearray) -> dict[str, Any]:
+    """What the file says in JSON; numbers go to the buffer."""
+    accessors: list[dict[str, Any]] = []
+    views: list[dict[str, Any]] = []
+    meshes, nodes = [], []
+    materials: dict[tuple[float, ...], int] = {}
+
+    def stored(values: Any, kind: str, component: int, target: int, **more: Any) -> int:
+        content = values.tobytes()
+        views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": len(content), "target": target})
+        buffer.extend(content)
+        accessors.append(
+            {
+                "bufferView": len(views) - 1,
+                "componentType": component,
+                "count": values.size // (3 if kind == "VEC3" else 1),
+            }
+            | {"type": kind, **more}
+        )
+        return len(accessors) - 1
+
+    for stroke, tube in tubes.items():
+        vertices = ((tube.vertices - middle) * metres)[:, [1, 2, 0]].astype("<f4")
+        bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}
+        attributes = {
+            "POSITION": stored(vertices, "VEC3", _FLOAT, _VERTICES, **bounds),
+            "NORMAL": stored(tube.normals[:, [1, 2, 0]].astype("<f4"), "VEC3", _FLOAT, _VERTICES),
+        }
+        faces = stored(tube.faces.astype("<u4"), "SCALAR", _UINT32, _INDICES)
+        look = (*sketch.color[stroke].tolist(), float(sketch.opacity[stroke]))
+        material = materials.setdefault(look, len(materials))
+        primitive = {"attributes": attributes, "indices": faces, "material": material}
+        meshes.append({"name": f"stroke {stroke}", "primitives": [primitive]})
+        nodes.append({"name": f"stroke {stroke}", "mesh": len(meshes) - 1})
+    place = (np.asarray(middle)[[1, 2, 0]] * metres).tolist()
+    root = {"name": "sketch", "translation": place, "children": list(range(len(nodes)))}
+    return {
+        "asset": {"version": "2.0", "generator": f"diff3ds {__version__}"},
+        "scene": 0,
+        "scenes": [{"nodes": [len(nodes)]}],
+        "nodes": [*nodes, root],
+        "meshes": meshes,
+        "materials": [_material(*look) for look in materials],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(buffer)}],
+    }
+
+
+def _material(r: float, g: float, b: float, opacity: float) -> dict[str, Any]:
+    """A matt colour; glTF's are linear, those of sketches are sRGB (IEC 61966-2-1)."""
+    clamped = [min(max(c, 0.0), 1.0) for c in (r, g, b)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in clamped]
+    surface = {"baseColorFactor": [*linear, opacity], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    blend = {"alphaMode": "BLEND"} if opacity < 1 else {}
+    name = "#" + "".join(f"{round(c * 255):02x}" for c in clamped)
+    return {"name": name, "pbrMetallicRoughness": surface, **blend}
