@@ -228,8 +228,49 @@ def test_an_orthographic_view_begins_at_the_near_plane(tmp_path):
 def test_coordinates_stay_near_the_image(tmp_path):
     save_svg(tmp_path / "a.svg", SKETCHES["through the near plane"], CAMERAS[0])
     points = torch.cat(list(curves_of(tmp_path / "a.svg").values()))
-    assert points.min() >= -256
-    assert points.max() <= 512
+    # Half of the width of .02 of 256 pixels, and the rounding of what is written.
+    assert points.min() >= -2.56 - ROUNDING
+    assert points.max() <= 256 + 2.56 + ROUNDING
+
+
+def test_a_stroke_that_leaves_the_page_and_returns_is_cut_exactly(tmp_path):
+    """Seen along x, y to the right and z up, 10 px a unit: a line to far above, and an arc beyond the right border."""
+    points = torch.tensor(
+        [[[0.0, 0, -0.2], [0, 0, 1], [0, 0, 2], [0, 0, 90.0]], [[0, 0, -1], [0, 8, -1], [0, 8, 1], [0, 0, 1]]]
+    )
+    save_svg(tmp_path / "a.svg", ds.Sketch(points, width=0.1), ds.orbit(0.0, height=4.0, size=40))
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    paths = {path.get("id"): path.get("d") for path in root.iter(SPACE + "path")}
+    assert set(paths) == {"stroke-0", "stroke-1"}
+    ends = {name: [float(v) for v in re.split("[MC ,]+", d)[1:]] for name, d in paths.items()}
+    assert paths["stroke-0"].count("M") == 1
+    assert ends["stroke-0"][:2] == [20, 22]
+    # The ink of half a width, 2 px, ends at the border.
+    assert ends["stroke-0"][-2:] == [20, -2]
+    assert paths["stroke-1"].count("M") == 2
+    assert max(ends["stroke-1"][0::2]) <= 42 + 1e-3
+
+
+def test_a_stroke_that_comes_onto_the_page_stays_one_path(tmp_path):
+    points = torch.tensor([[[0.0, 0, 9], [0, 0, 1]], [[0, 0, 1], [0, 1, 1]], [[0, 1, 1], [0, 9, 1]]])
+    sketch = ds.Sketch(points, width=0.1, chains=ds.Chains.of([3]))
+    save_svg(tmp_path / "a.svg", sketch, ds.orbit(0.0, height=4.0, size=40))
+    (path,) = ElementTree.parse(tmp_path / "a.svg").iter(SPACE + "path")
+    assert (path.get("d").count("M"), path.get("d").count("C")) == (1, 3)
+
+
+def test_a_page_in_millimetres_without_percentages_and_inner_pages(tmp_path):
+    for cameras in (CAMERAS, CAMERAS[0]):
+        save_svg(tmp_path / "a.svg", SKETCHES["circle"], cameras, width_mm=100)
+        root = ElementTree.parse(tmp_path / "a.svg").getroot()
+        assert (root.get("width"), root.get("height")) == ("100mm", "50mm" if len(cameras) == 2 else "100mm")
+        assert root.get("viewBox") == f"0 0 {256 * len(cameras)} 256"
+        assert not list(root.iter(SPACE + "svg"))[1:]
+        assert "%" not in (tmp_path / "a.svg").read_text()
+        names = [element.get("id") for element in root.iter() if element.get("id")]
+        assert len(set(names)) == len(names)
+    with pytest.raises(ValueError, match="width_mm must be positive, got 0"):
+        save_svg(tmp_path / "a.svg", SKETCHES["circle"], CAMERAS, width_mm=0)
 
 
 def test_a_stroke_that_is_wider_than_the_image_comes_to_an_end(monkeypatch):
@@ -255,8 +296,11 @@ def test_styles(tmp_path):
     root = ElementTree.parse(tmp_path / "a.svg").getroot()
     assert (root.get("width"), root.get("height")) == ("128", "80")
     assert root.find(SPACE + "rect").get("fill") == "#0033ff"
-    views = root.findall(SPACE + "svg")
-    assert [(v.get("x"), v.get("y")) for v in views] == [("0", "0"), ("64", "0"), ("0", "40")]
+    assert root.get("viewBox") == "0 0 128 80"
+    views = root.findall(SPACE + "g")
+    assert [v.get("id") for v in views] == ["view-0", "view-1", "view-2"]
+    pages = [page.find(SPACE + "rect") for page in root.findall(SPACE + "clipPath")]
+    assert [(p.get("x"), p.get("y")) for p in pages] == [("0", "0"), ("64", "0"), ("0", "40")]
     style = views[2].find(SPACE + "path").attrib
     assert (style["stroke"], style["stroke-width"], style["stroke-opacity"]) == ("#ff8000", "5", "0.25")
     save_svg(tmp_path / "a.svg", sketch, ds.orbit(0.0), background=None)

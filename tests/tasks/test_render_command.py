@@ -137,6 +137,8 @@ def test_sizes():
         (["-o", "a.webp", "--turntable", "5", "--azimuth", "0", "9"], "a turntable goes once round from one --azimuth"),
         (["-o", "a.png", "--turntable", "1"], "--turntable must be from 2"),
         (["-o", "a.png", "--size", "0"], "--size must be a number of pixels or WIDTHxHEIGHT"),
+        (["-o", "a.png", "--width-mm", "5"], "--width-mm is for .svg files"),
+        (["-o", "a.svg", "--width-mm", "-5"], "--width-mm must be positive"),
         (["-o", "a.png", "--elevation", "91"], "--elevation must be from -90 to 90"),
         (["-o", "a.png", "--height", "0"], "--height must be positive"),
         (["-o", "a.png", "--background", "pink"], "--background must be white, black or R,G,B"),

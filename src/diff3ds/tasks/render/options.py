@@ -63,6 +63,7 @@ class PictureOptions:
         turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
+        width_mm: of an SVG file's page on paper, millimetres.
     """
 
     size: str | None = None
@@ -70,6 +71,7 @@ class PictureOptions:
     turntable: int | None = None
     fps: int = 24
     sheet: bool = False
+    width_mm: float | None = None
 
     def __post_init__(self) -> None:
         if self.size is not None:
@@ -78,6 +80,9 @@ class PictureOptions:
             parse_color(self.background)
         if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
             raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
+        require_finite(self)
+        if self.width_mm is not None and self.width_mm <= 0:
+            raise ValueError(f"width_mm must be positive, got {self.width_mm:g}")
         if not 1 <= self.fps <= 100:
             raise ValueError(f"fps must be from 1 to 100, got {self.fps}")
         if self.turntable is not None and self.sheet:
@@ -116,6 +121,8 @@ def check_file(file: Path, options: PictureOptions) -> None:
     suffix = file.suffix.lower()
     if suffix not in (*STILLS, *MOVIES):
         raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {', '.join((*STILLS, *MOVIES))}")
+    if options.width_mm is not None and suffix != ".svg":
+        raise ValueError(f"{file}: --width-mm is for .svg files: others have a --size in pixels")
     if suffix in MOVIES and options.turntable is None:
         raise ValueError(f"{file}: a {suffix} file holds a turntable: give --turntable 120, or a .png or .svg file")
     if suffix in STILLS and options.turntable is not None:

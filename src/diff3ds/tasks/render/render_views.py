@@ -73,7 +73,7 @@ def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Came
 def _save(file: Path, sketch: Sketch, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
     """One file of one view or a sheet."""
     if file.suffix.lower() == ".svg":
-        save_svg(file, sketch, cameras, background=picture.color)
+        save_svg(file, sketch, cameras, background=picture.color, width_mm=picture.width_mm)
     else:
         views = torch.stack(list(_drawn(sketch, cameras, picture, report)))
         save_png(file, tile_images(views))
