@@ -171,8 +171,8 @@ def test_proportions_are_said_once_along_an_axis(phrase):
         ("four pairs of chairs", "8 things are too many"),
         ("chairs", "say how many: two chairs, or one"),
         (
-            "several chairs",
-            "does not know 'several'; what it knows of a chair: with armrests, .*: black.*to six",
+            "numerous chairs",
+            "does not know 'numerous'; what it knows of a chair: with armrests, .*: black.*to six",
         ),
         (
             "a spotted car",

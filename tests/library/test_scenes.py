@@ -32,6 +32,17 @@ READ = {
     "a small table to the left of a bed": ("1 table, 1 bed", "0 left of 1"),
     "a lamp on a table between two chairs": ("1 lamp, 1 table, 2 chair", "1 between 2; 0 on 1"),
     "two cups of coffee on a kitchen table": ("2 mug, 1 table", "0 on 1"),
+    "two hot air balloons flying above a house": ("2 hot-air balloon, 1 house", "0 above 1"),
+    "a sofa with a lamp on the left and a plant on the right": (
+        "1 sofa, 1 lamp, 1 flower",
+        "1 left of 0; 2 right of 0",
+    ),
+    "a table with a candle, a bottle and two chairs": (
+        "1 table, 1 candle, 1 bottle, 2 chair",
+        "1 on 0; 2 on 0; 3 beside 0",
+    ),
+    "a ladder leaning against the house": ("1 ladder, 1 house", "0 beside 1"),
+    "an old windmill and some flowers": ("1 windmill, 3 flower", "1 beside 0"),
     "A sketch of a fish underneath a boat.": ("1 fish, 1 sailing boat", "0 under 1"),
 }
 
@@ -62,6 +73,21 @@ REFUSED = {
 def test_what_is_refused(phrase) -> None:
     with pytest.raises(ValueError, match=REFUSED[phrase]):
         parse_scene(phrase)
+
+
+@pytest.mark.parametrize(
+    ("phrase", "category", "unseen"),
+    [
+        ("3 cactuses in the desert", "cactus", ("in the desert",)),
+        ("a rocket going to the moon", "rocket", ("to the moon",)),
+        ("my bedroom with a bed and a lamp", "bed", ("bedroom",)),
+        ("a really big blue rocket with 3 windows", "rocket", ("really", "big", "3")),
+        ("a pirate sword", "sword", ("pirate",)),
+    ],
+)
+def test_what_is_not_drawn_is_told(phrase, category, unseen) -> None:
+    request = parse_scene(phrase).things[0].request
+    assert (request.category, request.ignored, request.corrected) == (category, unseen, ())
 
 
 def placed(phrase: str) -> list[list[torch.Tensor]]:
@@ -130,6 +156,8 @@ def test_between_around_under_and_beside() -> None:
     chairs, (table,) = placed("four chairs around a round table")
     middles = torch.stack([box.mean(0) for box in chairs]) - table.mean(0)
     assert [(float(m[1]) > 0.1, float(m[0]) < -0.1) for m in middles[:2]] == [(True, False), (False, True)]
+    balloons, (house,) = placed("two hot air balloons above a house")
+    assert all(balloon[0, 2] > house[1, 2] for balloon in balloons)
     (fish,), (boat,) = placed("a fish under a boat")
     assert fish[1, 2] < boat[0, 2]
     (mug,), (table,) = placed("a mug under a table")
@@ -157,6 +185,7 @@ def test_small_things_are_seen_and_said_sizes_count() -> None:
         ("ladder", "lader", True),
         ("windmil", "windmill", True),
         ("bicyle", "bicycle", True),
+        ("bycicle", "bicycle", True),
         ("horse", "house", False),
         ("hose", "house", False),
         ("bride", "bridge", False),

@@ -48,7 +48,7 @@ CATEGORY = Category(
     synonyms=("blossom", "rose", "daisy"),
     attributes=(
         Attribute("tulip", ("cup-shaped",), nouns=("tulip",)),
-        Attribute("pot", ("with a pot", "potted")),
+        Attribute("pot", ("with a pot", "potted"), nouns=("plant", "house plant", "flower pot")),
     ),
     parts=(
         "petals",

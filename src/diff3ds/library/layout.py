@@ -126,8 +126,8 @@ def _place(standing: list[list[_Placed]], relation: Relation, copies: dict[int, 
             _beside(standing, number, alike)
         return
     row = [one for alike in copies.values() for one in alike]
-    if relation.kind in ("on", "under"):
-        found = _over(targets, row, _upon if relation.kind == "on" else _below)
+    if relation.kind in PUT:
+        found = _over(targets, row, PUT[relation.kind])
     elif relation.kind == "around":
         found = _around(targets[0], row)
     elif relation.kind == "between":
@@ -165,6 +165,15 @@ def _below(one: _Placed, target: _Placed, aside: float) -> _Placed:
         return one.at(x, y, ground - float(one.size[2]) - GAP * _larger(one, [target]) / 2)
     fitted = one.scaled(min(1.0, UNDER * (target.surface - ground) / float(one.size[2])))
     return fitted.at(x + ROOM_UNDER[target.category] * float(target.size[0]), y, ground)
+
+
+def _above(one: _Placed, target: _Placed, aside: float) -> _Placed:
+    """In the air over the target, half the height of the smaller of them away."""
+    height = float(target.high[2]) + min(float(one.size[2]), float(target.size[2])) / 2
+    return one.at(float(target.middle[0]), float(target.middle[1]) + aside, height)
+
+
+PUT = {"on": _upon, "under": _below, "above": _above}
 
 
 def _beside(standing: list[list[_Placed]], number: int, copies: list[_Placed]) -> None:

@@ -178,6 +178,12 @@ class _Reader:
         """Whether this is an attribute, the lack of one, or a part that all have; heeds it."""
         name, lacking = self._named(preposition, said), self._named(OPPOSITE[preposition], said)
         part = _bare(said) in map(_bare, self.category.parts)
+        first, _, rest = said.partition(" ")
+        if name is None and lacking is None and not part and rest and first in {*COUNTS, *SIZES, *UNSEEN}:
+            # "with 3 windows", "with a tiny door"
+            known = self._takes(preposition, rest)
+            self.ignored += [first] if known else []
+            return known
         if name is not None:
             self.attributes.add(name)
         elif lacking is not None:
@@ -289,11 +295,12 @@ def _words() -> frozenset[str]:
     said += [way for c in CATEGORIES.values() for a in c.attributes for way in a.phrases]
     said += [part for category in CATEGORIES.values() for part in category.parts]
     words = {word for way in said for word in words_of(way)}
-    return frozenset(words | {word + "s" for word in words} | {word.removesuffix("s") for word in words})
+    plurals = {word + ending for word in words for ending in ("s", "es")}
+    return frozenset(words | plurals | {word.removesuffix("s") for word in words})
 
 
 def is_slip(word: str, known: str) -> bool:
-    """Whether a word is surely a known one with a slip of the pen: two neighbours swapped, or a letter too many or few.
+    """Whether a word is surely a known one with a slip of the pen: two letters swapped, or one too many or too few.
 
     Doubled letters slip in any word; of others the known word must have seven letters, and a wrong letter is none:
     "hose" is no house, "bride" no bridge, and "horse" no slip of "house".
@@ -302,8 +309,9 @@ def is_slip(word: str, known: str) -> bool:
         return False
     if len(word) == len(known):
         wrong = [i for i in range(len(word)) if word[i] != known[i]]
-        swapped = len(wrong) == 2 and wrong[1] == wrong[0] + 1
-        return swapped and (word[wrong[0]], word[wrong[1]]) == (known[wrong[1]], known[wrong[0]])
+        swapped = len(wrong) == 2 and (word[wrong[0]], word[wrong[1]]) == (known[wrong[1]], known[wrong[0]])
+        # Farther apart in long words only, and never the first: "bycicle".
+        return swapped and (wrong[1] == wrong[0] + 1 or (len(known) >= 7 and wrong[0] > 0))
     short, long = sorted((word, known), key=len)
     if len(long) != len(short) + 1:
         return False

@@ -13,6 +13,26 @@ from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import COUNTS, OPENING, words_of
 
+# Where a thing is said to be without a target: beside what was named before.
+UNAIMED = {
+    "on the left": "left of",
+    "to the left": "left of",
+    "on the right": "right of",
+    "to the right": "right of",
+    "in front": "in front of",
+    "in the back": "behind",
+}
+# Where a scene plays: no lines are drawn of these, which is said.
+PLACES = re.findall(
+    r"living room|\w+",
+    """
+    air bathroom beach bedroom city classroom countryside day desert distance evening field forest garden grass ground
+    jungle kitchen lake lawn living room meadow middle moon morning mountains night ocean park rain road room school
+    sea sky snow space storm street sun town village water wind woods world yard
+    """,
+)
+# On these small things stand where they are said to be there "with" it.
+CARRIERS = ("table", "bookshelf")
 # How one says where a thing stands, and what it is called here.
 RELATIONS = {
     "on top of": "on",
@@ -30,6 +50,9 @@ RELATIONS = {
     "to the right of": "right of",
     "on the right of": "right of",
     "right of": "right of",
+    "above": "above",
+    "over": "above",
+    "against": "beside",
     "next to": "beside",
     "beside": "beside",
     "near": "beside",
@@ -40,9 +63,33 @@ RELATIONS = {
 PRONOUNS = ("it", "them")
 MOST_THINGS = 12
 _RELATION = re.compile(rf"^({'|'.join(sorted(RELATIONS, key=len, reverse=True))})\b ?")
-_STANDING = re.compile(
-    r"\b(that |which )?(is |are )?(standing|sitting|lying|placed|parked|floating|hanging) (?=on|in|by|under|be|n)"
+_VERBS = "|".join(
+    [
+        "driving",
+        "floating",
+        "flying",
+        "going",
+        "growing",
+        "hanging",
+        "leaning",
+        "lying",
+        "parked",
+        "placed",
+        "resting",
+        "sailing",
+        "sitting",
+        "standing",
+        "swimming",
+    ]
 )
+_STANDING = re.compile(rf"\b(that |which )?((is|are) )?({_VERBS}) (?=on|in|by|under|be|ne|a|o|to|th|up)")
+_PLACE = "|".join(PLACES)
+# Not where it belongs to a noun: "on a kitchen table".
+_JOINERS = "|".join(["and", "with", *RELATIONS])
+_AT_PLACE = re.compile(
+    rf"\b(in|on|at|to|into|through|across|by|under) (the |a |an |my )?({_PLACE})(?=$| ({_JOINERS})\b| (in|at|to) )"
+)
+_IN_ROOM = re.compile(rf"^(a |an |the |my |our )?({_PLACE}) with ")
 _ARTICLES = ("a", "an", "the", *COUNTS)
 
 
@@ -93,15 +140,27 @@ def parse_scene(phrase: str) -> Scene:
     try:
         return Scene((_thing(phrase, parse(phrase)),))
     except ValueError as error:
-        text = _STANDING.sub("", OPENING.sub("", " ".join(words_of(phrase.replace(",", " and ")))))
-        reader = _Reader(text.replace("and and", "and"), phrase)
-        if not reader.speaks_of_several():
+        text = OPENING.sub("", " ".join(words_of(phrase.replace(",", " and ")))).replace("and and", "and")
+        text, unseen = _without_places(_STANDING.sub("", text))
+        reader = _Reader(text, phrase)
+        if not unseen and not reader.speaks_of_several():
             raise
         alone = error
     scene = reader.read(alone)
+    if unseen:
+        first = scene.things[0]
+        told = replace(first, request=replace(first.request, ignored=(*first.request.ignored, *unseen)))
+        scene = replace(scene, things=(told, *scene.things[1:]))
     if sum(thing.count for thing in scene.things) > MOST_THINGS:
         raise ValueError(f"{phrase!r}: at most {MOST_THINGS} things can be drawn in a scene")
     return scene
+
+
+def _without_places(text: str) -> tuple[str, list[str]]:
+    """The text without the places where it plays, and what was left out."""
+    room, places = _IN_ROOM.match(text), [found[0] for found in _AT_PLACE.finditer(text)]
+    text = re.sub(r"\s+", " ", _AT_PLACE.sub("", _IN_ROOM.sub("", text))).strip()
+    return text, ([room[2]] if room else []) + places
 
 
 def _thing(said: str, request: Request) -> Thing:
@@ -143,14 +202,24 @@ class _Reader:
         # Things of which nothing has been said: "a teapot and two mugs" may yet be "on a table".
         listed = [self._take_thing(alone)]
         latest = anchor = listed[0]
+        # Joined by "with" to what carries them: "a table with a candle and a mug".
+        carried: dict[int, int] = {}
+        attached = False
         while self.rest:
             joined = self.rest[0] in ("and", "with")
             if joined:
                 if self.rest.pop(0) == "with":
                     # "a mug on a table with a chair beside it"
-                    listed, anchor = [], self.latest
+                    listed, anchor, attached = [], self.latest, True
                 latest = self._take_thing(alone)
                 listed.append(latest)
+                if attached and self._is_carried(latest, anchor):
+                    carried[latest] = anchor
+            unaimed = self._take_unaimed()
+            if unaimed and joined:
+                self.relations.append(Relation(latest, unaimed, (anchor,)))
+                listed = []
+                continue
             relation = self._take_relation()
             if relation is None and not joined:
                 raise self._lost(alone)
@@ -165,8 +234,22 @@ class _Reader:
         related = {relation.thing for relation in self.relations}
         named = {target for relation in self.relations for target in relation.targets}
         others = [number for number in range(1, len(self.things)) if number not in related | named]
-        beside = [Relation(number, "beside", (0,)) for number in others]
-        return Scene(tuple(self.things), tuple(_in_order([*self.relations, *beside])))
+        rest = [Relation(n, "on", (carried[n],)) if n in carried else Relation(n, "beside", (0,)) for n in others]
+        return Scene(tuple(self.things), tuple(_in_order([*self.relations, *rest])))
+
+    def _is_carried(self, thing: int, anchor: int) -> bool:
+        """Whether a thing is small enough to stand on another that things stand on."""
+        small, large = (CATEGORIES[self.things[number].request.category] for number in (thing, anchor))
+        return large.name in CARRIERS and small.metres < large.metres / 2
+
+    def _take_unaimed(self) -> str | None:
+        """A relation at the end, or before a word that joins."""
+        for said, kind in UNAIMED.items():
+            words = said.split()
+            if self.rest[: len(words)] == words and self.rest[len(words) : len(words) + 1] in ([], ["and"], ["with"]):
+                del self.rest[: len(words)]
+                return kind
+        return None
 
     def _may_stand(self, thing: int, target: int) -> bool:
         """Whether a thing that is listed before another is meant too: a sofa and a lamp on a table are not both."""

@@ -6,7 +6,13 @@ import unicodedata
 from collections.abc import Collection, Iterable, Sequence
 
 NUMBERS = ("one", "two", "three", "four", "five", "six")
-COUNTS = {word: count for count, name in enumerate(NUMBERS, 1) for word in (name, str(count))} | {"couple": 2}
+COUNTS = {word: count for count, name in enumerate(NUMBERS, 1) for word in (name, str(count))} | {
+    "couple": 2,
+    "some": 3,
+    "several": 3,
+    "few": 3,
+    "many": 5,
+}
 PAIR = ("pair", "pairs")
 # Straight RGB of plain inks on white.
 COLORS = {
@@ -48,12 +54,12 @@ UNSEEN = frozenset(
         empty warm cold cool fresh soft hard heavy fast slow strong sharp blunt wild garden kitchen office school
         classroom farm city village country street toy baby birthday medieval colorful colourful bright dark fluffy
         cheap expensive simple plain ordinary normal regular typical favorite favourite parked sleeping burning
-        steaming hot frozen snowy sunny
+        steaming hot frozen snowy sunny pirate princess fairy wizard giant really very so super extra quite
         """,
     )
 )
 # Words between the others: the two chairs are two.
-IDLE = ("a", "an", "the", "of", "and")
+IDLE = ("a", "an", "the", "of", "and", "my", "your", "our", "his", "her", "their", "this", "that", "these", "those")
 OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
 WITH_NO = re.compile(r"\bwith no\b")
 # Of emoji and other characters, to be drawn in colour or not.
