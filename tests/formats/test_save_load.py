@@ -12,7 +12,9 @@ def sketch():
 
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
-    with pytest.raises(ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .glb, .svg, .png"):
+    with pytest.raises(
+        ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .3dm, .glb, .svg, .png"
+    ):
         ds.save(tmp_path / "a.obj", sketch)
     with pytest.raises(ValueError, match=r"cannot load '.svg', only .json, .step, .stp"):
         ds.load(tmp_path / "a.svg")

@@ -9,6 +9,7 @@ from diff3ds.formats.dxf import save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.glb import save_glb
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
+from diff3ds.formats.rhino import save_3dm
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.step import load_step, save_step
 from diff3ds.formats.svg import save_svg
@@ -21,6 +22,7 @@ __all__ = [
     "load_json",
     "load_step",
     "save",
+    "save_3dm",
     "save_dxf",
     "save_glb",
     "save_json",
@@ -35,10 +37,11 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".step": save_step,
     ".stp": save_step,
     ".dxf": save_dxf,
+    ".3dm": save_3dm,
     ".glb": save_glb,
 }
 # Formats whose files say in which unit of length they are.
-_WITH_UNITS = (".step", ".stp", ".dxf", ".glb")
+_WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb")
 PICTURES = (".svg", ".png")
 _READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
 
@@ -49,6 +52,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.json`: everything, bit for bit.
     * `.step`, `.stp`: exact curves and weights, and colours, for CAD programs (see `save_step`).
     * `.dxf`: the same as lines, arcs, circles, ellipses and splines on a layer a colour (see `save_dxf`).
+    * `.3dm`: exact curves and weights for Rhino (see `save_3dm`).
     * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.png`: the views of `cameras` in a grid, rendered over white.
