@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from needs import needs
 
 import diff3ds as ds
 
@@ -36,7 +37,10 @@ def test_only_sketches_are_saved(tmp_path):
         save(tmp_path / "a.json", {})
 
 
-@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png"])
+OTHERS = [pytest.param("a.dxf", marks=needs("ezdxf")), pytest.param("a.3dm", marks=needs("rhino3dm"))]
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png", "a.glb", *OTHERS])
 def test_values_gone_bad_leave_the_old_file(tmp_path, sketch, name):
     cameras = ds.orbit(0.0, size=16)
     ds.save(tmp_path / name, sketch, cameras)
@@ -48,7 +52,7 @@ def test_values_gone_bad_leave_the_old_file(tmp_path, sketch, name):
     assert len(list(tmp_path.iterdir())) == 1
 
 
-@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png"])
+@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png", "a.glb"])
 def test_the_same_sketch_gives_the_same_file(tmp_path, sketch, name):
     cameras = ds.orbit(0.0, size=16)
     contents = []
