@@ -231,7 +231,7 @@ class Render:
 class Export:
     """Write a sketch in another format, in the size, unit and frame that another program wants.
 
-    The suffix says which: .json, .step (.stp), .dxf, .3dm or .glb. Pictures are drawn by "diff3ds render".
+    The suffix says which: .json, .step (.stp), .dxf, .3dm, .glb or .ply. Pictures are drawn by "diff3ds render".
     """
 
     export: OmitArgPrefixes[ExportOptions]

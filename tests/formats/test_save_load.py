@@ -14,7 +14,7 @@ def sketch():
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
     with pytest.raises(
-        ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .3dm, .glb, .svg, .png"
+        ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .svg, .png"
     ):
         ds.save(tmp_path / "a.obj", sketch)
     with pytest.raises(ValueError, match=r"cannot load '.svg', only .json, .step, .stp"):
@@ -40,7 +40,7 @@ def test_only_sketches_are_saved(tmp_path):
 OTHERS = [pytest.param("a.dxf", marks=needs("ezdxf")), pytest.param("a.3dm", marks=needs("rhino3dm"))]
 
 
-@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png", "a.glb", *OTHERS])
+@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png", "a.glb", "a.ply", *OTHERS])
 def test_values_gone_bad_leave_the_old_file(tmp_path, sketch, name):
     cameras = ds.orbit(0.0, size=16)
     ds.save(tmp_path / name, sketch, cameras)
@@ -52,7 +52,7 @@ def test_values_gone_bad_leave_the_old_file(tmp_path, sketch, name):
     assert len(list(tmp_path.iterdir())) == 1
 
 
-@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png", "a.glb"])
+@pytest.mark.parametrize("name", ["a.json", "a.step", "a.svg", "a.png", "a.glb", "a.ply"])
 def test_the_same_sketch_gives_the_same_file(tmp_path, sketch, name):
     cameras = ds.orbit(0.0, size=16)
     contents = []

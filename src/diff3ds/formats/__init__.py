@@ -8,6 +8,7 @@ from diff3ds.camera import Cameras
 from diff3ds.formats.dxf import save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.glb import save_glb
+from diff3ds.formats.ply import save_ply
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.rhino import save_3dm
 from diff3ds.formats.sketch_json import load_json, save_json
@@ -26,6 +27,7 @@ __all__ = [
     "save_dxf",
     "save_glb",
     "save_json",
+    "save_ply",
     "save_png",
     "save_step",
     "save_svg",
@@ -39,6 +41,7 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".dxf": save_dxf,
     ".3dm": save_3dm,
     ".glb": save_glb,
+    ".ply": save_ply,
 }
 # Formats whose files say in which unit of length they are.
 _WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb")
@@ -54,6 +57,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.dxf`: the same as lines, arcs, circles, ellipses and splines on a layer a colour (see `save_dxf`).
     * `.3dm`: exact curves and weights for Rhino (see `save_3dm`).
     * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
+    * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.png`: the views of `cameras` in a grid, rendered over white.
 
