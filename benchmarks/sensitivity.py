@@ -87,12 +87,15 @@ def report(scores: dict[str, dict[str, float]]) -> str:
 
 
 def changes(scores: dict[str, dict[str, float]]) -> list[tuple[str, float, float]]:
-    """Name and mean changes of the F-score by both factors, of the constants that have both; the largest first."""
+    """Name and mean changes of the F-score by both factors, of the constants that have both; the largest first.
+
+    Runs that failed are left out: that a constant cannot have a value says nothing of how much it matters.
+    """
     base = scores.get("", {})
     rows = []
     for name in sorted({key.rpartition(" x ")[0] for key in scores if key}):
         pair = [scores.get(f"{name} x {factor}", {}) for factor in FACTORS]
-        folders = set(base).intersection(*pair)
+        folders = {folder for folder in set(base).intersection(*pair) if all(one[folder] for one in pair)}
         if folders:
             less, more = (sum(one[f] - base[f] for f in folders) / len(folders) for one in pair)
             rows.append((name, less, more))
@@ -179,9 +182,11 @@ def changed_source(source: str, constant: Constant, factor: float) -> str:
 
 
 def scaled(value: float, unit: str, factor: float) -> float:
-    """The value multiplied: of a cosine the angle, a fraction at most to 1, a whole number by one at least."""
+    """The value multiplied: of a cosine the angle, fractions and percents at most to all, a whole number by one at least."""
     if unit == "cosine":
         return math.cos(min(factor * math.acos(value), math.pi))
+    if unit == "%":
+        return min(100, round(value * factor))
     if isinstance(value, int):
         new = round(value * factor)
         return new if new != value else value + (1 if factor > 1 else -1)

@@ -53,6 +53,7 @@ def test_a_changed_constant_changes_what_follows_from_it():
 def test_values_stay_what_they_are():
     assert scaled(2.5, "px", 0.7) == pytest.approx(1.75)
     assert scaled(0.85, "fraction", 1.4) == 1.0
+    assert (scaled(98, "%", 1.4), scaled(98, "%", 0.7)) == (100, 69)
     assert scaled(0.5, "fraction", 1.4) == pytest.approx(0.7)
     assert scaled(math.cos(0.5), "cosine", 1.4) == pytest.approx(math.cos(0.7))
     assert (scaled(5, "points", 0.7), scaled(1, "rounds", 0.7), scaled(1, "rounds", 1.4)) == (4, 0, 2)
