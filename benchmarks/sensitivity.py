@@ -182,7 +182,7 @@ def changed_source(source: str, constant: Constant, factor: float) -> str:
 
 
 def scaled(value: float, unit: str, factor: float) -> float:
-    """The value multiplied: of a cosine the angle, fractions and percents at most to all, a whole number by one at least."""
+    """The value multiplied: of a cosine the angle, parts at most to the whole, a whole number by one at least."""
     if unit == "cosine":
         return math.cos(min(factor * math.acos(value), math.pi))
     if unit == "%":

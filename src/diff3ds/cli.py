@@ -231,7 +231,8 @@ class Render:
 class Export:
     """Write a sketch in another format, in the size, unit and frame that another program wants.
 
-    The suffix says which: .json, .step (.stp), .dxf, .3dm, .glb or .ply. Pictures are drawn by "diff3ds render".
+    The suffix says which: .json, .step (.stp), .dxf, .3dm, .glb, .ply or .py (for Blender). Pictures are drawn by
+    "diff3ds render".
     """
 
     export: OmitArgPrefixes[ExportOptions]

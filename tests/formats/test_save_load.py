@@ -14,7 +14,7 @@ def sketch():
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
     with pytest.raises(
-        ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .svg, .png"
+        ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .py, .svg, .png"
     ):
         ds.save(tmp_path / "a.obj", sketch)
     with pytest.raises(ValueError, match=r"cannot load '.svg', only .json, .step, .stp"):

@@ -1,5 +1,7 @@
 """`diff3ds render`: views, sheets and turntables of a sketch, read back by other programs."""
 
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,9 @@ from PIL import Image
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.formats.framing import ball_of, framed
-from diff3ds.tasks.render.options import parse_size
+from diff3ds.tasks.render import blender_engine
+from diff3ds.tasks.render.options import PictureOptions, ViewOptions, parse_size
+from diff3ds.tasks.render.render_views import run_render
 
 # A thick stroke along z and a red one along +x, which is at the right only from some sides.
 POINTS = torch.tensor([[[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
@@ -154,3 +158,28 @@ def test_faults_are_sentences_and_leave_nothing(arguments, message, source, tmp_
     assert ended.value.code == 1
     assert message in " ".join(capsys.readouterr().err.split())
     assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
+
+
+def test_without_blender_it_says_where_to_get_it(source, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(blender_engine.shutil, "which", lambda name: None)
+    monkeypatch.setattr(blender_engine.importlib.util, "find_spec", lambda name: None)
+    for options, message in (
+        (("out.png",), "Blender was not found: install it"),
+        (("out.svg",), "Blender draws .png files"),
+        (("out.png", "--height", 2), "one perspective view"),
+        (("out.png", "--azimuth", 0, 90), "one perspective view"),
+    ):
+        with pytest.raises(SystemExit):
+            drawn(source, tmp_path / options[0], "--engine", "blender", *options[1:])
+        assert message in " ".join(capsys.readouterr().err.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
+
+
+def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
+    (tmp_path / "out.png").write_bytes(b"old")
+    # A program that fails, in Blender's place.
+    monkeypatch.setattr(blender_engine, "_command", lambda: [sys.executable, "-c", "raise SystemExit('no GPU today')"])
+    picture = PictureOptions(engine="blender")
+    with pytest.raises(OSError, match=r"Blender drew nothing.*no GPU today"):
+        run_render(source, tmp_path / "out.png", ViewOptions(), picture, lambda _: None)
+    assert (tmp_path / "out.png").read_bytes() == b"old"

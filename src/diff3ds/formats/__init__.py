@@ -5,6 +5,7 @@ from pathlib import Path
 
 from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
+from diff3ds.formats.blender import save_blender
 from diff3ds.formats.dxf import save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.glb import save_glb
@@ -24,6 +25,7 @@ __all__ = [
     "load_step",
     "save",
     "save_3dm",
+    "save_blender",
     "save_dxf",
     "save_glb",
     "save_json",
@@ -42,6 +44,7 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".3dm": save_3dm,
     ".glb": save_glb,
     ".ply": save_ply,
+    ".py": save_blender,
 }
 # Formats whose files say in which unit of length they are.
 _WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb")
@@ -58,6 +61,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.3dm`: exact curves and weights for Rhino (see `save_3dm`).
     * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
     * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
+    * `.py`: a script that builds the sketch in Blender (see `save_blender`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.png`: the views of `cameras` in a grid, rendered over white.
 

@@ -165,7 +165,11 @@ def render_batch(
         sketches: B of them.
         cameras: B, or one for all.
         background: of every sketch, as of `render`.
-        antialiasing, blur, samples, generator, backend: as of `render`.
+        antialiasing: as of `render`, as are the next four.
+        blur: of `Analytic`.
+        samples: of `MonteCarlo`.
+        generator: of `MonteCarlo`; sketches draw from it one after the other.
+        backend: of all sketches.
 
     Raises:
         TypeError, ValueError, RuntimeError: as `render`; the message names the sketch by its place among them.

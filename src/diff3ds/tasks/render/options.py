@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Literal
 
 from diff3ds._settings import MAX_SIZE, require_finite
 from diff3ds.pictures.options import parse_color
@@ -64,6 +65,8 @@ class PictureOptions:
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
         width_mm: of an SVG file's page on paper, millimetres.
+        engine: kernels, which draw the strokes as everywhere here, or blender: the Blender of this machine renders them
+            as tubes in daylight.
     """
 
     size: str | None = None
@@ -72,6 +75,7 @@ class PictureOptions:
     fps: int = 24
     sheet: bool = False
     width_mm: float | None = None
+    engine: Literal["kernels", "blender"] = "kernels"
 
     def __post_init__(self) -> None:
         if self.size is not None:
@@ -121,6 +125,8 @@ def check_file(file: Path, options: PictureOptions) -> None:
     suffix = file.suffix.lower()
     if suffix not in (*STILLS, *MOVIES):
         raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {', '.join((*STILLS, *MOVIES))}")
+    if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background != "white"):
+        raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
     if options.width_mm is not None and suffix != ".svg":
         raise ValueError(f"{file}: --width-mm is for .svg files: others have a --size in pixels")
     if suffix in MOVIES and options.turntable is None:

@@ -13,6 +13,7 @@ from diff3ds.formats.movie import save_movie
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.options import PictureOptions, ViewOptions, check_file, parse_size
 from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.transforms import load_transforms
@@ -28,13 +29,18 @@ def run_render(source: Path, file: Path, view: ViewOptions, picture: PictureOpti
         The files that were written: of several views that make no sheet, one a view, numbered from 1.
 
     Raises:
-        ValueError, OSError, ImportError: as `load_sketch`, `load_transforms` and `check_file`; a turntable of cameras
-            that a file gives.
+        ValueError, OSError, ImportError: as `load_sketch`, `load_transforms`, `check_file` and
+            `draw_in_blender`; a turntable of cameras that a file gives.
     """
     check_file(file, picture)
     if picture.turntable is not None and (view.cameras is not None or len(view.azimuth) > 1):
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
     sketch = load_sketch(source).detach()
+    if picture.engine == "blender":
+        if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
+            raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
+        draw_in_blender(file, sketch, views_of(sketch, view, picture), view, picture)
+        return [file]
     cameras = views_of(sketch, view, picture)
     if picture.turntable is not None:
         frames = _drawn(sketch, cameras, picture, report)
