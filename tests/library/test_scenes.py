@@ -206,3 +206,17 @@ def test_misspelt_and_unseen_words_are_taken_and_told() -> None:
     assert dict(request.corrected) == {"chiars": "chairs", "armrsets": "armrests"}
     assert parse("a glass bottle").category == "bottle"
     assert parse("a steaming cup of tea").attributes == ("steam",)
+
+
+def test_chairs_around_a_table_face_it() -> None:
+    scene = parse_scene("two chairs around a table")
+    generator = torch.Generator().manual_seed(0)
+    chair, table = (member(thing.request.category, generator).sketch for thing in scene.things)
+    whole = arranged(scene, [chair, table])
+    count = len(chair)
+    middle = whole[2 * count :].points.reshape(-1, 3).mean(0)
+    for copy in (whole[:count], whole[count : 2 * count]):
+        points = copy.points.reshape(-1, 3) - middle
+        # The backs are the highest parts.
+        back = points[points[:, 2] > points[:, 2].max() - 0.02]
+        assert back[:, :2].mean(0).norm() > points[:, :2].mean(0).norm() + 0.02
