@@ -219,4 +219,6 @@ def test_chairs_around_a_table_face_it() -> None:
         points = copy.points.reshape(-1, 3) - middle
         # The backs are the highest parts.
         back = points[points[:, 2] > points[:, 2].max() - 0.02]
-        assert back[:, :2].mean(0).norm() > points[:, :2].mean(0).norm() + 0.02
+        center = points[:, :2].mean(0)
+        outward = center / center.norm()
+        assert back[:, :2].mean(0) @ outward > center @ outward + 0.02
