@@ -104,7 +104,7 @@ def corrected_parts(phrase: str) -> tuple[tuple[list[str], list[str]], tuple[tup
     parts, known = parted(phrase), _words()
     found: dict[str, str] = {}
     for word in itertools.chain(*parts):
-        if word not in known and (meant := {other for other in known if is_slip(word, other)}):
+        if word not in known and (meant := {other for other in _near_in_length(len(word)) if is_slip(word, other)}):
             found[word] = min(meant, key=lambda other: (sorted(other) != sorted(word), other))
     front, behind = ([found.get(word, word) for word in part] for part in parts)
     return (front, behind), tuple(found.items())
@@ -297,6 +297,12 @@ def _words() -> frozenset[str]:
     words = {word for way in said for word in words_of(way)}
     plurals = {word + ending for word in words for ending in ("s", "es")}
     return frozenset(words | plurals | {word.removesuffix("s") for word in words})
+
+
+@functools.cache
+def _near_in_length(length: int) -> tuple[str, ...]:
+    """The words that differ by one letter at most in length."""
+    return tuple(word for word in _words() if abs(len(word) - length) <= 1)
 
 
 def is_slip(word: str, known: str) -> bool:

@@ -35,7 +35,8 @@ PROBES = {"diffusers": "UNet2DConditionModel", "transformers": "CLIPVisionModelW
 # Packages of the extras; the hub's client comes with diffusers.
 OPTIONAL = {
     "diffusion": ("diffusers", "transformers", "accelerate", "huggingface_hub", "peft", "ftfy"),
-    "cad": ("cadquery-ocp-novtk",),
+    "cad": ("cadquery-ocp-novtk", "ezdxf", "rhino3dm"),
+    "video": ("av",),
     "svg": ("resvg-py",),
     "mesh": ("trimesh",),
     "cuda": ("cuda-core", "cuda-bindings"),
