@@ -181,7 +181,13 @@ def run_example(tmp_path_factory):
     return run
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=relative)
+def with_slow(path: Path):
+    """The example as a parameter; those that take longer than five seconds are slow ones."""
+    slow = path.stem in ("phrases", "stool_film", "optimise", "helix")
+    return pytest.param(path, marks=pytest.mark.slow) if slow else path
+
+
+@pytest.mark.parametrize("path", map(with_slow, EXAMPLES), ids=relative)
 def test_examples_draw_something(path, run_example):
     pictures = [p for p in run_example(path)[1].iterdir() if p.suffix in (".png", ".webp")]
     assert pictures

@@ -22,6 +22,7 @@ def run_checks(marked: str) -> None:
     assert done.returncode == 0, done.stdout[-20_000:]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("cpu" not in available_backends(), reason="no compiled kernels")
 def test_graphs_draw_as_eager_calls_do() -> None:
     run_checks("not slow")

@@ -372,6 +372,7 @@ def test_a_picture_of_nothing_in_the_folder_is_refused(folder, tmp_path, capsys)
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_picture_becomes_the_sketch_in_the_folder(folder, picture, tmp_path, capsys):
     main(["image", str(picture), "--library", str(folder), "-o", str(tmp_path), "--steps", "250", "--sheet-every", "0"])
     said = " ".join(capsys.readouterr().err.split())

@@ -275,6 +275,7 @@ def _no_noun(words: list[str], phrase: str) -> str:
     return _unknown(phrase, words[-1], near, f"it draws {', '.join(sorted(CATEGORIES))}")
 
 
+@functools.cache
 def _nouns() -> dict[str, tuple[Category, str | None]]:
     """Every noun, lower case: its category, and the attribute that it implies."""
     nouns: dict[str, tuple[Category, str | None]] = {}
