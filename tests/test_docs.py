@@ -187,7 +187,7 @@ def with_slow(path: Path):
     return pytest.param(path, marks=pytest.mark.slow) if slow else path
 
 
-@pytest.mark.parametrize("path", map(with_slow, EXAMPLES), ids=relative)
+@pytest.mark.parametrize("path", [with_slow(path) for path in EXAMPLES], ids=relative)
 def test_examples_draw_something(path, run_example):
     pictures = [p for p in run_example(path)[1].iterdir() if p.suffix in (".png", ".webp")]
     assert pictures
