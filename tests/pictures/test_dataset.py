@@ -249,6 +249,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform ==
 """
 
 
+@pytest.mark.slow
 def test_memory_of_a_view(tmp_path):
     """A coloured view of 512 x 512 takes four bytes a pixel, its pyramid a third of that, and nothing else grows."""
     save_png(tmp_path / "a.png", torch.rand(512, 512, 4, generator=torch.Generator().manual_seed(0)))

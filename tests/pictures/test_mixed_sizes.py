@@ -33,6 +33,7 @@ def frames(folder, sketch, cameras, window=None):
     return content
 
 
+@pytest.mark.slow
 def test_mixed_sizes_fit_as_well(sketch, tmp_path):
     scores = {}
     for name in ("equal", "mixed"):

@@ -141,6 +141,7 @@ def test_point_is_a_disc(backend, antialiasing):
     assert width.grad.item() == pytest.approx(2 * math.pi * 6, rel=0.1 if antialiasing == "analytic" else 0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["cusp", "almost a cusp", "bend", "loop"])
 def test_outline_is_as_long_as_that_of_the_picture(backend, shape):
     """d(ink) / d(half width) by differences of areas of 32 x 32 cells a pixel: nothing counted twice at cusps."""

@@ -66,6 +66,7 @@ def chair(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_a_phrase_becomes_its_thing(chair):
     """F-score at 5 % of the size against the nearest member that the phrase means."""
     sketch = ds.load(chair / "sketch.json")

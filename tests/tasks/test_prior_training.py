@@ -198,6 +198,7 @@ def test_the_gradients_of_parts_are_those_of_the_whole_batch(monkeypatch, sees):
     assert (training.network.reference.weight.grad is None) != sees
 
 
+@pytest.mark.slow
 def test_the_command_trains_and_shows_samples(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(prior_train, "typical_ink", lambda subjects: (0.18, 0.37))
     out = tmp_path / "prior"
@@ -250,6 +251,7 @@ def test_sizes_agree_with_those_of_the_exemplars():
     assert exemplars.GROUP == prior_data.GROUP
 
 
+@pytest.mark.slow
 def test_a_network_learns_a_folder_of_ones_own(tmp_path, capsys):
     folder, out = tmp_path / "sketches", tmp_path / "prior"
     folder.mkdir()

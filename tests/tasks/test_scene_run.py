@@ -39,6 +39,7 @@ def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     assert torch.equal(load(tmp_path / "run/sketch.json").points, sketch.points)
 
 
+@pytest.mark.slow
 def test_a_stopped_scene_is_usable_and_goes_on_to_the_same(tmp_path) -> None:
     whole = run_text(spec(), tmp_path / "whole")
 

@@ -295,6 +295,7 @@ def rocket(folder, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_a_phrase_becomes_the_sketch_in_the_folder(rocket, folder):
     found = ds.load(rocket / "sketch.json")
     assert f_score(found, drawn("rocket", 5)) > 0.85

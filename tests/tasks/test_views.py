@@ -229,6 +229,7 @@ def finished(tmp_path_factory):
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_drawings_stopped_and_resumed(drawings):
     folder, truth = drawings
     assert_resumed_ends_as_unbroken(folder, [str(folder), "--quiet"], EDGE_FILES)
