@@ -65,6 +65,9 @@ REFUSED = {
     "a chair between a table": "between what",
     "ten chairs around a table": "'ten chairs'",
     "six chairs around a table beside six trees": "at most 12 things",
+    "a mug on a table and a chair beside the mug on a bed": "'a mug' has two places: say one",
+    "a chair under the chair": "would stand on or beside themselves",
+    "a chair on the table on the chair": "would stand on or beside themselves",
     "": "the phrase is empty",
 }
 
@@ -166,6 +169,16 @@ def test_between_around_under_and_beside() -> None:
     boxes = [box for thing in placed("a table, a bed and two chairs") for box in thing]
     row = sorted(boxes, key=lambda box: float(box[0, 1]))
     assert all(one[1, 1] < other[0, 1] for one, other in itertools.pairwise(row))
+
+
+def test_beside_and_around_what_stands_on_a_table_is_on_the_table() -> None:
+    (mug,), (teapot,), (table,) = placed("a mug beside a teapot on a table")
+    assert [box[0, 2] for box in (mug, teapot)] == pytest.approx([float(table[1, 2])] * 2, abs=1e-3)
+    assert mug[0, 1] > teapot[1, 1]
+    mugs, _, (table,) = placed("three mugs around a teapot on a table")
+    assert all(mug[0, 2] == pytest.approx(float(table[1, 2]), abs=1e-3) for mug in mugs)
+    (sofa,), _, _ = placed("a sofa beside a lamp on a table")
+    assert sofa[0, 2] < 0
 
 
 def test_small_things_are_seen_and_said_sizes_count() -> None:

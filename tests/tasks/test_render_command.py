@@ -175,6 +175,12 @@ def test_without_blender_it_says_where_to_get_it(source, tmp_path, monkeypatch, 
     assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
 
 
+def test_a_source_that_is_not_there_is_named(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        drawn(tmp_path / "nothing", tmp_path / "out.png")
+    assert "nothing is not there: give the folder of a run" in " ".join(capsys.readouterr().err.split())
+
+
 def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
     (tmp_path / "out.png").write_bytes(b"old")
     # A program that fails, in Blender's place.

@@ -82,7 +82,7 @@ def arranged(scene: Scene, sketches: Sequence[Sketch]) -> Sketch:
     for number in _free(scene):
         _beside(standing, number, [parts[number]] * scene.things[number].count)
     for relation in scene.relations:
-        # Of two places the first one said counts.
+        # Those of which the same is said are placed together, with the first of them.
         if not standing[relation.thing]:
             alike = [r.thing for r in scene.relations if (r.kind, r.targets) == (relation.kind, relation.targets)]
             together = [number for number in alike if not standing[number]]
@@ -123,7 +123,11 @@ def _place(standing: list[list[_Placed]], relation: Relation, copies: dict[int, 
     targets = [one for number in relation.targets for one in standing[number]]
     if not targets or relation.kind == "beside":
         for number, alike in copies.items():
-            _beside(standing, number, alike)
+            if targets and float(targets[0].low[2]) > 0 and alike[0].size.max() < 2 * targets[0].size.max():
+                # What stands beside something on a table is on the table too.
+                standing[number] = _aside(targets, alike, SIDES["right of"])
+            else:
+                _beside(standing, number, alike)
         return
     row = [one for alike in copies.values() for one in alike]
     if relation.kind in PUT:
@@ -209,14 +213,14 @@ def _aside(targets: list[_Placed], copies: list[_Placed], side: tuple[int, int])
 
 def _around(target: _Placed, copies: list[_Placed]) -> list[_Placed]:
     """On an oval about the target, facing it."""
-    found, gap = [], GAP * _larger(copies[0], [target]) / 2
+    found, gap, ground = [], GAP * _larger(copies[0], [target]) / 2, float(target.low[2])
     for k, one in enumerate(copies):
         # One pair faces each other from the sides that one sees best.
         degrees = 90 + 360 * k / len(copies)
         x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
         facing = one.turned(degrees + 180)
         along_x, along_y = (float(n) / 2 + gap for n in target.size[:2] + one.size[0])
-        found.append(facing.at(float(target.middle[0]) + x * along_x, float(target.middle[1]) + y * along_y, 0.0))
+        found.append(facing.at(float(target.middle[0]) + x * along_x, float(target.middle[1]) + y * along_y, ground))
     return found
 
 

@@ -230,12 +230,12 @@ class _Reader:
                 if thing == latest or (thing not in targets and self._may_stand(thing, targets[0])):
                     self.relations.append(Relation(thing, relation, targets))
             listed = []
-            latest = targets[-1] if not joined else latest
+            latest = targets[-1]
         related = {relation.thing for relation in self.relations}
         named = {target for relation in self.relations for target in relation.targets}
         others = [number for number in range(1, len(self.things)) if number not in related | named]
         rest = [Relation(n, "on", (carried[n],)) if n in carried else Relation(n, "beside", (0,)) for n in others]
-        return Scene(tuple(self.things), tuple(_in_order([*self.relations, *rest])))
+        return Scene(tuple(self.things), tuple(self._in_order([*self.relations, *rest])))
 
     def _is_carried(self, thing: int, anchor: int) -> bool:
         """Whether a thing is small enough to stand on another that things stand on."""
@@ -314,13 +314,22 @@ class _Reader:
         """Whether the words that come next are about a thing rather than about what the one before them has."""
         return self.rest[0] in _ARTICLES and any(self._joins(place) for place in range(1, len(self.rest)))
 
+    def _in_order(self, relations: Sequence[Relation]) -> list[Relation]:
+        """Each after those that place its targets.
 
-def _in_order(relations: Sequence[Relation]) -> list[Relation]:
-    """Each after those that place its targets: the first thing, or what stands on nothing, comes first."""
-    left, done = list(relations), []
-    while left:
-        waiting = {relation.thing for relation in left}
-        ready = [r for r in left if not waiting & {*r.targets}] or left[:1]
-        done += ready
-        left = [relation for relation in left if relation not in ready]
-    return done
+        Raises:
+            ValueError: a thing has two places, or stands where it would have to stand first.
+        """
+        left, done = list(relations), []
+        for relation in left:
+            if sum(other.thing == relation.thing for other in left) > 1:
+                raise ValueError(f"{self.phrase!r}: {self.things[relation.thing].said!r} has two places: say one")
+        while left:
+            waiting = {relation.thing for relation in left}
+            ready = [relation for relation in left if not waiting & {*relation.targets}]
+            if not ready:
+                said = " and ".join(repr(self.things[relation.thing].said) for relation in left)
+                raise ValueError(f"{self.phrase!r}: {said} would stand on or beside themselves: name two things")
+            done += ready
+            left = [relation for relation in left if relation not in ready]
+        return done

@@ -14,6 +14,8 @@ def load_sketch(source: Path) -> Sketch:
         OSError, ImportError: as `load`.
     """
     path = source
+    if not source.exists():
+        raise FileNotFoundError(f"{source} is not there: give the folder of a run, or a file with a sketch")
     if source.is_dir():
         path = source / "sketch.json"
         if not path.is_file():
