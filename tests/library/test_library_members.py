@@ -9,9 +9,8 @@ import pytest
 import torch
 from sweep import sweep
 
-from diff3ds import library
 from diff3ds.bezier import evaluate, length
-from diff3ds.library import CATEGORIES, member
+from diff3ds.library import CATEGORIES, kinds, member
 
 ONE_EACH = [(name, a) for name, c in CATEGORIES.items() for a in ((), *((a.name,) for a in c.attributes))]
 SEEDS = range(3)
@@ -49,7 +48,7 @@ def test_there_are_at_least_thirty_two():
 
 
 def test_no_file_is_left_off_the_list():
-    modules = [importlib.import_module(f"diff3ds.library.{m.name}") for m in pkgutil.iter_modules(library.__path__)]
+    modules = [importlib.import_module(f"diff3ds.library.kinds.{m.name}") for m in pkgutil.iter_modules(kinds.__path__)]
     found = {id(module.CATEGORY) for module in modules if hasattr(module, "CATEGORY")}
     assert found == {id(category) for category in CATEGORIES.values()}
 

@@ -1,6 +1,7 @@
 """The list of all categories: a new one is one file and one line here."""
 
-from diff3ds.library import (
+from diff3ds.library.category import Category
+from diff3ds.library.kinds import (
     airplane,
     balloon,
     bed,
@@ -42,7 +43,6 @@ from diff3ds.library import (
     windmill,
     wine_glass,
 )
-from diff3ds.library.category import Category
 
 CATEGORIES: dict[str, Category] = {
     module.CATEGORY.name: module.CATEGORY
