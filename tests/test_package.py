@@ -50,11 +50,11 @@ ALLOWED = {
     "formats": {"render", "project"} | SCENE,
     "pictures": {"formats", "render", "transforms"} | SCENE,
     "edges": {"optimize", "render", "project"} | SCENE,
-    "surfaces": {"edges"} | SCENE,
+    "surfaces": {"edges", "formats"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "render", "project",
-                "transforms"} | SCENE,
+                "surfaces", "transforms"} | SCENE,
     "tasks": {"edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses", "formats",
               "metrics", "library", "render", "project", "transforms"} | SCENE,
     "cli": {"tasks", "weights", "pictures", "command_line", "_version"},

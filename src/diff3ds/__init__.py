@@ -32,6 +32,8 @@ if TYPE_CHECKING:
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
+    from diff3ds.surfaces.load import load_surface
+    from diff3ds.surfaces.mesh import TriangleMesh
     from diff3ds.tasks.functions import image_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
@@ -47,6 +49,7 @@ __all__ = [
     "Sketch",
     "Step",
     "Strokes2D",
+    "TriangleMesh",
     "__version__",
     "available_backends",
     "bezier",
@@ -58,6 +61,7 @@ __all__ = [
     "image_to_sketch",
     "library",
     "load",
+    "load_surface",
     "load_transforms",
     "look_at",
     "losses",
@@ -96,6 +100,8 @@ _HOMES = {
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Chains": "chains",
     "Sketch": "sketch",
+    "TriangleMesh": "surfaces.mesh",
+    "load_surface": "surfaces.load",
     **dict.fromkeys(("image_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }

@@ -15,21 +15,29 @@ from diff3ds._shapes import Float, Int
 MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
 # Formats that define which axis points up: their meshes come with z up.
 UP_IS_KNOWN = (".glb",)
-# A mesh of some million triangles; more is taken for a mistake or an attack.
-MAX_MESH_BYTES = 1 << 26
+# Two million triangles in the most wordy format; more is taken for a mistake or an attack.
+MAX_MESH_BYTES = 1 << 28
 # Triangles and vertices; a scene that shows one mesh many times has more than are in the file.
 MOST = 1 << 23
 
 
 def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"]]:
-    """The vertices and triangles of a mesh; larger faces are cut into triangles, scenes joined into one mesh.
+    """The vertices and triangles of a mesh, as `load_parts` but for its objects."""
+    return load_parts(path)[:2]
 
-    glTF has y up and z in front, and comes with z up and x in front; files of other formats as they are. Only this file
-    is read: materials and textures that it names are not.
+
+def load_parts(
+    path: str | Path,
+) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"], Int[NDArray[np.int64], " F"]]:
+    """The vertices and triangles of a mesh, and which object of its file each triangle is of.
+
+    Larger faces are cut into triangles, scenes joined into one mesh. glTF has y up and z in front, and comes with z up
+    and x in front; files of other formats as they are. Only this file is read: materials and textures that it names
+    are not.
 
     Raises:
         ImportError: the extra `mesh` is not installed.
-        ValueError: another suffix; larger than 64 MiB or 8 million triangles, broken, or without triangles.
+        ValueError: another suffix; larger than 256 MiB or 8 million triangles, broken, or without triangles.
         OSError: the file cannot be read.
     """
     path = Path(path)
@@ -48,9 +56,7 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
             _check_counts(content)
         scene: Any = trimesh.load(io.BytesIO(content), path.suffix.lower()[1:], force="scene", process=False)
         _check_instances(scene)
-        loaded = scene.to_mesh()
-        vertices = np.array(loaded.vertices, np.float64).reshape(-1, 3)
-        faces = np.array(loaded.faces, np.int64).reshape(-1, 3)
+        vertices, faces, part = _joined(scene)
     except OSError:
         raise
     except Exception as error:
@@ -58,7 +64,23 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
         raise ValueError(f"{path}: not a mesh that can be read ({type(error).__name__}: {error})") from error
     if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices[faces]).all():
         raise ValueError(f"{path}: a mesh needs triangles between finite vertices")
-    return vertices[:, [2, 0, 1]] if path.suffix.lower() in UP_IS_KNOWN else vertices, faces
+    return vertices[:, [2, 0, 1]] if path.suffix.lower() in UP_IS_KNOWN else vertices, faces, part
+
+
+def _joined(
+    scene: Any,
+) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"], Int[NDArray[np.int64], " F"]]:
+    """All meshes of a scene where it shows them, as one, and which of them each face is of."""
+    # Points and lines are no meshes.
+    meshes = [mesh for mesh in scene.dump(concatenate=False) if len(getattr(mesh, "faces", ()))]
+    before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    corners = [np.array(mesh.faces, np.int64) + start for mesh, start in zip(meshes, before, strict=False)]
+    counts = [len(faces) for faces in corners]
+    return (
+        np.concatenate([np.zeros((0, 3)), *(np.array(mesh.vertices, np.float64) for mesh in meshes)]),
+        np.concatenate([np.zeros((0, 3), np.int64), *corners]),
+        np.repeat(np.arange(len(counts)), counts),
+    )
 
 
 def _check_counts(content: bytes) -> None:

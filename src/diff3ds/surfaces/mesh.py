@@ -1,0 +1,250 @@
+"""Triangle meshes as surfaces: which faces meet at which edges, creases and borders, normals."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.surfaces.clean import Index, welded, wound_alike
+
+Mask = NDArray[np.bool_]
+
+# Faces that meet at more than this make a crease: rounds of ten sides and more are smooth. Degrees.
+CREASE = 38.0
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class TriangleMesh:
+    """A mesh of triangles in world units: closed or open, in one piece or many, with any number of faces at an edge.
+
+    Vertices in one place are made one (`clean.SAME`), faces that have two equal corners or were there before are
+    dropped, and neighbours are wound alike, outwards where the mesh is closed.
+
+    Attributes:
+        vertices: those that faces use.
+        faces: vertices of each triangle, counter-clockwise seen from outside.
+        source: which of the given faces each one is.
+        part: which object of the file each face belongs to; 0 where there is one.
+        crease: faces that meet at more than this make a crease, over which normals are not smoothed; degrees.
+
+    Raises:
+        TypeError, ValueError: other shapes, faces between vertices that there are not, values that are not finite, no
+            face with an area.
+    """
+
+    vertices: Float[Array, "V 3"]
+    faces: Int[Index, "F 3"]
+    source: Int[Index, " F"]
+    part: Int[Index, " F"]
+    crease: float
+    _edges: tuple[Index, Index, Index] = field(repr=False)
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        part: ArrayLike | None = None,
+        crease: float = CREASE,
+    ) -> None:
+        points, corners = _checked(vertices, faces)
+        if not (isinstance(crease, int | float) and 0 <= crease <= 180):
+            raise ValueError(f"crease must be an angle from 0 to 180 degrees, got {crease!r}")
+        given = np.zeros(len(corners), np.int64) if part is None else np.asarray(part, np.int64)
+        if given.shape != (len(corners),):
+            raise ValueError(f"part must be one number a face, {len(corners)}, got shape {given.shape}")
+        points, corners, source = welded(points, corners)
+        edges, of_faces = _edges_of(corners)
+        beside = _beside(of_faces, len(edges))
+        two = (beside[:, 1] >= 0) & (np.bincount(of_faces.ravel(), minlength=len(edges)) == 2)
+        pairs = beside[two]
+        wound = wound_alike(points, corners, pairs, _run_alike(corners, edges[two], pairs))
+        # Faces that are turned round have their edges in another order.
+        turned = (wound != corners).any(1)
+        of_faces[turned] = of_faces[turned][:, [1, 0, 2]]
+        for name, value in (
+            ("vertices", points),
+            ("faces", wound),
+            ("source", source),
+            ("part", given[source]),
+            ("crease", float(crease)),
+            ("_edges", (edges, of_faces, beside)),
+        ):
+            object.__setattr__(self, name, value)
+        if not (self.face_areas > 0).any():
+            raise ValueError(f"a mesh needs a face with an area: {len(corners)} faces have none")
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+    @property
+    def edges(self) -> Int[Index, "E 2"]:
+        """The two vertices of each edge, the smaller one first."""
+        return self._edges[0]
+
+    @property
+    def face_edges(self) -> Int[Index, "F 3"]:
+        """The edges of each face: between its corners 0 and 1, 1 and 2, 2 and 0."""
+        return self._edges[1]
+
+    @property
+    def edge_faces(self) -> Int[Index, "E 2"]:
+        """The two faces at each edge; -1 for the second at a border, the first two where there are more."""
+        return self._edges[2]
+
+    @cached_property
+    def edge_counts(self) -> Int[Index, " E"]:
+        """How many faces meet at each edge: 1 at a border, 2 within the surface, more where it is not a manifold."""
+        return np.bincount(self.face_edges.ravel(), minlength=len(self.edges))
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether every edge has two faces, so that there is an inside."""
+        return bool((self.edge_counts == 2).all())
+
+    @cached_property
+    def bounds(self) -> Float[Array, "2 3"]:
+        """The least and the largest coordinates."""
+        return np.stack([self.vertices.min(0), self.vertices.max(0)])
+
+    @property
+    def size(self) -> float:
+        """The longest side of the bounding box, world units."""
+        return float((self.bounds[1] - self.bounds[0]).max())
+
+    @cached_property
+    def _products(self) -> Float[Array, "F 3"]:
+        """Normals twice as long as the faces are large."""
+        a, b, c = self.vertices[self.faces].transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+
+    @cached_property
+    def face_areas(self) -> Float[Array, " F"]:
+        """Areas, world units squared."""
+        return np.linalg.norm(self._products, axis=1) / 2
+
+    @cached_property
+    def face_normals(self) -> Float[Array, "F 3"]:
+        """Unit normals, outwards; zero for faces without an area."""
+        length = 2 * self.face_areas
+        return np.where(length[:, None] > 0, self._products / np.where(length > 0, length, 1.0)[:, None], 0.0)
+
+    @cached_property
+    def turns(self) -> Float[Array, " E"]:
+        """By how much the surface turns at each edge, degrees: positive where it is convex, negative where concave.
+
+        NaN where there are not two faces, or one has no area.
+        """
+        one, other = self.edge_faces.T
+        a, b = self.face_normals[one], self.face_normals[other]
+        cosine = np.einsum("ei,ei->e", a, b)
+        sine = np.linalg.norm(np.cross(a, b), axis=1)
+        turn = np.degrees(np.arctan2(sine, cosine))
+        # Convex: the other face lies below the plane of the first.
+        below = np.einsum("ei,ei->e", a, self.vertices[self.faces[other]].mean(1) - self.vertices[self.edges[:, 0]]) < 0
+        known = (self.edge_counts == 2) & (self.face_areas[one] > 0) & (self.face_areas[other] > 0)
+        return np.where(known, np.where(below, turn, -turn), np.nan)
+
+    @cached_property
+    def is_border(self) -> Bool[Mask, " E"]:
+        """Edges of one face."""
+        return self.edge_counts == 1
+
+    @cached_property
+    def is_branch(self) -> Bool[Mask, " E"]:
+        """Edges at which three and more faces meet."""
+        return self.edge_counts > 2
+
+    @cached_property
+    def is_crease(self) -> Bool[Mask, " E"]:
+        """Edges of two faces that meet at more than `crease`."""
+        return np.nan_to_num(np.abs(self.turns)) > self.crease
+
+    @cached_property
+    def corner_normals(self) -> Float[Array, "F 3 3"]:
+        """Unit normals at the corners of each face, smooth over all edges but creases and borders.
+
+        The mean normal of the faces around a vertex, weighted by their angles there (Thürmer and Wüthrich 1998), for
+        each fan of them between two creases.
+        """
+        fan, fans = self._fans
+        weighted = self.corner_angles[..., None] * self.face_normals[:, None]
+        flat = weighted.reshape(-1, 3)
+        total = np.stack([np.bincount(fan, flat[:, k], fans) for k in range(3)], 1)[fan]
+        length = np.linalg.norm(total, axis=1, keepdims=True)
+        own = np.repeat(self.face_normals, 3, axis=0)
+        return np.where(length > 1e-12, total / np.maximum(length, 1e-300), own).reshape(-1, 3, 3)
+
+    @cached_property
+    def corner_angles(self) -> Float[Array, "F 3"]:
+        """Angles of the faces at their corners, radians."""
+        points = self.vertices[self.faces]
+        onwards, back = np.roll(points, -1, 1) - points, np.roll(points, 1, 1) - points
+        sine = np.linalg.norm(np.cross(onwards, back), axis=2)
+        return np.arctan2(sine, np.einsum("fki,fki->fk", onwards, back))
+
+    @property
+    def _fans(self) -> tuple[Int[Index, " C"], int]:
+        """Which corners of faces, 3 a face, share a normal: those around a vertex that no crease or border parts."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        smooth = (self.edge_counts == 2) & ~self.is_crease
+        corners = [
+            3 * face[:, None] + (self.faces[face][:, None, :] == self.edges[smooth][:, :, None]).argmax(2)
+            for face in self.edge_faces[smooth].T
+        ]
+        one, other = (corner.ravel() for corner in corners)
+        count = 3 * len(self.faces)
+        graph = coo_matrix((np.ones(len(one), bool), (one, other)), shape=(count, count))
+        fans, fan = connected_components(graph, directed=False)
+        return fan.astype(np.int64), int(fans)
+
+
+def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[Float[Array, "V 3"], Int[Index, "F 3"]]:
+    points = np.array(vertices, np.float64)
+    corners = np.asarray(faces)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"vertices must have shape (V, 3), got {points.shape}")
+    if not np.issubdtype(corners.dtype, np.integer):
+        raise TypeError(f"faces must be whole numbers, got {corners.dtype}")
+    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
+        raise ValueError(f"faces must have shape (F, 3), of at least one face, got {corners.shape}")
+    if corners.min() < 0 or corners.max() >= len(points):
+        raise ValueError(f"faces must be of vertices 0 to {len(points) - 1}, got {corners.min()} to {corners.max()}")
+    corners = corners.astype(np.int64)
+    broken = np.flatnonzero(~np.isfinite(points[corners]).all((1, 2)))
+    if len(broken):
+        raise ValueError(f"vertices must be finite: those of face {broken[0]} are not")
+    return points, corners
+
+
+def _edges_of(faces: Int[Index, "F 3"]) -> tuple[Int[Index, "E 2"], Int[Index, "F 3"]]:
+    """All edges, and those of each face."""
+    sides = np.sort(np.stack([faces, np.roll(faces, -1, 1)], 2), axis=2)
+    base = int(faces.max()) + 1
+    keys, edge = np.unique(sides[..., 0] * base + sides[..., 1], return_inverse=True)
+    return np.stack([keys // base, keys % base], 1), edge.reshape(-1, 3)
+
+
+def _beside(face_edges: Int[Index, "F 3"], count: int) -> Int[Index, "E 2"]:
+    """The first two faces at each edge, -1 where there is no second."""
+    flat = face_edges.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.searchsorted(flat[order], np.arange(count + 1))
+    beside = np.full((count, 2), -1, np.int64)
+    beside[:, 0] = order[start[:-1]] // 3
+    more = start[1:] - start[:-1] > 1
+    beside[more, 1] = order[start[:-1][more] + 1] // 3
+    return beside
+
+
+def _run_alike(faces: Int[Index, "F 3"], edges: Int[Index, "P 2"], pairs: Int[Index, "P 2"]) -> Bool[Mask, " P"]:
+    """Whether both faces at an edge go along it in the same direction."""
+    rising = [
+        np.take_along_axis(corners, (place + 1) % 3, 1)[:, 0] == edges[:, 1]
+        for corners in (faces[pairs[:, 0]], faces[pairs[:, 1]])
+        for place in ((corners == edges[:, :1]).argmax(1)[:, None],)
+    ]
+    return rising[0] == rising[1]
