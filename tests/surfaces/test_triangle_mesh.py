@@ -95,13 +95,14 @@ def test_edges_of_a_box_are_creases_and_its_diagonals_not():
     assert np.allclose(np.sort(mesh.turns)[[0, 1]], [-90, 0])
 
 
-def test_normals_of_a_sphere_come_closer_with_the_square_of_its_edges():
+def test_normals_of_a_sphere_come_closer_with_its_edges():
+    """With their length, where the triangles around a vertex differ: no worse, and no better."""
     off = []
     for levels in (2, 3, 4):
         mesh = TriangleMesh(*icosphere(levels))
         off.append(np.linalg.norm(mesh.corner_normals - mesh.vertices[mesh.faces], axis=2).max())
     assert off[2] < 3e-3
-    assert off[1] / off[2] == pytest.approx(4, rel=0.2)
+    assert off[1] / off[2] == pytest.approx(2, rel=0.1)
 
 
 def test_normals_are_smooth_around_a_cylinder_and_part_at_its_rims():
