@@ -81,7 +81,7 @@ def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
     return {
         **nearest(sketch, [m for m, fits in zip(known.members, known.fitting, strict=True) if fits]),
         "top1": float(sight.recognised(judge, sketch)[0] == category),
-        "views": float((single == list(CATEGORIES).index(category)).float().mean()),
+        "views": float((single == judge.kinds.index(category)).float().mean()),
         "strokes": len(sketch),
         "seconds": seconds,
         "sketch": {name: value.tolist() for name, value in sketch.tensors().items()},

@@ -36,6 +36,7 @@ from diff3ds._settings import with_options
 from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.small_prior.prior_data import combinations
+from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
@@ -104,7 +105,7 @@ def draw(category: str, kind: tuple[str, ...], seed: int, prior: PriorOptions, l
         "fresh_chamfer_percent": nearest(members(category, kind, 1, seed)[0], pool)["chamfer_percent"],
         "top1": float(named[0] == category),
         "named": named[:3],
-        "views": float((single == list(CATEGORIES).index(category)).float().mean()),
+        "views": float((single == judge.kinds.index(category)).float().mean()),
         "right_kind": float(nearest_kind(sketch, category) == kind) if kind else None,
         "strokes": len(sketch),
         "seconds": seconds,
@@ -137,9 +138,14 @@ def main() -> None:
     parser.add_argument("--weights")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--combinations", action="store_true")
-    parser.add_argument("--only", type=lambda text: text.split(","), default=list(CATEGORIES))
+    parser.add_argument(
+        "--only",
+        type=lambda text: text.split(","),
+        help="kinds, separated by commas; by default all that the prior knows",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     chosen = parser.parse_args()
+    chosen.only = chosen.only or list(trained(chosen.weights).kinds if chosen.prior == "small" else CATEGORIES)
     chosen.folder.mkdir(parents=True, exist_ok=True)
     about, prior = environment(), PriorOptions(prior=chosen.prior, weights=chosen.weights)
     rows, waiting = [], {}

@@ -8,13 +8,16 @@ out, so that it knows drawings that are not perfect. Says how often it is right 
 """
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import nn
 
@@ -32,8 +35,18 @@ JITTER, LEFT_OUT = 0.04, 0.3
 BATCH, STEPS, RATE = 32, 1200, 4e-3
 
 
-def network() -> nn.Module:
-    """Logits of one view: a convolutional network of .5 M parameters."""
+class Classifier(nn.Sequential):
+    """Logits of one view: a convolutional network of .5 M parameters.
+
+    Attributes:
+        kinds: names of the categories that it tells apart, in the order of its answers.
+    """
+
+    kinds: tuple[str, ...]
+
+
+def network(kinds: Sequence[str]) -> Classifier:
+    """One that is not trained."""
     layers: list[nn.Module] = []
     before = 1
     for channels, size in ((32, 5), (64, 3), (128, 3)):
@@ -41,7 +54,9 @@ def network() -> nn.Module:
         layers += [nn.BatchNorm2d(channels), nn.ReLU()]
         before = channels
     layers += [nn.Conv2d(before, 256, 3, padding=1, bias=False), nn.BatchNorm2d(256), nn.ReLU()]
-    return nn.Sequential(*layers, nn.AdaptiveMaxPool2d(1), nn.Flatten(), nn.Linear(256, len(CATEGORIES)))
+    made = Classifier(*layers, nn.AdaptiveMaxPool2d(1), nn.Flatten(), nn.Linear(256, len(kinds)))
+    made.kinds = tuple(kinds)
+    return made
 
 
 def looks(sketch: ds.Sketch, width: float = WIDTH) -> torch.Tensor:
@@ -51,11 +66,11 @@ def looks(sketch: ds.Sketch, width: float = WIDTH) -> torch.Tensor:
         return ink(ds.render(replace(sketch, width=torch.full_like(sketch.width, width)), cameras).color)
 
 
-def recognised(classifier: nn.Module, sketch: ds.Sketch) -> list[str]:
+def recognised(classifier: Classifier, sketch: ds.Sketch) -> list[str]:
     """Categories of a sketch, the likeliest first: by the mean of the logarithms over its views."""
     with torch.no_grad():
         order = classifier(looks(sketch)).log_softmax(1).mean(0).argsort(descending=True)
-    return [list(CATEGORIES)[int(i)] for i in order]
+    return [classifier.kinds[int(i)] for i in order]
 
 
 def example(index: int) -> tuple[torch.Tensor, int]:
@@ -77,10 +92,11 @@ def example(index: int) -> tuple[torch.Tensor, int]:
     return seen, label
 
 
-def train(path: Path, steps: int) -> nn.Module:
+def train(path: Path, steps: int) -> Classifier:
     """Trains a classifier and writes it."""
     torch.manual_seed(0)
-    classifier = network().to(memory_format=torch.channels_last)
+    classifier = network(tuple(CATEGORIES))
+    classifier.to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(classifier.parameters(), RATE, weight_decay=0.01)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps)
     begun, right = time.perf_counter(), []
@@ -98,27 +114,31 @@ def train(path: Path, steps: int) -> nn.Module:
         if step % 100 == 99:
             share = sum(right[-100:]) / 100
             print(f"step {step + 1}: {share:.1%} of views right, {time.perf_counter() - begun:.0f} s", file=sys.stderr)
-    save_file({name: value.contiguous() for name, value in classifier.state_dict().items()}, path)
-    return classifier.eval()
+    state = {name: value.contiguous() for name, value in classifier.state_dict().items()}
+    save_file(state, path, {"kinds": json.dumps(classifier.kinds)})
+    classifier.eval()
+    return classifier
 
 
-def load(path: Path) -> nn.Module:
-    """A classifier that was trained."""
-    classifier = network()
+def load(path: Path) -> Classifier:
+    """A classifier that was trained, on the kinds that there were."""
+    with safe_open(path, "pt") as file:
+        classifier = network(json.loads(file.metadata()["kinds"]))
     classifier.load_state_dict(load_file(path))
-    return classifier.eval()
+    classifier.eval()
+    return classifier
 
 
-def held_out(classifier: nn.Module, each: int = 10) -> float:
+def held_out(classifier: Classifier, each: int = 10) -> float:
     """Share of members of unseen seeds, with any attributes, that it names rightly."""
     generator = torch.Generator().manual_seed(TEST_SEEDS)
     right = 0
-    for name, kind in CATEGORIES.items():
-        kinds = kind.combinations()
+    for name in classifier.kinds:
+        kinds = CATEGORIES[name].combinations()
         for _ in range(each):
             chosen = kinds[int(torch.randint(len(kinds), (), generator=generator))]
             right += recognised(classifier, member(name, generator, chosen).sketch)[0] == name
-    return right / each / len(CATEGORIES)
+    return right / each / len(classifier.kinds)
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ from PIL import Image, ImageDraw
 from report import environment, show, write_json
 
 import diff3ds as ds
-from diff3ds.library import CATEGORIES
+from diff3ds.tasks.recognition.network import trained
 
 SIZE, WIDTH, MARGIN = 460, 4, 30
 # Drawings of nothing that is known, and the seed that bends them.
@@ -46,17 +46,18 @@ def drawn(lines: list[Line]) -> np.ndarray:
 
 
 def doodles(part: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Names and pictures of so many doodles that are no kind of the library."""
+    """Names and pictures of so many doodles that are none of the recogniser's kinds."""
     chance = np.random.default_rng(SEED)
-    names = [name for name in (FOR_TEST if part == "test" else FOR_VALIDATION) if name.split("'")[0] not in CATEGORIES]
+    known = trained().kinds
+    names = [name for name in (FOR_TEST if part == "test" else FOR_VALIDATION) if name.split("'")[0] not in known]
     for i in range(NOTHING):
         name = names[i % len(names)]
         yield name, drawn(moved(DOODLES[name](chance), chance))
 
 
 def icons(folder: Path, part: str) -> Iterator[tuple[str, np.ndarray]]:
-    """So many icons that are no kind of the library."""
-    read = read_icons(folder)[part]
+    """So many icons that are none of the recogniser's kinds."""
+    read = read_icons(folder, trained().kinds)[part]
     for i in np.random.default_rng(SEED).choice(len(read), NOTHING, replace=False):
         fine = Image.fromarray(255 - read[i]).resize((SIZE, SIZE), Image.Resampling.BILINEAR)
         yield f"icon {i}", np.asarray(fine)

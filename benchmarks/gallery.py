@@ -27,6 +27,7 @@ from diff3ds._settings import with_options
 from diff3ds.formats import save_png, tile_images
 from diff3ds.library import CATEGORIES
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
+from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
@@ -76,11 +77,12 @@ def main() -> None:
     """Draws them all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--only", type=lambda text: text.split(","), default=list(CATEGORIES))
+    parser.add_argument("--only", type=lambda text: text.split(","), help="kinds, by default all that the prior knows")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--prior", choices=("exemplar", "small"), default="exemplar")
     parser.add_argument("--runs", type=Path)
     chosen = parser.parse_args()
+    chosen.only = chosen.only or list(trained().kinds if chosen.prior == "small" else CATEGORIES)
     chosen.folder.mkdir(parents=True, exist_ok=True)
     about, figures = environment(), {}
     with ProcessPoolExecutor(os.cpu_count()) as pool:

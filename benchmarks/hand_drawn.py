@@ -141,14 +141,14 @@ class Seen:
 
 
 class Pool:
-    """Members of all kinds, so many of each, as points along their strokes."""
+    """Members of kinds, so many of each, as points along their strokes."""
 
-    def __init__(self, each: int) -> None:
+    def __init__(self, each: int, kinds: Sequence[str]) -> None:
         """Draws them."""
         t = torch.linspace(0, 1, POINTS)
         self.members: dict[str, list[np.ndarray]] = {}
-        for name, category in CATEGORIES.items():
-            combinations = category.combinations()
+        for name in kinds:
+            combinations = CATEGORIES[name].combinations()
             self.members[name] = []
             for i in range(each):
                 chosen = combinations[0] if i % 3 == 0 else combinations[i % len(combinations)]

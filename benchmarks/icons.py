@@ -6,6 +6,7 @@ They are read from a folder of SVG files drawn in lines, such as icons/outline o
 
 import io
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,15 +31,18 @@ LIKE_KINDS = {
 }  # fmt: skip
 
 
-def read_icons(folder: Path) -> dict[str, list[np.ndarray]]:
+def read_icons(folder: Path, kinds: Sequence[str]) -> dict[str, list[np.ndarray]]:
     """Pictures (160, 160) of ink, uint8, in three parts: "train", "validation" and "test".
+
+    Args:
+        kinds: of the library that none of them shows, by its name.
 
     Raises:
         ValueError: there are none.
     """
     from resvg_py import svg_to_bytes
 
-    words = {word for name, kind in CATEGORIES.items() for noun in (name, *kind.synonyms) for word in noun.split()}
+    words = {word for name in kinds for noun in (name, *CATEGORIES[name].synonyms) for word in noun.split()}
     icons = []
     for path in sorted(folder.glob("*.svg")):
         named = {*path.stem.split("-")}

@@ -24,8 +24,8 @@ from report import environment, show, write_json
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
-from diff3ds.library import CATEGORIES
 from diff3ds.tasks.small_prior.prior_data import BuiltIn
+from diff3ds.tasks.small_prior.small_prior import trained
 
 # The seed of `diff3ds prior train`, and another one.
 SEEDS = {"training": 0, "other": 1}
@@ -39,8 +39,8 @@ def drawn(seed: int, first: int, count: int) -> list[tuple[str, np.ndarray]]:
     for index in range(first, first + count):
         # As diff3ds.tasks.small_prior.prior_data.Examples draws them.
         (mixed,) = np.random.SeedSequence([seed, index]).generate_state(1)
-        sketch, words = BuiltIn().draw(torch.Generator().manual_seed(int(mixed)))
-        category = next(word for word in words if word in CATEGORIES)
+        sketch, words = BuiltIn(trained().kinds).draw(torch.Generator().manual_seed(int(mixed)))
+        category = next(word for word in words if word in trained().kinds)
         found.append((category, points_on(sketch)[::THIN].astype(np.float32)))
     return found
 
@@ -69,7 +69,7 @@ def main() -> None:
     chosen = parser.parse_args()
     paths = {
         f"{category} {seed}": (category, chosen.folder / f"{category.replace(' ', '_')}-{seed}.json")
-        for category in CATEGORIES
+        for category in trained().kinds
         for seed in range(chosen.seeds)
     }
     missing = [str(path) for _, path in paths.values() if not path.is_file()]

@@ -37,6 +37,7 @@ from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition.lines import Lines, lines_of
+from diff3ds.tasks.recognition.network import trained
 from diff3ds.tasks.recognition.poses import DISTANCE, LEAST_CONFIDENCE, Match, described, gap_to, seen_from, table
 from diff3ds.tasks.recognition.recognise import Guess, recognise
 from diff3ds.tasks.text_image.image import run_image
@@ -98,11 +99,11 @@ class Shown:
 
 
 def things(each: int, condition: str, first_seed: int = FIRST_SEED) -> Iterator[Shown]:
-    """So many of every category."""
+    """So many of every kind that is recognised."""
     draw, how = Random(first_seed), CONDITIONS[condition]
     for seed in range(first_seed, first_seed + each):
-        for i, (name, category) in enumerate(CATEGORIES.items()):
-            attributes = draw.choice([(), *((a.name,) for a in category.attributes)])
+        for i, name in enumerate(trained().kinds):
+            attributes = draw.choice([(), *((a.name,) for a in CATEGORIES[name].attributes)])
             azimuth, elevation = draw.uniform(0, 360), draw.uniform(0, 30)
             sketch = member(name, torch.Generator().manual_seed(seed), attributes).sketch
             tall = 1 + how.stretch * draw.uniform(-1, 1)
@@ -163,7 +164,7 @@ def seen_points(sketch: ds.Sketch, camera: ds.Cameras) -> np.ndarray:
 def recognised(chosen: argparse.Namespace) -> dict[str, Any]:
     """Shares of category, attributes and pose that are found, and of what the threshold lets through."""
     begun = time.perf_counter()
-    for name in CATEGORIES:
+    for name in trained().kinds:
         table(name)
     figures: dict[str, Any] = {"seconds_of_the_tables": time.perf_counter() - begun, "conditions": {}}
     for condition in (*CONDITIONS, *HIDDEN):
@@ -341,7 +342,7 @@ def fitted(rows: list[tuple[Any, ...]]) -> dict[str, Any]:
 def matches(lines: Lines) -> dict[str, Match]:
     """The view of every kind that is most like a picture."""
     wanted = described(lines)
-    return {name: seen_from(wanted, name) for name in CATEGORIES}
+    return {name: seen_from(wanted, name) for name in trained().kinds}
 
 
 def best_of(lines: Lines, found: dict[str, Match]) -> tuple[str, tuple[float, float, float]]:

@@ -10,6 +10,8 @@ import numpy as np
 from doodles import arc, closed, path, smooth
 from symbols_indoors import INDOORS, Chance, Lines, Symbol, box, rod, turned, wheels
 
+from diff3ds.library import CATEGORIES
+
 
 def airplane(c: Chance) -> Lines:
     """From above, or from the side."""
@@ -362,3 +364,5 @@ OUTDOORS: dict[str, Symbol] = {
     "windmill": windmill,
 }
 SYMBOLS = dict(sorted({**INDOORS, **OUTDOORS}.items()))
+# In the library's order.
+KINDS = tuple(name for name in CATEGORIES if name in SYMBOLS)

@@ -5,7 +5,8 @@
 
 FOLDER holds the drawings by people, KIND.json each, ICONS icons: docs/reference/recognition.md says from where. The
 first command keeps those of validation apart and chooses temperature and threshold on them; the second trains on them
-as well, and takes both from the first. Neither sees what is the test's.
+as well, and takes both from the first. Neither sees what is the test's. The kinds are those
+that there are symbols of: the network keeps their list, and nothing changes for it when the library grows.
 """
 
 import argparse
@@ -19,12 +20,10 @@ import torch
 from doodles import DOODLES, FOR_TEST, FOR_VALIDATION
 from hand_drawn import Drawing, Pool, chimera, cluttered, moved, picture_of, read_drawings, worn
 from icons import icon_picture, read_icons
-from symbols_outdoors import SYMBOLS
+from symbols_outdoors import KINDS, SYMBOLS
 
-from diff3ds.library import CATEGORIES
 from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS, DrawingNetwork, Trained, read_network, write_network
 
-KINDS = tuple(CATEGORIES)
 # Shares of a batch: drawings by people, members of the library, symbols; the rest is none of the kinds. Last: the
 # shares of doodles and of icons in that rest, which has strokes of several drawings too.
 PEOPLE, LIBRARY, SYMBOLIC, DOODLED, ICONIC = 0.36, 0.28, 0.14, 0.35, 0.45
@@ -42,7 +41,7 @@ class Examples:
     def __init__(self, drawings: list[Drawing], doodles: list[str], icons: list[np.ndarray], seed: int) -> None:
         """Takes what is drawn from."""
         self.chance = np.random.default_rng(seed)
-        self.pool = Pool(MEMBERS)
+        self.pool = Pool(MEMBERS, KINDS)
         self.all = drawings
         self.strokes = [line for drawing in drawings for line in drawing.lines if len(line) > 1]
         self.by_kind: dict[str, list[Drawing]] = {}
@@ -182,7 +181,7 @@ def train(chosen: argparse.Namespace) -> None:
     kept = () if like else FOR_VALIDATION
     drawings = parts["train"] + (parts["validation"] if like else [])
     doodles = [name for name in DOODLES if name not in (*FOR_TEST, *kept) and is_doodle(name)]
-    icons = read_icons(chosen.icons)
+    icons = read_icons(chosen.icons, KINDS)
     examples = Examples(drawings, doodles, icons["train"] + (icons["validation"] if like else []), chosen.seed)
     pictures, kinds = validation(parts["validation"], icons["validation"], chosen.seed + 1)
     understood = torch.zeros(len(kinds), dtype=torch.bool)

@@ -10,14 +10,13 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.library import CATEGORIES
 from diff3ds.tasks.recognition.lines import Lines
-from diff3ds.tasks.recognition.network import LINE, SIZE, THING
+from diff3ds.tasks.recognition.network import LINE, SIZE, THING, trained
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 from doodles import DOODLES, FOR_TEST, FOR_VALIDATION
 from hand_drawn import moved, picture_of, read_drawings, seen_from, without_hidden, worn
-from symbols_outdoors import SYMBOLS
+from symbols_outdoors import KINDS, SYMBOLS
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (40.0, 20.0), (250.0, 32.0)])
@@ -64,7 +63,8 @@ def test_parts_are_apart_and_always_the_same(tmp_path):
 
 
 def test_every_kind_has_a_symbol_and_every_doodle_draws():
-    assert {*SYMBOLS} <= {*CATEGORIES}
+    assert {*KINDS} == {*SYMBOLS}
+    assert trained().kinds == KINDS
     assert not {*FOR_TEST} & {*FOR_VALIDATION}
     chance = np.random.default_rng(0)
     for draw in (*SYMBOLS.values(), *DOODLES.values()):

@@ -1,6 +1,7 @@
 """The built-in prior of a phrase, and `diff3ds text` with it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from diff3ds.cli import FAULT, main
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
-from diff3ds.tasks.exact_prior.exemplars import FITTING, exemplars_of, requested
+from diff3ds.tasks.exact_prior.exemplars import FITTING, OTHER_KINDS, exemplars_of, requested
 from diff3ds.tasks.text_image import sharpen
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
@@ -23,13 +24,21 @@ from diff3ds.tasks.text_image.text import run_text
 
 def test_members_that_fit_and_all_the_others():
     known = exemplars_of("a red chair", seed=0)
-    assert len(known.members) == FITTING + len(CATEGORIES) - 1
+    assert len(known.members) == FITTING + len(OTHER_KINDS) - 1
     assert sum(known.fitting) == FITTING
     assert known.color == COLORS["red"]
     assert torch.allclose(known.members[0].color, torch.tensor(COLORS["red"]))
     again = exemplars_of("a red chair", seed=0)
     assert all(torch.equal(a.points, b.points) for a, b in zip(known.members, again.members, strict=True))
     assert not torch.equal(exemplars_of("a red chair", seed=1).members[0].points, known.members[0].points)
+
+
+def test_a_new_kind_changes_nothing_for_the_old_ones(monkeypatch):
+    before = exemplars_of("a red chair", seed=0).members
+    monkeypatch.setitem(CATEGORIES, "marquee", replace(CATEGORIES["tent"], name="marquee"))
+    after = exemplars_of("a red chair", seed=0).members
+    assert all(torch.equal(a.points, b.points) for a, b in zip(before, after, strict=True))
+    assert len(exemplars_of(Request("marquee"), seed=0).members) == FITTING + len(OTHER_KINDS)
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_some_combinations_are_left_out_of_the_training():
     for name in CATEGORIES:
         assert set(left[name]) | set(combinations(name, False)) == set(CATEGORIES[name].combinations())
     generator = torch.Generator().manual_seed(0)
-    drawn = [draw_request(generator) for _ in range(500)]
+    drawn = [draw_request(generator) for _ in range(1000)]
     assert {request.category for request in drawn} == set(CATEGORIES)
     assert not [r for r in drawn if r.attributes in left[r.category]]
     assert {a.name for r in drawn for a in CATEGORIES[r.category].attributes if a.name in r.attributes}

@@ -20,7 +20,7 @@ from diff3ds.guidance.built_in.small_shape import Shape
 from diff3ds.library import member
 from diff3ds.library.phrase import Request
 from diff3ds.tasks.small_prior import small_prior
-from diff3ds.tasks.small_prior.prior_data import Examples, words
+from diff3ds.tasks.small_prior.prior_data import BuiltIn, Examples, words
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -92,6 +92,34 @@ def test_the_request_reaches_the_network(weights):
     assert not torch.equal(one[0], other[0])
 
 
+def test_a_network_keeps_the_list_of_kinds_that_it_was_trained_on(tmp_path, capsys):
+    """Fewer than the library has, and in another order."""
+    kinds = ("mug", "chair")
+    path, out = tmp_path / "two.safetensors", tmp_path / "out"
+    network = SmallNetwork(Shape(len(words(kinds)), patch=16, width=16, depth=1, heads=2))
+    write_network(path, network, Vocabulary(words(kinds), 0.18, 0.37), {})
+    two = trained(str(path))
+    assert two.is_of_the_library
+    assert two.kinds == kinds
+    assert two.understood("an armchair") == Request("chair", ("armrests",))
+    said = two.told(Request("chair", ("armrests",)))
+    assert [two.vocabulary.words[int(i)] for i in said.nonzero()] == ["chair", "chair: armrests"]
+    for phrase in ("a lamp", "a chair with a lamp on it"):
+        with pytest.raises(SystemExit):
+            main(["text", phrase, "--prior", "small", "--weights", str(path), "-o", str(out), *FEW])
+        message = " ".join(capsys.readouterr().err.split())
+        assert "not trained on 'lamp': leave --prior small out" in message
+        assert "prior train -o prior" in message
+    assert not out.exists()
+
+
+def test_the_network_of_the_package_knows_kinds_of_the_library(shipped):
+    """New kinds of the library, and new ways to say something, change none of its words."""
+    assert shipped.is_of_the_library
+    assert len(shipped.kinds) == 40
+    assert shipped.vocabulary.words == words(shipped.kinds)
+
+
 def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
     for phrase, wrong, message in (
@@ -142,7 +170,8 @@ def shipped():
 
 def test_the_network_of_the_package_heeds_words_views_and_the_picture(shipped):
     """On members that it was not trained on, at much noise: right words help, wrong ones harm, and so on."""
-    examples = [Examples(1_000_000, 16)[i] for i in range(16)]
+    known = BuiltIn(shipped.kinds)
+    examples = [Examples(1_000_000, 16, known)[i] for i in range(16)]
     batch = {name: torch.stack([example[name] for example in examples]) for name in examples[0]}
     network, vocabulary = shipped.network, shipped.vocabulary
     clean = (batch["views"] - vocabulary.mean) / vocabulary.spread

@@ -53,7 +53,11 @@ class Vocabulary:
         """
         unknown = [word for word in values if word not in self.words]
         if unknown:
-            raise ValueError(f"the network was not trained on {', '.join(unknown)}: train one that was (prior train)")
+            raise ValueError(
+                f"the small network was not trained on {', '.join(map(repr, unknown))}: leave --prior small out, for "
+                "the exact prior knows all of the library; or train a network on what there is now, diff3ds prior "
+                "train -o prior, and give it: --weights prior/small.safetensors"
+            )
         return torch.tensor([values.get(word, 0.0) for word in self.words])
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Protocol, runtime_checkable
@@ -34,14 +35,16 @@ JITTER = 0.03
 OWN_JITTER = 0.01
 # Of the library, in pictures of the training.
 SHOWN = ("a chair", "a chair with armrests", "a mug", "a house", "a car", "a tall lamp", "a bicycle", "a tree")
+# What the network of the next training can be asked for; one that was trained before has its own list.
+KINDS = tuple(CATEGORIES)
 AXES = ("stretch x", "stretch y", "stretch z")
 
 
 @cache
-def words() -> tuple[str, ...]:
-    """Every category, every attribute of each, and the stretches along the axes."""
-    kinds = [name for c in CATEGORIES.values() for name in (c.name, *(attribute(c.name, a.name) for a in c.attributes))]
-    return (*kinds, *AXES)
+def words(kinds: tuple[str, ...] = KINDS) -> tuple[str, ...]:
+    """Every one of the kinds, every attribute of each, and the stretches along the axes."""
+    known = [CATEGORIES[kind] for kind in kinds]
+    return (*(name for c in known for name in (c.name, *(attribute(c.name, a.name) for a in c.attributes))), *AXES)
 
 
 def attribute(category: str, name: str) -> str:
@@ -75,13 +78,12 @@ def combinations(category: str, held_out: bool) -> tuple[tuple[str, ...], ...]:
     return tuple(names for names in CATEGORIES[category].combinations() if left_out(names) == held_out)
 
 
-def draw_request(generator: torch.Generator) -> Request:
-    """Draws what one of the training's members is to be."""
+def draw_request(generator: torch.Generator, names: Sequence[str] = KINDS) -> Request:
+    """Draws what one of the training's members is to be, of kinds with these names."""
 
     def one_of(count: int) -> int:
         return int(torch.randint(count, (), generator=generator))
 
-    names = tuple(CATEGORIES)
     category = names[one_of(len(names))]
     plain, stretched = torch.rand(2, generator=generator).tolist()
     kinds = combinations(category, False)
@@ -119,12 +121,18 @@ class Subjects(Protocol):
 
 @dataclass(frozen=True)
 class BuiltIn:
-    """The library of the package."""
+    """The library of the package.
+
+    Attributes:
+        kinds: names of its categories that are drawn.
+    """
+
+    kinds: tuple[str, ...] = KINDS
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Every category, every attribute of each, and the stretches."""
-        return words()
+        """Every kind, every attribute of each, and the stretches."""
+        return words(self.kinds)
 
     @property
     def shown(self) -> list[dict[str, float]]:
@@ -132,8 +140,8 @@ class BuiltIn:
         return [said(parse(phrase)) for phrase in SHOWN]
 
     def draw(self, generator: torch.Generator) -> tuple[Sketch, dict[str, float]]:
-        """A member of any category, with any attributes that are not held out."""
-        request = draw_request(generator)
+        """A member of any of the kinds, with any attributes that are not held out."""
+        request = draw_request(generator, self.kinds)
         return requested(request, generator), said(request)
 
 

@@ -44,9 +44,14 @@ class Trained:
         return "bfloat16" if half_is_fast(self.device) else "float32"
 
     @property
-    def knows_the_library(self) -> bool:
-        """Whether it was trained on the built-in library, and not on a folder."""
-        return self.vocabulary.words == words()
+    def kinds(self) -> tuple[str, ...]:
+        """Names of the kinds of things that it was trained on."""
+        return tuple(word for word in self.vocabulary.words if ": " not in word and word not in AXES)
+
+    @property
+    def is_of_the_library(self) -> bool:
+        """Whether it was trained on the built-in library, as large as that was then, and not on a folder."""
+        return {*self.vocabulary.words} <= {*words()}
 
     def understood(self, phrase: str) -> Request:
         """Reads a phrase by the library's grammar, or by that of the folder that the network was trained on.
@@ -54,13 +59,20 @@ class Trained:
         Raises:
             ValueError: the phrase is not understood.
         """
-        known = self.vocabulary.words
-        if self.knows_the_library:
+        if self.is_of_the_library:
             return parse(phrase)
-        kinds: dict[str, list[str]] = {word: [] for word in known if ": " not in word and word not in AXES}
-        for noun, _, rest in (word.partition(": ") for word in known if ": " in word):
+        kinds: dict[str, list[str]] = {kind: [] for kind in self.kinds}
+        for noun, _, rest in (word.partition(": ") for word in self.vocabulary.words if ": " in word):
             kinds.setdefault(noun, []).append(rest)
         return asked_of([Name(noun, tuple(rest), noun) for noun, rest in kinds.items()], phrase, self.source)
+
+    def told(self, request: Request) -> Float[Tensor, " K"]:
+        """What the network is told of one thing.
+
+        Raises:
+            ValueError: it was not trained on that.
+        """
+        return self.vocabulary.said(said(request))
 
     def asked(
         self, request: Request, seen: Float[Tensor, "1 S S 3"] | None = None, camera: Cameras | None = None
@@ -75,9 +87,8 @@ class Trained:
         Raises:
             ValueError: the request is for what it was not trained on.
         """
-        given = self.vocabulary.said(said(request))
         view = None if seen is None or camera is None else View(ink(seen), camera)
-        return SmallDenoiser(self.network, self.vocabulary, given, view, self.device)
+        return SmallDenoiser(self.network, self.vocabulary, self.told(request), view, self.device)
 
 
 def trained(weights: str | None = None, device: str = "auto") -> Trained:

@@ -47,12 +47,15 @@ def run_text(
         return distill(_network(name, spec), spec, out, report)
     _check_built_in(spec)
     small = trained(spec.prior.weights, spec.prior.device) if name == "small" else None
-    if spec.prior.library is not None or (small and not small.knows_the_library):
+    if spec.prior.library is not None or (small and not small.is_of_the_library):
         return distill(_of_folder(small, spec, say), spec, out, report)
     scene = parse_scene(spec.subject.phrase)
     alone = len(scene.things) == 1 and scene.things[0].count == 1
     for thing in scene.things:
         _say_noted(thing.request, alone, say)
+        if small:
+            # Before the first thing is drawn.
+            small.told(thing.request)
 
     def prior(one: RunSpec[Phrase], request: Request) -> ConditionedPrior:
         if small:
