@@ -30,7 +30,7 @@ class Arc(NamedTuple):
     """center + cos t major + sin t minor for t from start to stop, radians.
 
     The axes are at right angles; the first is not shorter than the second, and as long but for rounding where the arc
-    is circular. A whole circle or ellipse goes from 0 to 2 pi exactly.
+    is circular. It begins in [0, 2 pi), circular ones at 0; a whole circle or ellipse goes from 0 to 2 pi exactly.
     """
 
     center: Vector
@@ -66,12 +66,14 @@ def curves_of(sketch: Sketch) -> Iterator[list[Curve]]:
     """What each stroke is made of, from its start to its end.
 
     Arcs of one circle or ellipse that follow on each other are one, and so are segments that are neither lines nor
-    arcs. Arcs are found up to the rounding of the sketch's dtype (`STEPS`); of B-splines the control points and weights
-    are kept to the last bit, but for the factor of `to_nurbs`.
+    arcs. Arcs are found up to the rounding of the sketch's dtype (`STEPS`), and those of circles begin and end where
+    the stroke's control points are, to float64; of B-splines the control points and weights are kept to the last bit,
+    but for the factor of `to_nurbs`. At a joint a segment begins exactly where the one before it ends.
     """
     sketch = sketch.detach().to("cpu")
     tolerance = STEPS * torch.finfo(sketch.points.dtype).eps
     points, weights = sketch.points.double(), sketch.weights.double()
+    points = points if sketch.chains is None else sketch.chains.joined(points)
     first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
     for stroke in range(len(sketch)):
         found: list[Curve] = []
@@ -122,10 +124,22 @@ def _simple(points: NDArray[np.float64], weights: NDArray[np.float64], tolerance
         return None
     major, minor = float(np.linalg.norm(arc.major)), float(np.linalg.norm(arc.minor))
     if major - minor <= tolerance * major:
-        radius = (major + minor) / 2
-        arc = arc._replace(major=arc.major * (radius / major), minor=arc.minor * (radius / minor), circular=True)
+        arc = _circular(arc, np.zeros(3), points[-1] - origin)
     arc = arc._replace(center=arc.center + origin)
-    return arc if np.isfinite(arc.center).all() else None
+    return arc if np.isfinite([arc.center, arc.major, arc.minor]).all() else None
+
+
+def _circular(arc: Arc, start: Vector, stop: Vector) -> Arc:
+    """An arc that is round but for rounding, as one of a circle that begins and ends exactly at these points."""
+    normal = np.cross(arc.major, arc.minor)
+    normal /= np.linalg.norm(normal)
+    middle, along = (start + stop) / 2, (stop - start) / np.linalg.norm(stop - start)
+    # The centre is as far from both ends.
+    across = np.cross(normal, along)
+    center = middle + ((arc.center - middle) @ across) * across
+    major, end = start - center, stop - center
+    minor = np.cross(normal, major)
+    return Arc(center, major, minor, 0.0, math.atan2(end @ minor, end @ major) % (2 * math.pi), circular=True)
 
 
 def _conic(control: NDArray[np.float64]) -> Arc | None:
@@ -147,8 +161,8 @@ def _conic(control: NDArray[np.float64]) -> Arc | None:
     major, minor = axes[:, 0] * lengths[0], axes[:, 1] * lengths[1]
     if turn[0, 0] * turn[1, 1] < turn[0, 1] * turn[1, 0]:
         minor, turn = -minor, np.stack([turn[0], -turn[1]])
-    offset = math.atan2(turn[1, 0], turn[0, 0])
-    return Arc(center, major, minor, offset - angle, offset + angle)
+    start = (math.atan2(turn[1, 0], turn[0, 0]) - angle) % (2 * math.pi)
+    return Arc(center, major, minor, start, start + 2 * angle)
 
 
 def _is_on(arc: Arc, control: NDArray[np.float64], tolerance: float) -> bool:
@@ -184,4 +198,7 @@ def _joined(arc: Arc, after: Arc, tolerance: float) -> Arc:
     turn = arc.stop - arc.start + after.stop - after.start
     if abs(turn - 2 * math.pi) <= 8 * tolerance * 2 * math.pi:
         return arc._replace(start=0.0, stop=2 * math.pi)
+    # Of a circle but for a gap the gap tells little of where the centre is.
+    if arc.circular and turn < 1.9 * math.pi:
+        return _circular(arc, arc.at(arc.start), after.at(after.stop))
     return arc._replace(stop=arc.start + turn)

@@ -1,19 +1,17 @@
 """STEP files (ISO 10303-21, AP242): exact rational curves for CAD programs, by an own small writer; read through OCCT.
 
-One product with one set of curves: a world unit is written as 1 mm, or as another unit. A stroke becomes a trimmed
-rational B-spline of its own degree with its control points and weights to the last bit, called "stroke 0", "stroke 1"
-and so on, with its colour; one of several segments is one B-spline with a knot at each joint, whose weights go on over
-the joints (those of a segment are scaled by one number). Its width, the mean one where it changes, is written as the
-style's line width, which few programs show. STEP has no transparent lines and no lines of a width relative to the
-picture: opacity and `width_space` are not kept.
+One product with one set of curves: a world unit is written as 1 mm, or as another unit. A stroke becomes a line, a
+circle or an ellipse where it is one, trimmed or whole, else a rational B-spline of its own degree with its control
+points and weights to the last bit; one of several such curves is a composite curve. It is called "stroke 0", "stroke 1"
+and so on, with its colour, on a layer of that colour. Its width, the mean one where it changes, is written as the
+style's line width, which few programs show; the name of the style says what it means. STEP has no transparent lines:
+opacity is not kept.
 """
 
 import importlib.util
-import itertools
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +19,10 @@ import torch
 
 from diff3ds._files import write_text
 from diff3ds._units import MILLIMETRES, Unit, check_unit
-from diff3ds.bezier import to_nurbs
-from diff3ds.chains import Chains
-from diff3ds.sketch import Sketch
+from diff3ds.formats.assembly import ReadStroke, sketch_of
+from diff3ds.formats.curve_kinds import curves_of
+from diff3ds.formats.step_entities import Entities, reals, string, stroke_entity
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
 
 # A sketch of 100,000 strokes takes 100 MB; more is taken for a mistake or an attack.
 MAX_BYTES = 1 << 28
@@ -66,17 +65,18 @@ _FIRST_FREE = 20
 _RESOLUTION = 1e-7
 _PREFIXES = {"mm": ".MILLI.", "cm": ".CENTI.", "m": "$"}
 _NAMES = {"in": "INCH", "ft": "FOOT"}
-_CONVERSION = """#{0}=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));
-#{1}=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({millimetres}),#{0});
-#{2}=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);
-"""
+# Names of curve styles, by which a reader knows what their widths mean.
+WIDTHS: dict[WidthSpace, str] = {"image": "width of the image height", "world": "width in space"}
 
 
 def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
     """Writes a STEP file, whole or not at all; the same sketch and name give the same file.
 
-    Not kept: opacity, `width_space`, colours outside [0, 1] (they are clamped). A STEP reader may drop strokes shorter
-    than its resolution, 1e-7 mm in OCCT, and write equal weights as 1.
+    Lines, circles and ellipses are told from the rest up to the rounding of the sketch's dtype (`curve_kinds.STEPS`),
+    and read back to 1e-12 of their size; B-splines are bit for bit, but for one factor of their weights.
+
+    Not kept: opacity, widths along strokes, colours outside [0, 1] (they are clamped). A STEP reader may drop strokes
+    shorter than its resolution, 1e-7 mm in OCCT, and write equal weights as 1.
 
     Args:
         unit: what a world unit is.
@@ -90,101 +90,66 @@ def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
     sketch.check_values()
     if len(sketch) == 0:
         raise ValueError(f"{path}: a STEP file needs at least one stroke, got none")
-    strokes = list(_strokes(sketch.detach()))
-    # An entity for each control point and six for the rest of a stroke: see _entities.
-    ends = list(itertools.accumulate((len(stroke["points"]) + 6 for stroke in strokes), initial=_FIRST_FREE))
-    length, conversion = _length_unit(unit, ends[-1])
+    sketch = sketch.detach().to("cpu")
+    entities = Entities(_FIRST_FREE)
+    closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
+    curves = [
+        stroke_entity(entities, string(f"stroke {i}"), found, closed[i]) for i, found in enumerate(curves_of(sketch))
+    ]
+    styles = _styles(entities, sketch, curves)
+    length = _length_unit(unit, entities)
     product = _PRODUCT.format(
         length=length,
-        resolution=_reals([_RESOLUTION / MILLIMETRES[unit]]),
-        name=_string(path.stem),
-        curves=",\n".join(f"#{end - 5}" for end in ends[1:]),
-        styles=",\n".join(f"#{end - 1}" for end in ends[1:]),
+        resolution=reals([_RESOLUTION / MILLIMETRES[unit]]),
+        name=string(path.stem),
+        curves=",\n".join(curves),
+        styles=",\n".join(styles),
     )
-    lines = [_HEADER.format(name=_string(path.name)) + product]
-    for index, (first, stroke) in enumerate(zip(ends, strokes, strict=False)):
-        lines += [f"#{first + i}={entity};\n" for i, entity in enumerate(_entities(index, first, stroke))]
-    write_text(path, "".join([*lines, conversion, "ENDSEC;\nEND-ISO-10303-21;\n"]))
+    header = _HEADER.format(name=string(path.name))
+    write_text(path, "".join([header, product, *entities.lines, "ENDSEC;\nEND-ISO-10303-21;\n"]))
 
 
-def _length_unit(unit: Unit, free: int) -> tuple[str, str]:
-    """What a unit of length is, and entities that it refers to, numbered from `free`."""
+def _length_unit(unit: Unit, entities: Entities) -> str:
+    """What a unit of length is."""
     if unit in _PREFIXES:
-        return f"LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({_PREFIXES[unit]},.METRE.)", ""
-    millimetres = _reals([MILLIMETRES[unit]])
-    return (
-        f"CONVERSION_BASED_UNIT('{_NAMES[unit]}',#{free + 1})LENGTH_UNIT()NAMED_UNIT(#{free + 2})",
-        _CONVERSION.format(free, free + 1, free + 2, millimetres=millimetres),
-    )
+        return f"LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({_PREFIXES[unit]},.METRE.)"
+    millimetre = entities.add("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.))")
+    measure = f"LENGTH_MEASURE({reals([MILLIMETRES[unit]])})"
+    factor = entities.add(f"LENGTH_MEASURE_WITH_UNIT({measure},{millimetre})")
+    exponents = entities.add("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)")
+    return f"CONVERSION_BASED_UNIT('{_NAMES[unit]}',{factor})LENGTH_UNIT()NAMED_UNIT({exponents})"
 
 
-def _strokes(sketch: Sketch) -> Iterator[dict[str, Any]]:
-    """What is written of each stroke: control points and weights of a B-spline of so many segments, width, colour."""
-    tensors = {name: value.double() for name, value in sketch.tensors().items()}
-    width, first = tensors["width"], range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
-    for index in range(len(sketch)):
-        segments = slice(first[index], first[index + 1])
-        points, weights, _ = to_nurbs(tensors["points"][segments], tensors["weights"][segments])
-        yield {
-            "points": points.tolist(),
-            "weights": weights.tolist(),
-            "segments": segments.stop - segments.start,
-            "width": float(width[index] if width.ndim == 1 else width[segments].mean()),
-            "color": tensors["color"][index].tolist(),
-        }
-
-
-def _entities(index: int, first: int, stroke: dict[str, Any]) -> Iterator[str]:
-    """The entities of one stroke, to be numbered from `first`."""
-    points, segments, name = stroke["points"], stroke["segments"], _string(f"stroke {index}")
-    degree = (len(points) - 1) // segments
-    for point in points:
-        yield f"CARTESIAN_POINT('',({_reals(point)}))"
-    # It is never called closed: OCCT would make it periodic, and replace its last weight by the first.
-    poles = ",".join(f"#{first + i}" for i in range(len(points)))
-    multiplicities = ",".join(map(str, [degree + 1, *[degree] * (segments - 1), degree + 1]))
-    yield (
-        f"(BOUNDED_CURVE()B_SPLINE_CURVE({degree},({poles}),.UNSPECIFIED.,.F.,.U.)"
-        f"B_SPLINE_CURVE_WITH_KNOTS(({multiplicities}),({_reals(range(segments + 1))}),.PIECEWISE_BEZIER_KNOTS.)"
-        "CURVE()GEOMETRIC_REPRESENTATION_ITEM()"
-        f"RATIONAL_B_SPLINE_CURVE(({_reals(stroke['weights'])}))REPRESENTATION_ITEM({name}))"
-    )
-    spline = first + len(points)
-    yield f"TRIMMED_CURVE({name},#{spline},(PARAMETER_VALUE(0.)),(PARAMETER_VALUE({segments}.)),.T.,.PARAMETER.)"
-    yield f"COLOUR_RGB('',{_reals(min(max(c, 0.0), 1.0) for c in stroke['color'])})"
-    # A line width must be positive.
-    width = f"POSITIVE_LENGTH_MEASURE({_reals([stroke['width']])})" if stroke["width"] > 0 else "$"
-    yield f"CURVE_STYLE('',#19,{width},#{spline + 2})"
-    yield f"PRESENTATION_STYLE_ASSIGNMENT((#{spline + 3}))"
-    yield f"STYLED_ITEM('',(#{spline + 4}),#{spline + 1})"
-
-
-def _reals(values: Any) -> str:
-    """Numbers that read back to the same bits: a STEP real has a point, and its exponent a capital E."""
-    written = []
-    for value in values:
-        mantissa, mark, exponent = repr(float(value)).upper().partition("E")
-        written.append((mantissa if "." in mantissa else mantissa + ".") + mark + exponent)
-    return ",".join(written)
-
-
-def _string(text: str) -> str:
-    """A STEP string: quotes and backslashes doubled, all but printable ASCII as code points (ISO 10303-21, X4)."""
-    escaped = ""
-    for character in text:
-        if " " <= character <= "~":
-            escaped += character * 2 if character in "'\\" else character
-        else:
-            escaped += f"\\X4\\{ord(character):08X}\\X0\\"
-    return f"'{escaped}'"
+def _styles(entities: Entities, sketch: Sketch, curves: list[str]) -> list[str]:
+    """How the strokes look, and a layer a colour."""
+    widths, space = sketch.width.double(), sketch.width_space
+    if widths.ndim == 2:
+        rows = torch.arange(len(sketch)) if sketch.chains is None else sketch.chains.stroke
+        sums = torch.zeros(len(sketch), dtype=torch.float64).index_add(0, rows, widths.mean(1))
+        widths = sums / torch.bincount(rows)
+    styles, layers = [], dict[str, list[str]]()
+    for curve, width, color in zip(curves, widths.tolist(), sketch.color.double().tolist(), strict=True):
+        shown = [min(max(c, 0.0), 1.0) for c in color]
+        layers.setdefault("COLOR_" + "".join(f"{round(c * 255):02X}" for c in shown), []).append(curve)
+        ink = entities.add(f"COLOUR_RGB('',{reals(shown)})")
+        # A line width must be positive.
+        measure = f"POSITIVE_LENGTH_MEASURE({reals([width])})" if width > 0 else "$"
+        style = entities.add(f"CURVE_STYLE('{WIDTHS[space]}',#19,{measure},{ink})")
+        styles.append(
+            entities.add(f"STYLED_ITEM('',({entities.add(f'PRESENTATION_STYLE_ASSIGNMENT(({style}))')}),{curve})")
+        )
+    for name, some in layers.items():
+        entities.add(f"PRESENTATION_LAYER_ASSIGNMENT('{name}','',({','.join(some)}))")
+    return styles
 
 
 def load_step(path: str | Path) -> Sketch:
-    """Every edge of a STEP file as a stroke, float64, in millimetres; needs the extra `cad`.
+    """Every wire and every other edge of a STEP file as a stroke, float64, in millimetres; needs the extra `cad`.
 
     Rational curves up to degree 3 (a B-spline has a segment between each two knots), lines, circles, ellipses,
     parabolas and hyperbolas are exact; other curves are approximated by cubics to 1e-4 of their size. Colours are
-    those of the curves, black where there is none. Widths, opacities and `width_space` get the defaults of `Sketch`.
+    those of the curves, black where there is none. Wires that bound a face are single edges. Widths and `width_space`
+    are those of `save_step`, of other programs' files the defaults of `Sketch`, as opacities are of all.
 
     OCCT reads in a process of its own: a file that makes it crash or hang gives an error like any other broken file.
     Single curves that OCCT refuses are left out.
@@ -241,16 +206,14 @@ def _read_apart(path: Path) -> list[dict[str, Any]]:
 
 
 def _sketch(strokes: list[dict[str, Any]]) -> Sketch:
-    """Strokes of any degrees as one sketch, in their order."""
-    parts, order = [], []
-    for controls in sorted({len(s["segments"][0]["weights"]) for s in strokes}):
-        rows = [i for i, s in enumerate(strokes) if len(s["segments"][0]["weights"]) == controls]
-        segments = [segment for i in rows for segment in strokes[i]["segments"]]
-        points, weights = (
-            torch.tensor([segment[key] for segment in segments], dtype=torch.float64) for key in ("points", "weights")
-        )
-        color = torch.tensor([strokes[i]["color"] for i in rows], dtype=torch.float64)
-        chains = Chains.of([len(strokes[i]["segments"]) for i in rows], [strokes[i]["closed"] for i in rows])
-        parts.append(Sketch(points, weights, color=color, chains=chains))
-        order += rows
-    return Sketch.concatenate(parts)[torch.tensor(order).argsort()]
+    """The strokes, with their widths where all are called as `save_step` calls them."""
+    said = [found["width"] or {"name": "", "value": 0.0, "millimetres": 1.0} for found in strokes]
+    names = {style["name"] for style in said}
+    space = next((space for space, name in WIDTHS.items() if names == {name}), None)
+    read = []
+    for found, style in zip(strokes, said, strict=True):
+        segments = [(segment["points"], segment["weights"]) for segment in found["segments"]]
+        unit = style["millimetres"] if space == "world" else 1.0
+        width = DEFAULT_WIDTH if space is None else style["value"] * unit
+        read.append(ReadStroke(segments, found["closed"], found["color"], width))
+    return sketch_of(read, space or "image")

@@ -1,9 +1,10 @@
-"""The edges of a STEP file as Bézier curves, by OCCT. A script: `python step_reader.py FILE` answers in JSON.
+"""The wires and edges of a STEP file as Bézier curves, by OCCT. A script: `python step_reader.py FILE` answers in JSON.
 
 It imports nothing of the package: `load_step` runs it in a process of its own, so that no file takes its caller down.
 """
 
 import json
+import math
 import os
 import sys
 from collections.abc import Iterator
@@ -11,28 +12,43 @@ from typing import Any
 
 from OCP.BRep import BRep_Tool
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
-from OCP.collections import Sequence_TDF_Label
+from OCP.collections import Sequence_TCollection_AsciiString, Sequence_TDF_Label
 from OCP.Geom import Geom_BSplineCurve, Geom_TrimmedCurve
 from OCP.GeomAbs import GeomAbs_C1
 from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxCurve, GeomConvert_BSplineCurveToBezierCurve
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.STEPConstruct import STEPConstruct
+from OCP.StepVisual import (
+    StepVisual_ColourRgb,
+    StepVisual_CurveStyle,
+    StepVisual_OverRidingStyledItem,
+    StepVisual_StyledItem,
+)
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import TopAbs_EDGE
-from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.XCAFDoc import XCAFDoc_ColorCurv, XCAFDoc_ColorGen, XCAFDoc_ColorTool, XCAFDoc_DocumentTool
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_WIRE
+from OCP.TopoDS import TopoDS, TopoDS_Iterator
+from OCP.XCAFDoc import XCAFDoc_ColorCurv, XCAFDoc_ColorGen, XCAFDoc_DocumentTool
 
 MAX_DEGREE = 3
 # Of the approximation of other curves, relative to how far their control points reach from the first.
 TOLERANCE = 1e-4
 MAX_SEGMENTS = 1000
+# Of the sizes of two segments: how far apart the end of one and the start of the other may be at a joint of a wire.
+# [empirical: ends of arcs are computed to 1e-15; other programs write 7 digits and more]
+JOINT = 1e-6
+# What OCCT calls units of length.
+MILLIMETRES = {"millimetre": 1.0, "centimetre": 10.0, "metre": 1000.0, "inch": 25.4, "foot": 304.8}
 
 
 def strokes_of(path: str) -> list[dict[str, Any]]:
-    """All edges: colour (sRGB, in [0, 1]), and Bézier segments with points (K, 3) in millimetres and weights (K)."""
+    """All wires and other edges.
+
+    Each has Bézier segments with points (K, 3) in millimetres and weights (K), whether it is closed, its colour (sRGB,
+    in [0, 1]), and the width of its curve style (or None): the style's name, the number, and the unit of the file.
+    """
     reader = STEPCAFControl_Reader()
     reader.SetColorMode(True)
     reader.SetNameMode(False)
@@ -42,30 +58,124 @@ def strokes_of(path: str) -> list[dict[str, Any]]:
     if not reader.Transfer(document):
         raise ValueError("OCCT finds no shape in this STEP file")
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
-    colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
     labels = Sequence_TDF_Label()
     shapes.GetFreeShapes(labels)
-    edges = ShapeMap()
-    for i in range(1, labels.Length() + 1):
-        TopExp.MapShapes_s(shapes.GetShape_s(labels.Value(i)), TopAbs_EDGE, edges)
+    looks = Looks(reader, document)
+    seen = ShapeMap()
     strokes: list[dict[str, Any]] = []
-    for i in range(1, edges.Extent() + 1):
-        edge = TopoDS.Edge(edges.FindKey(i))
-        segments: list[dict[str, Any]] = [{"points": points, "weights": weights} for points, weights in _beziers(edge)]
-        if segments:
-            # One segment that ends where it begins stays open, as it was written.
-            closed = len(segments) > 1 and segments[0]["points"][0] == segments[-1]["points"][-1]
-            strokes.append({"segments": segments, "closed": closed, "color": _color(colors, edge)})
+    for i in range(1, labels.Length() + 1):
+        for edges, shape in _chains(shapes.GetShape_s(labels.Value(i)), seen):
+            strokes += [{**chain, **looks.of(shape, edges[0])} for chain in _joined(edges)]
     return strokes
 
 
-def _color(colors: XCAFDoc_ColorTool, edge: Any) -> tuple[float, float, float]:
-    color = Quantity_Color()
-    for kind in (XCAFDoc_ColorCurv, XCAFDoc_ColorGen):
-        if colors.GetColor(edge, kind, color):
-            r, g, b = color.Values(Quantity_TOC_sRGB)
-            return r, g, b
-    return 0.0, 0.0, 0.0
+class Looks:
+    """Colours and widths of the shapes of a file."""
+
+    def __init__(self, reader: STEPCAFControl_Reader, document: TDocStd_Document) -> None:
+        """Looks for styles that say a colour of curves in so many words: of OCCT's own tool it comes as float32."""
+        self._colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+        self._styled, self._styles = ShapeMap(), dict[int, Any]()
+        session = reader.Reader().WS()
+        model, process = session.Model(), session.TransferReader().TransientProcess()
+        for i in range(1, model.NbEntities() + 1):
+            entity = model.Entity(i)
+            if isinstance(entity, StepVisual_StyledItem) and not isinstance(entity, StepVisual_OverRidingStyledItem):
+                style, shape = _curve_style(entity), STEPConstruct.FindShape_s(process, entity.Item())
+                if style is not None and not shape.IsNull():
+                    self._styles[self._styled.Add(shape)] = style
+        lengths, angles, solid_angles = (Sequence_TCollection_AsciiString() for _ in range(3))
+        reader.Reader().FileUnits(lengths, angles, solid_angles)
+        # Widths are read of files in these units only: those that we write.
+        self._unit = MILLIMETRES.get(lengths.Value(1).ToCString().lower(), 1.0) if lengths.Length() else 1.0
+
+    def of(self, *shapes: Any) -> dict[str, Any]:
+        """Colour and width of the first of the shapes that has them."""
+        for shape in shapes:
+            style = self._styles.get(self._styled.FindIndex(shape))
+            if style is not None:
+                ink, width = style.CurveColour(), style.CurveWidth()
+                value = 0.0 if width is None else width.RealValue()
+                said = {"name": style.Name().ToCString(), "value": value, "millimetres": self._unit}
+                return {"color": (ink.Red(), ink.Green(), ink.Blue()), "width": said}
+        color = Quantity_Color()
+        for shape in shapes:
+            for kind in (XCAFDoc_ColorCurv, XCAFDoc_ColorGen):
+                if self._colors.GetColor(shape, kind, color):
+                    return {"color": color.Values(Quantity_TOC_sRGB), "width": None}
+        return {"color": (0.0, 0.0, 0.0), "width": None}
+
+
+def _curve_style(item: StepVisual_StyledItem) -> Any:
+    """The curve style of an item, if its colour is given as numbers."""
+    for assignment in (item.Styles().Value(i) for i in range(1, item.NbStyles() + 1)):
+        for i in range(1, assignment.NbStyles() + 1):
+            style = assignment.StylesValue(i).Value()
+            if isinstance(style, StepVisual_CurveStyle) and isinstance(style.CurveColour(), StepVisual_ColourRgb):
+                return style
+    return None
+
+
+def _chains(shape: Any, seen: ShapeMap, face: bool = False) -> Iterator[tuple[list[Any], Any]]:
+    """Edges of wires that bound no face, and other edges each by itself, once; with the shape that they make up.
+
+    Args:
+        seen: edges that have been met; those of this shape are added.
+        face: whether the shape is one or within one.
+    """
+    kind = shape.ShapeType()
+    parts = []
+    inner = TopoDS_Iterator(shape)
+    while inner.More():
+        parts.append(inner.Value())
+        inner.Next()
+    if kind == TopAbs_EDGE:
+        if not seen.Contains(shape):
+            seen.Add(shape)
+            yield [TopoDS.Edge(shape)], shape
+    elif kind == TopAbs_WIRE and not face:
+        edges = [TopoDS.Edge(part) for part in parts if not seen.Contains(part)]
+        for edge in edges:
+            seen.Add(edge)
+        if edges:
+            yield edges, shape
+    else:
+        for part in parts:
+            yield from _chains(part, seen, face or kind == TopAbs_FACE)
+
+
+def _joined(edges: list[Any]) -> Iterator[dict[str, Any]]:
+    """The segments of edges; a new chain begins wherever one does not begin where the one before it ends."""
+    chain: list[dict[str, Any]] = []
+    exact = False
+    for edge in edges:
+        segments: list[dict[str, Any]] = [{"points": points, "weights": weights} for points, weights in _beziers(edge)]
+        spline = isinstance(BRep_Tool.Curve_s(edge, 0.0, 0.0), Geom_BSplineCurve)
+        if chain and segments and not _meet(chain[-1], segments[0]):
+            yield _chain(chain)
+            chain = []
+        if chain and segments:
+            # The ends of lines and conics are computed; the control points of splines are what the file says.
+            if exact:
+                segments[0]["points"][0] = chain[-1]["points"][-1]
+            else:
+                chain[-1]["points"][-1] = segments[0]["points"][0]
+        chain += segments
+        exact = spline
+    if chain:
+        yield _chain(chain)
+
+
+def _chain(segments: list[dict[str, Any]]) -> dict[str, Any]:
+    # One segment that ends where it begins stays open, as it was written.
+    return {"segments": segments, "closed": len(segments) > 1 and _meet(segments[-1], segments[0])}
+
+
+def _meet(before: dict[str, Any], after: dict[str, Any]) -> bool:
+    """Whether a segment begins where another ends."""
+    a, b = before["points"], after["points"]
+    size = max(math.dist(a[0], p) for p in a[1:]) + max(math.dist(b[0], p) for p in b[1:])
+    return math.dist(a[-1], b[0]) <= JOINT * size
 
 
 def _beziers(edge: Any) -> Iterator[tuple[list[list[float]], list[float]]]:
@@ -77,6 +187,8 @@ def _beziers(edge: Any) -> Iterator[tuple[list[list[float]], list[float]]]:
     if not (isinstance(curve, Geom_BSplineCurve) and (first, last) == (curve.FirstParameter(), curve.LastParameter())):
         curve = Geom_TrimmedCurve(curve, first, last)
     spline = GeomConvert.CurveToBSplineCurve_s(curve)
+    if edge.Orientation() == TopAbs_REVERSED:
+        spline.Reverse()
     if spline.Degree() > MAX_DEGREE:
         spline = _approximation(spline)
     pieces = GeomConvert_BSplineCurveToBezierCurve(spline)

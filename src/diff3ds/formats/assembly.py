@@ -1,0 +1,44 @@
+"""Strokes that were read from a file, of segments of any degrees, as one sketch."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+
+from diff3ds.bezier import elevate
+from diff3ds.chains import Chains
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
+
+
+class ReadStroke(NamedTuple):
+    """A stroke: for each segment its control points (K, 3) and weights (K), each with a K of its own."""
+
+    segments: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]]
+    closed: bool
+    color: Sequence[float]
+    width: float = DEFAULT_WIDTH
+
+
+def sketch_of(strokes: Sequence[ReadStroke], width_space: WidthSpace = "image") -> Sketch:
+    """The strokes in float64, all of the highest degree among them; what has that degree is not changed.
+
+    Raises:
+        ValueError: as `Sketch`.
+    """
+    segments = [segment for stroke in strokes for segment in stroke.segments]
+    controls = [len(weights) for _, weights in segments]
+    most = max(controls)
+    points = torch.empty(len(segments), most, 3, dtype=torch.float64)
+    weights = torch.empty(len(segments), most, dtype=torch.float64)
+    for count in set(controls):
+        rows = [i for i, k in enumerate(controls) if k == count]
+        some, of_some = (torch.tensor([segments[i][part] for i in rows], dtype=torch.float64) for part in (0, 1))
+        points[rows], weights[rows] = elevate(some, of_some, most - 1)
+    return Sketch(
+        points,
+        weights,
+        width=torch.tensor([stroke.width for stroke in strokes], dtype=torch.float64),
+        color=torch.tensor([list(stroke.color) for stroke in strokes], dtype=torch.float64),
+        width_space=width_space,
+        chains=Chains.of([len(stroke.segments) for stroke in strokes], [stroke.closed for stroke in strokes]),
+    )
