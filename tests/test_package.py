@@ -50,7 +50,7 @@ ALLOWED = {
     "formats": {"render", "project"} | SCENE,
     "pictures": {"formats", "render", "transforms"} | SCENE,
     "edges": {"optimize", "render", "project"} | SCENE,
-    "surfaces": {"edges", "formats"} | SCENE,
+    "surfaces": {"edges", "formats", "project", "render"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "render", "project",

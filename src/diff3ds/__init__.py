@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
+    from diff3ds.surfaces.drawn import contours, visible_lines
     from diff3ds.surfaces.load import load_surface
     from diff3ds.surfaces.mesh import TriangleMesh
     from diff3ds.tasks.functions import image_to_sketch, recognise, text_to_sketch, views_to_sketch
@@ -54,6 +55,7 @@ __all__ = [
     "available_backends",
     "bezier",
     "constraints",
+    "contours",
     "density",
     "fit",
     "get_num_threads",
@@ -76,6 +78,7 @@ __all__ = [
     "set_num_threads",
     "text_to_sketch",
     "views_to_sketch",
+    "visible_lines",
 ]
 
 # In which module each public name is; the others are modules, one of which lies in a room.
@@ -102,6 +105,7 @@ _HOMES = {
     "Sketch": "sketch",
     "TriangleMesh": "surfaces.mesh",
     "load_surface": "surfaces.load",
+    **dict.fromkeys(("contours", "visible_lines"), "surfaces.drawn"),
     **dict.fromkeys(("image_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }

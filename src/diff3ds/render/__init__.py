@@ -74,6 +74,9 @@ def render(
     samples: int | None = None,
     generator: torch.Generator | None = None,
     backend: Backend | None = None,
+    surface: object | None = None,
+    hidden: str = "drop",
+    contours: bool = True,
 ) -> Rendering:
     """Draws a sketch as all cameras see it.
 
@@ -100,6 +103,11 @@ def render(
         samples: that of `MonteCarlo`, where antialiasing is "montecarlo"; "analytic" ignores it.
         generator: the same, of `MonteCarlo`.
         backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
+        surface: what hides what lies behind it, such as `load_surface` gives; its own contours are drawn too. No
+            gradient knows of the places where strokes begin to be hidden.
+        hidden: what becomes of hidden parts of strokes where there is a surface: "drop" leaves them out, "faint" draws
+            them with a quarter of their opacity, "dashed" in dashes, and "show" as if they were visible.
+        contours: whether the surface's contours are drawn, black and as wide as the sketch's strokes.
 
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
@@ -110,6 +118,9 @@ def render(
     if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
         got = f"{type(sketch).__name__} and {type(cameras).__name__}"
         raise TypeError(f"render takes a Sketch and Cameras, got {got}")
+    if surface is not None:
+        how = antialiasing_from(antialiasing, blur, samples, generator)
+        return _with_surface(sketch, cameras, surface, hidden, contours, background, how, backend)
     if torch.compiler.is_compiling():
         # Imported by those who compile only: operators load a second of torch.
         from diff3ds.render import compiled
@@ -142,6 +153,31 @@ def render(
         sketch.check_values()
         check_stroke_values(project(sketch, cameras))
         raise
+
+
+def _with_surface(
+    sketch: Sketch,
+    cameras: Cameras,
+    surface: object,
+    hidden: str,
+    contours: bool,
+    background: Background,
+    antialiasing: Analytic | MonteCarlo,
+    backend: Backend | None,
+) -> Rendering:
+    """Draws what a surface leaves of a sketch in every view, which is another sketch in each."""
+    # Surfaces are a room above this one.
+    surfaces = import_module("diff3ds.surfaces.drawn")
+    parts = surfaces.drawn(sketch, cameras, surface, hidden, contours)
+    if not parts:
+        return render(sketch, cameras, background=background, antialiasing=antialiasing, backend=backend)
+    canvas = canvas_from(background, sketch.color, (len(cameras), *cameras.size, 3))
+    grounds = canvas.expand(len(cameras), -1, -1, -1)
+    views = [
+        render(part, cameras[v], background=grounds[v : v + 1], antialiasing=antialiasing, backend=backend)
+        for v, part in enumerate(parts)
+    ]
+    return Rendering(*(torch.cat([getattr(view, name) for view in views]) for name in ("color", "alpha", "depth")))
 
 
 def render_batch(

@@ -1,11 +1,9 @@
 """Triangles of any origin made a mesh: vertices welded, faces that are twice there dropped, all wound alike."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
-
-Index = NDArray[np.int64]
+from diff3ds.surfaces.arrays import Index, Mask
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
 # every face or texture, and write them in six digits. Of vertices farther apart than this none are.
@@ -72,7 +70,7 @@ def wound_alike(
     vertices: Float[Array, "V 3"],
     faces: Int[Index, "F 3"],
     pairs: Int[Index, "P 2"],
-    along: Bool[NDArray[np.bool_], " P"],
+    along: Bool[Mask, " P"],
 ) -> Int[Index, "F 3"]:
     """The faces with those turned round that are wound otherwise than their neighbours; outwards where that is known.
 

@@ -4,12 +4,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.surfaces.clean import Index, welded, wound_alike
-
-Mask = NDArray[np.bool_]
+from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.clean import welded, wound_alike
 
 # Faces that meet at more than this make a crease: rounds of ten sides and more are smooth. Degrees.
 CREASE = 38.0

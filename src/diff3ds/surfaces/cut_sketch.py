@@ -1,0 +1,80 @@
+"""Parts of a sketch's segments as a sketch: what goes on from one part to the next stays one stroke."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from diff3ds._shapes import Array, Float, Int
+from diff3ds.bezier import subcurve
+from diff3ds.chains import Chains
+from diff3ds.sketch import Sketch
+from diff3ds.surfaces.arrays import Index
+
+
+def cut_sketch(
+    sketch: Sketch, segment: Int[Index, " P"], start: Float[Array, " P"], stop: Float[Array, " P"]
+) -> tuple[Sketch, Int[Index, " R"]]:
+    """Parts of segments, in order, as strokes with the appearance of theirs; gradients flow to the sketch.
+
+    Returns:
+        The strokes, and the stroke of the sketch that each is a part of.
+    """
+    runs, closed = _runs(sketch, segment, start, stop)
+    order = np.array([part for run in runs for part in run], np.int64)
+    home = sketch.points.device
+    rows = torch.from_numpy(segment[order]).to(home)
+    begin, end = (torch.from_numpy(t[order]).to(sketch.points) for t in (start, stop))
+    points, weights = subcurve(sketch.points[rows], sketch.weights[rows], begin, end)
+    chains = sketch.chains or Chains.plain(len(sketch), home)
+    firsts = torch.from_numpy(segment[np.array([run[0] for run in runs], np.int64)]).to(home)
+    stroke = chains.stroke[firsts]
+    made = Chains.of([len(run) for run in runs], closed).to(home)
+    if len(runs):
+        points = made.joined(points)
+    width = sketch.width
+    if width.ndim == 2:
+        cut, _ = subcurve(width[rows][..., None], None, begin, end)
+        width = made.joined(cut[..., 0]).clamp(min=0) if len(runs) else cut[..., 0]
+    else:
+        width = width[stroke]
+    parts = Sketch(points, weights, width, sketch.color[stroke], sketch.opacity[stroke], sketch.width_space, made)
+    return parts, stroke.cpu().numpy()
+
+
+def _runs(
+    sketch: Sketch, segment: Int[Index, " P"], start: Float[Array, " P"], stop: Float[Array, " P"]
+) -> tuple[list[list[int]], list[bool]]:
+    """Which parts follow on each other within a stroke, and whether they close."""
+    after = torch.full((len(sketch.points),), -1) if sketch.chains is None else sketch.chains.after
+    following = after.cpu().numpy()
+    first_at = {int(s): k for k, s in reversed(list(enumerate(segment)))}
+    onwards: dict[int, int] = {}
+    for k, s in enumerate(segment.tolist()):
+        n = k + 1
+        if n < len(segment) and segment[n] == s and start[n] == stop[k]:
+            onwards[k] = n
+        elif stop[k] == 1 and following[s] >= 0:
+            n = first_at.get(int(following[s]), -1)
+            if n >= 0 and start[n] == 0:
+                onwards[k] = n
+    inner = set(onwards.values())
+    runs, closed = [], []
+    left = set(range(len(segment)))
+    for k in (*(k for k in range(len(segment)) if k not in inner), *range(len(segment))):
+        if k not in left:
+            continue
+        run = [k]
+        left.discard(k)
+        while (n := onwards.get(run[-1], -1)) in left:
+            run.append(n)
+            left.discard(n)
+        runs.append(run)
+        closed.append(onwards.get(run[-1], -1) == k)
+    order = sorted(range(len(runs)), key=lambda r: min(runs[r]))
+    return [runs[r] for r in order], [closed[r] for r in order]
+
+
+def faint(sketch: Sketch, share: float) -> Sketch:
+    """The same strokes with so large a share of their opacity."""
+    return replace(sketch, opacity=sketch.opacity * share)

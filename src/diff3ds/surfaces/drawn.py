@@ -1,0 +1,171 @@
+"""Contours of surfaces as strokes, and sketches drawn with surfaces that hide what lies behind them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, cast, get_args
+
+import numpy as np
+import torch
+
+from diff3ds.camera import Cameras
+from diff3ds.chains import Chains
+from diff3ds.project import project
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.surfaces.crossings import chords_of
+from diff3ds.surfaces.cut_sketch import cut_sketch, faint
+from diff3ds.surfaces.dashes import dashed
+from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.mesh_seen import MeshSeen
+from diff3ds.surfaces.mesh_view import Picture
+from diff3ds.surfaces.visibility import Parts
+
+Hidden = Literal["drop", "faint", "dashed", "show"]
+Surface = TriangleMesh
+
+# Largest distance between a contour and the strokes that are fitted to it, pixels.
+TOLERANCE = 0.2
+# Opacity of faint strokes, as a share of that of visible ones.
+FAINT = 0.25
+# What the strokes of a sketch are called where nobody says.
+STROKE, CONTOUR = "stroke", "contour"
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """The lines of one view.
+
+    Attributes:
+        sketch: all strokes, hidden ones too: those of a sketch, then the contours.
+        kinds: what each stroke is: "contour", or what the caller has called it.
+        parts: which parts of the segments are seen and which hidden.
+        cameras: the view.
+    """
+
+    sketch: Sketch
+    kinds: tuple[str, ...]
+    parts: Parts
+    cameras: Cameras
+
+    def strokes(self, visible: bool, kind: str | None = None) -> Sketch:
+        """The visible or the hidden strokes, of one kind or all; gradients flow to the sketch."""
+        return cut_sketch(self.sketch, *self._chosen(visible, kind))[0]
+
+    def drawn(self, hidden: Hidden) -> Sketch:
+        """What is drawn: visible strokes, and hidden ones as `ds.render` says."""
+        if hidden == "show":
+            return self.sketch
+        seen = self.strokes(True)
+        if hidden == "drop":
+            return seen
+        if hidden == "faint":
+            return Sketch.concatenate([faint(self.strokes(False), FAINT), seen])
+        return Sketch.concatenate([self._dashes(), seen])
+
+    def _dashes(self) -> Sketch:
+        parts = self.parts[~self.parts.visible]
+        strokes = project(self.sketch.detach(), self.cameras)
+        chords = chords_of(strokes.cubics[0].cpu().numpy(), Picture.of(self.cameras, 0))
+        width = 2 * float(strokes.half_width.median()) if len(self.sketch) else 0.0
+        if strokes.width_space == "world":
+            # Of lines of many widths and depths, one in the middle.
+            width /= max(float(strokes.depth(strokes.cubics[0, :, 0]).median()), strokes.near)
+        chains = self.sketch.chains or Chains.plain(len(self.sketch))
+        cut = dashed(parts, chains.after.cpu().numpy(), chords, self.cameras.size[0], width)
+        return cut_sketch(self.sketch, cut.segment, cut.start, cut.stop)[0]
+
+    def _chosen(self, visible: bool, kind: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        parts = self.parts[self.parts.visible == visible]
+        if kind is not None:
+            of_kind = np.array([k == kind for k in self.kinds], bool)
+            stroke = (self.sketch.chains or Chains.plain(len(self.sketch))).stroke.cpu().numpy()
+            parts = parts[of_kind[stroke[parts.segment]]]
+        return parts.segment, parts.start, parts.stop
+
+
+def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE) -> list[Sketch]:
+    """The contours of a surface from each camera, as strokes in space, hidden ones too.
+
+    Contours of a mesh are where its normals, interpolated between creases, are at right angles to the line of sight;
+    creases and borders are none. Strokes are rational cubics in float64, black and of the default width, one a contour.
+
+    Args:
+        surface: what is seen.
+        cameras: from where.
+        tolerance: largest distance between a contour of a mesh and its stroke, pixels of the cameras.
+
+    Raises:
+        TypeError, ValueError: another surface, or a tolerance that is not positive.
+    """
+    _checked(surface)
+    if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
+        raise ValueError(f"tolerance must be a positive number of pixels, got {tolerance!r}")
+    return [MeshSeen(surface, cameras, view, tolerance).contours for view in range(len(cameras))]
+
+
+def visible_lines(
+    sketch: Sketch,
+    cameras: Cameras,
+    surface: Surface,
+    *,
+    kinds: Sequence[str] | None = None,
+    contours: bool = True,
+) -> list[Lines]:
+    """The strokes of a sketch and the contours of a surface, with the parts that the surface hides from each camera.
+
+    A stroke's visibility changes where its picture crosses an outline of the surface and where it goes through it. It
+    is cut there, exactly, and each part is seen or hidden as a whole. What is nearer to a mesh than 0.4 % of its size
+    lies on it, and is not hidden by what it lies on.
+
+    Args:
+        sketch: strokes; they may be none.
+        cameras: V views.
+        surface: what hides.
+        kinds: what each stroke is, such as "crease"; "stroke" where it is left out.
+        contours: whether the surface's own contours are among the lines.
+
+    Returns:
+        The lines of each view. Strokes that no view shows, behind the near plane, have no parts.
+
+    Raises:
+        TypeError, ValueError: another surface, or kinds that are not one a stroke.
+    """
+    _checked(surface)
+    named = (STROKE,) * len(sketch) if kinds is None else tuple(kinds)
+    if len(named) != len(sketch):
+        raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
+    lines = []
+    for view in range(len(cameras)):
+        seen = MeshSeen(surface, cameras, view, TOLERANCE)
+        whole, parts, all_kinds = sketch, seen.parts(sketch), named
+        if contours and len(seen.contours):
+            whole = Sketch.concatenate([sketch, _drawn_like(seen.contours, sketch)])
+            parts = Parts.concatenate(parts, seen.contour_parts(), len(sketch.points))
+            all_kinds = (*named, *(CONTOUR,) * len(seen.contours))
+        lines.append(Lines(whole, all_kinds, parts, cameras[view]))
+    return lines
+
+
+def drawn(sketch: Sketch, cameras: Cameras, surface: object, hidden: str, contours: bool) -> list[Sketch]:
+    """What `ds.render` draws in each view.
+
+    Raises:
+        TypeError, ValueError: another surface, or another way to draw what is hidden.
+    """
+    surface = _checked(surface)
+    if hidden not in get_args(Hidden):
+        raise ValueError(f"hidden must be one of {', '.join(map(repr, get_args(Hidden)))}, got {hidden!r}")
+    how = cast(Hidden, hidden)
+    return [lines.drawn(how) for lines in visible_lines(sketch, cameras, surface, contours=contours)]
+
+
+def _checked(surface: object) -> Surface:
+    if not isinstance(surface, TriangleMesh):
+        raise TypeError(f"surface must be a TriangleMesh, got {type(surface).__name__}")
+    return surface
+
+
+def _drawn_like(strokes: Sketch, sketch: Sketch) -> Sketch:
+    """Contours in a sketch's dtype, on its device, as wide as its strokes are in the middle."""
+    width = sketch.width.detach().median() if len(sketch) else torch.tensor(DEFAULT_WIDTH).to(sketch.points)
+    like = strokes.to(sketch.points.dtype).to(sketch.points.device)
+    return replace(like, width=width.expand(len(like)), width_space=sketch.width_space)

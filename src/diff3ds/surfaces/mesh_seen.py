@@ -1,0 +1,159 @@
+"""What one camera sees of a mesh and of strokes around it: contours, and which parts of strokes are hidden."""
+
+from functools import cached_property
+
+import numpy as np
+import torch
+
+from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.chains import Chains
+from diff3ds.project import project
+from diff3ds.sketch import Sketch
+from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.crossings import Outlines, at, chords_of, crossings
+from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chains
+from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.mesh_contours import Chain, contour_chains
+from diff3ds.surfaces.mesh_view import MeshView, Picture
+from diff3ds.surfaces.nearest import Nearest
+from diff3ds.surfaces.visibility import Ask, Parts, parts_of
+
+# Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
+# Empirical.
+ON_SURFACE = 1 / 256
+# Faces within two rings of a contour's point do not hide it: beside a contour facets hide each other.
+RINGS = 2
+# Of the steps along a contour over which it bends away from the line of sight, or towards it, so few are noise.
+# Empirical.
+LEAST_RUN = 4
+# Of the points that a part of a contour is asked about, so large a share is noise: facets beside it. Empirical.
+STRAY = 0.25
+
+
+class MeshSeen:
+    """A mesh in one view.
+
+    Attributes:
+        contours: strokes, black, of the default width, hidden ones too.
+    """
+
+    def __init__(self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float) -> None:
+        """Finds the contours.
+
+        Args:
+            tolerance: largest distance between contours and the strokes that are fitted to them, pixels.
+        """
+        self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
+        chains = [part for c in contour_chains(mesh, self._picture) for part in _ahead(c, self._picture)]
+        self._fit_contours(chains, tolerance)
+
+    def _fit_contours(self, chains: list[Chain], tolerance: float) -> None:
+        # Closed chains come back to their first point.
+        rows = [np.arange(len(c.points) + c.closed) % len(c.points) for c in chains]
+        first = np.cumsum([0, *(len(row) for row in rows)])
+        self._points = np.concatenate([np.zeros((0, 3)), *(c.points[row] for c, row in zip(chains, rows, strict=True))])
+        self._own = np.concatenate(
+            [np.zeros((0, 3), np.int64), *(c.own[row] for c, row in zip(chains, rows, strict=True))]
+        )
+        cuts, convex = [], []
+        for chain, start in zip(chains, first, strict=False):
+            change, flags = cut_at_changes(chain.convex, chain.closed, LEAST_RUN)
+            cuts.append(change + start)
+            convex.append(np.append(flags, True))
+        turns = np.concatenate([np.zeros(0, np.int64), *cuts])
+        fitted = fit_chains(self._points, first, turns, self._picture, tolerance)
+        self._fitted = fitted
+        self._convex = np.concatenate([np.zeros(0, bool), *convex])[fitted.start]
+        control = torch.from_numpy(fitted.control)
+        weights = control[..., 3]
+        points = control[..., :3] / weights[..., None]
+        counts = np.bincount(fitted.chain, minlength=len(chains))
+        made = Chains.of(counts.tolist(), [c.closed for c in chains])
+        self.contours = Sketch(points, weights / weights[:, :1], chains=made)
+
+    @cached_property
+    def _view(self) -> MeshView:
+        return MeshView(self._mesh, self._picture)
+
+    @cached_property
+    def _outlines(self) -> Outlines:
+        """Edges between a face that is seen from outside and one from inside, and edges without just two faces."""
+        one, other = self._mesh.edge_faces.T
+        outside = self._view.above > 0
+        chosen = (self._mesh.edge_counts != 2) | (outside[one] != outside[other])
+        ends, near = self._mesh.edges[chosen], self._picture.near
+        depths = self._view.depths[ends]
+        ends, depths = ends[(depths > near).any(1)], depths[(depths > near).any(1)]
+        # What reaches behind the near plane is cut there.
+        way = depths[:, ::-1] - depths
+        share = np.clip((near - depths) / np.where(way == 0, 1.0, way), 0, 1) * (depths < near)
+        points = self._mesh.vertices[ends]
+        pixels, depths = self._picture.seen(points + share[..., None] * (points[:, ::-1] - points))
+        return Outlines(pixels, np.maximum(depths, near))
+
+    def contour_parts(self) -> Parts:
+        """Which parts of the contours are seen."""
+        axis, place = _places_along(self._fitted)
+        inside = ~self._convex & self._mesh.is_closed
+
+        def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
+            along = np.interp(segment + t, axis, place)
+            before = np.minimum(along.astype(np.int64), len(self._points) - 2)
+            share = (along - before)[:, None]
+            points = self._points[before] * (1 - share) + self._points[before + 1] * share
+            own = self._own[np.rint(along).astype(np.int64)]
+            return self._view.in_front(points, own, RINGS) | inside[segment]
+
+        return self._parts(self.contours, hidden, 0.0, STRAY)
+
+    def parts(self, sketch: Sketch) -> Parts:
+        """Which parts of a sketch's segments are seen; those that are near the mesh lie on it."""
+        tolerance = ON_SURFACE * self._mesh.size
+        nearest = Nearest.of(self._mesh, tolerance)
+        control = _homogeneous(sketch)
+
+        def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
+            value = at(control[segment], t)
+            points, own = nearest.places(value[:, :3] / value[:, 3:])
+            return self._view.in_front(points, own)
+
+        return self._parts(sketch, hidden, tolerance, 0.0)
+
+    def _parts(self, sketch: Sketch, hidden: Ask, behind: float, stray: float) -> Parts:
+        cubics = project(sketch.detach(), self._cameras).cubics[0].detach().cpu().numpy()
+        chords = chords_of(cubics, self._picture)
+        return parts_of(chords, crossings(cubics, chords, self._outlines, self._picture, behind), hidden, stray)
+
+
+def _homogeneous(sketch: Sketch) -> Float[Array, "M 4 4"]:
+    raised = sketch.detach().to(torch.float64).elevate()
+    control: Tensor = torch.cat([raised.points * raised.weights[..., None], raised.weights[..., None]], -1)
+    return control.cpu().numpy()
+
+
+def _places_along(fitted: FittedChains) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
+    """Numbers of cubics plus parameters, rising, and the points of chains that lie there."""
+    counts = fitted.stop - fitted.start + 1
+    offset = np.cumsum(counts) - counts
+    cubic = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(cubic)) - offset[cubic] + fitted.start[cubic]
+    t = fitted.t[place]
+    t[offset], t[offset + counts - 1] = 0, 1
+    return np.maximum.accumulate(cubic + t), place.astype(np.float64)
+
+
+def _ahead(chain: Chain, picture: Picture) -> list[Chain]:
+    """The parts of a chain in front of the near plane."""
+    ahead = picture.seen(chain.points)[1] > picture.near
+    if ahead.all():
+        return [chain]
+    # A closed one is opened behind the plane.
+    count = len(chain.points)
+    turn = int((~ahead).argmax()) if chain.closed else 0
+    rows = (np.arange(count) + turn) % count
+    parts = []
+    for run in np.split(rows, np.flatnonzero(np.diff(ahead[rows].astype(int))) + 1):
+        if ahead[run[0]] and len(run) > 1:
+            parts.append(Chain(chain.points[run], chain.own[run], chain.convex[run[:-1]], False))
+    return parts

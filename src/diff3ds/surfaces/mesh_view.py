@@ -1,0 +1,167 @@
+"""A triangle mesh as one camera sees it: where its triangles lie in the picture, and what lies in front of points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.camera import Cameras
+from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.surfaces.mesh import TriangleMesh
+
+# What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
+TOUCHING = 1e-7
+# So far outside of a triangle in the picture, in barycentric coordinates, a point counts as inside: no ray passes
+# between two triangles that share an edge.
+SEAM = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One camera as arrays.
+
+    Attributes:
+        projection: from homogeneous points to (X, Y, Z, W), as `Cameras.projection`.
+        center: of the camera, world units.
+        forward: its axis, a unit vector.
+        near: the depth of the near plane.
+        size: (height, width) in pixels.
+        orthographic: whether nothing shrinks with depth.
+    """
+
+    projection: Float[Array, "4 4"]
+    center: Float[Array, " 3"]
+    forward: Float[Array, " 3"]
+    near: float
+    size: tuple[int, int]
+    orthographic: bool
+
+    @staticmethod
+    def of(cameras: Cameras, view: int) -> "Picture":
+        """One of the views."""
+        pose = cameras.world_to_camera[view].detach().double().cpu().numpy()
+        projection = cameras.projection[view].detach().cpu().numpy()
+        center = cameras.centers[view].detach().double().cpu().numpy()
+        return Picture(projection, center, pose[2, :3], cameras.near, cameras.size, cameras.orthographic)
+
+    def seen(self, points: Float[Array, "*P 3"]) -> tuple[Float[Array, "*P 2"], Float[Array, "*P"]]:
+        """Pixels and depths of points; those of points behind the near plane mean nothing."""
+        projected = points @ self.projection[:, :3].T + self.projection[:, 3]
+        if self.orthographic:
+            return projected[..., :2], projected[..., 3]
+        depth = projected[..., 2]
+        return projected[..., :2] / np.maximum(depth, self.near)[..., None], depth
+
+    def towards(self, points: Float[Array, "*P 3"]) -> Float[Array, "*P 3"]:
+        """Directions from points to the camera, of any length."""
+        return np.broadcast_to(-self.forward, points.shape) if self.orthographic else self.center - points
+
+
+class MeshView:
+    """A mesh in a picture: triangles in front of the near plane, indexed by where they are seen."""
+
+    def __init__(self, mesh: TriangleMesh, picture: Picture) -> None:
+        self.mesh, self.picture = mesh, picture
+        self.pixels, self.depths = picture.seen(mesh.vertices)
+        toward = picture.towards(mesh.vertices[mesh.faces[:, 0]])
+        # How far the camera is above each face's plane: positive for faces that are seen from outside.
+        self.above: Float[Array, " F"] = np.einsum("fi,fi->f", mesh.face_normals, toward)
+        pixels, depths, face = _clipped(mesh, self.pixels, self.depths, picture)
+        self._corners, self._depths, self._face = pixels, depths, face
+        low, high = pixels.min(1), pixels.max(1)
+        middle = np.median((high - low).max(1)) if len(face) else 1.0
+        self._index = BoxIndex.of(low, high, 2 * float(middle))
+
+    def in_front(
+        self, points: Float[Array, "Q 3"], own: Int[Index, "Q 3"] | None = None, rings: int = 0
+    ) -> Bool[Mask, " Q"]:
+        """Whether something of the mesh hides points from the camera.
+
+        Args:
+            own: the vertices of the face, edge (one twice) or vertex (thrice) that each point lies on, or -1 where it
+                lies on none. Faces that have all of them do not hide the point.
+            rings: 0, or 1 where faces that share a vertex with them do not hide the point either, or 2 where those that
+                touch such faces do not.
+        """
+        query, _, face = self.crossed(points)
+        if own is not None and len(query):
+            left_out = _is_near(self.mesh, own[query], self.mesh.faces[face], rings)
+            query = query[~left_out]
+        hidden = np.zeros(len(points), bool)
+        hidden[query] = True
+        return hidden
+
+    def crossed(self, points: Float[Array, "Q 3"]) -> tuple[Int[Index, " P"], Float[Array, " P"], Int[Index, " P"]]:
+        """All triangles between points and the camera: numbers of the points, depths and faces there."""
+        pixels, depths = self.picture.seen(points)
+        query, box = self._index.around(pixels)
+        a, b, c = (self._corners[box, k] for k in range(3))
+        p = pixels[query]
+        shares = np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)], 1)
+        area = shares.sum(1)
+        shares /= np.where(area == 0, np.inf, area)[:, None]
+        inside = (shares >= -SEAM).all(1) & (area != 0)
+        query, box, shares = query[inside], box[inside], shares[inside]
+        corner = self._depths[box]
+        # Across a triangle depth is linear without perspective, and its inverse with it.
+        at = (shares * corner).sum(1) if self.picture.orthographic else 1 / (shares / corner).sum(1)
+        nearer = at < depths[query] - TOUCHING * self.mesh.size
+        return query[nearer], at[nearer], self._face[box[nearer]]
+
+
+def _cross(a: Float[Array, "N 2"], b: Float[Array, "N 2"]) -> Float[Array, " N"]:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _is_near(mesh: TriangleMesh, own: Int[Index, "P 3"], corners: Int[Index, "P 3"], rings: int) -> Bool[Mask, " P"]:
+    """Whether faces have all vertices that points lie on, or some, or neighbours of some."""
+    same = own[:, :, None] == corners[:, None, :]
+    if rings == 0:
+        return same.any(2).all(1)
+    near = same.any((1, 2))
+    if rings == 1:
+        return near
+    far = np.flatnonzero(~near & (own >= 0).all(1))
+    pairs = np.sort(np.stack(np.broadcast_arrays(own[far][:, :, None], corners[far][:, None, :]), -1), -1)
+    base = len(mesh.vertices)
+    # The edges are sorted.
+    keys = mesh.edges[:, 0] * base + mesh.edges[:, 1]
+    wanted = pairs[..., 0] * base + pairs[..., 1]
+    found = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    near[far] = (keys[found] == wanted).any((1, 2))
+    return near
+
+
+def _clipped(
+    mesh: TriangleMesh, pixels: Float[Array, "V 2"], depths: Float[Array, " V"], picture: Picture
+) -> tuple[Float[Array, "T 3 2"], Float[Array, "T 3"], Int[Index, " T"]]:
+    """Corners in the picture, depths and faces of the triangles, those that cross the near plane cut there."""
+    ahead = depths > picture.near
+    count = ahead[mesh.faces].sum(1)
+    whole = np.flatnonzero(count == 3)
+    corners = mesh.faces[whole]
+    parts = [(pixels[corners], depths[corners], whole)]
+    for kept in (1, 2):
+        face = np.flatnonzero(count == kept)
+        if not len(face):
+            continue
+        # The corner that is alone on its side comes first.
+        alone = (ahead[mesh.faces[face]] == (kept == 1)).argmax(1)
+        a, b, c = (np.take_along_axis(mesh.faces[face], ((alone + k) % 3)[:, None], 1)[:, 0] for k in range(3))
+        ab, ac = (_at_near(mesh, depths, a, end, picture.near) for end in (b, c))
+        points = [mesh.vertices[k] for k in (a, b, c)]
+        pieces = [(points[0], ab, ac)] if kept == 1 else [(ab, points[1], points[2]), (ab, points[2], ac)]
+        for piece in pieces:
+            parts.append((*picture.seen(np.stack(piece, 1)), face))
+    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
+    pixel, depth, face = joined
+    return pixel, np.maximum(depth, picture.near), face
+
+
+def _at_near(
+    mesh: TriangleMesh, depths: Float[Array, " V"], one: Int[Index, " N"], other: Int[Index, " N"], near: float
+) -> Float[Array, "N 3"]:
+    """Where edges cross the near plane."""
+    share = (near - depths[one]) / (depths[other] - depths[one])
+    return mesh.vertices[one] + share[:, None] * (mesh.vertices[other] - mesh.vertices[one])

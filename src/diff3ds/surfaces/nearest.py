@@ -1,0 +1,129 @@
+"""Where points lie on a mesh: the crease, border or face that each is on, within a tolerance."""
+
+from typing import cast
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float, Int
+from diff3ds.surfaces.arrays import Index
+from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.surfaces.mesh import TriangleMesh
+
+# Of barycentric coordinates: so near to an edge or a corner of a face, a point lies on it.
+ON_EDGE = 1e-9
+
+
+class Nearest:
+    """Finds the places of points on a mesh.
+
+    Creases, borders and branches come before faces: a curve that was fitted to an edge runs on either side of it within
+    the tolerance, and is seen where the edge is.
+    """
+
+    def __init__(self, mesh: TriangleMesh, tolerance: float) -> None:
+        """Prepares a search.
+
+        Args:
+            mesh: where points are looked for.
+            tolerance: how far from the mesh a point may be and still lie on it, world units.
+        """
+        self.mesh, self.tolerance = mesh, tolerance
+        self._sharp = mesh.edges[mesh.is_crease | (mesh.edge_counts != 2)]
+        self._edges = _index(mesh.vertices[self._sharp], tolerance)
+        self._faces = _index(mesh.vertices[mesh.faces], tolerance)
+
+    @staticmethod
+    def of(mesh: TriangleMesh, tolerance: float) -> "Nearest":
+        """A search of which a mesh keeps one: all views ask it."""
+        kept = mesh.__dict__.get("_nearest")
+        if kept is None or kept.tolerance != tolerance:
+            kept = mesh.__dict__["_nearest"] = Nearest(mesh, tolerance)
+        return cast(Nearest, kept)
+
+    def places(self, points: Float[Array, "Q 3"]) -> tuple[Float[Array, "Q 3"], Int[Index, "Q 3"]]:
+        """The points moved onto the mesh, and the vertices of what they lie on (see `MeshView.in_front`).
+
+        Points that are farther away than the tolerance stay where they are, with -1.
+        """
+        moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
+        query, edge = self._edges.around(points)
+        found, share = _on_segments(points[query], self.mesh.vertices[self._sharp[edge]])
+        self._take(points, query, found, _of_segment(self._sharp[edge], share), moved, own)
+        rest = np.flatnonzero(own[:, 0] < 0)
+        query, face = self._faces.around(points[rest])
+        found, shares = _on_triangles(points[rest][query], self.mesh.vertices[self.mesh.faces[face]])
+        self._take(points, rest[query], found, _of_triangle(self.mesh.faces[face], shares), moved, own)
+        return moved, own
+
+    def _take(
+        self,
+        points: Float[Array, "Q 3"],
+        query: Int[Index, " P"],
+        found: Float[Array, "P 3"],
+        vertices: Int[Index, "P 3"],
+        moved: Float[Array, "Q 3"],
+        own: Int[Index, "Q 3"],
+    ) -> None:
+        """The nearest of the candidates of each point, if it is near enough."""
+        distance = np.linalg.norm(points[query] - found, axis=1)
+        near = np.flatnonzero(distance <= self.tolerance)
+        # The nearest comes last, and stays.
+        near = near[np.argsort(-distance[near], kind="stable")]
+        moved[query[near]] = found[near]
+        own[query[near]] = vertices[near]
+
+
+def _index(corners: Float[Array, "N K 3"], tolerance: float) -> BoxIndex:
+    low, high = corners.min(1) - tolerance, corners.max(1) + tolerance
+    cell = 2 * float(np.median((high - low).max(1))) if len(corners) else 1.0
+    return BoxIndex.of(low, high, cell)
+
+
+def _on_segments(
+    points: Float[Array, "P 3"], ends: Float[Array, "P 2 3"]
+) -> tuple[Float[Array, "P 3"], Float[Array, " P"]]:
+    way = ends[:, 1] - ends[:, 0]
+    length = np.einsum("pi,pi->p", way, way)
+    share = np.einsum("pi,pi->p", points - ends[:, 0], way) / np.where(length > 0, length, 1.0)
+    share = np.clip(share, 0, 1)
+    return ends[:, 0] + share[:, None] * way, share
+
+
+def _of_segment(edge: Int[Index, "P 2"], share: Float[Array, " P"]) -> Int[Index, "P 3"]:
+    """The edge, or its vertex."""
+    first = np.where(share >= 1 - ON_EDGE, edge[:, 1], edge[:, 0])
+    last = np.where(share <= ON_EDGE, edge[:, 0], edge[:, 1])
+    return np.stack([first, last, last], 1)
+
+
+def _on_triangles(
+    points: Float[Array, "P 3"], corners: Float[Array, "P 3 3"]
+) -> tuple[Float[Array, "P 3"], Float[Array, "P 3"]]:
+    """The closest points of triangles, and their barycentric coordinates."""
+    a, b, c = corners.transpose(1, 0, 2)
+    u, v, w = b - a, c - a, points - a
+    uu, uv, vv = (np.einsum("pi,pi->p", x, y) for x, y in ((u, u), (u, v), (v, v)))
+    wu, wv = np.einsum("pi,pi->p", w, u), np.einsum("pi,pi->p", w, v)
+    det = uu * vv - uv * uv
+    safe = np.where(det > 0, det, 1.0)
+    s, t = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
+    shares = np.stack([1 - s - t, s, t], 1)
+    outside = np.flatnonzero((shares < 0).any(1) | (det <= 0))
+    if len(outside):
+        best = np.full(len(outside), np.inf)
+        for k in range(3):
+            pair = corners[outside][:, [k, (k + 1) % 3]]
+            found, share = _on_segments(points[outside], pair)
+            distance = np.linalg.norm(points[outside] - found, axis=1)
+            nearer = distance < best
+            best[nearer] = distance[nearer]
+            row = np.zeros((int(nearer.sum()), 3))
+            row[:, k], row[:, (k + 1) % 3] = 1 - share[nearer], share[nearer]
+            shares[outside[nearer]] = row
+    return np.einsum("pk,pki->pi", shares, corners), shares
+
+
+def _of_triangle(face: Int[Index, "P 3"], shares: Float[Array, "P 3"]) -> Int[Index, "P 3"]:
+    """The vertices that a point of a face lies between: those without a share are replaced by that of the largest."""
+    largest = np.take_along_axis(face, shares.argmax(1)[:, None], 1)
+    return np.where(shares > ON_EDGE, face, largest)

@@ -1,0 +1,190 @@
+"""Which parts of strokes a surface hides from a camera: cut where that may change, decided for each part as a whole."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.crossings import Chords
+
+# Which of the points at these parameters of these segments are hidden.
+Ask = Callable[[Index, Array], Mask]
+
+# A part is asked about at points so far apart, pixels, at so many at least and at most. Empirical.
+SPACING, LEAST, MOST = 4.0, 3, 200
+# Halvings of the interval in which something changes that no outline has foretold: 2^-30 of it are left.
+HALVINGS = 30
+# Parts shorter than this are what the part beside them is, pixels.
+SHORTEST = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Parts of segments, in order; together all that lies in front of the near plane.
+
+    Attributes:
+        segment: the segment of each.
+        start: its parameter where the part begins.
+        stop: and ends.
+        visible: whether it is seen.
+    """
+
+    segment: Int[Index, " P"]
+    start: Float[Array, " P"]
+    stop: Float[Array, " P"]
+    visible: Bool[Mask, " P"]
+
+    def __getitem__(self, rows: Mask | Index) -> "Parts":
+        """Some of the parts."""
+        return Parts(self.segment[rows], self.start[rows], self.stop[rows], self.visible[rows])
+
+    @staticmethod
+    def concatenate(first: "Parts", second: "Parts", segments: int) -> "Parts":
+        """Parts of two sketches as parts of both together; the first has so many segments."""
+        return Parts(
+            np.concatenate([first.segment, second.segment + segments]),
+            *(np.concatenate([getattr(first, name), getattr(second, name)]) for name in ("start", "stop", "visible")),
+        )
+
+
+def parts_of(chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], ask: Ask, stray: float) -> Parts:
+    """Strokes in parts that are seen, or hidden, as a whole.
+
+    Args:
+        chords: of the strokes.
+        cuts: segments and parameters where something may change.
+        ask: which of some points are hidden.
+        stray: so large a share of a part's points that answer otherwise than the others is noise.
+    """
+    if not len(chords.segment):
+        nothing = np.zeros(0)
+        return Parts(nothing.astype(np.int64), nothing, nothing, nothing.astype(bool))
+    segment, start, stop = _between(chords, *cuts)
+    ruler = Ruler(chords)
+    hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray)
+    length = ruler.length(segment, start, stop)
+    return _merged(segment, start, stop, hidden, length)
+
+
+class Ruler:
+    """Lengths along strokes in the picture."""
+
+    def __init__(self, chords: Chords) -> None:
+        # Chords follow on each other; parameters of one segment after the other make one axis.
+        self._axis = np.stack([chords.segment + chords.start, chords.segment + chords.stop], 1).ravel()
+        total = np.cumsum(chords.length)
+        self._length = np.stack([total - chords.length, total], 1).ravel()
+
+    def length(self, segment: Int[Index, " P"], start: Float[Array, " P"], stop: Float[Array, " P"]) -> Array:
+        """Of parts, pixels."""
+        return self.position(segment, stop) - self.position(segment, start)
+
+    def position(self, segment: Int[Index, " P"], t: Float[Array, " P"]) -> Float[Array, " P"]:
+        """How far along all strokes together points lie, pixels."""
+        return np.asarray(np.interp(segment + t, self._axis, self._length))
+
+    def places(self, segment: Index, start: Array, stop: Array, shares: Array) -> Float[Array, " P"]:
+        """Parameters at shares of the length of parts."""
+        low, high = self.position(segment, start), self.position(segment, stop)
+        t = np.interp(low + shares * (high - low), self._length, self._axis) - segment
+        # Where nothing moves in the picture, lengths say nothing.
+        return np.where((t > start) & (t < stop), t, start + shares * (stop - start))
+
+
+def _between(
+    chords: Chords, segment: Int[Index, " X"], t: Float[Array, " X"]
+) -> tuple[Int[Index, " P"], Float[Array, " P"], Float[Array, " P"]]:
+    """The parts between cuts."""
+    # Runs of chords without a gap: a stroke that goes behind the camera and comes back has two.
+    fresh = np.ones(len(chords.segment), bool)
+    fresh[1:] = (chords.segment[1:] != chords.segment[:-1]) | (chords.start[1:] > chords.stop[:-1] + 1e-12)
+    last = np.roll(fresh, -1)
+    runs = chords.segment[fresh], chords.start[fresh], chords.stop[last]
+    # Ends of runs come before and after cuts in the same place.
+    kind = np.repeat([0, 2, 1], [len(runs[0]), len(runs[0]), len(t)])
+    owner = np.concatenate([runs[0], runs[0], segment])
+    value = np.concatenate([runs[1], runs[2], t])
+    order = np.lexsort((kind, value, owner))
+    owner, value, kind = owner[order], value[order], kind[order]
+    depth = np.cumsum(kind == 0) - np.cumsum(kind == 2)
+    inner = (depth[:-1] > 0) & (owner[1:] == owner[:-1]) & (value[1:] > value[:-1])
+    return owner[:-1][inner], value[:-1][inner], value[1:][inner]
+
+
+def _decided(
+    segment: Int[Index, " P"],
+    start: Float[Array, " P"],
+    stop: Float[Array, " P"],
+    ruler: Ruler,
+    ask: Ask,
+    stray: float,
+) -> tuple[Bool[Mask, " R"], Int[Index, " R"], Float[Array, " R"], Float[Array, " R"]]:
+    """Parts with their answers, cut once more where points within one disagree for good."""
+    count = np.clip(np.ceil(ruler.length(segment, start, stop) / SPACING), LEAST, MOST).astype(np.int64)
+    offset = np.cumsum(count) - count
+    part = np.repeat(np.arange(len(segment)), count)
+    shares = (np.arange(len(part)) - offset[part] + 0.5) / count[part]
+    t = ruler.places(segment[part], start[part], stop[part], shares)
+    hidden = ask(segment[part], t)
+    if not len(part):
+        return hidden, segment, start, stop
+    votes = np.add.reduceat(hidden.astype(np.int64), offset)
+    most = 2 * votes > count
+    minority = np.minimum(votes, count - votes)
+    mixed = minority > stray * count
+    hidden = np.where(mixed[part], _evened(hidden, part), most[part])
+    flips = np.flatnonzero((hidden[1:] != hidden[:-1]) & (part[1:] == part[:-1]))
+    low, high, was = t[flips], t[flips + 1], hidden[flips]
+    for _ in range(HALVINGS if len(flips) else 0):
+        middle = (low + high) / 2
+        same = ask(segment[part[flips]], middle) == was
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    cut = (low + high) / 2
+    of = part[flips]
+    rows = np.concatenate([np.arange(len(segment)), of])
+    begin = np.concatenate([start, cut])
+    answer = np.concatenate([hidden[offset], ~was])
+    order = np.lexsort((begin, rows))
+    rows, begin, answer = rows[order], begin[order], answer[order]
+    end = np.append(begin[1:], 0.0)
+    final = np.append(rows[1:] != rows[:-1], True)
+    end[final] = stop[rows[final]]
+    return answer, segment[rows], begin, end
+
+
+def _evened(flags: Bool[Mask, " N"], run: Int[Index, " N"]) -> Bool[Mask, " N"]:
+    """Flags along runs without those that are alone between two of the other kind."""
+    even = flags.copy()
+    alone = (run[2:] == run[:-2]) & (flags[2:] == flags[:-2]) & (flags[1:-1] != flags[2:])
+    even[1:-1][alone] = flags[2:][alone]
+    return even
+
+
+def _merged(
+    segment: Int[Index, " P"],
+    start: Float[Array, " P"],
+    stop: Float[Array, " P"],
+    hidden: Bool[Mask, " P"],
+    length: Array,
+) -> Parts:
+    """Parts joined where nothing changes; short ones are made like the longer part beside them."""
+    while len(segment):
+        joined = np.ones(len(segment), bool)
+        # What goes on in the next segment is drawn by itself all the same.
+        joined[1:] = (segment[1:] != segment[:-1]) | (start[1:] > stop[:-1] + 1e-12) | (hidden[1:] != hidden[:-1])
+        group = np.cumsum(joined) - 1
+        length = np.bincount(group, length).astype(np.float64)
+        last = np.append(np.flatnonzero(joined)[1:] - 1, len(segment) - 1)
+        segment, start, stop, hidden = segment[joined], start[joined], stop[last], hidden[joined]
+        apart = (segment[1:] != segment[:-1]) | (start[1:] > stop[:-1] + 1e-12)
+        before = np.append(np.inf, np.where(apart, np.inf, length[:-1]))
+        after = np.append(np.where(apart, np.inf, length[1:]), np.inf)
+        # Those that are shorter than both beside them; of equals the first.
+        turned = (length < SHORTEST) & (length < before) & (length <= after)
+        turned &= np.isfinite(before) | np.isfinite(after)
+        if not turned.any():
+            break
+        hidden = hidden ^ turned
+    return Parts(segment, start, stop, ~hidden)

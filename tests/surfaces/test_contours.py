@@ -1,0 +1,107 @@
+"""Contours of meshes of smooth solids, against the true contours of those solids in the picture."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+from solids import box, icosphere, lathe, torus
+
+import diff3ds as ds
+
+RING, TUBE = 1.0, 0.4
+
+
+def pixels(sketch: ds.Sketch, cameras: ds.Cameras) -> np.ndarray:
+    """Points along all strokes in the picture."""
+    points = ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 9, dtype=torch.float64))
+    ones = torch.ones_like(points[..., :1])
+    return cameras.seen(torch.cat([points, ones], -1) @ cameras.projection[0].mT)[0].reshape(-1, 2).numpy()
+
+
+def view(*, orthographic: bool = False, azimuth: float = 25.0, elevation: float = 35.0) -> ds.Cameras:
+    how = {"height": 3.2} if orthographic else {"fov": 45.0}
+    return ds.orbit(azimuth, elevation, 4.0, size=512, **how).to(torch.float64)
+
+
+def torus_contour(cameras: ds.Cameras) -> np.ndarray:
+    """n·(C - x) = 0 on a torus is A cos v + B sin v = D for every u, in pixels."""
+    u = np.linspace(0, 2 * np.pi, 20001)
+    if cameras.orthographic:
+        d = -cameras.world_to_camera[0, 2, :3].numpy()
+        a, b, right = d[0] * np.cos(u) + d[1] * np.sin(u), np.full_like(u, d[2]), np.zeros_like(u)
+    else:
+        c = cameras.centers[0].numpy()
+        a, b, right = c[0] * np.cos(u) + c[1] * np.sin(u) - RING, np.full_like(u, c[2]), np.full_like(u, TUBE)
+    places = []
+    for sign in (-1, 1):
+        v = np.arctan2(b, a) + sign * np.arccos(right / np.hypot(a, b))
+        out = RING + TUBE * np.cos(v)
+        places.append(np.stack([out * np.cos(u), out * np.sin(u), TUBE * np.sin(v)], 1))
+    points = torch.from_numpy(np.concatenate(places))
+    projected = torch.cat([points, torch.ones_like(points[:, :1])], 1) @ cameras.projection[0].mT
+    return cameras.seen(projected)[0].numpy()
+
+
+def test_a_sphere_has_one_round_contour_and_its_error_falls_with_the_square_of_the_edges():
+    cameras = view()
+    # Seen from distance 4, a sphere of radius 1 has a contour at the angle with sine 1/4.
+    radius = float(cameras.intrinsics[0, 0, 0]) * np.tan(np.arcsin(1 / 4))
+    errors = []
+    for levels in (1, 2, 3, 4, 5):
+        (sketch,) = ds.contours(ds.TriangleMesh(*icosphere(levels)), cameras, tolerance=0.01)
+        assert len(sketch) == 1
+        assert bool(sketch.chains.closed.all())
+        errors.append(np.abs(np.linalg.norm(pixels(sketch, cameras) - 256, axis=1) - radius).max())
+    assert errors[-1] < 0.1
+    ratios = np.array(errors[:-1]) / np.array(errors[1:])
+    assert ((ratios > 2.5) & (ratios < 7)).all(), ratios
+    assert (errors[0] / errors[-1]) ** (1 / 4) == pytest.approx(4, rel=0.2)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_a_torus_has_two_contours_where_they_are(orthographic):
+    cameras = view(orthographic=orthographic)
+    errors = []
+    for around in (64, 256):
+        (sketch,) = ds.contours(ds.TriangleMesh(*torus(RING, TUBE, around, around // 2)), cameras, tolerance=0.1)
+        assert len(sketch) == 2
+        assert bool(sketch.chains.closed.all())
+        errors.append(cKDTree(torus_contour(cameras)).query(pixels(sketch, cameras))[0].max())
+    assert errors[1] < 0.25
+    assert errors[0] > 4 * errors[1]
+
+
+def test_strokes_are_few_where_a_mesh_is_fine():
+    (sketch,) = ds.contours(ds.TriangleMesh(*icosphere(5)), view())
+    assert len(sketch.points) <= 8
+
+
+def test_a_cylinder_has_a_line_on_either_side_and_a_box_none():
+    walls = lathe(np.array([0.0, 0.5, 0.5, 0]), np.array([-1.0, -1, 1, 1]), 48)
+    (sketch,) = ds.contours(ds.TriangleMesh(*walls), view(elevation=0))
+    assert len(sketch) == 2
+    assert not sketch.chains
+    ends = sketch.points[:, [0, -1]]
+    assert torch.allclose(ends[..., 2].sort().values, torch.tensor([[-1.0, 1], [-1, 1]], dtype=torch.float64))
+    # The tangents from distance 4 to a circle of radius 1/2 touch it where the cosine to the camera is 1/8.
+    toward = view(elevation=0).centers[0, :2] / 4
+    assert torch.allclose(ends[..., :2] @ toward, torch.tensor(0.5 / 8, dtype=torch.float64), atol=2e-3)
+    assert len(ds.contours(ds.TriangleMesh(*box()), view())[0]) == 0
+
+
+def test_all_views_have_contours_of_their_own_and_what_is_behind_a_camera_has_none():
+    mesh = ds.TriangleMesh(*icosphere(3))
+    cameras = ds.orbit([0.0, 90, 180], 0.0, 3.0).to(torch.float64)
+    sketches = ds.contours(mesh, cameras)
+    assert len(sketches) == 3
+    for k, sketch in enumerate(sketches):
+        assert torch.allclose(sketch.points[:, 0] @ cameras.centers[k], torch.tensor(1.0).double(), atol=0.05)
+    away = ds.look_at(torch.tensor([[3.0, 0, 0]]), (9.0, 0, 0)).to(torch.float64)
+    assert len(ds.contours(mesh, away)[0]) == 0
+    # From within a closed ball nothing turns away.
+    assert len(ds.contours(mesh, ds.look_at(torch.tensor([[0.1, 0, 0]])).to(torch.float64))[0]) == 0
+
+
+def test_a_tolerance_is_positive():
+    with pytest.raises(ValueError, match="tolerance must be a positive number of pixels, got 0"):
+        ds.contours(ds.TriangleMesh(*box()), view(), tolerance=0)

@@ -1,0 +1,111 @@
+"""`ds.render` with a surface: what is dropped, faint or dashed, whose contours are drawn, and gradients."""
+
+import numpy as np
+import pytest
+import torch
+from solids import box, icosphere
+
+import diff3ds as ds
+
+BEHIND = torch.tensor([[[-3.0, 3, 0.2], [3, 3, 0.2]]], dtype=torch.float64)
+
+
+def front(size: int = 200) -> ds.Cameras:
+    return ds.look_at(torch.tensor([[0.0, -6, 0]]), size=size).to(torch.float64)
+
+
+def row(rendering: ds.Rendering) -> np.ndarray:
+    """Ink along the picture of the stroke behind the box, 0.2 above the middle at depth 9."""
+    size = rendering.alpha.shape[1]
+    height = size / 2 - 0.2 / 9 * size / 2 / np.tan(np.deg2rad(30))
+    return rendering.alpha[0, int(height)].numpy()
+
+
+def test_hidden_parts_are_dropped_faint_dashed_or_shown():
+    mesh, sketch = ds.TriangleMesh(*box()), ds.Sketch(BEHIND, width=0.02)
+    whole = row(ds.render(sketch, front()))
+    # Of the stroke's 600 parts 120 on either side are seen.
+    ink = {
+        how: row(ds.render(sketch, front(), surface=mesh, hidden=how)) for how in ("drop", "faint", "dashed", "show")
+    }
+    assert np.array_equal(ink["show"], whole)
+    middle, beside = slice(75, 125), slice(45, 58)
+    for how in ("drop", "faint", "dashed"):
+        assert np.allclose(ink[how][beside], whole[beside])
+    assert ink["drop"][middle].max() == 0
+    assert np.allclose(ink["faint"][middle], 0.25 * whole[middle])
+    assert 0.3 < (ink["dashed"][middle] > 0.5).mean() < 0.9
+    assert ink["dashed"][middle].min() < 0.15
+
+
+def test_contours_are_drawn_unless_told_not_to():
+    ball, nothing = ds.TriangleMesh(*icosphere(3)), ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
+    drawn = ds.render(nothing, front(), surface=ball)
+    assert float(drawn.alpha.sum()) > 100
+    assert float(ds.render(nothing, front(), surface=ball, contours=False).alpha.sum()) == 0
+    # Each view has lines of its own, over its own ground.
+    cameras = ds.orbit([0.0, 90], 0.0, 4.0, size=64)
+    both = ds.render(nothing.to(torch.float32), cameras, surface=ball, background=torch.rand(2, 64, 64, 3))
+    assert both.color.shape == (2, 64, 64, 3)
+    assert both.color.dtype == torch.float32
+
+
+def test_gradients_flow_to_visible_parts_and_to_no_others():
+    points = torch.cat([BEHIND, BEHIND / 3 + torch.tensor([0.0, 0, 0.2])]).requires_grad_()
+    mesh = ds.TriangleMesh(*box())
+
+    def loss(points: torch.Tensor) -> torch.Tensor:
+        drawn = ds.render(ds.Sketch(points, width=0.02), front(64), surface=mesh, contours=False)
+        ground = torch.linspace(0, 1, 64, dtype=torch.float64)
+        return (drawn.alpha[0] * ground[:, None]).sum()
+
+    (grad,) = torch.autograd.grad(loss(points), points)
+    assert float(grad[1].abs().max()) == 0  # behind the front wall
+    step = torch.zeros_like(points)
+    step[0, :, 2] = 1e-5
+    # Up and down, along edges of the box that hide it in the same places.
+    with torch.no_grad():
+        difference = (loss(points + step) - loss(points - step)) / 2e-5
+    assert float(grad[0, :, 2].sum()) == pytest.approx(float(difference), rel=1e-3)
+
+
+def test_strokes_of_several_segments_and_changing_widths_are_cut_as_they_are():
+    circle = ds.bezier.circle((0.0, 3, 0), 2.5, normal=(0.0, 1, 0))
+    chains = ds.Chains.of([len(circle[0])], closed=True)
+    width = torch.tensor([[0.01, 0.02, 0.01]], dtype=torch.float64).expand(len(circle[0]), 3)
+    ring = ds.Sketch(*circle, width=width, chains=chains)
+    (lines,) = ds.visible_lines(ring, front(), ds.TriangleMesh(*box((-1, -1, -4), (1, 1, 4))), contours=False)
+    seen, unseen = lines.strokes(True), lines.strokes(False)
+    assert len(seen) == len(unseen) == 2
+    total = sum(float(ds.bezier.length(s.points, s.weights).sum()) for s in (seen, unseen))
+    assert total == pytest.approx(2 * np.pi * 2.5)
+    assert seen.width.shape == seen.points.shape[:2]
+    whole = ds.visible_lines(ring, front(), ds.TriangleMesh(*box((20, 0, 0), (21, 1, 1))), contours=False)[0]
+    assert bool(whole.strokes(True).chains.closed.all())
+
+
+def test_kinds_are_kept_and_chosen_by():
+    sketch = ds.Sketch(torch.cat([BEHIND, BEHIND + 1]))
+    (lines,) = ds.visible_lines(sketch, front(), ds.TriangleMesh(*icosphere(2)), kinds=["crease", "border"])
+    assert lines.kinds[:2] == ("crease", "border")
+    assert lines.kinds[2:] == ("contour",) * (len(lines.sketch) - 2)
+    assert len(lines.strokes(True, "border")) + len(lines.strokes(False, "border")) >= 1
+    assert float(lines.strokes(False, "crease").points[..., 2].max()) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"surface": "ball.obj"}, "surface must be a TriangleMesh, got str"),
+        ({"hidden": "gone"}, "hidden must be one of 'drop', 'faint', 'dashed', 'show', got 'gone'"),
+    ],
+)
+def test_other_surfaces_and_ways_are_refused(arguments, message):
+    given = {"surface": ds.TriangleMesh(*box())} | arguments
+    with pytest.raises((TypeError, ValueError), match=message):
+        ds.render(ds.Sketch(BEHIND), front(), **given)
+
+
+def test_kinds_are_one_a_stroke():
+    with pytest.raises(ValueError, match="kinds must be one a stroke, 1, got 2"):
+        ds.visible_lines(ds.Sketch(BEHIND), front(), ds.TriangleMesh(*box()), kinds=["a", "b"])

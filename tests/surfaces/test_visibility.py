@@ -1,0 +1,129 @@
+"""Hidden lines against brute force: every face asked about every point, with no index and no outlines."""
+
+import numpy as np
+import pytest
+import torch
+from solids import box, icosphere, lathe, together, torus
+
+import diff3ds as ds
+from diff3ds.surfaces.boxes import BoxIndex
+
+PROFILE = np.array([[0, -1], [0.8, -1], [0.8, -0.5], [0.3, -0.4], [0.3, 0.6], [1, 0.9], [0, 1]])
+SCENES = {
+    "box": box(),
+    "lathe": lathe(PROFILE[:, 0], PROFILE[:, 1], 24),
+    # They go through each other.
+    "three": together(box(), box((1.5, -0.5, -3), (2, 2, 2)), torus(2.2, 0.3, 48, 24)),
+    "open": lathe(np.array([0.5, 1.0, 0.7]), np.array([-1.0, 0, 1]), 16),
+}
+
+
+def hidden(mesh: ds.TriangleMesh, cameras: ds.Cameras, points: np.ndarray, edge: np.ndarray) -> np.ndarray:
+    """Möller and Trumbore's test of every face but those at each point's edge."""
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    u, v = b - a, c - a
+    answers = np.zeros(len(points), bool)
+    forward = cameras.world_to_camera[0, 2, :3].numpy()
+    for k, point in enumerate(points):
+        d = -100 * forward if cameras.orthographic else cameras.centers[0].numpy() - point
+        p = np.cross(d, v)
+        det = (u * p).sum(1)
+        inverse = 1 / np.where(det == 0, np.inf, det)
+        w = point - a
+        q = np.cross(w, u)
+        s, t, r = (w * p).sum(1) * inverse, (q * d).sum(1) * inverse, (v * q).sum(1) * inverse
+        hit = (s >= -1e-12) & (t >= -1e-12) & (s + t <= 1 + 1e-12) & (r > 1e-9) & (r < 1)
+        own = [(mesh.faces[hit] == vertex).any(1) for vertex in edge[k]]
+        answers[k] = (~(own[0] & own[1])).any()
+    return answers
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("name", SCENES)
+def test_edges_are_hidden_where_every_ray_says_so(name, orthographic):
+    mesh = ds.TriangleMesh(*SCENES[name])
+    edges = mesh.edges[mesh.is_crease | mesh.is_border]
+    sketch = ds.Sketch(torch.from_numpy(mesh.vertices[edges]))
+    rng = np.random.default_rng(3)
+    how = {"height": 5.0} if orthographic else {"fov": 40.0}
+    for _ in range(2):
+        cameras = ds.orbit(rng.uniform(0, 360), rng.uniform(-60, 60), 7.0, size=500, **how).to(torch.float64)
+        (lines,) = ds.visible_lines(sketch, cameras, mesh, contours=False)
+        count = 30 if len(edges) < 50 else 8
+        share = (np.arange(count * len(edges)) % count + rng.uniform(0, 1, count * len(edges))) / count
+        row = np.repeat(np.arange(len(edges)), count)
+        points = mesh.vertices[edges[row, 0]] * (1 - share)[:, None] + mesh.vertices[edges[row, 1]] * share[:, None]
+        parts = lines.parts
+        seen = parts.visible[np.searchsorted(parts.segment + parts.start, row + share, "right") - 1]
+        wrong = seen == hidden(mesh, cameras, points, edges[row])
+        length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1)[row]
+        assert length[wrong].sum() <= 0.002 * length.sum()
+        assert 0.2 < seen.mean() < 1
+
+
+def test_strokes_are_cut_exactly_where_a_box_begins_to_hide_them():
+    mesh = ds.TriangleMesh(*box())
+    cameras = ds.look_at(torch.tensor([[0.0, -6, 0]]), size=400).to(torch.float64)
+    stroke = torch.tensor([[[-3.0, 3, 0.2], [3, 3, 0.2]]], dtype=torch.float64)
+    (lines,) = ds.visible_lines(ds.Sketch(stroke), cameras, mesh)
+    # From 6 away, the front of the box at 5 and the stroke at 9: it hides x from -9/5 to 9/5.
+    assert lines.parts.visible.tolist() == [True, False, True]
+    assert lines.parts.stop.tolist() == pytest.approx([0.2, 0.8, 1.0], abs=1e-12)
+    # A stroke into the box is hidden from where it goes through the wall.
+    stroke = torch.tensor([[[0.3, -3.0, 0.2], [0.3, 1, 0.2]]], dtype=torch.float64)
+    (lines,) = ds.visible_lines(ds.Sketch(stroke), cameras, mesh)
+    assert lines.parts.visible.tolist() == [True, False]
+    # What is nearer to a surface than 1/256 of its size lies on it.
+    assert lines.parts.stop[0] == pytest.approx(0.5, abs=1.01 * 2 / 256 / 4)
+
+
+def test_contours_of_a_torus_are_seen_outside_and_hidden_behind_its_front():
+    mesh = ds.TriangleMesh(*torus(1.0, 0.4, 128, 64))
+    cameras = ds.orbit(20.0, 20.0, 5.0, size=512, fov=40.0).to(torch.float64)
+    (lines,) = ds.visible_lines(ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64)), cameras, mesh)
+    assert set(lines.kinds) == {"contour"}
+    visible = lines.strokes(True)
+    # The outline is one closed stroke; of the hole's contour the far arc is seen: from here the near rim of the hole
+    # hides a part of what lies behind it.
+    assert visible.chains.closed.sum() == 1
+    assert len(visible) >= 2
+    inner = visible[~visible.chains.closed]
+    assert len(lines.strokes(False)) >= 1
+    assert float(inner.points[:, [0, -1], :2].norm(dim=2).max()) < 1.01
+
+
+def test_turning_a_little_changes_little():
+    """No line flickers: what is seen of a ball with a belt changes by the turn, not by the facets."""
+    mesh = ds.TriangleMesh(*icosphere(4))
+    t = torch.linspace(0, 2 * torch.pi, 9, dtype=torch.float64)[:-1]
+    points, weights = ds.bezier.circle((0.0, 0, 0.3), 0.91**0.5)
+    belt = ds.Sketch(points, weights, chains=ds.Chains.of([len(points)], closed=True))
+    shares = []
+    for azimuth in t.rad2deg().tolist():
+        cameras = ds.orbit([azimuth, azimuth + 0.1], 20.0, 4.0, size=512).to(torch.float64)
+        for lines in ds.visible_lines(belt, cameras, mesh):
+            strokes = lines.strokes(True, "stroke")
+            assert len(strokes) == 1
+            shares.append(float(ds.bezier.length(strokes.points, strokes.weights).sum()))
+    assert max(shares) - min(shares) < 0.1
+
+
+def test_boxes_around_points_and_boxes_that_meet_are_all_found():
+    rng = np.random.default_rng(0)
+    for dimensions in (2, 3):
+        low = rng.uniform(-1, 1, (300, dimensions))
+        high = low + rng.uniform(0, 1, (300, 1)) ** 6 * rng.uniform(0, 1, (300, dimensions))
+        index = BoxIndex.of(low, high, 0.05)
+        points = rng.uniform(-1.2, 1.5, (200, dimensions))
+        inside = ((points[:, None] >= low) & (points[:, None] <= high)).all(2)
+        found = np.zeros_like(inside)
+        found[index.around(points)] = True
+        assert inside.sum() > 10
+        assert found[inside].all()
+        assert found.sum() < 0.5 * found.size
+        ends = points + rng.uniform(0, 0.05, (200, dimensions))
+        meet = ((ends[:, None] >= low) & (points[:, None] <= high)).all(2)
+        found[:] = False
+        found[index.meeting(points, ends)] = True
+        assert found[meet].all()
+    assert len(BoxIndex.of(np.zeros((0, 2)), np.zeros((0, 2)), 1.0).around(np.zeros((3, 2)))[0]) == 0
