@@ -58,7 +58,6 @@ RECIPES: dict[str, dict[str, Any]] = {
     "and width": {"optimize": ("position", "width")},
     "sds": {"method": "sds"},
     "1,600 steps": {"steps": 1600, "rate": 0.0025},
-    "sharpened": {"sharpen": True},
 }
 COLUMNS = ("F5", "F5_worst", "F2", "chamfer_percent", "top1", "views", "strokes", "seconds")
 # Of the sheet: azimuth and elevation, pixels of a sketch and of the line of text above it.
@@ -71,7 +70,7 @@ def draw(recipe: str, category: str, seed: int, looks: Path) -> dict[str, Any]:
     ds.set_num_threads(1)
     begun, phrase = time.perf_counter(), CATEGORIES[category].captions()[0]
     with tempfile.TemporaryDirectory() as run:
-        spec = with_options(RunSpec(Phrase(phrase)), prior="exemplar", seed=seed, sheet_every=0, sharpen=False)
+        spec = with_options(RunSpec(Phrase(phrase)), prior="exemplar", seed=seed, sheet_every=0, redraw=False)
         sketch = run_text(with_options(spec, **RECIPES[recipe]), Path(run) / "run")
     seconds = time.perf_counter() - begun
     known = exemplars_of(phrase, seed)

@@ -42,9 +42,9 @@ def test_help_tells_of_what_is_already_given(capsys):
 
 
 def test_help_says_what_happens_without_an_option(capsys):
-    """--no-sharpen (default: True) would say the contrary."""
+    """--no-redraw (default: True) would say the contrary."""
     said = " ".join(ends(["text", "--help"], capsys)[1].split())
-    assert "(default: with them)" in said
+    assert "(default: it is drawn again)" in said
     assert "default: True" not in said
 
 

@@ -12,11 +12,9 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.cli import FAULT, main
-from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
 from diff3ds.tasks.exact_prior.exemplars import FITTING, OTHER_KINDS, exemplars_of, requested
-from diff3ds.tasks.text_image import sharpen
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.tasks.text_image.text import run_text
@@ -101,7 +99,7 @@ def test_the_run_says_what_it_was(chair):
 
 def test_colour_and_count_arrive(tmp_path):
     main(
-        ["text", "two blue mugs", "-o", str(tmp_path), "--quiet", "--steps", "3", "--no-sharpen", "--prior", "exemplar"]
+        ["text", "two blue mugs", "-o", str(tmp_path), "--quiet", "--steps", "3", "--no-redraw", "--prior", "exemplar"]
     )
     assert torch.allclose(ds.load(tmp_path / "sketch.json").color, torch.tensor(COLORS["blue"]))
 
@@ -117,7 +115,7 @@ def test_what_it_does_not_know_is_an_error_that_helps(tmp_path, capsys):
 
 
 def test_without_a_gpu_or_weights_the_built_in_prior_is_taken_and_said(tmp_path, capsys):
-    main(["text", "a mug", "-o", str(tmp_path), "--steps", "1", "--no-sharpen"])
+    main(["text", "a mug", "-o", str(tmp_path), "--steps", "1", "--no-redraw"])
     said = " ".join(capsys.readouterr().err.split())
     assert "prior: the built-in prior, because" in said
 
@@ -128,9 +126,8 @@ def test_negative_phrases_are_for_others(tmp_path, capsys):
     assert "negative phrases are for mvdream" in capsys.readouterr().err
 
 
-def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path, monkeypatch):
-    """Also what is summed before the first step, and between the steps and those on finer pictures."""
-    monkeypatch.setattr(sharpen, "STEPS", 3)
+def test_a_seed_is_one_sketch_for_any_number_of_threads(tmp_path):
+    """Also what is summed before the first step."""
     found, threads = [], torch.get_num_threads()
     spec = with_options(RunSpec(Phrase("a mug")), steps=3, sheet_every=0)
     for count in (1, 2):
@@ -158,6 +155,6 @@ def test_the_prior_of_a_phrase_is_one_for_any_number_of_threads():
 def test_words_of_size_are_said_to_change_nothing(tmp_path):
     said = []
     for phrase, prior in (("a small chair", "exemplar"), ("a big chair", "small")):
-        spec = with_options(RunSpec(Phrase(phrase)), prior=prior, steps=1, strokes=4, sharpen=False)
+        spec = with_options(RunSpec(Phrase(phrase)), prior=prior, steps=1, strokes=4, redraw=False)
         run_text(spec, tmp_path / prior, say=said.append)
     assert said == [f"'{word}' changes nothing: every sketch fills the same ball" for word in ("small", "big")]

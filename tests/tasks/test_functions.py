@@ -9,7 +9,7 @@ import torch
 import diff3ds as ds
 from diff3ds.formats import save_png
 
-QUICK = {"prior": "exemplar", "steps": 2, "strokes": 4, "size": 32, "sharpen": False, "sheet_every": 0}
+QUICK = {"prior": "exemplar", "steps": 2, "strokes": 4, "size": 32, "redraw": False, "sheet_every": 0}
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_views(here):
         ({"method": "dream"}, "method must be one of sds, .* or None, got 'dream'"),
         ({"distance": 2.0}, r"distance must be a tuple \(2: a number\), got 2.0"),
         ({"optimize": ["position", "colour"]}, r"optimize must be a tuple \(several of: one of position, "),
-        ({"sharpen": 1}, "sharpen must be True or False, got 1"),
+        ({"redraw": 1}, "redraw must be True or False, got 1"),
         ({"library": 3}, "library must be a path or None, got 3"),
     ],
 )

@@ -169,7 +169,7 @@ def asked(answer: str, tmp_path, monkeypatch) -> str:
     shown = Terminal()
     monkeypatch.setattr(sys, "stdin", Terminal(answer + "\n"))
     monkeypatch.setattr(sys, "stderr", shown)
-    main(["image", str(tmp_path / "cat.png"), "-o", str(tmp_path / "out"), "--steps", "1", "--no-sharpen"])
+    main(["image", str(tmp_path / "cat.png"), "-o", str(tmp_path / "out"), "--steps", "1", "--no-redraw"])
     return shown.getvalue()
 
 

@@ -17,7 +17,7 @@ from diff3ds.library import member
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.network import trained
-from diff3ds.tasks.recognition.poses import alike, cameras_at, confidence, descriptors, drawn_over, gap, pieces
+from diff3ds.tasks.recognition.poses import alike, cameras_at, confidence, descriptors, gap, pieces, placed_over
 from diff3ds.tasks.recognition.recognise import Guess, NotRecognised, recognise, recognised, seen_as
 from diff3ds.tasks.text_image import priors
 from diff3ds.tasks.text_image.image import inked
@@ -167,7 +167,7 @@ def test_members_like_the_picture_are_of_its_proportions(tmp_path):
 def test_lines_are_drawn_where_the_camera_sees_them(tmp_path):
     """A member's own lines, found in its picture, over the member: as the renderer draws it, to a part of a pixel."""
     sketch, camera = drawn("house"), ds.orbit(30.0, 15.0, 1.9, size=64)
-    picture = drawn_over(lines_in(pictured(tmp_path / "a.png", sketch, 30.0, 15.0)), sketch, camera, 0.05)
+    picture = placed_over(lines_in(pictured(tmp_path / "a.png", sketch, 30.0, 15.0)), sketch, camera).picture(64, 0.05)
     wide = ds.Sketch(sketch.points, sketch.weights, width=torch.full_like(sketch.width, 0.05))
     error = (picture - ds.render(wide, camera).color[0]).abs().mean()
     ink = 1 - float(picture.mean())
@@ -206,7 +206,7 @@ def test_the_run_says_what_was_recognised(run, chair):
 
 
 def test_it_is_said_which_prior_and_what_is_recognised(chair, tmp_path, capsys):
-    main(["image", str(chair), "-o", str(tmp_path), "--steps", "1", "--no-sharpen"])
+    main(["image", str(chair), "-o", str(tmp_path), "--steps", "1", "--no-redraw"])
     said = " ".join(capsys.readouterr().err.split())
     assert "prior: the built-in prior, because" in said
     assert "recognised: a chair with armrests (" in said
@@ -218,7 +218,7 @@ def test_a_run_goes_on_with_what_it_recognised(chair, tmp_path):
         str(chair),
         "--steps",
         "4",
-        "--no-sharpen",
+        "--no-redraw",
         "--prior",
         "exemplar",
         "--quiet",
@@ -262,7 +262,7 @@ def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):
             str(tmp_path),
             "--steps",
             "2",
-            "--no-sharpen",
+            "--no-redraw",
             "--quiet",
         ]
     )

@@ -16,7 +16,7 @@ PHRASE = "an old table with a mug on it and two chiars"
 
 
 def spec(phrase: str = PHRASE, prior: str = "exemplar", **output) -> RunSpec[Phrase]:
-    descent = DescentOptions(steps=3, sharpen=False)
+    descent = DescentOptions(steps=3, redraw=False)
     options = OutputOptions(sheet_every=0, **output)
     return RunSpec(Phrase(phrase), PriorOptions(prior), cameras=CameraOptions(size=32), descent=descent, output=options)
 

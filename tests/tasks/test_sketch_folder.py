@@ -25,7 +25,7 @@ from diff3ds.tasks.recognition.lines import lines_of
 from diff3ds.tasks.small_prior.prior_data import shaken
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 
-FEW = ["--steps", "2", "--no-sharpen", "--quiet", "--sheet-every", "0"]
+FEW = ["--steps", "2", "--no-redraw", "--quiet", "--sheet-every", "0"]
 
 
 def drawn(name: str, seed: int = 0, attributes=()) -> ds.Sketch:

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
@@ -88,18 +90,45 @@ def gap(lines: Lines, sketch: Sketch, cameras: Cameras) -> float:
     return float(there.mean() + back.mean()) / 2
 
 
-def drawn_over(lines: Lines, sketch: Sketch, cameras: Cameras, width: float) -> Float[Tensor, "H W 3"]:
-    """The lines, black on white, where and as large as a camera sees a sketch that is like them.
+@dataclass(frozen=True, eq=False)
+class PlacedLines:
+    """The lines of a picture where a camera sees them.
 
-    Args:
-        cameras: one view of square images.
-        width: of the lines, as a fraction of the image height.
+    Attributes:
+        lines: of the picture.
+        camera: one view of square images.
+        side: the longer side of their box, as a fraction of the image height.
+        middle: of their box, x and y, the same.
     """
-    seen = projected(sketch, cameras).flatten(0, 2) / cameras.size[0]
+
+    lines: Lines
+    camera: Cameras
+    side: float
+    middle: tuple[float, float]
+
+    @property
+    def points(self) -> Float[NDArray[np.float64], "N 2"]:
+        """Points along them, as fractions of the image height."""
+        points: NDArray[np.float64] = self.lines.points * self.side + np.array(self.middle)
+        return points
+
+    def picture(self, size: int, width: float) -> Float[Tensor, "S S 3"]:
+        """They are drawn black on white.
+
+        Args:
+            size: height and width, pixels.
+            width: of the lines, as a fraction of the image height.
+        """
+        ink = self.lines.ink(size, width, self.side, self.middle)
+        return 1 - torch.from_numpy(ink)[..., None].repeat(1, 1, 3)
+
+
+def placed_over(lines: Lines, sketch: Sketch, camera: Cameras) -> PlacedLines:
+    """The lines where and as large as one view sees a sketch that is like them."""
+    seen = projected(sketch, camera).flatten(0, 2) / camera.size[0]
     low, high = seen.amin(0), seen.amax(0)
     x, y = ((low + high) / 2).tolist()
-    ink = lines.ink(cameras.size[0], width, float((high - low).max()), (x, y))
-    return 1 - torch.from_numpy(ink)[..., None].repeat(1, 1, 3)
+    return PlacedLines(lines, camera, float((high - low).max()), (x, y))
 
 
 def gap_to(lines: Lines, kind: str, match: Match) -> float:

@@ -10,9 +10,9 @@ from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.exact_prior.exemplars import WIDTH, Color, Exemplars
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, identity_of
 from diff3ds.tasks.small_prior.small_prior import Trained
+from diff3ds.tasks.text_image.redraw import Redrawing
 from diff3ds.tasks.text_image.reference_view import Reference
 from diff3ds.tasks.text_image.run_spec import AnyRun, PresetName
-from diff3ds.tasks.text_image.sharpen import Sharpening
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class BuiltIn:
     Attributes:
         start_color: of the strokes at the start, which is what the prior was shown, straight RGB; None is black.
         color: of the results, straight RGB; None is black.
-        sharpening: further steps on finer pictures; None for a network, which has no members to draw them.
+        redrawing: what the result is drawn again with; None for a network, which has no members.
     """
 
     start_color: Color | None
     color: Color | None
-    sharpening: Sharpening | None = None
+    redrawing: Redrawing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +90,9 @@ class ConditionedPrior:
         spec: AnyRun,
         told: Mapping[str, object] | None = None,
         reference: Reference | None = None,
-        fine_reference: Reference | None = None,
     ) -> "ConditionedPrior":
-        """The exact prior of a library: the built-in one, or that in a folder.
-
-        Args:
-            fine_reference: `reference` once more, with strokes as wide as `sharpen`'s.
-        """
-        built_in = BuiltIn(known.color, known.color, Sharpening(known.meant, fine_reference))
+        """The exact prior of a library: the built-in one, or that in a folder."""
+        built_in = BuiltIn(known.color, known.color, Redrawing(known.meant))
         denoiser = known.prior(spec.width(WIDTH))
         return cls("exemplar", denoiser, {**(told or {}), **identity_of(folder)}, None, reference, built_in)
 

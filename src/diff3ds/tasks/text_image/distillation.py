@@ -28,7 +28,6 @@ from diff3ds.tasks.results import RunInfo, write_results
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
 from diff3ds.tasks.text_image.reference_view import followed
 from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions
-from diff3ds.tasks.text_image.sharpen import STEPS, Sharpening
 from diff3ds.tasks.text_image.tidy import tidied
 
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
@@ -69,10 +68,11 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     state = read_checkpoint(out / CHECKPOINT)
     sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
     if prior.built_in:
-        if prior.built_in.sharpening and spec.sharpens and not stopped:
-            sketch, stopped = _sharpened(sketch, prior.built_in.sharpening, spec, report)
-            seconds["sharpen"] = time.perf_counter() - begun - seconds["distill"]
-        sketch = tidied(painted(sketch, prior.built_in.color), spec.cameras, spec.width_is_free)
+        found = painted(sketch, prior.built_in.color)
+        redrawing = prior.built_in.redrawing if spec.redraws and not stopped else None
+        sketch = redrawing(found, spec.values(prior.preset).strokes) if redrawing else found[:0]
+        if not len(sketch):
+            sketch = tidied(found, spec.cameras, spec.width_is_free)
     around = turntable()
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
@@ -105,18 +105,6 @@ def _advice(network: Network | None) -> str:
         overflow = "the prior's numbers may overflow in float16: start anew with --precision bfloat16 (or float32)"
         return f"{overflow}. If that does not help, its weights are damaged: fetch them again"
     return "the weights of the prior may be damaged: fetch them again, or name others by --weights"
-
-
-def _sharpened(sketch: Sketch, sharpening: Sharpening, spec: AnyRun, report: Report) -> tuple[Sketch, bool]:
-    """The sketch after the last steps, and whether Ctrl-C came before their end: a resumed run does them anew."""
-    try:
-        with closing(sharpening.steps(sketch, spec)) as steps:
-            for step in steps:
-                sketch = step.sketch
-                report(Progress("sharpen", step.index + 1, STEPS, step.loss, len(sketch)))
-    except KeyboardInterrupt:
-        return sketch, True
-    return sketch, False
 
 
 def _place(network: Network | None) -> torch.device:

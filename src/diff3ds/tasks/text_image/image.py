@@ -18,11 +18,11 @@ from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.recognition.lines import Lines, lines_of
-from diff3ds.tasks.recognition.poses import alike, drawn_over
+from diff3ds.tasks.recognition.poses import PlacedLines, alike, gap, placed_over
 from diff3ds.tasks.recognition.recognise import Guess, recognised, seen_as
 from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.small_prior.small_prior import trained
-from diff3ds.tasks.text_image import sharpen
+from diff3ds.tasks.text_image.bend import bent_to
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PICTURES
@@ -97,16 +97,16 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
     picture = read_reference(subject.picture, options=subject.cut)
     lines = lines_of(picture)
     folder = None if spec.prior.library is None else read_sketches(spec.prior.library, spec.prior.up)
-    found, exemplars = _recognised(lines, folder, spec, say)
+    found, alike = _recognised(lines, folder, spec, say)
+    placed = placed_over(lines, alike.members[0], found.camera)
+    exemplars = _bent(alike, placed)
     check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     say(f"{'taken for' if subject.shows else 'recognised'}: {found}")
     weight = REFERENCE_LOSS if subject.reference_loss is None else subject.reference_loss
 
     def drawn(size: int, width: float, color: Color | None = None) -> Reference:
         """The lines of the picture in strokes of this width and colour."""
-        camera = found.camera.resize(size)
-        black = drawn_over(lines, exemplars.members[0], camera, width)
-        return Reference(inked(black, color), camera, weight)
+        return Reference(inked(placed.picture(size, width), color), found.camera.resize(size), weight)
 
     told = {**_told(subject, weight), "recognised": found.as_json()}
     size, width, color = spec.cameras.size or SIZE, spec.width(WIDTH), exemplars.color
@@ -116,8 +116,8 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
         denoiser = small.asked(Request(found.kind, found.attributes), view.picture[None], view.cameras)
         prior = ConditionedPrior.of_small(small, denoiser, color, told, drawn(size, width) if weight else None)
     else:
-        both = (drawn(size, width, color), drawn(sharpen.SIZE, sharpen.WIDTH, color)) if weight else ()
-        prior = ConditionedPrior.of_exemplars(exemplars, folder, spec, told, *both)
+        reference = drawn(size, width, color) if weight else None
+        prior = ConditionedPrior.of_exemplars(exemplars, folder, spec, told, reference)
     if not spec.output.resume:
         save_png(out / "reference.png", picture.image)
         save_png(out / "lines.png", drawn(len(picture.image), DEFAULT_WIDTH).picture)
@@ -134,6 +134,14 @@ def _recognised(
         say(warning)
     say(f"library: {folder}")
     return recognise_in(folder, lines, spec.subject.shows)
+
+
+def _bent(exemplars: Exemplars, lines: PlacedLines) -> Exemplars:
+    """What a picture shows, bent towards its lines, the nearest to them first."""
+    members = [bent_to(member, lines, exemplars.mirrored) for member in exemplars.meant]
+    others = [m for m, fits in zip(exemplars.members, exemplars.fitting, strict=True) if not fits]
+    members.sort(key=lambda member: gap(lines.lines, member, lines.camera))
+    return replace(exemplars, members=(*members, *others), fitting=(True,) * len(members) + (False,) * len(others))
 
 
 def inked(picture: Float[Tensor, "H W 3"], color: Color | None) -> Float[Tensor, "H W 3"]:

@@ -180,8 +180,8 @@ class DescentOptions:
         alpha_rate: of opacities, a step.
         width_rate: of the logarithms of widths, a step.
         final_rate: learning rates fall exponentially to this fraction; the paper: 1.
-        sharpen: end with 300 further steps (--no-sharpen: without them) on finer pictures, where the prior is exemplar,
-            widths are its own, and positions are optimised.
+        redraw: at the end draw what was found again (--no-redraw: leave it) in the strokes of the library's drawing
+            that it has become, where the prior is exemplar, widths are its own, and positions are optimised.
         seed: of all random draws.
     """
 
@@ -193,8 +193,8 @@ class DescentOptions:
     alpha_rate: float = 0.01
     width_rate: float = 0.01
     final_rate: float | None = None
-    # The option is --no-sharpen, whose default is not True.
-    sharpen: Annotated[bool, arg(help_behavior_hint="(default: with them)")] = True
+    # The option is --no-redraw, whose default is not True.
+    redraw: Annotated[bool, arg(help_behavior_hint="(default: it is drawn again)")] = True
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -256,9 +256,9 @@ class RunSpec(Generic[Subject]):
             raise ValueError(f"width must lie in width_range {self.strokes.width_range}, got {width}: give another one")
 
     @property
-    def sharpens(self) -> bool:
-        """Whether the last steps may move strokes and change widths: not widths that are chosen or optimised."""
-        return self.descent.sharpen and self.width_is_free and "position" in self.descent.optimize
+    def redraws(self) -> bool:
+        """Whether the end may move strokes and change widths: not widths that are chosen or optimised."""
+        return self.descent.redraw and self.width_is_free and "position" in self.descent.optimize
 
     @property
     def width_is_free(self) -> bool:
