@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.cli import FAULT, main
+from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
 from diff3ds.tasks.exact_prior.exemplars import FITTING, OTHER_KINDS, exemplars_of, requested

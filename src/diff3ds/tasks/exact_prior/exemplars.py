@@ -9,6 +9,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
+from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.layout import in_ball
 from diff3ds.library.members import member
 from diff3ds.library.phrase import Request, parse
