@@ -147,7 +147,7 @@ def test_proportions_are_said_once_along_an_axis(phrase):
         ("a chair with", "nothing follows 'with'"),
         ("a chair with armrests and", "nothing follows 'and'"),
         ("a chxir", r"does not know 'chxir'; the nearest that it knows: .*chair.* mvdream; for pictures zero123"),
-        ("a dragon", "does not know 'dragon'"),
+        ("a zeppelin", "does not know 'zeppelin'"),
         ("a sparkling chair", "does not know 'sparkling'"),
         ("a chair with wings", "does not know 'with wings'"),
         ("a chair with armrests and wings", "does not know 'with wings'"),

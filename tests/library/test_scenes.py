@@ -59,8 +59,8 @@ def test_what_is_read(phrase) -> None:
 REFUSED = {
     "a table with a lamp on": "something is missing at its end",
     "a chair and": "something is missing at its end",
-    "a dragon on a table": "'a dragon': the built-in prior does not know 'dragon'",
-    "a table with a dragon on it": "'a dragon': the built-in prior does not know 'dragon'",
+    "a zeppelin on a table": "'a zeppelin': the built-in prior does not know 'zeppelin'",
+    "a table with a zeppelin on it": "'a zeppelin': the built-in prior does not know 'zeppelin'",
     "a chair with wheels": "what it knows of a chair",
     "a chair between a table": "between what",
     "ten chairs around a table": "'ten chairs'",

@@ -107,10 +107,10 @@ def test_colour_and_count_arrive(tmp_path):
 
 def test_what_it_does_not_know_is_an_error_that_helps(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
-        main(["text", "a dargon", "-o", str(tmp_path / "out"), "--prior", "exemplar"])
+        main(["text", "a zeppelin", "-o", str(tmp_path / "out"), "--prior", "exemplar"])
     assert ended.value.code == FAULT
     said = " ".join(capsys.readouterr().err.split())
-    assert "does not know 'dargon'" in said
+    assert "does not know 'zeppelin'" in said
     assert "diff3ds fetch mvdream" in said
     assert not (tmp_path / "out").exists()
 

@@ -241,8 +241,8 @@ def fails(arguments, capsys) -> str:
 def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
     out = ["-o", str(tmp_path / "out")]
     assert "does not recognise" in fails(["image", str(cross), *out], capsys)
-    unknown = fails(["image", str(chair), "--shows", "a dargon", *out], capsys)
-    assert "does not know 'dargon'" in unknown
+    unknown = fails(["image", str(chair), "--shows", "a zeppelin", *out], capsys)
+    assert "does not know 'zeppelin'" in unknown
     assert "for pictures zero123" in unknown
     assert "looks for one thing" in fails(["image", str(chair), "--shows", "two chairs", *out], capsys)
     assert "leave words such as tall out" in fails(["image", str(chair), "--shows", "a tall chair", *out], capsys)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier import catmull_rom
 
 # Any number of strokes.
 Strokes = Float[Tensor, "_ 4 4"]
@@ -50,6 +51,16 @@ def smooth(*points: Vector, closed: bool = False) -> Strokes:
     tangents = (p[2:] - p[:-2]) / 2
     a, b = p[1:-2], p[2:-1]
     return _homogeneous(torch.stack([a, a + tangents[:-1] / 3, b - tangents[1:] / 3, b], 1))
+
+
+def spline(*points: Vector, closed: bool = False) -> Strokes:
+    """Cubics through the points, smooth however far apart these are (centripetal, where `smooth` is uniform)."""
+    return _homogeneous(catmull_rom(_tensor(points), closed))
+
+
+def side(*points: Sequence[float], y: float = 0.0, closed: bool = False) -> Strokes:
+    """`spline` through points (x, z), as one sees them from the side."""
+    return spline(*((x, y, z) for x, z in points), closed=closed)
 
 
 def ellipse(center: Vector, u: Vector, v: Vector, start: float = 0.0, stop: float = 360.0) -> Strokes:
