@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from diff3ds.surfaces.drawn import contours, visible_lines
     from diff3ds.surfaces.load import load_surface
     from diff3ds.surfaces.mesh import TriangleMesh
+    from diff3ds.surfaces.quadrics import Quadrics
     from diff3ds.tasks.functions import image_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
@@ -45,6 +46,7 @@ __all__ = [
     "FitConfig",
     "MonteCarlo",
     "NoiseDeletion",
+    "Quadrics",
     "Rates",
     "Rendering",
     "Sketch",
@@ -103,6 +105,7 @@ _HOMES = {
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Chains": "chains",
     "Sketch": "sketch",
+    "Quadrics": "surfaces.quadrics",
     "TriangleMesh": "surfaces.mesh",
     "load_surface": "surfaces.load",
     **dict.fromkeys(("contours", "visible_lines"), "surfaces.drawn"),

@@ -96,7 +96,7 @@ def test_kinds_are_kept_and_chosen_by():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"surface": "ball.obj"}, "surface must be a TriangleMesh, got str"),
+        ({"surface": "ball.obj"}, "surface must be a TriangleMesh or Quadrics, got str"),
         ({"hidden": "gone"}, "hidden must be one of 'drop', 'faint', 'dashed', 'show', got 'gone'"),
     ],
 )

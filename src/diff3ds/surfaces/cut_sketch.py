@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.bezier import subcurve
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
@@ -13,9 +13,16 @@ from diff3ds.surfaces.arrays import Index
 
 
 def cut_sketch(
-    sketch: Sketch, segment: Int[Index, " P"], start: Float[Array, " P"], stop: Float[Array, " P"]
+    sketch: Sketch,
+    segment: Int[Index, " P"],
+    start: Float[Array, " P"],
+    stop: Float[Array, " P"],
+    ends: Float[Tensor, "P 2"] | None = None,
 ) -> tuple[Sketch, Int[Index, " R"]]:
     """Parts of segments, in order, as strokes with the appearance of theirs; gradients flow to the sketch.
+
+    Args:
+        ends: start and stop with their history, where gradients flow to these too.
 
     Returns:
         The strokes, and the stroke of the sketch that each is a part of.
@@ -24,7 +31,8 @@ def cut_sketch(
     order = np.array([part for run in runs for part in run], np.int64)
     home = sketch.points.device
     rows = torch.from_numpy(segment[order]).to(home)
-    begin, end = (torch.from_numpy(t[order]).to(sketch.points) for t in (start, stop))
+    given = torch.from_numpy(np.stack([start, stop], 1)) if ends is None else ends
+    begin, end = given[torch.from_numpy(order)].to(sketch.points).unbind(1)
     points, weights = subcurve(sketch.points[rows], sketch.weights[rows], begin, end)
     chains = sketch.chains or Chains.plain(len(sketch), home)
     firsts = torch.from_numpy(segment[np.array([run[0] for run in runs], np.int64)]).to(home)

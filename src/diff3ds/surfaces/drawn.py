@@ -17,17 +17,19 @@ from diff3ds.surfaces.dashes import dashed
 from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.surfaces.mesh_seen import MeshSeen
 from diff3ds.surfaces.mesh_view import Picture
+from diff3ds.surfaces.quadrics import Quadrics
+from diff3ds.surfaces.quadrics_seen import QuadricsSeen
 from diff3ds.surfaces.visibility import Parts
 
 Hidden = Literal["drop", "faint", "dashed", "show"]
-Surface = TriangleMesh
+Surface = TriangleMesh | Quadrics
 
 # Largest distance between a contour and the strokes that are fitted to it, pixels.
 TOLERANCE = 0.2
 # Opacity of faint strokes, as a share of that of visible ones.
 FAINT = 0.25
 # What the strokes of a sketch are called where nobody says.
-STROKE, CONTOUR = "stroke", "contour"
+STROKE = "stroke"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +37,9 @@ class Lines:
     """The lines of one view.
 
     Attributes:
-        sketch: all strokes, hidden ones too: those of a sketch, then the contours.
-        kinds: what each stroke is: "contour", or what the caller has called it.
+        sketch: all strokes, hidden ones too: those of a sketch, then the surface's own lines.
+        kinds: what each stroke is: what the caller has called it, then "contour" (a line that depends on the view) or
+            "crease" (the end of a cylinder or cone).
         parts: which parts of the segments are seen and which hidden.
         cameras: the view.
     """
@@ -87,6 +90,8 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
 
     Contours of a mesh are where its normals, interpolated between creases, are at right angles to the line of sight;
     creases and borders are none. Strokes are rational cubics in float64, black and of the default width, one a contour.
+    Those of quadrics are exact conics; with the ends of cylinders and cones among them, and without what lies inside of
+    other solids. Gradients flow to quadrics and from there to cameras.
 
     Args:
         surface: what is seen.
@@ -99,7 +104,13 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
     _checked(surface)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive number of pixels, got {tolerance!r}")
-    return [MeshSeen(surface, cameras, view, tolerance).contours for view in range(len(cameras))]
+    return [_seen(surface, cameras, view, tolerance).lines for view in range(len(cameras))]
+
+
+def _seen(surface: Surface, cameras: Cameras, view: int, tolerance: float) -> MeshSeen | QuadricsSeen:
+    if isinstance(surface, Quadrics):
+        return QuadricsSeen(surface, cameras, view)
+    return MeshSeen(surface, cameras, view, tolerance)
 
 
 def visible_lines(
@@ -114,7 +125,8 @@ def visible_lines(
 
     A stroke's visibility changes where its picture crosses an outline of the surface and where it goes through it. It
     is cut there, exactly, and each part is seen or hidden as a whole. What is nearer to a mesh than 0.4 % of its size
-    lies on it, and is not hidden by what it lies on.
+    lies on it, and is not hidden by what it lies on; in a quadric that is what is less deep in it than 0.2 % of its
+    radius.
 
     Args:
         sketch: strokes; they may be none.
@@ -135,12 +147,12 @@ def visible_lines(
         raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
     lines = []
     for view in range(len(cameras)):
-        seen = MeshSeen(surface, cameras, view, TOLERANCE)
+        seen = _seen(surface, cameras, view, TOLERANCE)
         whole, parts, all_kinds = sketch, seen.parts(sketch), named
-        if contours and len(seen.contours):
-            whole = Sketch.concatenate([sketch, _drawn_like(seen.contours, sketch)])
-            parts = Parts.concatenate(parts, seen.contour_parts(), len(sketch.points))
-            all_kinds = (*named, *(CONTOUR,) * len(seen.contours))
+        if contours and len(seen.lines):
+            whole = Sketch.concatenate([sketch, _drawn_like(seen.lines, sketch)])
+            parts = Parts.concatenate(parts, seen.line_parts(), len(sketch.points))
+            all_kinds = (*named, *seen.kinds)
         lines.append(Lines(whole, all_kinds, parts, cameras[view]))
     return lines
 
@@ -159,8 +171,8 @@ def drawn(sketch: Sketch, cameras: Cameras, surface: object, hidden: str, contou
 
 
 def _checked(surface: object) -> Surface:
-    if not isinstance(surface, TriangleMesh):
-        raise TypeError(f"surface must be a TriangleMesh, got {type(surface).__name__}")
+    if not isinstance(surface, TriangleMesh | Quadrics):
+        raise TypeError(f"surface must be a TriangleMesh or Quadrics, got {type(surface).__name__}")
     return surface
 
 

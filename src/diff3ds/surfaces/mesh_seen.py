@@ -35,7 +35,8 @@ class MeshSeen:
     """A mesh in one view.
 
     Attributes:
-        contours: strokes, black, of the default width, hidden ones too.
+        lines: the contours as strokes, black, of the default width, hidden ones too.
+        kinds: "contour" for each.
     """
 
     def __init__(self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float) -> None:
@@ -70,7 +71,8 @@ class MeshSeen:
         points = control[..., :3] / weights[..., None]
         counts = np.bincount(fitted.chain, minlength=len(chains))
         made = Chains.of(counts.tolist(), [c.closed for c in chains])
-        self.contours = Sketch(points, weights / weights[:, :1], chains=made)
+        self.lines = Sketch(points, weights / weights[:, :1], chains=made)
+        self.kinds = ("contour",) * len(self.lines)
 
     @cached_property
     def _view(self) -> MeshView:
@@ -92,7 +94,7 @@ class MeshSeen:
         pixels, depths = self._picture.seen(points + share[..., None] * (points[:, ::-1] - points))
         return Outlines(pixels, np.maximum(depths, near))
 
-    def contour_parts(self) -> Parts:
+    def line_parts(self) -> Parts:
         """Which parts of the contours are seen."""
         axis, place = _places_along(self._fitted)
         inside = ~self._convex & self._mesh.is_closed
@@ -105,7 +107,7 @@ class MeshSeen:
             own = self._own[np.rint(along).astype(np.int64)]
             return self._view.in_front(points, own, RINGS) | inside[segment]
 
-        return self._parts(self.contours, hidden, 0.0, STRAY)
+        return self._parts(self.lines, hidden, 0.0, STRAY)
 
     def parts(self, sketch: Sketch) -> Parts:
         """Which parts of a sketch's segments are seen; those that are near the mesh lie on it."""
