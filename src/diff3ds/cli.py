@@ -204,7 +204,7 @@ class Image:
 class Render:
     """Draw a sketch: one view, several, a sheet of them, or a turntable.
 
-    The suffix says what is written: .png or .svg; .mp4, .webp or .gif for a turntable.
+    The suffix says what is written: .png, .svg or .pdf; .mp4, .webp or .gif for a turntable.
     """
 
     view: OmitArgPrefixes[ViewOptions]

@@ -132,7 +132,7 @@ def test_sizes():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-o", "a.jpg"], "a.jpg: cannot draw to '.jpg', only to .png, .svg, .mp4"),
+        (["-o", "a.jpg"], "a.jpg: cannot draw to '.jpg', only to .png, .svg, .pdf, .mp4"),
         (["-o", "a.mp4"], "a .mp4 file holds a turntable: give --turntable"),
         (["-o", "a.png", "--turntable", "5"], "a turntable goes to .mp4, .webp, .gif, not to .png"),
         (["-o", "a.gif", "--turntable", "5", "--background", "transparent"], "no partly transparent pixels"),
@@ -141,8 +141,11 @@ def test_sizes():
         (["-o", "a.webp", "--turntable", "5", "--azimuth", "0", "9"], "a turntable goes once round from one --azimuth"),
         (["-o", "a.png", "--turntable", "1"], "--turntable must be from 2"),
         (["-o", "a.png", "--size", "0"], "--size must be a number of pixels or WIDTHxHEIGHT"),
-        (["-o", "a.png", "--width-mm", "5"], "--width-mm is for .svg files"),
+        (["-o", "a.png", "--width-mm", "5"], "--width-mm is for .svg and .pdf files"),
         (["-o", "a.svg", "--width-mm", "-5"], "--width-mm must be positive"),
+        (["-o", "a.png", "--layers", "color"], "--layers is for .svg and .pdf files"),
+        (["-o", "a.png", "--centerline"], "--centerline is for .svg and .pdf files"),
+        (["-o", "a.pdf", "--tolerance", "0"], "--tolerance must be positive"),
         (["-o", "a.png", "--elevation", "91"], "--elevation must be from -90 to 90"),
         (["-o", "a.png", "--height", "0"], "--height must be positive"),
         (["-o", "a.png", "--background", "pink"], "--background must be white, black or R,G,B"),

@@ -9,6 +9,7 @@ from diff3ds.formats.blender import save_blender
 from diff3ds.formats.dxf import save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.glb import save_glb
+from diff3ds.formats.pdf import save_pdf
 from diff3ds.formats.ply import save_ply
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.rhino import save_3dm
@@ -29,6 +30,7 @@ __all__ = [
     "save_dxf",
     "save_glb",
     "save_json",
+    "save_pdf",
     "save_ply",
     "save_png",
     "save_step",
@@ -48,7 +50,7 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
 }
 # Formats whose files say in which unit of length they are.
 _WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb")
-PICTURES = (".svg", ".png")
+PICTURES = (".svg", ".pdf", ".png")
 _READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
 
 
@@ -63,6 +65,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
     * `.py`: a script that builds the sketch in Blender (see `save_blender`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
+    * `.pdf`: the same paths (see `save_pdf`).
     * `.png`: the views of `cameras` in a grid, rendered over white.
 
     Args:
@@ -96,6 +99,8 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
         raise ValueError(f"{path}: a picture needs cameras=Cameras, got {type(cameras).__name__}: try ds.orbit(30, 20)")
     elif suffix == ".svg":
         save_svg(path, sketch, cameras)
+    elif suffix == ".pdf":
+        save_pdf(path, sketch, cameras)
     else:
         save_png(path, tile_images(render(sketch.detach(), cameras).color))
 

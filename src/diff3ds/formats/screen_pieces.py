@@ -1,4 +1,4 @@
-"""Projected rational strokes as polynomial cubics or chords on the screen, to a guaranteed tolerance.
+"""Projected rational strokes as polynomial cubics on the screen, to a tolerance.
 
 Strokes are homogeneous cubics whose coordinates, divided by the last one, are x, y and the half width in pixels: the
 perspective width of a tube is as rational as its position, and is approximated along with it.
@@ -11,7 +11,7 @@ import torch
 
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.bezier.curves import bernstein, subcurve_matrix
-from diff3ds.bezier.pieces import standard_form
+from diff3ds.bezier.pieces import from_standard, standard_form
 from diff3ds.project import Strokes2D
 from diff3ds.render.visible import visible_spans
 from diff3ds.sketch import WidthSpace
@@ -28,25 +28,48 @@ class Pieces(NamedTuple):
         start: index of the segment plus the parameter in it; where it is the stop of the piece before on the same
             stroke, the two are joined.
         stop: the same.
-        points: polynomial Bézier control points (x, y, half width) in pixels: cubics, or chords in the same form.
-        depth: camera depth in the middle, world units.
+        points: polynomial Bézier control points (x, y, half width) in pixels.
+        hurry: c of `bezier.pieces.standard_form`: the cubic's parameter u and the stroke's t, from 0 at the start to 1
+            at the stop, have the odds t / (1 - t) = c u / (1 - u).
     """
 
     stroke: Int[Tensor, " P"]
     start: Float[Tensor, " P"]
     stop: Float[Tensor, " P"]
     points: Float[Tensor, "P 4 3"]
-    depth: Float[Tensor, " P"]
+    hurry: Float[Tensor, " P"]
+
+    def rows(self, index: Tensor | slice) -> "Pieces":
+        """Some of the pieces."""
+        return Pieces(*(column[index] for column in self))
+
+    def parameter(self, u: Float[Tensor, " P"]) -> Float[Tensor, " P"]:
+        """The index of the segment plus the parameter in it, where the parameter of each cubic is u."""
+        return self.start + (self.stop - self.start) * from_standard(u, self.hurry)
+
+    def depth(self, strokes: Strokes2D, view: int, u: Float[Tensor, " P"]) -> Float[Tensor, " P"]:
+        """Camera depth there, world units."""
+        segment = ((self.start + self.stop) / 2).long()
+        t = self.parameter(u) - segment
+        return strokes.depth((bernstein(t, 3)[:, None] @ strokes.cubics[view, segment].double())[:, 0])
+
+    def parts(self, start: Float[Tensor, " P"], stop: Float[Tensor, " P"]) -> "Pieces":
+        """Of each piece the part between two parameters of its cubic."""
+        ends = [1 - u + self.hurry * u for u in (start, stop)]
+        first = torch.where(start == 0, self.start, self.parameter(start))
+        last = torch.where(stop == 1, self.stop, self.parameter(stop))
+        points = subcurve_matrix(start, stop, 3) @ self.points
+        return Pieces(self.stroke, first, last, points, ends[1] / ends[0])
 
 
 @torch.no_grad()
 def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], tolerance: float) -> Pieces:
-    """What one view shows of the strokes: cubics for widths in image units, chords for those in world units.
+    """What one view shows of the strokes.
 
-    Guaranteed up to rounding: at every parameter (after a projective change that leaves the curve as it is), piece and
-    stroke differ by at most the tolerance in position and half width together. Parts that the image cannot show, and
-    parts behind the near plane, are left out; what is kept reaches at most an image size beyond the image, or as far as
-    it is wide where that is more.
+    At every parameter (after a projective change that leaves the curve as it is), piece and stroke differ by at most
+    the tolerance in position and half width together: guaranteed up to rounding, but for widths along strokes, which
+    are compared at three places of each piece. Parts that the image cannot show, and parts behind the near plane, are
+    left out; what is kept reaches at most an image size beyond the image, or as far as it is wide where that is more.
 
     Args:
         size: (height, width) in pixels.
@@ -57,7 +80,7 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
     segment, start, stop = spans.segment, spans.start, spans.stop
     half_width = strokes.half_width[min(view, len(strokes.half_width) - 1)].double()
     along = half_width.ndim == 2
-    # A width along the stroke is no rational cubic: it is read off at the ends of chords instead.
+    # A width along the stroke is no rational cubic of the same weights.
     rows = strokes.stroke_of(torch.arange(len(cubics), device=cubics.device))
     even = torch.zeros_like(cubics[:, 0, 0]) if along else half_width[rows]
     scale = cubics[..., 2] if strokes.width_space == "image" else cubics[..., 3]
@@ -68,15 +91,15 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
         part = cut @ control[segment]
         # Hulls need positive weights; in front of the near plane they become so by halving.
         ahead = (part[..., 3] > 0).all(-1)
-        points, error = _approximation(part, chords=along or strokes.width_space == "world")
+        part, hurry = standard_form(part)
+        points, error = _approximation(part)
         if along:
-            radii, change = _widths(cut, half_width[segment], cubics[segment], strokes.width_space)
-            points, error = torch.cat([points[..., :2], radii[..., None]], -1), error + change
+            radii, off = _widths(cut, hurry, half_width[segment], cubics[segment], strokes.width_space)
+            points, error = torch.cat([points[..., :2], radii[..., None]], -1), error + off
         hidden = ahead & _beyond(part[..., :3] / part[..., 3:], size)
         fits = ahead & ~hidden & (error <= tolerance) & _within(points, size)
         middle = (start + stop) / 2
-        place = (bernstein(middle, 3)[:, None] @ cubics[segment])[:, 0]
-        columns = Pieces(segment, start, stop, points, strokes.depth(place))
+        columns = Pieces(segment, start, stop, points, hurry)
         done.append(Pieces(*(column[fits] for column in columns)))
         rest = ~fits & ~hidden
         segment = segment[rest].repeat(2)
@@ -86,41 +109,46 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
     pieces = Pieces(*(torch.cat(column) for column in zip(*done, strict=True)))
     order = pieces.start.argsort(stable=True)
     order = order[pieces.stroke[order].argsort(stable=True)]
-    segment, start, stop, points, depth = (column[order] for column in pieces)
-    return Pieces(strokes.stroke_of(segment), segment + start, segment + stop, points, depth)
+    segment, start, stop, points, hurry = pieces.rows(order)
+    return Pieces(strokes.stroke_of(segment), segment + start, segment + stop, points, hurry)
 
 
 def _widths(
-    cut: Float[Tensor, "P 4 4"], half_width: Float[Tensor, "P 4"], cubics: Float[Tensor, "P 4 4"], space: WidthSpace
+    cut: Float[Tensor, "P 4 4"],
+    hurry: Float[Tensor, " P"],
+    half_width: Float[Tensor, "P 4"],
+    cubics: Float[Tensor, "P 4 4"],
+    space: WidthSpace,
 ) -> tuple[Float[Tensor, "P 4"], Float[Tensor, " P"]]:
-    """Half widths in pixels along chords, from end to end, and a bound of how far those in between may be off."""
-    polynomial = (cut @ half_width[..., None])[..., 0]
-    low, high, ends = polynomial.amin(-1), polynomial.amax(-1), polynomial[:, [0, 3]]
+    """Half widths in pixels as cubics through four places of each piece, and how far they are off between these."""
+    t = from_standard(torch.arange(7, dtype=cut.dtype, device=cut.device) / 6, hurry[:, None])
+    basis = bernstein(t, 3) @ cut
+    radius = (basis @ half_width[..., None])[..., 0]
     if space == "world":
-        part = cut @ cubics
-        depth = part[..., 2] / part[..., 3]
-        low, high, ends = low / depth.amax(-1), high / depth.amin(-1), ends / depth[:, [0, 3]]
-    thirds = torch.arange(4, dtype=ends.dtype, device=ends.device) / 3
-    return ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * thirds, high - low
+        place = basis @ cubics
+        radius = radius * place[..., 3] / place[..., 2]
+    through = radius[:, ::2] @ _INTERPOLATION.to(radius).T
+    sixths = bernstein(torch.tensor([1.0, 3.0, 5.0], dtype=t.dtype, device=t.device) / 6, 3)
+    return through, (through @ sixths.T - radius[:, 1::2]).abs().amax(-1)
 
 
-def _approximation(part: Float[Tensor, "P 4 4"], chords: bool) -> tuple[Float[Tensor, "P 4 3"], Float[Tensor, " P"]]:
-    """Polynomial cubics through the ends, with the tangents (or, as chords, without), and bounds of their distance.
+# Bernstein coefficients of the cubic through values at 0, 1/3, 2/3 and 1.
+_INTERPOLATION = torch.tensor([[6.0, 0, 0, 0], [-5, 18, -9, 2], [2, -9, 18, -5], [0, 0, 0, 6]], dtype=torch.float64) / 6
 
-    With end weights made 1 (a projective change of the parameter), the velocity of a rational cubic at its ends is
-    3 w1 (P1 - P0) and 3 w2 (P3 - P2). The difference N / W - Q has the numerator N - Q W, whose Bernstein coefficients
-    (degree 6) over those of W, raised to degree 6 too, bound it, for W > 0.
+
+def _approximation(part: Float[Tensor, "P 4 4"]) -> tuple[Float[Tensor, "P 4 3"], Float[Tensor, " P"]]:
+    """Polynomial cubics for rational ones in standard form, with their ends and tangents, and bounds of the error.
+
+    The velocity of such a rational cubic at its ends is 3 w1 (P1 - P0) and 3 w2 (P3 - P2). The difference N / W - Q has
+    the numerator N - Q W, whose Bernstein coefficients (degree 6) over those of W, raised to degree 6 too, bound it,
+    for W > 0.
     """
-    part, _ = standard_form(part)
     origin = part[:, :1, :3]
     weights = part[..., 3:]
     moved = part[..., :3] - origin * weights
     end = moved[:, 3:]
     zero = torch.zeros_like(end)
-    if chords:
-        q = torch.cat([zero, end / 3, 2 * end / 3, end], 1)
-    else:
-        q = torch.cat([zero, moved[:, 1:2], end + moved[:, 2:3] - end * weights[:, 2:3], end], 1)
+    q = torch.cat([zero, moved[:, 1:2], end + moved[:, 2:3] - end * weights[:, 2:3], end], 1)
     table = _product_table().to(part)
     numerator = torch.einsum("kij,pijd->pkd", table, moved[:, None] - q[:, :, None] * weights[:, None])
     denominator = torch.einsum("kij,pjd->pkd", table, weights)

@@ -10,7 +10,7 @@ from diff3ds._settings import MAX_SIZE, require_finite
 from diff3ds.pictures.options import parse_color
 
 # Each suffix by what it holds: views, or the frames of a turntable.
-STILLS, MOVIES = (".png", ".svg"), (".mp4", ".webp", ".gif")
+STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
 MOST_FRAMES = 10_000
 
 
@@ -64,7 +64,12 @@ class PictureOptions:
         turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
-        width_mm: of an SVG file's page on paper, millimetres.
+        width_mm: of the page of an SVG or PDF file, millimetres.
+        layers: in SVG and PDF, color makes a layer a colour; strokes of different layers lie over each other as the
+            layers do.
+        centerline: SVG and PDF for plotters: each stroke one plain path, a layer a colour; nothing is filled or hidden.
+        tolerance: of SVG and PDF: how far paths may be off the strokes, pixels; by default
+            .05. More makes smaller files.
         engine: kernels, which draw the strokes as everywhere here, or blender: the Blender of this machine renders them
             as tubes in daylight.
     """
@@ -75,6 +80,9 @@ class PictureOptions:
     fps: int = 24
     sheet: bool = False
     width_mm: float | None = None
+    layers: Literal["none", "color"] = "none"
+    centerline: bool = False
+    tolerance: float | None = None
     engine: Literal["kernels", "blender"] = "kernels"
 
     def __post_init__(self) -> None:
@@ -85,8 +93,10 @@ class PictureOptions:
         if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
             raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
         require_finite(self)
-        if self.width_mm is not None and self.width_mm <= 0:
-            raise ValueError(f"width_mm must be positive, got {self.width_mm:g}")
+        for name in ("width_mm", "tolerance"):
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                raise ValueError(f"{name} must be positive, got {value:g}")
         if not 1 <= self.fps <= 100:
             raise ValueError(f"fps must be from 1 to 100, got {self.fps}")
         if self.turntable is not None and self.sheet:
@@ -127,8 +137,9 @@ def check_file(file: Path, options: PictureOptions) -> None:
         raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {', '.join((*STILLS, *MOVIES))}")
     if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background != "white"):
         raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
-    if options.width_mm is not None and suffix != ".svg":
-        raise ValueError(f"{file}: --width-mm is for .svg files: others have a --size in pixels")
+    for name in ("width_mm", "layers", "centerline", "tolerance"):
+        if getattr(options, name) != getattr(PictureOptions, name) and suffix not in VECTORS:
+            raise ValueError(f"{file}: --{name.replace('_', '-')} is for {' and '.join(VECTORS)} files")
     if suffix in MOVIES and options.turntable is None:
         raise ValueError(f"{file}: a {suffix} file holds a turntable: give --turntable 120, or a .png or .svg file")
     if suffix in STILLS and options.turntable is not None:

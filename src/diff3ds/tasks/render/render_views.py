@@ -7,14 +7,15 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.formats import save_png, save_svg, tile_images
+from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
+from diff3ds.formats.drawn_paths import TOLERANCE
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
-from diff3ds.tasks.render.options import PictureOptions, ViewOptions, check_file, parse_size
+from diff3ds.tasks.render.options import VECTORS, PictureOptions, ViewOptions, check_file, parse_size
 from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.transforms import load_transforms
 
@@ -78,8 +79,18 @@ def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Came
 
 def _save(file: Path, sketch: Sketch, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
     """One file of one view or a sheet."""
-    if file.suffix.lower() == ".svg":
-        save_svg(file, sketch, cameras, background=picture.color, width_mm=picture.width_mm)
+    suffix = file.suffix.lower()
+    if suffix in VECTORS:
+        (save_pdf if suffix == ".pdf" else save_svg)(
+            file,
+            sketch,
+            cameras,
+            background=picture.color,
+            width_mm=picture.width_mm,
+            layers=None if picture.layers == "none" else picture.layers,
+            centerline=picture.centerline,
+            tolerance=picture.tolerance or TOLERANCE,
+        )
     else:
         views = torch.stack(list(_drawn(sketch, cameras, picture, report)))
         save_png(file, tile_images(views))

@@ -1,0 +1,110 @@
+"""A view of a sketch as paths of cubic Béziers in the order in which they are painted: what SVG and PDF files hold."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds.camera import Cameras
+from diff3ds.formats.depth_order import Part, painting_order
+from diff3ds.formats.outlines import Path, Way, outlines
+from diff3ds.formats.page_cut import on_page
+from diff3ds.formats.screen_pieces import Pieces, screen_pieces
+from diff3ds.project import Strokes2D, project
+from diff3ds.sketch import Sketch
+
+# Pixels. An edge that is off by this changes a pixel by as much at most: 13 of 255.
+TOLERANCE = 0.05
+# Of it: the curve, and the outline around it.
+_CURVE, _BORDER = 0.6, 0.4
+
+
+class DrawnPath(NamedTuple):
+    """A path to stroke with round ends, or to fill by the rule "nonzero".
+
+    Attributes:
+        name: "stroke-7" of stroke 7; of its further parts "stroke-7-part-2" and so on.
+        curves: cubics that follow on each other, in pixels: the start, then three control points each.
+        closed: whether each of the curves ends where it begins.
+        width: to stroke with, pixels; None to fill.
+        color: RGB in [0, 1].
+        opacity: in [0, 1].
+    """
+
+    name: str
+    curves: list[Path]
+    closed: bool
+    width: float | None
+    color: tuple[float, float, float]
+    opacity: float
+
+
+def drawn_paths(
+    sketch: Sketch, cameras: Cameras, view: int, *, centerline: bool = False, tolerance: float = TOLERANCE
+) -> list[DrawnPath]:
+    """What one view shows, far paths first; parts of strokes that would leave the page are cut off.
+
+    Strokes of one width in image units, and all as centre lines, are paths to stroke. Others are outlines to fill, and
+    so are the parts of strokes that have been cut because of their depth.
+
+    Args:
+        centerline: one path a stroke, in the order of the sketch, as a pen draws it: nothing hides anything.
+        tolerance: how far a path may be off the exact stroke, pixels.
+    """
+    strokes = project(sketch, cameras)
+    even = centerline or (strokes.width_space == "image" and strokes.half_width.ndim == 2)
+    pieces = screen_pieces(strokes, view, cameras.size, tolerance if centerline else _CURVE * tolerance)
+    pieces = on_page(pieces, cameras.size)
+    if centerline:
+        shown = torch.unique(pieces.stroke).tolist()
+        parts = [Part(pieces.rows(pieces.stroke == stroke), (False, False)) for stroke in shown]
+    else:
+        parts = painting_order(strokes, view, pieces)
+    # A path to stroke would end round where it is cut, and hide what it should not.
+    lined = [even and not any(part.cut) for part in parts]
+    ways = [
+        Way(part.pieces.points.numpy(), _joined(part.pieces), _closes(strokes, part.pieces), part.cut)
+        for part, line in zip(parts, lined, strict=True)
+        if not line
+    ]
+    filled = outlines(ways, _BORDER * tolerance)
+    colors, opacities = strokes.color.double().clamp(0, 1).tolist(), strokes.opacity.tolist()
+    found, count = [], Counter[int]()
+    for (pieces, _), line in zip(parts, lined, strict=True):
+        stroke = int(pieces.stroke[0])
+        count[stroke] += 1
+        name = f"stroke-{stroke}" + (f"-part-{count[stroke]}" if count[stroke] > 1 else "")
+        width = 2 * float(pieces.points[..., 2].mean()) if line else None
+        opacity = 1.0 if centerline else opacities[stroke]
+        r, g, b = colors[stroke]
+        curves = _centre_line(pieces) if line else next(filled)
+        found.append(DrawnPath(name, curves, not line or _closes(strokes, pieces), width, (r, g, b), opacity))
+    return found
+
+
+def _joined(pieces: Pieces) -> NDArray[np.bool_]:
+    """Whether each piece begins where the one before it ends."""
+    joined = np.zeros(len(pieces.stroke), bool)
+    joined[1:] = (pieces.start[1:] == pieces.stop[:-1]).numpy()
+    return joined
+
+
+def _closes(strokes: Strokes2D, pieces: Pieces) -> bool:
+    """Whether the pieces of a stroke run round without a gap."""
+    chains, stroke = strokes.chains, int(pieces.stroke[0])
+    if chains is None or not bool(chains.closed[stroke]):
+        return False
+    whole = (pieces.start[1:] == pieces.stop[:-1]).all()
+    return bool(whole & (pieces.start[0] == chains.first[stroke]) & (pieces.stop[-1] == chains.first[stroke + 1]))
+
+
+def _centre_line(pieces: Pieces) -> list[Path]:
+    """Curves, broken where pieces are not joined."""
+    points, joined = pieces.points[..., :2].numpy(), _joined(pieces)
+    begins = np.flatnonzero(~joined)
+    return [
+        np.concatenate([points[a, :1], points[a:b, 1:].reshape(-1, 2)])
+        for a, b in zip(begins, [*begins[1:], len(points)], strict=True)
+    ]

@@ -1,0 +1,118 @@
+"""PDF files: views of a sketch as the vector paths that SVG files have, by an own small writer (ISO 32000-1)."""
+
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from diff3ds._files import write_bytes
+from diff3ds.camera import Cameras
+from diff3ds.formats.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
+from diff3ds.formats.outlines import straight
+from diff3ds.formats.svg import Layers, check_page, corner, layered, page_size
+from diff3ds.sketch import Sketch
+
+# Points of 1/72 inch, in which PDF measures: of a millimetre, and of a pixel of which 96 make an inch, as on the web.
+POINTS_PER_MM, POINTS_PER_PIXEL = 72 / 25.4, 72 / 96
+
+
+def save_pdf(
+    path: str | Path,
+    sketch: Sketch,
+    cameras: Cameras,
+    *,
+    background: Sequence[float] | None = (1.0, 1.0, 1.0),
+    width_mm: float | None = None,
+    layers: Layers | None = None,
+    centerline: bool = False,
+    tolerance: float = TOLERANCE,
+) -> None:
+    """Writes the views of all cameras on one page, as `save_svg` does and with the same paths; whole or not at all.
+
+    Layers are optional content, which viewers can switch off. The same sketch gives the same file.
+
+    Args:
+        background: RGB in [0, 1], or None for none.
+        width_mm: of the page, millimetres; without it a pixel is 1/96 inch.
+        layers: "color" for a layer a colour, as in `save_svg`.
+        centerline: for plotters, as in `save_svg`.
+        tolerance: pixels.
+
+    Raises:
+        ValueError: as `save_svg`.
+        OSError: the file cannot be written.
+    """
+    sketch = check_page(sketch, cameras, background, width_mm, tolerance)
+    width, height = page_size(cameras)
+    scale = POINTS_PER_PIXEL if width_mm is None else POINTS_PER_MM * width_mm / width
+    # From pixels with y down to points with y up.
+    content = [f"{_numbers(scale, 0, 0, -scale, 0, height * scale)} cm 1 J 1 j"]
+    if background is not None:
+        content.append(f"{_numbers(*np.clip(background, 0, 1))} rg 0 0 {width} {height} re f")
+    names: list[str] = []
+    opacities: list[float] = []
+    by_color = layers == "color" or centerline
+    for view in range(len(cameras)):
+        x, y = corner(cameras, view)
+        content.append(f"q {_numbers(x, y, cameras.size[1], cameras.size[0])} re W n {_numbers(1, 0, 0, 1, x, y)} cm")
+        paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
+        for color, some in (layered(paths) if by_color else {"": paths}).items():
+            if by_color:
+                content.append(f"/OC /L{len(names)} BDC")
+                names.append(f"view-{view}-{color}" if len(cameras) > 1 else color)
+            content += [_operators(drawn, opacities) for drawn in some]
+            content += ["EMC"] if by_color else []
+        content.append("Q")
+    size = _numbers(width * scale, height * scale)
+    write_bytes(Path(path), _file("\n".join(content).encode("ascii"), size, names, opacities))
+
+
+def _operators(path: DrawnPath, opacities: list[float]) -> str:
+    """What draws a path; its opacity is added to those that the page must know, if it is new."""
+    if path.opacity not in opacities:
+        opacities.append(path.opacity)
+    state = f"/A{opacities.index(path.opacity)} gs {_numbers(*path.color)} {'rg' if path.width is None else 'RG'}"
+    state += f" {_numbers(path.width)} w" if path.width is not None else ""
+    lines = []
+    for curve in path.curves:
+        points = [_numbers(*point) for point in curve.tolist()]
+        parts = [
+            f"{points[3 * i + 3]} l" if line else f"{' '.join(points[3 * i + 1 : 3 * i + 4])} c"
+            for i, line in enumerate(straight(curve).tolist())
+        ]
+        lines.append(" ".join([f"{points[0]} m", *parts, *(["h"] if path.closed else [])]))
+    return "\n".join([state, *lines, "f" if path.width is None else "S"])
+
+
+def _file(content: bytes, size: str, layers: Sequence[str], opacities: Sequence[float]) -> bytes:
+    """A PDF file of one page."""
+    groups = range(5, 5 + len(layers))
+    listed = " ".join(f"{number} 0 R" for number in groups)
+    states = " ".join(f"/A{i} << /CA {_numbers(a)} /ca {_numbers(a)} >>" for i, a in enumerate(opacities))
+    properties = " ".join(f"/L{i} {number} 0 R" for i, number in enumerate(groups))
+    resources = f"<< /ExtGState << {states} >> /Properties << {properties} >> >>"
+    optional = f" /OCProperties << /OCGs [{listed}] /D << /Order [{listed}] /ON [{listed}] >> >>" if layers else ""
+    packed = zlib.compress(content, 9)
+    objects = [
+        f"<< /Type /Catalog /Pages 2 0 R{optional} >>".encode(),
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {size}] /Contents 4 0 R /Resources {resources} >>".encode(),
+        f"<< /Length {len(packed)} /Filter /FlateDecode >>\nstream\n".encode() + packed + b"\nendstream",
+        *(f"<< /Type /OCG /Name ({name}) >>".encode() for name in layers),
+    ]
+    # The second line tells programs that the file is binary.
+    file = b"%PDF-1.5\n%\xe2\xe3\xcf\xd3\n"
+    places = []
+    for number, entry in enumerate(objects, 1):
+        places.append(len(file))
+        file += f"{number} 0 obj\n".encode() + entry + b"\nendobj\n"
+    table = "".join(f"{place:010d} 00000 n \n" for place in places)
+    end = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}"
+    end += f"trailer\n<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(file)}\n%%EOF\n"
+    return file + end.encode()
+
+
+def _numbers(*values: float) -> str:
+    """PDF has no exponents; four digits are a ten-thousandth of a pixel."""
+    return " ".join(f"{value:.4f}".rstrip("0").rstrip(".") or "0" for value in values)

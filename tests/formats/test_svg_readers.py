@@ -1,0 +1,156 @@
+"""SVG as other programs read it: the same geometry by svgelements, svgpathtools and CairoSVG; layers and centre lines."""
+
+import dataclasses
+import importlib.util
+import io
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.formats import save_svg
+
+CAMERA = ds.orbit(30.0, 20.0, size=256)
+PATH = "{http://www.w3.org/2000/svg}path"
+GROUP = "{http://www.w3.org/2000/svg}g"
+INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
+
+
+def needs(package):
+    return pytest.mark.skipif(importlib.util.find_spec(package) is None, reason=f"{package} is not installed")
+
+
+def colored(space="image", count=12):
+    """Strokes of three colours, and a whole circle."""
+    g = torch.Generator().manual_seed(3)
+    loose = ds.Sketch.random(count, generator=g).to(torch.float64).transform(torch.diag(torch.tensor([0.5, 0.5, 0.5, 1])))
+    ring, weights = ds.bezier.circle((0.0, 0.0, 0.0), 0.7, (0.3, 0.2, 1.0))
+    ring = ds.Sketch(ring, weights, chains=ds.Chains.of([len(ring)], True))
+    sketch = ds.Sketch.concatenate([loose, ring])
+    color = torch.eye(3, dtype=torch.float64).repeat(count, 1)[: len(sketch)]
+    return dataclasses.replace(sketch, color=color, width=0.03, width_space=space)
+
+
+def written(path):
+    """What stands in the file: by id of the path, the numbers of its data as points."""
+    found = {}
+    for element in ElementTree.parse(path).iter(PATH):
+        numbers = re.findall(r"-?\d+\.?\d*", element.get("d"))
+        found[element.get("id")] = np.array([float(n) for n in numbers]).reshape(-1, 2)
+    return found
+
+
+@needs("svgelements")
+@pytest.mark.parametrize("space", ["image", "world"])
+def test_svgelements_reads_the_same_paths_and_the_size_on_paper(tmp_path, space):
+    import svgelements
+
+    save_svg(tmp_path / "a.svg", colored(space), CAMERA, width_mm=128.0)
+    # At 25.4 points an inch a millimetre is one: two pixels.
+    page = svgelements.SVG.parse(str(tmp_path / "a.svg"), ppi=25.4)
+    assert (page.width, page.height) == pytest.approx((128.0, 128.0))
+    paths = {element.id: element for element in page.elements() if isinstance(element, svgelements.Path)}
+    expected = written(tmp_path / "a.svg")
+    assert paths.keys() == expected.keys()
+    for name, path in paths.items():
+        ends = [point for s in path.segments() for point in (s.start, s.end) if point is not None]
+        gaps = np.linalg.norm(np.array([(p.x, p.y) for p in ends])[:, None] * 2 - expected[name][None], axis=-1)
+        assert gaps.min(1).max() < 1e-3
+        box = np.array(path.bbox()) * 2
+        low, high = expected[name].min(0), expected[name].max(0)
+        assert (box[:2] >= low - 1e-3).all()
+        assert (box[2:] <= high + 1e-3).all()
+
+
+@needs("svgpathtools")
+@pytest.mark.parametrize("space", ["image", "world"])
+def test_svgpathtools_reads_the_same_control_points(tmp_path, space):
+    import svgpathtools
+
+    save_svg(tmp_path / "a.svg", colored(space), CAMERA)
+    paths, attributes = svgpathtools.svg2paths(str(tmp_path / "a.svg"))
+    expected = written(tmp_path / "a.svg")
+    read = {a["id"]: path for path, a in zip(paths, attributes, strict=True) if "d" in a and a["id"] in expected}
+    assert read.keys() == expected.keys()
+    for name, path in read.items():
+        # Closed curves end with a line of no length, or with one back to their start.
+        points = {p for segment in path for p in segment.bpoints()}
+        assert points == {complex(*p) for p in expected[name]}
+
+
+@needs("cairosvg")
+@pytest.mark.parametrize("space", ["image", "world"])
+def test_cairosvg_draws_what_render_draws(tmp_path, space):
+    import cairosvg
+
+    save_svg(tmp_path / "a.svg", colored(space), CAMERA)
+    picture = Image.open(io.BytesIO(cairosvg.svg2png(url=str(tmp_path / "a.svg")))).convert("RGB")
+    rendered = ds.render(colored(space), CAMERA).color[0].numpy() * 255
+    assert np.abs(np.asarray(picture) - rendered).mean() < 2
+
+
+def test_layers_are_named_by_their_colour(tmp_path):
+    save_svg(tmp_path / "a.svg", colored(), CAMERA, layers="color")
+    layers = [g for g in ElementTree.parse(tmp_path / "a.svg").iter(GROUP) if g.get(INKSCAPE + "groupmode") == "layer"]
+    assert sorted(g.get(INKSCAPE + "label") for g in layers) == ["#0000ff", "#00ff00", "#ff0000"]
+    for layer in layers:
+        colors = {path.get("stroke") or path.get("fill") for path in layer.findall(PATH)}
+        assert colors == {layer.get(INKSCAPE + "label")}
+
+
+@pytest.mark.parametrize("space", ["image", "world"])
+def test_a_plotter_draws_each_stroke_once_and_fills_nothing(tmp_path, space):
+    sketch = dataclasses.replace(colored(space), opacity=torch.full((13,), 0.5, dtype=torch.float64))
+    save_svg(tmp_path / "a.svg", sketch, CAMERA, centerline=True, background=None)
+    paths = list(ElementTree.parse(tmp_path / "a.svg").iter(PATH))
+    assert sorted(path.get("id") for path in paths) == sorted(f"stroke-{i}" for i in range(13))
+    assert all(path.get("fill") == "none" and path.get("stroke-opacity") is None for path in paths)
+    assert all(path.get("d").count("M") == 1 for path in paths)
+    [ring] = [path for path in paths if path.get("id") == "stroke-12"]
+    assert ring.get("d").endswith("Z")
+
+
+def test_strokes_that_change_their_order_are_cut_and_others_are_not(tmp_path):
+    # Seen from +x: a comb of three vertical lines, and a wave that goes behind the first, before the second and so on.
+    lines = torch.tensor([[[0.0, y, -0.5], [0, y, 0.5]] for y in (-0.5, 0.0, 0.5)])
+    ends = [(-0.2, -0.7), (-0.2, -0.3), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.3), (-0.2, 0.7)]
+    wave = torch.tensor([[[*a, 0.0][:3], [*b, 0.0][:3]] for a, b in zip(ends[:-1], ends[1:], strict=True)])
+    points = torch.cat([lines, wave])
+    sketch = ds.Sketch(points, width=0.05, color=torch.eye(4)[:, :3], chains=ds.Chains.of([1, 1, 1, 5]))
+    camera = ds.orbit(0.0, 0.0, size=128)
+    save_svg(tmp_path / "a.svg", sketch, camera)
+    # No line goes both before and behind the wave: an order does.
+    names = [p.get("id") for p in ElementTree.parse(tmp_path / "a.svg").iter(PATH)]
+    assert names.index("stroke-1") < names.index("stroke-3") < min(names.index("stroke-0"), names.index("stroke-2"))
+    # One colour in any order looks the same.
+    save_svg(tmp_path / "a.svg", ds.Sketch(points, width=0.05, chains=sketch.chains), camera)
+    assert "part" not in (tmp_path / "a.svg").read_text()
+
+
+def test_a_knot_is_cut_where_it_must_be(tmp_path):
+    # Each of three bars lies over the next: no order of whole ones shows that.
+    angle = torch.tensor([0.0, 2.0943951, 4.1887902])
+    way, side = (torch.stack([torch.zeros(3), f(angle), g(angle)], -1) for f, g in ((torch.cos, torch.sin), (torch.sin, torch.cos)))
+    side[:, 1] *= -1
+    tilt = torch.tensor([0.3, 0.0, 0.0])
+    points = torch.stack([-0.3 * side - 0.7 * way - tilt, -0.3 * side + 0.7 * way + tilt], 1)
+    sketch = ds.Sketch(points, width=0.08, color=torch.eye(3))
+    save_svg(tmp_path / "a.svg", sketch, ds.orbit(0.0, 0.0, size=128))
+    names = [p.get("id") for p in ElementTree.parse(tmp_path / "a.svg").iter(PATH)]
+    assert len(names) == 4
+    assert sum("part-2" in name for name in names) == 1
+
+
+def test_many_coloured_strokes_make_a_small_file(tmp_path):
+    g = torch.Generator().manual_seed(0)
+    place = torch.rand(1000, 1, 3, generator=g) * 1.2 - 0.6
+    way = torch.nn.functional.normalize(torch.randn(1000, 1, 3, generator=g), dim=-1)
+    way = way * (0.05 + 0.4 * torch.rand(1000, 1, 1, generator=g)) * torch.linspace(-0.5, 0.5, 4)[:, None]
+    points = place + way + 0.03 * torch.randn(1000, 4, 3, generator=g)
+    sketch = ds.Sketch(points, width=0.004 + 0.01 * torch.rand(1000, generator=g), color=torch.rand(1000, 3, generator=g))
+    save_svg(tmp_path / "a.svg", sketch, ds.orbit(30.0, 20.0, size=1024))
+    assert (tmp_path / "a.svg").stat().st_size < 1_500_000
