@@ -14,9 +14,10 @@ def sketch():
 
 def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
     with pytest.raises(
-        ValueError, match=r"cannot save as '.obj', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .py, .svg, .png"
+        ValueError,
+        match=r"cannot save as '.xyz', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .py, .svg, .pdf, .png",
     ):
-        ds.save(tmp_path / "a.obj", sketch)
+        ds.save(tmp_path / "a.xyz", sketch)
     with pytest.raises(ValueError, match=r"cannot load '.svg', only .json, .step, .stp"):
         ds.load(tmp_path / "a.svg")
     with pytest.raises(ValueError, match=r"cannot save as ''"):

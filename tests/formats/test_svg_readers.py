@@ -1,8 +1,9 @@
-"""SVG as other programs read it: the same geometry by svgelements, svgpathtools and CairoSVG; layers and centre lines."""
+"""SVG as other programs read it (svgelements, svgpathtools, CairoSVG); layers, centre lines and cuts."""
 
 import dataclasses
 import importlib.util
 import io
+import itertools
 import re
 import xml.etree.ElementTree as ElementTree
 
@@ -27,7 +28,8 @@ def needs(package):
 def colored(space="image", count=12):
     """Strokes of three colours, and a whole circle."""
     g = torch.Generator().manual_seed(3)
-    loose = ds.Sketch.random(count, generator=g).to(torch.float64).transform(torch.diag(torch.tensor([0.5, 0.5, 0.5, 1])))
+    loose = ds.Sketch.random(count, generator=g).transform(torch.diag(torch.tensor([0.5, 0.5, 0.5, 1.0])))
+    loose = loose.to(torch.float64)
     ring, weights = ds.bezier.circle((0.0, 0.0, 0.0), 0.7, (0.3, 0.2, 1.0))
     ring = ds.Sketch(ring, weights, chains=ds.Chains.of([len(ring)], True))
     sketch = ds.Sketch.concatenate([loose, ring])
@@ -118,7 +120,7 @@ def test_strokes_that_change_their_order_are_cut_and_others_are_not(tmp_path):
     # Seen from +x: a comb of three vertical lines, and a wave that goes behind the first, before the second and so on.
     lines = torch.tensor([[[0.0, y, -0.5], [0, y, 0.5]] for y in (-0.5, 0.0, 0.5)])
     ends = [(-0.2, -0.7), (-0.2, -0.3), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.3), (-0.2, 0.7)]
-    wave = torch.tensor([[[*a, 0.0][:3], [*b, 0.0][:3]] for a, b in zip(ends[:-1], ends[1:], strict=True)])
+    wave = torch.tensor([[[*a, 0.0], [*b, 0.0]] for a, b in itertools.pairwise(ends)])
     points = torch.cat([lines, wave])
     sketch = ds.Sketch(points, width=0.05, color=torch.eye(4)[:, :3], chains=ds.Chains.of([1, 1, 1, 5]))
     camera = ds.orbit(0.0, 0.0, size=128)
@@ -134,8 +136,8 @@ def test_strokes_that_change_their_order_are_cut_and_others_are_not(tmp_path):
 def test_a_knot_is_cut_where_it_must_be(tmp_path):
     # Each of three bars lies over the next: no order of whole ones shows that.
     angle = torch.tensor([0.0, 2.0943951, 4.1887902])
-    way, side = (torch.stack([torch.zeros(3), f(angle), g(angle)], -1) for f, g in ((torch.cos, torch.sin), (torch.sin, torch.cos)))
-    side[:, 1] *= -1
+    way = torch.stack([torch.zeros(3), angle.cos(), angle.sin()], -1)
+    side = torch.stack([torch.zeros(3), -angle.sin(), angle.cos()], -1)
     tilt = torch.tensor([0.3, 0.0, 0.0])
     points = torch.stack([-0.3 * side - 0.7 * way - tilt, -0.3 * side + 0.7 * way + tilt], 1)
     sketch = ds.Sketch(points, width=0.08, color=torch.eye(3))
@@ -151,6 +153,7 @@ def test_many_coloured_strokes_make_a_small_file(tmp_path):
     way = torch.nn.functional.normalize(torch.randn(1000, 1, 3, generator=g), dim=-1)
     way = way * (0.05 + 0.4 * torch.rand(1000, 1, 1, generator=g)) * torch.linspace(-0.5, 0.5, 4)[:, None]
     points = place + way + 0.03 * torch.randn(1000, 4, 3, generator=g)
-    sketch = ds.Sketch(points, width=0.004 + 0.01 * torch.rand(1000, generator=g), color=torch.rand(1000, 3, generator=g))
+    width, color = 0.004 + 0.01 * torch.rand(1000, generator=g), torch.rand(1000, 3, generator=g)
+    sketch = ds.Sketch(points, width=width, color=color)
     save_svg(tmp_path / "a.svg", sketch, ds.orbit(30.0, 20.0, size=1024))
     assert (tmp_path / "a.svg").stat().st_size < 1_500_000
