@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from diff3ds.surfaces.load import load_surface
     from diff3ds.surfaces.mesh import TriangleMesh
     from diff3ds.surfaces.quadrics import Quadrics
-    from diff3ds.tasks.functions import image_to_sketch, recognise, text_to_sketch, views_to_sketch
+    from diff3ds.tasks.functions import image_to_sketch, mesh_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
 __all__ = [
@@ -69,6 +69,7 @@ __all__ = [
     "load_transforms",
     "look_at",
     "losses",
+    "mesh_to_sketch",
     "orbit",
     "project",
     "rasterize",
@@ -109,7 +110,9 @@ _HOMES = {
     "TriangleMesh": "surfaces.mesh",
     "load_surface": "surfaces.load",
     **dict.fromkeys(("contours", "visible_lines"), "surfaces.drawn"),
-    **dict.fromkeys(("image_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"),
+    **dict.fromkeys(
+        ("image_to_sketch", "mesh_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"
+    ),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }
 

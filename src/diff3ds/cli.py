@@ -21,6 +21,7 @@ from diff3ds.command_line.interrupt import STOPPED, importing
 from diff3ds.command_line.read_options import as_typed, read_options
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.export.options import ExportOptions
+from diff3ds.tasks.mesh.options import MeshOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
 from diff3ds.tasks.render.options import PictureOptions, ViewOptions
 from diff3ds.tasks.small_prior.options import TrainOptions
@@ -201,6 +202,34 @@ class Image:
 
 
 @dataclass(frozen=True)
+class Mesh:
+    """Draw a mesh: its creases and borders as strokes, and views with its outlines and without hidden lines.
+
+    Takes OBJ, STL, PLY, OFF or GLB, in their own units. Writes sketch.json, sketch.svg and sketch.step with the strokes
+    that are there from everywhere, of smooth things outlines from several sides; drawing-1.svg and .png and so on, one
+    a view; preview.png, turntable.webp, surface.glb and run.json.
+    """
+
+    mesh: OmitArgPrefixes[MeshOptions]
+    # The mesh.
+    source: Positional[Path]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.mesh.draw_mesh import run_mesh
+
+        console = _Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            sketch = run_mesh(self.source, self.out, self.mesh, report, _sayer(console))
+        _written(console, len(sketch), self.out)
+
+
+@dataclass(frozen=True)
 class Render:
     """Draw a sketch: one view, several, a sheet of them, or a turntable.
 
@@ -376,7 +405,7 @@ def main(arguments: list[str] | None = None) -> None:
         return
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
-    commands = {"text": Text, "image": Image, "views": views}
+    commands = {"text": Text, "image": Image, "views": views, "mesh": Mesh}
     commands |= {"render": Render, "export": Export, "eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor}
     command = None
     try:

@@ -144,7 +144,7 @@ def test_a_mesh_is_its_feature_lines(tmp_path, capsys):
     (tmp_path / "box_2.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7")
     assert "box_2.obj: " in fails(["text", "a box", "--library", str(tmp_path), "-o", str(tmp_path / "out")], capsys)
     (tmp_path / "box_2.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 2")
-    with pytest.raises(ValueError, match=r"box_2.obj: the mesh has"):
+    with pytest.raises(ValueError, match=r"box_2.obj: a mesh needs a face with an area"):
         read_sketches(tmp_path)
 
 

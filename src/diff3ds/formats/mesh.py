@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Int
 
 MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
@@ -99,3 +100,20 @@ def _check_instances(scene: Any) -> None:
         count = sum(len(getattr(mesh, what, ())) for mesh in shown)
         if count > MOST:
             raise ValueError(f"{count} {what} are more than the {MOST} that are read")
+
+
+def save_surface(
+    path: str | Path, vertices: Float[NDArray[np.float64], "V 3"], faces: Int[NDArray[np.int64], "F 3"]
+) -> None:
+    """Writes a mesh with z up and x in front as a GLB file, whole or not at all; numbers become float32.
+
+    Raises:
+        ImportError: the extra `mesh` is not installed.
+        OSError: the file cannot be written.
+    """
+    if importlib.util.find_spec("trimesh") is None:
+        raise ImportError(f"{path}: writing meshes takes trimesh: install it with pip install 'diff3ds[mesh]'")
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices[:, [1, 2, 0]], faces, process=False)
+    write_bytes(Path(path), mesh.export(file_type="glb"))

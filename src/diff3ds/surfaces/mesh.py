@@ -54,6 +54,8 @@ class TriangleMesh:
         if given.shape != (len(corners),):
             raise ValueError(f"part must be one number a face, {len(corners)}, got shape {given.shape}")
         points, corners, source = welded(points, corners)
+        if not len(corners):
+            raise ValueError(f"a mesh needs a face with an area: {len(given)} faces have none")
         edges, of_faces = _edges_of(corners)
         beside = _beside(of_faces, len(edges))
         two = (beside[:, 1] >= 0) & (np.bincount(of_faces.ravel(), minlength=len(edges)) == 2)

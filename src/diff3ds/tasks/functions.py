@@ -1,4 +1,4 @@
-"""A phrase, a picture or posed pictures to a sketch, as functions: what the commands do, without files or progress."""
+"""A phrase, a picture, posed pictures or a mesh to a sketch, as functions: what the commands do, without progress."""
 
 import logging
 import tempfile
@@ -126,6 +126,31 @@ def views_to_sketch(
     read = _filled("views_to_sketch", ViewsOptions(), option_hints(ViewsOptions), options)
     with _folder(out, options) as folder:
         return run_views(None if source is None else Path(source), folder, read, say=_say)
+
+
+def mesh_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None = None, **options: Any) -> "Sketch":
+    """Makes a sketch of a triangle mesh, as `diff3ds mesh` does: creases and borders, of smooth things outlines.
+
+    What the command says goes to the logger diff3ds.
+
+    Args:
+        source: an OBJ, STL, PLY, OFF or GLB file.
+        out: folder for the files that the command writes, drawings among them; without one nothing is kept.
+        options: those of the command by their names, such as `up="y"`, `strokes=24`, `hidden="dashed"`.
+
+    Returns:
+        The sketch in the units of the file, z up, float64.
+
+    Raises:
+        TypeError: an option that the command does not have, or a value of another kind.
+        ValueError, OSError, ImportError: as the command, whose message it is.
+    """
+    from diff3ds.tasks.mesh.draw_mesh import run_mesh
+    from diff3ds.tasks.mesh.options import MeshOptions
+
+    read = _filled("mesh_to_sketch", MeshOptions(), option_hints(MeshOptions), options)
+    with _folder(out, options) as folder:
+        return run_mesh(Path(source), folder, read, say=_say)
 
 
 def _filled(function: str, spec: Options, hints: Mapping[str, Any], options: Mapping[str, Any]) -> Options:

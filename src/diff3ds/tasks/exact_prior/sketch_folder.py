@@ -13,10 +13,11 @@ from diff3ds.bezier import MAX_DEGREE, elevate
 from diff3ds.chains import Chains
 from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.formats import load
-from diff3ds.formats.mesh import MESHES, UP_IS_KNOWN, load_mesh
+from diff3ds.formats.mesh import MESHES
 from diff3ds.library.members import fill_ball
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.mesh_lines import mesh_lines, outline_share
+from diff3ds.surfaces.feature_curves import feature_curves, outline_share
+from diff3ds.surfaces.load import load_surface
 from diff3ds.tasks.exact_prior.folder_phrase import Name, listed, named
 from diff3ds.tasks.exact_prior.options import Up
 
@@ -33,6 +34,8 @@ MOST_FILES, MOST_BYTES, MOST_STROKES, MOST_STROKES_IN_ALL = 500, 1 << 24, 2000, 
 LEAST_EXTENT = 1e-6
 # Lines that draw less of a mesh's outlines are told of; of a cylinder as high as wide they draw .61. Empirical.
 LEAST_OUTLINE = 0.5
+# So large a share of the feature lines may end nowhere: of a machine part few do, of an animal most. Empirical.
+MOST_LOOSE = 0.5
 # So many names of files that are passed over are said.
 SAID = 3
 
@@ -199,14 +202,19 @@ def _loaded(file: Path) -> Sketch:
 
 
 def _feature_lines(file: Path, up: Up) -> tuple[Sketch, str]:
-    vertices, faces = load_mesh(file)
-    if up == "y" and file.suffix.lower() not in UP_IS_KNOWN:
-        vertices = vertices[:, [2, 0, 1]]
+    mesh = load_surface(file, up=up)
     try:
-        sketch = sketch_of(mesh_lines(vertices, faces, MOST_STROKES), DEFAULT_WIDTH)
+        found = feature_curves(mesh, MOST_STROKES)
+        if not len(found):
+            raise ValueError("the mesh has no sharp edges and no borders: of smooth shapes there are no feature lines")
+        if found.loose > MOST_LOOSE * found.runs:
+            raise ValueError(
+                f"the mesh is smooth: {found.loose} of its {found.runs} sharp edges end nowhere, and scraps are no "
+                "drawing of it"
+            )
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
-    fraction = outline_share(vertices, faces)
+    sketch, fraction = sketch_of(found.curves, DEFAULT_WIDTH), outline_share(mesh)
     if fraction >= LEAST_OUTLINE:
         return sketch, ""
     return sketch, (

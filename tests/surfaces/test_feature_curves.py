@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from diff3ds.edges.shapes.primitives import Kind
-from diff3ds.surfaces.mesh_lines import mesh_lines, outline_share
+from diff3ds.surfaces.feature_curves import feature_curves, outline_share
+from diff3ds.surfaces.mesh import TriangleMesh
 
 T = torch.linspace(0, 1, 33, dtype=torch.float64)
 
@@ -28,6 +29,10 @@ def around(count: int, start: float = 0.0, sweep: float = 360.0, radius: float =
     return radius * np.stack([np.cos(angle), np.sin(angle)], 1)
 
 
+def curves_of(vertices: np.ndarray, faces: np.ndarray):
+    return feature_curves(TriangleMesh(vertices, faces)).curves
+
+
 def kinds(curves) -> list[int]:
     return sorted(curves.kind.tolist())
 
@@ -36,7 +41,7 @@ SQUARE = np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]])
 
 
 def test_a_box_has_twelve_straight_edges():
-    curves = mesh_lines(*prism(SQUARE), 100)
+    curves = curves_of(*prism(SQUARE))
     assert kinds(curves) == [Kind.LINE] * 12
     ends = {tuple(sorted(map(tuple, pair))) for pair in curves.points[:, [0, 3]].tolist()}
     corners = {(x, y, z) for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 1.0)}
@@ -47,7 +52,7 @@ def test_a_box_has_twelve_straight_edges():
 def test_repeated_vertices_are_one():
     """As STL files have them: three of each face's own."""
     vertices, faces = prism(SQUARE)
-    curves = mesh_lines(vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3), 100)
+    curves = curves_of(vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3))
     assert kinds(curves) == [Kind.LINE] * 12
 
 
@@ -55,12 +60,12 @@ def test_faces_wound_either_way_and_shown_from_both_sides_are_the_same_mesh():
     vertices, faces = prism(around(48))
     mixed = np.where(np.arange(len(faces))[:, None] % 2, faces, faces[:, ::-1])
     for other in (mixed, np.concatenate([faces, faces[:, ::-1]])):
-        assert torch.equal(mesh_lines(vertices, other, 100).points, mesh_lines(vertices, faces, 100).points)
+        assert torch.equal(curves_of(vertices, other).points, curves_of(vertices, faces).points)
 
 
 @pytest.mark.parametrize("count", [10, 48])
 def test_the_rims_of_a_cylinder_are_exact_circles(count):
-    curves = mesh_lines(*prism(around(count)), 100)
+    curves = curves_of(*prism(around(count)))
     assert kinds(curves) == [Kind.CIRCLE] * 2
     on = curves.at(torch.linspace(0, 1, 65, dtype=T.dtype)).reshape(-1, 3)
     torch.testing.assert_close(on[:, :2].norm(dim=1), torch.ones(len(on), dtype=torch.float64), atol=1e-9, rtol=0)
@@ -71,7 +76,7 @@ def test_the_rims_of_a_cylinder_are_exact_circles(count):
 
 
 def test_the_rims_of_an_elliptic_cylinder_are_exact_ellipses():
-    curves = mesh_lines(*prism(around(64) * np.array([1.0, 0.5])), 100)
+    curves = curves_of(*prism(around(64) * np.array([1.0, 0.5])))
     assert kinds(curves) == [Kind.ELLIPSE] * 2
     on = curves.at(T).reshape(-1, 3)
     around_it = (on[:, :2] / torch.tensor([1.0, 0.5])).square().sum(1)
@@ -80,7 +85,7 @@ def test_the_rims_of_an_elliptic_cylinder_are_exact_ellipses():
 
 
 def test_a_prism_of_eight_sides_is_no_cylinder():
-    assert kinds(mesh_lines(*prism(around(8)), 100)) == [Kind.LINE] * 24
+    assert kinds(curves_of(*prism(around(8)))) == [Kind.LINE] * 24
 
 
 @pytest.mark.parametrize("first", [0, 3, 11])
@@ -88,7 +93,7 @@ def test_round_corners_are_arcs_between_lines(first):
     """A plate of 4 by 3 whose corners have radius .5, from any vertex on."""
     corners = [(1.5, 1.0, 0), (-1.5, 1.0, 90), (-1.5, -1.0, 180), (1.5, -1.0, 270)]
     outline = np.concatenate([around(8, start, 90, 0.5) + np.array([x, y]) for x, y, start in corners])
-    curves = mesh_lines(*prism(np.roll(outline, first, axis=0)), 100)
+    curves = curves_of(*prism(np.roll(outline, first, axis=0)))
     assert kinds(curves) == [Kind.LINE] * 8 + [Kind.ARC] * 8
     on = curves.at(T)[curves.kind == Kind.ARC].reshape(-1, 3)
     away = (on[:, :2].abs() - torch.tensor([1.5, 1.0])).norm(dim=1)
@@ -104,7 +109,7 @@ def test_what_is_no_arc_is_near_its_edges():
     vertices = np.concatenate([np.column_stack([wave, 0 * x]), np.column_stack([wave, 0 * x + 1])])
     i = np.arange(80)
     faces = np.concatenate([np.stack([i, i + 1, i + 82], 1), np.stack([i, i + 82, i + 81], 1)])
-    curves = mesh_lines(vertices, faces, 100)
+    curves = curves_of(vertices, faces)
     assert len(curves) <= 2 + 12
     on = curves.at(T).reshape(-1, 3)
     on = on[(on[:, 2] == 0) | (on[:, 2] == 1)]
@@ -132,14 +137,9 @@ def sphere(count: int = 24) -> tuple[np.ndarray, np.ndarray]:
     return points, faces
 
 
-def test_smooth_and_empty_meshes_have_none():
-    vertices, faces = sphere()
-    with pytest.raises(ValueError, match="no sharp edges and no borders"):
-        mesh_lines(vertices, faces, 100)
-    with pytest.raises(ValueError, match="no faces of any size"):
-        mesh_lines(np.zeros((3, 3)), np.array([[0, 1, 2]]), 100)
-    with pytest.raises(ValueError, match="no faces of any size"):
-        mesh_lines(np.zeros((3, 3)), np.zeros((0, 3), int), 100)
+def test_smooth_meshes_have_none():
+    found = feature_curves(TriangleMesh(*sphere()))
+    assert len(found) == found.runs == 0
 
 
 def folded(folds: int) -> tuple[np.ndarray, np.ndarray]:
@@ -153,17 +153,28 @@ def folded(folds: int) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([x, y, z], -1).reshape(-1, 3), np.concatenate([near, np.stack([i, i + across + 1, i + 1], 1)])
 
 
-def test_scraps_of_edges_are_no_drawing():
-    """The border of four lines outweighs three folds, not five."""
-    curves = mesh_lines(*folded(3), 100)
-    assert len(curves) == 4 + 3
-    with pytest.raises(ValueError, match="the mesh is smooth: 5 of its 9 sharp edges end nowhere"):
-        mesh_lines(*folded(5), 100)
+def test_scraps_end_nowhere_and_borders_are_known():
+    """The border of four lines, and five folds."""
+    found = feature_curves(TriangleMesh(*folded(5)))
+    assert len(found) == found.runs == 4 + 5
+    assert found.loose == 5
+    straight = found.curves.points[torch.from_numpy(found.border)]
+    assert len(straight) == 4
+    assert sorted((straight[:, 3] - straight[:, 0]).norm(dim=1).tolist()) == pytest.approx([10, 10, 12, 12])
+
+
+def test_where_a_crease_becomes_a_border_a_curve_ends():
+    """Two squares that meet at a right angle along half of their sides, and go on flush beside it."""
+    vertices = np.array([(x, y, 0.0) for x in (0, 1, 2) for y in (0, 1)] + [(0.0, 0, 1), (1, 0, 1)])
+    faces = np.array([(0, 2, 3), (0, 3, 1), (2, 4, 5), (2, 5, 3), (0, 6, 7), (0, 7, 2)])
+    found = feature_curves(TriangleMesh(vertices, faces))
+    creases = found.curves.points[~torch.from_numpy(found.border)]
+    assert creases[:, [0, 3]].abs().sum(1).tolist() == [[1, 0, 0]]
 
 
 def test_too_many_lines_are_an_error():
     with pytest.raises(ValueError, match="12 feature lines, more than 11"):
-        mesh_lines(*prism(SQUARE), 11)
+        feature_curves(TriangleMesh(*prism(SQUARE)), 11)
 
 
 def lathe(profile: np.ndarray, count: int = 48) -> tuple[np.ndarray, np.ndarray]:
@@ -180,14 +191,14 @@ def lathe(profile: np.ndarray, count: int = 48) -> tuple[np.ndarray, np.ndarray]
 
 def test_share_of_the_outlines_that_lines_draw():
     """Of a box all; of a sphere cut open its rim only; of a cylinder known by its measures."""
-    assert outline_share(*prism(SQUARE)) == 1
+    assert outline_share(TriangleMesh(*prism(SQUARE))) == 1
     angle = np.linspace(0, math.pi - 0.2, 40)
     ball = np.stack([np.sin(angle), np.cos(angle)], 1)
-    assert outline_share(*lathe(ball)) < 0.2
+    assert outline_share(TriangleMesh(*lathe(ball))) < 0.2
     # Radius 1, height h, seen from an angle t off the axis: both rims' half (the hidden too) and two sides of h sin t.
     # The half of a rim whose face beside it is turned away alike is no outline: of each rim one half is.
     for height in (1.0, 4.0):
-        found = outline_share(*prism(around(256), height))
+        found = outline_share(TriangleMesh(*prism(around(256), height)))
         t = np.arccos(1 - 2 * (np.arange(32) + 0.5) / 32)
         turn = np.linspace(0, math.pi, 2001)
         step = np.sqrt(np.sin(turn) ** 2 + (np.cos(turn)[:, None] * np.cos(t)).T ** 2)

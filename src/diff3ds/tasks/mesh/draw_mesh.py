@@ -1,0 +1,206 @@
+"""A mesh to a sketch: strokes that are there from everywhere, and drawings with contours and without hidden lines."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import Cameras
+from diff3ds.chains import Chains
+from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.formats import save_png, save_svg, tile_images
+from diff3ds.formats.framing import framed
+from diff3ds.formats.mesh import save_surface
+from diff3ds.formats.movie import save_movie
+from diff3ds.render import render
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.surfaces.chosen_strokes import choose_strokes
+from diff3ds.surfaces.drawn import visible_lines
+from diff3ds.surfaces.feature_curves import FeatureCurves, feature_curves, outline_share
+from diff3ds.surfaces.load import load_surface
+from diff3ds.surfaces.mesh import CREASE as CREASE_ANGLE
+from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
+from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
+from diff3ds.transforms import load_transforms
+
+# A thing whose creases and borders draw less of its outlines than this is smooth: outlines are added. Of a cylinder as
+# high as wide they draw .61. Empirical.
+LEAST_OUTLINE = 0.5
+# More runs of creases and borders than this are a mistake: a scan's noise, or an angle that is too small.
+MOST_RUNS = 20_000
+# Pixels of a turntable's frame, and frames a second.
+FRAME, FPS = 384, 12
+# So large a share of the creases may end nowhere: of a machine part few do, of an animal most. Empirical.
+MOST_LOOSE = 0.5
+CREASE, BORDER = "crease", "border"
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSketch:
+    """What a mesh became.
+
+    Attributes:
+        sketch: the strokes that are there from everywhere.
+        kinds: what each is: "crease", "border", or "contour": an outline from one of six sides.
+        outlines: the share of the outlines from all sides that creases and borders draw.
+    """
+
+    sketch: Sketch
+    kinds: tuple[str, ...]
+    outlines: float
+
+    @property
+    def features(self) -> tuple[Sketch, list[str]]:
+        """The creases and borders: from each side, contours are others."""
+        rows = [i for i, kind in enumerate(self.kinds) if kind in (CREASE, BORDER)]
+        return self.sketch[rows], [self.kinds[i] for i in rows]
+
+
+def run_mesh(
+    source: Path,
+    out: Path,
+    options: MeshOptions,
+    report: Report = lambda progress: None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Sketch:
+    """Makes a sketch of the mesh in a file and drawings of it, and writes the folder of the run.
+
+    Args:
+        source: OBJ, STL, PLY, OFF or GLB.
+        out: folder of the results.
+        options: of the command.
+        report: called after every drawing.
+        say: told what is smooth.
+
+    Raises:
+        ValueError, OSError, ImportError: as `load_surface`, `check_output_folder` and `load_transforms`; too many
+            creases; nothing to draw.
+    """
+    begun = time.perf_counter()
+    mesh = creased(load_surface(source, up=options.up, crease=options.angle or CREASE_ANGLE), options.angle)
+    check_output_folder(out, out / "run.json", False, options.overwrite)
+    cameras = _cameras(mesh, options)
+    seconds = {"read": time.perf_counter() - begun}
+    made = sketch_mesh(mesh, options, report)
+    if made.outlines < LEAST_OUTLINE:
+        say(
+            f"the mesh is smooth: its creases and borders draw {made.outlines:.0%} of its outlines; outlines from the "
+            "front, the sides and above are among the strokes, and the drawings have those of their own views"
+        )
+    seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
+    features, kinds = made.features
+    drawings = []
+    for view in range(len(cameras)):
+        lines = visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)[0]
+        drawings.append(lines.drawn(options.hidden))
+        report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch)))
+    pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
+    seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
+    info = RunInfo(
+        {"source": str(source), **_told(options)},
+        {
+            "kinds": dict(Counter(made.kinds)),
+            "outlines_drawn": round(made.outlines, 4),
+            "faces": len(mesh),
+            "closed": mesh.is_closed,
+            "bounds": mesh.bounds.tolist(),
+        },
+        seconds,
+        [],
+        {},
+        False,
+    )
+    write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
+    save_surface(out / "surface.glb", mesh.vertices, mesh.faces)
+    for view, drawing in enumerate(drawings):
+        name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
+        save_svg(out / f"{name}.svg", drawing, cameras[view])
+        save_png(out / f"{name}.png", pictures[view])
+    if options.turntable:
+        frames = _frames(features, mesh, options, report)
+        save_movie(out / "turntable.webp", frames, options.turntable, FPS)
+    return made.sketch
+
+
+def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
+    """The mesh without creases where most of them are scraps that end nowhere, unless an angle is given."""
+    if angle is not None or not mesh.is_crease.any():
+        return mesh
+    found = feature_curves(mesh)
+    if found.loose <= MOST_LOOSE * found.runs:
+        return mesh
+    return TriangleMesh(mesh.vertices, mesh.faces, mesh.part, 180.0)
+
+
+def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambda progress: None) -> MeshSketch:
+    """The strokes of a mesh that are there from everywhere.
+
+    Raises:
+        ValueError: more creases than a drawing has, or nothing to draw.
+    """
+    found = feature_curves(mesh, MOST_RUNS)
+    features = sketch_of(found.curves, DEFAULT_WIDTH)
+    kinds = _kinds_of(features, found)
+    outlines = outline_share(mesh)
+    smooth = outlines < LEAST_OUTLINE
+    if options.strokes is None and not smooth:
+        return MeshSketch(features, kinds, outlines)
+
+    def told(done: int, of: int) -> None:
+        report(Progress("strokes", done, of, None, len(features)))
+
+    count, keep = options.strokes or SMOOTH_STROKES, options.strokes is None
+    chosen = choose_strokes(mesh, features, kinds, count, keep, told)
+    if not len(chosen.sketch):
+        raise ValueError("the mesh shows no line from any side: it may lie in one plane without a border")
+    return MeshSketch(chosen.sketch, chosen.kinds, outlines)
+
+
+def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:
+    """Whether each stroke is a crease or a border: what its first curve is, the one with the same middle."""
+    from scipy.spatial import cKDTree
+
+    if not len(sketch):
+        return ()
+    first = (sketch.chains or Chains.plain(len(sketch))).first[:-1]
+    curves = cKDTree(found.curves.points[:, 1:3].double().mean(1).numpy())
+    rows = curves.query(sketch.points[first, 1:3].double().mean(1).numpy())[1]
+    return tuple(BORDER if border else CREASE for border in found.border[rows])
+
+
+def _cameras(mesh: TriangleMesh, options: MeshOptions) -> Cameras:
+    view = options.view
+    if view.cameras is not None:
+        path = view.cameras / "transforms.json" if view.cameras.is_dir() else view.cameras
+        return load_transforms(path)[0]
+    return _around(mesh, view.azimuth, options, options.size)
+
+
+def _around(mesh: TriangleMesh, azimuth: tuple[float, ...], options: MeshOptions, size: int) -> Cameras:
+    view = options.view
+    corners = Sketch(torch.from_numpy(mesh.vertices[:, None].repeat(2, 1)))
+    return framed(corners, azimuth, view.elevation, size=size, distance=view.distance, fov=view.fov, height=view.height)
+
+
+def _frames(
+    features: Sketch, mesh: TriangleMesh, options: MeshOptions, report: Report
+) -> Iterator[Float[Tensor, "H W 3"]]:
+    count = options.turntable
+    start = options.view.azimuth[0]
+    cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
+    for i in range(count):
+        drawn = render(features, cameras[i], surface=mesh, hidden=options.hidden, contours=options.contours)
+        yield drawn.color[0].float()
+        report(Progress("turntable", i + 1, count, None, len(features)))
+
+
+def _told(options: MeshOptions) -> dict[str, object]:
+    """The options for run.json."""
+    told = asdict(replace(options))
+    return {**told.pop("view"), **told}

@@ -1,0 +1,49 @@
+"""Options of `diff3ds mesh`."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from diff3ds._settings import MAX_SIZE
+from diff3ds.tasks.render.options import MOST_FRAMES, ViewOptions
+
+# A smooth thing's strokes where nobody says how many.
+SMOOTH_STROKES = 24
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """Options of `diff3ds mesh`.
+
+    Attributes:
+        view: of the drawings.
+        up: the axis that points up in the file; the sketch has z up. GLB files say it.
+        angle: faces that meet at more than so many degrees make a crease: by default 38, and none where most creases
+            would be scraps, as on an animal.
+        strokes: so many strokes at most, those that show most from all sides. By default all creases and borders; of
+            a thing most of whose outlines are smooth, 24 outlines from the front, the sides and above as well.
+        contours: draw the outlines of smooth parts, which are others from each side.
+        hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
+        size: of the drawings, pixels.
+        turntable: frames of turntable.webp, once round; 0 leaves it out.
+        overwrite: the folder's run may be lost.
+    """
+
+    view: ViewOptions = field(default_factory=lambda: ViewOptions(azimuth=(30.0, 120.0, 210.0, 300.0)))
+    up: Literal["z", "y"] = "z"
+    angle: float | None = None
+    strokes: int | None = None
+    contours: bool = True
+    hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
+    size: int = 512
+    turntable: int = 24
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        if self.angle is not None and not 0 < self.angle < 180:
+            raise ValueError(f"angle must be between 0 and 180 degrees, got {self.angle:g}")
+        if self.strokes is not None and self.strokes < 1:
+            raise ValueError(f"strokes must be at least 1, got {self.strokes}")
+        if not 1 <= self.size <= MAX_SIZE:
+            raise ValueError(f"size must be from 1 to {MAX_SIZE} pixels, got {self.size}")
+        if self.turntable != 0 and not 2 <= self.turntable <= MOST_FRAMES:
+            raise ValueError(f"turntable must be 0, or from 2 to {MOST_FRAMES} frames, got {self.turntable}")
