@@ -7,11 +7,13 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.surfaces.boxes import BoxIndex, slices
 from diff3ds.surfaces.mesh import TriangleMesh
 
 # What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
 TOUCHING = 1e-7
+# Long triangles are halved to find them until there are so many boxes. Speed only.
+MOST_BOXES = 1 << 19
 # So far outside of a triangle in the picture, in barycentric coordinates, a point counts as inside: no ray passes
 # between two triangles that share an edge.
 SEAM = 1e-10
@@ -69,9 +71,9 @@ class MeshView:
         self.above: Float[Array, " F"] = np.einsum("fi,fi->f", mesh.face_normals, toward)
         pixels, depths, face = _clipped(mesh, self.pixels, self.depths, picture)
         self._corners, self._depths, self._face = pixels, depths, face
-        low, high = pixels.min(1), pixels.max(1)
-        middle = np.median((high - low).max(1)) if len(face) else 1.0
-        self._index = BoxIndex.of(low, high, 2 * float(middle))
+        low, high, self._triangle = slices(pixels, max(2 * len(face), MOST_BOXES))
+        middle = float(np.median((high - low).max(1))) if len(low) else 1.0
+        self._index = BoxIndex.of(low, high, middle)
 
     def in_front(
         self, points: Float[Array, "Q 3"], own: Int[Index, "Q 3"] | None = None, rings: int = 0
@@ -84,18 +86,20 @@ class MeshView:
             rings: 0, or 1 where faces that share a vertex with them do not hide the point either, or 2 where those that
                 touch such faces do not.
         """
-        query, _, face = self.crossed(points)
-        if own is not None and len(query):
-            left_out = _is_near(self.mesh, own[query], self.mesh.faces[face], rings)
-            query = query[~left_out]
         hidden = np.zeros(len(points), bool)
-        hidden[query] = True
+        for batch in self._index.batches(self.picture.seen(points)[0]):
+            query, _, face = self.crossed(points[batch])
+            if own is not None and len(query):
+                left_out = _is_near(self.mesh, own[batch][query], self.mesh.faces[face], rings)
+                query = query[~left_out]
+            hidden[batch.start + query] = True
         return hidden
 
     def crossed(self, points: Float[Array, "Q 3"]) -> tuple[Int[Index, " P"], Float[Array, " P"], Int[Index, " P"]]:
-        """All triangles between points and the camera: numbers of the points, depths and faces there."""
+        """All triangles between points and the camera, some twice: numbers of the points, depths and faces there."""
         pixels, depths = self.picture.seen(points)
         query, box = self._index.around(pixels)
+        box = self._triangle[box]
         a, b, c = (self._corners[box, k] for k in range(3))
         p = pixels[query]
         shares = np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)], 1)

@@ -6,7 +6,8 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.surfaces.arrays import Index
-from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.surfaces.boxes import BoxIndex, slices
+from diff3ds.surfaces.mesh_view import MOST_BOXES
 from diff3ds.surfaces.mesh import TriangleMesh
 
 # Of barycentric coordinates: so near to an edge or a corner of a face, a point lies on it.
@@ -29,8 +30,10 @@ class Nearest:
         """
         self.mesh, self.tolerance = mesh, tolerance
         self._sharp = mesh.edges[mesh.is_crease | (mesh.edge_counts != 2)]
-        self._edges = _index(mesh.vertices[self._sharp], tolerance)
-        self._faces = _index(mesh.vertices[mesh.faces], tolerance)
+        ends = mesh.vertices[self._sharp]
+        self._edges = _index(ends.min(1), ends.max(1), tolerance)
+        low, high, self._triangle = slices(mesh.vertices[mesh.faces], max(2 * len(mesh), MOST_BOXES))
+        self._faces = _index(low, high, tolerance)
 
     @staticmethod
     def of(mesh: TriangleMesh, tolerance: float) -> "Nearest":
@@ -46,13 +49,17 @@ class Nearest:
         Points that are farther away than the tolerance stay where they are, with -1.
         """
         moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
-        query, edge = self._edges.around(points)
-        found, share = _on_segments(points[query], self.mesh.vertices[self._sharp[edge]])
-        self._take(points, query, found, _of_segment(self._sharp[edge], share), moved, own)
+        for batch in self._edges.batches(points):
+            query, edge = self._edges.around(points[batch])
+            query = batch.start + query
+            found, share = _on_segments(points[query], self.mesh.vertices[self._sharp[edge]])
+            self._take(points, query, found, _of_segment(self._sharp[edge], share), moved, own)
         rest = np.flatnonzero(own[:, 0] < 0)
-        query, face = self._faces.around(points[rest])
-        found, shares = _on_triangles(points[rest][query], self.mesh.vertices[self.mesh.faces[face]])
-        self._take(points, rest[query], found, _of_triangle(self.mesh.faces[face], shares), moved, own)
+        for batch in self._faces.batches(points[rest]):
+            query, box = self._faces.around(points[rest[batch]])
+            query, face = rest[batch.start + query], self._triangle[box]
+            found, shares = _on_triangles(points[query], self.mesh.vertices[self.mesh.faces[face]])
+            self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
         return moved, own
 
     def _take(
@@ -73,10 +80,9 @@ class Nearest:
         own[query[near]] = vertices[near]
 
 
-def _index(corners: Float[Array, "N K 3"], tolerance: float) -> BoxIndex:
-    low, high = corners.min(1) - tolerance, corners.max(1) + tolerance
-    cell = 2 * float(np.median((high - low).max(1))) if len(corners) else 1.0
-    return BoxIndex.of(low, high, cell)
+def _index(low: Float[Array, "N 3"], high: Float[Array, "N 3"], tolerance: float) -> BoxIndex:
+    low, high = low - tolerance, high + tolerance
+    return BoxIndex.of(low, high, float(np.median((high - low).max(1))) if len(low) else 1.0)
 
 
 def _on_segments(
