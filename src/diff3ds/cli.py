@@ -23,7 +23,7 @@ from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.mesh.options import MeshOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
-from diff3ds.tasks.render.options import PictureOptions, ViewOptions
+from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions
 from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -238,6 +238,7 @@ class Render:
 
     view: OmitArgPrefixes[ViewOptions]
     picture: OmitArgPrefixes[PictureOptions]
+    hiding: OmitArgPrefixes[SurfaceOptions]
     # sketch.json, a STEP file, or the folder of a run.
     source: Positional[Path]
     # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
@@ -252,7 +253,7 @@ class Render:
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-            files = run_render(self.source, self.out, self.view, self.picture, report)
+            files = run_render(self.source, self.out, self.view, self.picture, self.hiding, report)
         _sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
 
 

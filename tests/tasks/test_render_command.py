@@ -12,7 +12,7 @@ import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.formats.framing import ball_of, framed
 from diff3ds.tasks.render import blender_engine
-from diff3ds.tasks.render.options import PictureOptions, ViewOptions, parse_size
+from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions, parse_size
 from diff3ds.tasks.render.render_views import run_render
 
 # A thick stroke along z and a red one along +x, which is at the right only from some sides.
@@ -190,5 +190,45 @@ def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
     monkeypatch.setattr(blender_engine, "_command", lambda: [sys.executable, "-c", "raise SystemExit('no GPU today')"])
     picture = PictureOptions(engine="blender")
     with pytest.raises(OSError, match=r"Blender drew nothing.*no GPU today"):
-        run_render(source, tmp_path / "out.png", ViewOptions(), picture, lambda _: None)
+        run_render(source, tmp_path / "out.png", ViewOptions(), picture, SurfaceOptions(), lambda _: None)
     assert (tmp_path / "out.png").read_bytes() == b"old"
+
+
+WALL = "v 0.5 -2 -2\nv 0.5 2 -2\nv 0.5 2 2\nv 0.5 -2 2\nf 1 2 3 4\n"
+
+
+@needs("trimesh")
+def test_a_surface_hides_what_lies_behind_it(source, tmp_path):
+    """From +x the wall at x = 1/2 hides the stroke along z, and leaves half of the red one, which comes towards us."""
+    (tmp_path / "wall.obj").write_text(WALL)
+    view = ("--azimuth", 10, "--elevation", 0, "--surface", tmp_path / "wall.obj")
+    behind = ("--azimuth", 190, "--elevation", 0, "--surface", tmp_path / "wall.obj")
+    whole = (drawn(source, tmp_path / "a.png", *view, "--hidden", "show") < 128).any(2).sum()
+    seen = (drawn(source, tmp_path / "b.png", *view) < 128).any(2).sum()
+    assert 0 < seen < 0.3 * whole
+    assert (drawn(source, tmp_path / "c.png", *behind) < 128).any(2).sum() > 0.8 * whole
+    faint = drawn(source, tmp_path / "d.png", *view, "--hidden", "faint")
+    assert faint[10:50].min(axis=(1, 2)).max() < 200
+    main(["render", str(source), "-o", str(tmp_path / "e.svg"), "--quiet", *map(str, view)])
+    assert (tmp_path / "e.svg").read_text().count("<path") == 1
+
+
+@needs("trimesh")
+def test_double_precision_is_drawn_over_any_background(tmp_path):
+    ds.save(tmp_path / "double.json", SKETCH.to(torch.float64))
+    assert drawn(tmp_path / "double.json", tmp_path / "a.png", "--background", "1,0,0")[0, 0].tolist() == [255, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--hidden", "faint"], "give a --surface with --hidden"),
+        (["--no-contours"], "give a --surface with --no-contours"),
+        (["--surface", "none.obj", "--engine", "blender"], "in pictures by the kernels"),
+    ],
+)
+def test_surfaces_go_with_what_can_have_them(source, tmp_path, capsys, options, message):
+    with pytest.raises(SystemExit):
+        main(["render", str(source), "-o", str(tmp_path / "a.png"), *options])
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "a.png").exists()

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int

@@ -7,8 +7,8 @@ import numpy as np
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.boxes import BoxIndex, slices
-from diff3ds.surfaces.mesh_view import MOST_BOXES
 from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.mesh_view import MOST_BOXES
 
 # Of barycentric coordinates: so near to an edge or a corner of a face, a point lies on it.
 ON_EDGE = 1e-9

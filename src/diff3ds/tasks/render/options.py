@@ -108,6 +108,29 @@ class PictureOptions:
         return None if self.background == "transparent" else parse_color(self.background)
 
 
+@dataclass(frozen=True)
+class SurfaceOptions:
+    """What hides lines.
+
+    Attributes:
+        surface: a mesh, in the sketch's frame, that hides what lies behind it: .obj, .stl, .ply, .off or .glb.
+        surface_up: the axis that points up in its file, y or z; a .glb file says it itself.
+        hidden: what becomes of hidden lines: drop, faint (a quarter of the opacity), dashed, or show.
+        contours: the outlines of the mesh's smooth parts, which depend on the view, are drawn as well.
+    """
+
+    surface: Path | None = None
+    surface_up: Literal["z", "y"] = "z"
+    hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
+    contours: bool = True
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if self.surface is None and getattr(self, field.name) != field.default:
+                name = field.name.replace("_", "-")
+                raise ValueError(f"give a --surface with --{'no-' if field.default is True else ''}{name}")
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """(height, width) of `512`, or of `1280x720`, which is width x height.
 

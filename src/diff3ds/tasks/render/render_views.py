@@ -1,6 +1,7 @@
 """Pictures of a sketch: the views that are asked for, a sheet of them, or a turntable."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -11,11 +12,21 @@ from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
 from diff3ds.formats.drawn_paths import TOLERANCE
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
-from diff3ds.render import render
+from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.drawn import visible_lines
+from diff3ds.surfaces.load import load_surface
+from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
-from diff3ds.tasks.render.options import VECTORS, PictureOptions, ViewOptions, check_file, parse_size
+from diff3ds.tasks.render.options import (
+    VECTORS,
+    PictureOptions,
+    SurfaceOptions,
+    ViewOptions,
+    check_file,
+    parse_size,
+)
 from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.transforms import load_transforms
 
@@ -23,20 +34,51 @@ from diff3ds.transforms import load_transforms
 PIXELS_AT_ONCE = 1 << 22
 
 
-def run_render(source: Path, file: Path, view: ViewOptions, picture: PictureOptions, report: Report) -> list[Path]:
+@dataclass(frozen=True)
+class _Scene:
+    """A sketch, and what hides it."""
+
+    sketch: Sketch
+    surface: TriangleMesh | None
+    hiding: SurfaceOptions
+
+    def render(self, cameras: Cameras, background: Tensor) -> Rendering:
+        """Pictures of it."""
+        hidden, contours = self.hiding.hidden, self.hiding.contours
+        return render(
+            self.sketch, cameras, background=background, surface=self.surface, hidden=hidden, contours=contours
+        )
+
+    def strokes(self, cameras: Cameras) -> Sketch:
+        """What is drawn in all views, or with a surface in the one view."""
+        if self.surface is None:
+            return self.sketch
+        (lines,) = visible_lines(self.sketch, cameras, self.surface, contours=self.hiding.contours)
+        return lines.drawn(self.hiding.hidden)
+
+
+def run_render(
+    source: Path, file: Path, view: ViewOptions, picture: PictureOptions, hiding: SurfaceOptions, report: Report
+) -> list[Path]:
     """Draws the sketch of a file, or of the folder of a run.
 
     Returns:
         The files that were written: of several views that make no sheet, one a view, numbered from 1.
 
     Raises:
-        ValueError, OSError, ImportError: as `load_sketch`, `load_transforms`, `check_file` and
-            `draw_in_blender`; a turntable of cameras that a file gives.
+        ValueError, OSError, ImportError: as `load_sketch`, `load_surface`, `load_transforms`, `check_file` and
+            `draw_in_blender`; a turntable of cameras that a file gives; a surface in what cannot have one.
     """
     check_file(file, picture)
     if picture.turntable is not None and (view.cameras is not None or len(view.azimuth) > 1):
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
+    if hiding.surface is not None and (picture.engine == "blender" or (picture.sheet and _is_vector(file))):
+        raise ValueError("a --surface hides lines in pictures by the kernels, and in .svg and .pdf files of one view")
     sketch = load_sketch(source).detach()
+    surface = None
+    if hiding.surface is not None:
+        surface = load_surface(hiding.surface, up=hiding.surface_up)
+    scene = _Scene(sketch, surface, hiding)
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
             raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
@@ -44,16 +86,16 @@ def run_render(source: Path, file: Path, view: ViewOptions, picture: PictureOpti
         return [file]
     cameras = views_of(sketch, view, picture)
     if picture.turntable is not None:
-        frames = _drawn(sketch, cameras, picture, report)
+        frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)
         return [file]
     if picture.sheet or len(cameras) == 1:
-        _save(file, sketch, cameras, picture, report)
+        _save(file, scene, cameras, picture, report)
         return [file]
     digits = len(str(len(cameras)))
     files = [file.with_stem(f"{file.stem}-{i + 1:0{digits}}") for i in range(len(cameras))]
     for i, name in enumerate(files):
-        _save(name, sketch, cameras[i], picture, lambda _: None)
+        _save(name, scene, cameras[i], picture, lambda _: None)
         report(Progress("views", i + 1, len(files), None, 0))
     return files
 
@@ -77,13 +119,12 @@ def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Came
     )
 
 
-def _save(file: Path, sketch: Sketch, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
+def _save(file: Path, scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
     """One file of one view or a sheet."""
-    suffix = file.suffix.lower()
-    if suffix in VECTORS:
-        (save_pdf if suffix == ".pdf" else save_svg)(
+    if _is_vector(file):
+        (save_pdf if file.suffix.lower() == ".pdf" else save_svg)(
             file,
-            sketch,
+            scene.strokes(cameras),
             cameras,
             background=picture.color,
             width_mm=picture.width_mm,
@@ -92,17 +133,21 @@ def _save(file: Path, sketch: Sketch, cameras: Cameras, picture: PictureOptions,
             tolerance=picture.tolerance or TOLERANCE,
         )
     else:
-        views = torch.stack(list(_drawn(sketch, cameras, picture, report)))
+        views = torch.stack(list(_drawn(scene, cameras, picture, report)))
         save_png(file, tile_images(views))
 
 
-def _drawn(sketch: Sketch, cameras: Cameras, picture: PictureOptions, report: Report) -> Iterator[Float[Tensor, "..."]]:
+def _is_vector(file: Path) -> bool:
+    return file.suffix.lower() in VECTORS
+
+
+def _drawn(scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> Iterator[Float[Tensor, "..."]]:
     """Each view as an RGB picture, or where the background is transparent straight RGBA."""
     at_once = max(1, PIXELS_AT_ONCE // (cameras.size[0] * cameras.size[1]))
     for first in range(0, len(cameras), at_once):
         some = cameras[first : first + at_once]
         color = picture.color
-        drawn = render(sketch, some, background=torch.tensor(color or (0.0, 0.0, 0.0)))
+        drawn = scene.render(some, torch.tensor(color or (0.0, 0.0, 0.0), dtype=scene.sketch.color.dtype))
         images = drawn.color
         if color is None:
             alpha = drawn.alpha[..., None]
