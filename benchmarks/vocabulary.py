@@ -9,7 +9,7 @@ from pathlib import Path
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Attribute, Category
-from diff3ds.library.scene import RELATIONS
+from diff3ds.library.scene import ACTIONS, RELATIONS
 from diff3ds.library.vocabulary import COLORS, COUNTS, IDLE, PAIR, SIZES, STRETCHES, UNSEEN
 
 DOCUMENT = Path(__file__).parents[1] / "docs/reference/vocabulary.md"
@@ -41,7 +41,8 @@ def document() -> str:
     return (
         HEAD
         + "".join(_row(*cells) for cells in _of_every_kind())
-        + f"\nWhere a thing stands: {', '.join(RELATIONS)}.\n"
+        + f"\nWhere a thing stands: {', '.join(RELATIONS)}, in (a bowl).\n"
+        + f"\nWhat it does, which says where it stands too: {', '.join(ACTIONS)}.\n"
         + KINDS
         + "".join(
             _row(category.name, ", ".join(category.synonyms), _attributes(category), ", ".join(category.parts))

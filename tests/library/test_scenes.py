@@ -44,6 +44,15 @@ READ = {
     "a ladder leaning against the house": ("1 ladder, 1 house", "0 beside 1"),
     "an old windmill and some flowers": ("1 windmill, 3 flower", "1 beside 0"),
     "A sketch of a fish underneath a boat.": ("1 fish, 1 sailing boat", "0 under 1"),
+    "a cute cat sleeping on the sofa": ("1 cat, 1 sofa", "0 on 1"),
+    "a dog under the table": ("1 dog, 1 table", "0 under 1"),
+    "a castle with a dragon behind it": ("1 castle, 1 dragon", "1 behind 0"),
+    "a small orange fish in a bowl": ("1 fish, 1 bowl", "0 in 1"),
+    "two apples inside a bowl on a table": ("2 apple, 1 bowl, 1 table", "1 on 2; 0 in 1"),
+    "a dragon fighting a knight": ("1 dragon, 1 person", "0 beside 1"),
+    "a football player kicking a ball": ("1 person, 1 ball", "0 behind 1"),
+    "a princess riding on a unicorn": ("1 person, 1 horse", "0 on 1"),
+    "a tent in the forest with a campfire": ("1 tent, 1 campfire", "1 beside 0"),
 }
 
 
@@ -60,6 +69,7 @@ REFUSED = {
     "a table with a lamp on": "something is missing at its end",
     "a chair and": "something is missing at its end",
     "a zeppelin on a table": "'a zeppelin': the built-in prior does not know 'zeppelin'",
+    "a tent in the forest with a zeppelin": "the built-in prior does not know 'with a zeppelin'",
     "a table with a zeppelin on it": "'a zeppelin': the built-in prior does not know 'zeppelin'",
     "a chair with wheels": "what it knows of a chair",
     "a chair between a table": "between what",
@@ -86,6 +96,9 @@ def test_what_is_refused(phrase) -> None:
         ("my bedroom with a bed and a lamp", "bed", ("bedroom",)),
         ("a really big blue rocket with 3 windows", "rocket", ("really", "big", "3")),
         ("a pirate sword", "sword", ("pirate",)),
+        ("a clock that says 3 o'clock", "clock", ("that says 3 o clock",)),
+        ("a unicorn with a long rainbow tail", "horse", ("rainbow", "long rainbow tail")),
+        ("a house with a tiny door", "house", ("tiny door",)),
     ],
 )
 def test_what_is_not_drawn_is_told(phrase, category, unseen) -> None:
@@ -129,6 +142,17 @@ def test_what_stands_on_a_chair_stands_on_its_seat() -> None:
     (book,), (chair,) = placed("a teapot on a chair")
     height = chair[1, 2] - chair[0, 2]
     assert float((book[0, 2] - chair[0, 2]) / height) == pytest.approx(CATEGORIES["chair"].carries, abs=1e-3)
+
+
+@pytest.mark.parametrize(("small", "large"), [("fish", "bowl"), ("elephant", "house"), ("teddy bear", "bed")])
+def test_what_is_in_something_is_no_wider_and_stands_on_its_floor(small, large) -> None:
+    (one,), (target,) = placed(f"a {small} in a {large}")
+    assert (one[0, :2] > target[0, :2]).all()
+    assert (one[1, :2] < target[1, :2]).all()
+    carries = CATEGORIES[large].carries
+    floor = 0 if carries == 1 else carries * (target[1, 2] - target[0, 2])
+    assert float(one[0, 2] - target[0, 2]) == pytest.approx(float(floor), abs=1e-3)
+    assert carries < 1 or one[1, 2] < target[1, 2]
 
 
 def test_things_on_one_table_do_not_overlap() -> None:

@@ -23,6 +23,8 @@ GAP = 0.12
 UNDER = 0.9
 # Under these is room: in the middle, or before what carries them. What is under other things is below them.
 ROOM_UNDER = {"table": 0.0, "chair": 0.0, "bed": 0.0, "bridge": 0.0, "tree": 0.3, "umbrella": 0.3}
+# What is in something is no wider than this fraction of it. Empirical.
+ROOM_WITHIN = 0.7
 # Points on a stroke when extents are measured.
 SAMPLES = 33
 # Where something stands beside, behind and so on: along x and y.
@@ -177,7 +179,17 @@ def _above(one: _Placed, target: _Placed, aside: float) -> _Placed:
     return one.at(float(target.middle[0]), float(target.middle[1]) + aside, height)
 
 
-PUT = {"on": _upon, "under": _below, "above": _above}
+def _within(one: _Placed, target: _Placed, aside: float) -> _Placed:
+    """On the target's floor, no larger than there is room: where things stand on it, if that is not its top."""
+    carries = CATEGORIES[target.category].carries
+    floor = float(target.low[2]) + (carries * float(target.size[2]) if carries < 1 else 0.0)
+    room = ROOM_WITHIN * target.size
+    room[2] = float(target.high[2]) - floor if carries == 1 else torch.inf
+    fitted = one.scaled(min(1.0, float((room / one.size.clamp(min=1e-9)).min())))
+    return fitted.at(float(target.middle[0]), float(target.middle[1]) + aside, floor)
+
+
+PUT = {"on": _upon, "under": _below, "above": _above, "in": _within}
 
 
 def _beside(standing: list[list[_Placed]], number: int, copies: list[_Placed]) -> None:

@@ -178,11 +178,11 @@ class _Reader:
         """Whether this is an attribute, the lack of one, or a part that all have; heeds it."""
         name, lacking = self._named(preposition, said), self._named(OPPOSITE[preposition], said)
         part = _bare(said) in map(_bare, self.category.parts)
-        first, _, rest = said.partition(" ")
-        if name is None and lacking is None and not part and rest and first in {*COUNTS, *SIZES, *UNSEEN}:
-            # "with 3 windows", "with a tiny door"
+        first, _, rest = re.sub(r"^(a|an|the) ", "", said).partition(" ")
+        if name is None and lacking is None and not part and rest and first in {*COUNTS, *SIZES, *UNSEEN, *STRETCHES}:
+            # "with 3 windows", "with a tiny door", "with a long tail"
             known = self._takes(preposition, rest)
-            self.ignored += [first] if known else []
+            self.ignored += [first if first in COUNTS or first in UNSEEN else f"{first} {rest}"] if known else []
             return known
         if name is not None:
             self.attributes.add(name)

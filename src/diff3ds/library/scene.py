@@ -2,7 +2,7 @@
 
     THING [relation THING] [with THING [relation it]] [and THING [relation THING]] ...
 
-A thing is a phrase of the library (`phrase.py`); a relation one of `RELATIONS`.
+A thing is a phrase of the library (`phrase.py`); a relation one of `RELATIONS` or `ACTIONS`.
 """
 
 import re
@@ -26,9 +26,10 @@ UNAIMED = {
 PLACES = re.findall(
     r"living room|\w+",
     """
-    air bathroom beach bedroom city classroom countryside day desert distance evening field forest garden grass ground
-    jungle kitchen lake lawn living room meadow middle moon morning mountains night ocean park rain road room school
-    sea sky snow space storm street sun town village water wind woods world yard
+    air bathroom beach bedroom city classroom cliff countryside day desert distance evening farm field forest garden
+    grass ground hill island jungle kitchen lake lawn living room meadow middle moon morning mountain mountains night
+    ocean park pond rain river road rock room school sea sky snow space storm street sun town village water wind woods
+    world yard zoo
     """,
 )
 # On these small things stand where they are said to be there "with" it.
@@ -59,33 +60,64 @@ RELATIONS = {
     "by": "beside",
     "between": "between",
     "around": "around",
+    "inside": "in",
+}
+# What one does to another says where it stands too.
+ACTIONS = {
+    "fighting with": "beside",
+    "fighting": "beside",
+    "playing with": "beside",
+    "talking to": "beside",
+    "for": "beside",
+    "chasing": "behind",
+    "following": "behind",
+    "kicking": "behind",
+    "pushing": "behind",
+    "eating": "behind",
+    "guarding": "in front of",
+    "pulling": "in front of",
+    "riding on": "on",
+    "riding": "on",
 }
 PRONOUNS = ("it", "them")
 MOST_THINGS = 12
-_RELATION = re.compile(rf"^({'|'.join(sorted(RELATIONS, key=len, reverse=True))})\b ?")
+_PLACED = RELATIONS | ACTIONS
+_RELATION = re.compile(rf"^({'|'.join(sorted(_PLACED, key=len, reverse=True))})\b ?")
+# "in a bowl", but "in red" is a colour.
+_INSIDE = re.compile(r"\b(in|into) (?=(a|an|the|my|your|our|his|her|their)\b)")
+# What is written or heard.
+_SAYING = re.compile(r" (that |which )?(says|saying|shows|showing|reads|reading|called|named) .*$")
 _VERBS = "|".join(
     [
+        "dancing",
         "driving",
         "floating",
         "flying",
         "going",
         "growing",
         "hanging",
+        "hiding",
+        "jumping",
         "leaning",
         "lying",
         "parked",
         "placed",
+        "playing",
         "resting",
+        "running",
         "sailing",
         "sitting",
+        "sleeping",
         "standing",
         "swimming",
+        "waiting",
+        "walking",
     ]
 )
 _STANDING = re.compile(rf"\b(that |which )?((is|are) )?({_VERBS}) (?=on|in|by|under|be|ne|a|o|to|th|up)")
 _PLACE = "|".join(PLACES)
 # Not where it belongs to a noun: "on a kitchen table".
-_JOINERS = "|".join(["and", "with", *RELATIONS])
+_JOINERS = "|".join(["and", "with", *_PLACED])
 _AT_PLACE = re.compile(
     rf"\b(in|on|at|to|into|through|across|by|under) (the |a |an |my )?({_PLACE})(?=$| ({_JOINERS})\b| (in|at|to) )"
 )
@@ -114,7 +146,7 @@ class Relation:
 
     Attributes:
         thing: the number of the thing.
-        kind: a value of `RELATIONS`.
+        kind: a value of `RELATIONS` or `ACTIONS`.
         targets: numbers of the things that it is said of: two for "between", else one.
     """
 
@@ -142,10 +174,10 @@ def parse_scene(phrase: str) -> Scene:
     except ValueError as error:
         text = OPENING.sub("", " ".join(words_of(phrase.replace(",", " and ")))).replace("and and", "and")
         text, unseen = _without_places(_STANDING.sub("", text))
-        reader = _Reader(text, phrase)
+        reader = _Reader(_INSIDE.sub("inside ", text), phrase)
         if not unseen and not reader.speaks_of_several():
             raise
-        alone = error
+        alone = _why_not_one(text) if unseen else error
     scene = reader.read(alone)
     if unseen:
         first = scene.things[0]
@@ -157,10 +189,21 @@ def parse_scene(phrase: str) -> Scene:
 
 
 def _without_places(text: str) -> tuple[str, list[str]]:
-    """The text without the places where it plays, and what was left out."""
+    """The text without the places where it plays and without what is written there, and what was left out."""
+    saying = _SAYING.search(text)
+    text = _SAYING.sub("", text)
     room, places = _IN_ROOM.match(text), [found[0] for found in _AT_PLACE.finditer(text)]
     text = re.sub(r"\s+", " ", _AT_PLACE.sub("", _IN_ROOM.sub("", text))).strip()
-    return text, ([room[2]] if room else []) + places
+    return text, ([room[2]] if room else []) + places + ([saying[0].strip()] if saying else [])
+
+
+def _why_not_one(text: str) -> ValueError:
+    """What is wrong with a text that is taken for one thing; if nothing is, no use is made of it."""
+    try:
+        parse(text)
+    except ValueError as error:
+        return error
+    return ValueError(text)
 
 
 def _thing(said: str, request: Request) -> Thing:
@@ -272,7 +315,7 @@ class _Reader:
         if match is None:
             return None
         del self.rest[: len(match[1].split())]
-        return RELATIONS[match[1]]
+        return _PLACED[match[1]]
 
     def _take_targets(self, relation: str, anchor: int, alone: ValueError) -> tuple[int, ...]:
         if len(self.things) > 1 and self.rest and self.rest[0] in PRONOUNS:

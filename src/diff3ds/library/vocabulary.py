@@ -54,7 +54,8 @@ UNSEEN = frozenset(
         empty warm cold cool fresh soft hard heavy fast slow strong sharp blunt wild garden kitchen office school
         classroom farm city village country street toy baby birthday medieval colorful colourful bright dark fluffy
         cheap expensive simple plain ordinary normal regular typical favorite favourite parked sleeping burning
-        steaming hot frozen snowy sunny pirate princess fairy wizard giant really very so super extra quite
+        steaming hot frozen snowy sunny pirate princess fairy wizard giant rainbow really very so super extra quite
+        angry brave dancing evil flying hungry jumping playing running sitting smiling standing swimming walking
         """,
     )
 )

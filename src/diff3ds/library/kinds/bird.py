@@ -51,6 +51,6 @@ CATEGORY = Category(
         ),
         Attribute("branch", ("with a branch",)),
     ),
-    parts=("a beak", "wings", "a tail", "eyes", "feathers"),
+    parts=("a head", "a beak", "wings", "a tail", "eyes", "feathers"),
     metres=0.25,
 )

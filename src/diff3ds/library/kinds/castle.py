@@ -47,5 +47,5 @@ CATEGORY = Category(
         Attribute("keep", ("with a keep", "with a tall tower", "with a big tower")),
     ),
     parts=("towers", "four towers", "a gate", "walls", "battlements"),
-    metres=30.0,
+    metres=20.0,
 )

@@ -91,6 +91,6 @@ CATEGORY = Category(
         Attribute("collar", ("with a collar",)),
         Attribute("stripes", ("with stripes", "striped"), nouns=("tiger", "tabby")),
     ),
-    parts=("whiskers", "ears", "a tail", "eyes", "paws"),
+    parts=("a head", "whiskers", "ears", "a tail", "eyes", "paws"),
     metres=0.55,
 )

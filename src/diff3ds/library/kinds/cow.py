@@ -77,6 +77,7 @@ CATEGORY = Category(
         Attribute("spots", ("with spots", "spotted")),
         Attribute("bell", ("with a bell",)),
     ),
-    parts=("horns", "an udder", "a tail", "legs", "four legs", "ears", "eyes"),
+    parts=("a head", "horns", "an udder", "a tail", "legs", "four legs", "ears", "eyes"),
     metres=2.4,
+    carries=0.76,
 )

@@ -111,6 +111,7 @@ CATEGORY = Category(
         Attribute("plates", ("with plates", "with spikes"), nouns=("stegosaurus",), excludes=("big teeth",)),
         Attribute("big teeth", ("with big teeth", "with teeth"), nouns=("tyrannosaurus", "t rex", "tyrannosaurus rex")),
     ),
-    parts=("a long tail", "a tail", "legs", "eyes"),
+    parts=("a head", "a long tail", "a tail", "legs", "eyes"),
     metres=9.0,
+    carries=0.58,
 )

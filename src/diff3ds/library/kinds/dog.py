@@ -54,6 +54,7 @@ CATEGORY = Category(
         Attribute("short legs", ("with short legs", "short-legged"), nouns=("dachshund", "sausage dog")),
         Attribute("collar", ("with a collar",)),
     ),
-    parts=("a tail", "ears", "legs", "four legs", "eyes", "a nose"),
+    parts=("a head", "a tail", "ears", "legs", "four legs", "eyes", "a nose"),
     metres=0.9,
+    carries=0.66,
 )

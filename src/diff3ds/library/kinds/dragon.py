@@ -92,6 +92,7 @@ CATEGORY = Category(
         Attribute("spikes", ("with spikes", "with a spiky back", "spiky")),
         Attribute("fire", ("with fire", "breathing fire", "fire-breathing")),
     ),
-    parts=("wings", "a tail", "horns", "legs", "teeth", "claws"),
-    metres=6.0,
+    parts=("a head", "wings", "a tail", "horns", "legs", "teeth", "claws"),
+    metres=10.0,
+    carries=0.55,
 )

@@ -68,6 +68,7 @@ CATEGORY = Category(
         Attribute("long neck", ("with a long neck", "long-necked"), nouns=("swan",)),
         Attribute("water", ("with water", "swimming", "with ripples")),
     ),
-    parts=("a beak", "a bill", "wings", "a tail", "eyes", "feathers"),
+    parts=("a head", "a beak", "a bill", "wings", "a tail", "eyes", "feathers"),
     metres=0.5,
+    carries=0.45,
 )

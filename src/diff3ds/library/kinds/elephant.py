@@ -58,6 +58,7 @@ CATEGORY = Category(
     _make,
     synonyms=("baby elephant",),
     attributes=(Attribute("raised trunk", ("with a raised trunk", "with its trunk up", "trumpeting")),),
-    parts=("a trunk", "tusks", "ears", "big ears", "legs", "four legs", "a tail"),
+    parts=("a head", "a trunk", "tusks", "ears", "big ears", "legs", "four legs", "a tail"),
     metres=4.5,
+    carries=0.9,
 )

@@ -77,6 +77,7 @@ CATEGORY = Category(
         Attribute("saddle", ("with a saddle", "saddled")),
         Attribute("wings", ("with wings", "winged"), nouns=("pegasus",)),
     ),
-    parts=("a mane", "a tail", "legs", "four legs", "ears", "hooves"),
+    parts=("a head", "a mane", "a tail", "legs", "four legs", "ears", "hooves"),
     metres=2.4,
+    carries=0.58,
 )

@@ -73,6 +73,6 @@ CATEGORY = Category(
     _make,
     synonyms=("bunny", "hare", "bunny rabbit", "Easter bunny"),
     attributes=(Attribute("hanging ears", ("with hanging ears", "with floppy ears", "lop-eared")),),
-    parts=("ears", "long ears", "a tail", "whiskers", "eyes", "a nose"),
+    parts=("a head", "ears", "long ears", "a tail", "whiskers", "eyes", "a nose"),
     metres=0.4,
 )

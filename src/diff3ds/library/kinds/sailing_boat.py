@@ -54,7 +54,7 @@ CATEGORY = Category(
     _make,
     synonyms=("sailboat", "sail boat", "sailing ship", "boat", "yacht", "sailing yacht"),
     attributes=(
-        Attribute("square sail", ("with a square sail",), nouns=("Viking ship",)),
+        Attribute("square sail", ("with a square sail",), nouns=("Viking ship", "pirate ship", "galleon")),
         Attribute("flag", ("with a flag", "with a pennant")),
         Attribute("waves", ("with waves",)),
     ),

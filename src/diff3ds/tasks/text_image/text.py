@@ -5,7 +5,7 @@ from pathlib import Path
 
 from diff3ds.library.phrase import Request
 from diff3ds.library.scene import parse_scene
-from diff3ds.library.vocabulary import SIZES
+from diff3ds.library.vocabulary import SIZES, STRETCHES
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import exemplars_in, exemplars_of
@@ -117,4 +117,6 @@ def _say_noted(request: Request, alone: bool, say: Callable[[str], None]) -> Non
 def _say_unseen(words: Sequence[str], say: Callable[[str], None]) -> None:
     for word in words:
         why = "every sketch fills the same ball" if word in SIZES else "lines do not show it"
+        if " " in word and word.split()[0] in {*SIZES, *STRETCHES}:
+            why = "the sizes of parts are the library's"
         say(f"{word!r} changes nothing: {why}")

@@ -1,0 +1,43 @@
+"""Balls, with a seam like a tennis ball's or with the panels of a football."""
+
+import math
+from collections.abc import Collection
+
+from diff3ds.library.category import Attribute, Category, Vary
+from diff3ds.library.shapes import Strokes, around, polyline, ring, spline
+
+
+def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+    seam, tilt = vary(0.36, 0.5), vary(0.5, 0.62)
+    parts = [ring((0, 0, 0), 1, axis) for axis in ("x", "y", "z")]
+    if "panels" in attributes:
+        # A five-cornered panel above and one below, with seams between.
+        high, wide = math.sqrt(1 - tilt**2), tilt
+        for sign in (1, -1):
+            corners = [
+                (wide * math.cos(a), wide * math.sin(a), sign * high) for a in (math.tau * i / 5 for i in range(5))
+            ]
+            parts.append(polyline(*corners, closed=True))
+        seams = ((wide, 0, high), (0.86, 0, 0.5), (1, 0, 0), (0.86, 0, -0.5), (wide, 0, -high))
+        parts.append(around(spline(*seams), 5))
+    elif "stripes" in attributes:
+        parts += [ring((0, 0, z), math.sqrt(1 - z * z)) for z in (-seam, seam)]
+    else:
+        wave = []
+        for i in range(8):
+            a, up = math.tau * i / 8, seam * math.cos(math.tau * i / 4)
+            wave.append((math.sqrt(1 - up * up) * math.cos(a), math.sqrt(1 - up * up) * math.sin(a), up))
+        parts.append(spline(*wave, closed=True))
+    return parts
+
+
+CATEGORY = Category(
+    "ball",
+    _make,
+    synonyms=("tennis ball", "beach ball", "toy ball"),
+    attributes=(
+        Attribute("panels", ("with panels",), nouns=("football", "soccer ball"), excludes=("stripes",)),
+        Attribute("stripes", ("with stripes", "striped")),
+    ),
+    metres=0.24,
+)
