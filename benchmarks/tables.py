@@ -180,6 +180,33 @@ def categories() -> str:
     return _kinds("categories")
 
 
+def follow_drawings() -> str:
+    """Members that are bent towards drawings by people."""
+    read = _read("follow_drawings")["figures"]
+    rows = [
+        [said, *(f"{read[before][k]:.2f} to {read[after][k]:.2f}" for k in ("mean", "median", "worst"))]
+        for said, before, after in (
+            ("F-score at 3 pixels of 256", "F", "F_bent"),
+            ("drawing with a stroke within 3 pixels", "recall", "recall_bent"),
+        )
+    ]
+    head = [f"{read['drawings']} drawings, before to after", "mean", "median", "worst"]
+    return _table(head, rows) + _source("follow_drawings")
+
+
+def meshes() -> str:
+    """Feature curves of triangulated parts."""
+    read = _read("meshes")["figures"]
+    rows = [
+        ["F-score at 5 mm of one metre, mean (worst)", f"{read['F5_mean']:.3f} ({read['F5_worst']:.3f})"],
+        ["curves for each true edge", f"{read['curves_per_edge']:.2f}"],
+        ["circles found, with radius and centre", f"{read['circles_found']} of {read['circles']}"],
+        ["faces, mean", f"{read['faces_mean']:,.0f}"],
+        ["processor seconds, mean", _digits(read["seconds_mean"])],
+    ]
+    return _table([f"{len(read['rows'])} parts", ""], rows) + _source("meshes")
+
+
 def categories_small() -> str:
     """Every kind by the small network."""
     return _kinds("categories_small")
