@@ -239,7 +239,7 @@ class Render:
     view: OmitArgPrefixes[ViewOptions]
     picture: OmitArgPrefixes[PictureOptions]
     hiding: OmitArgPrefixes[SurfaceOptions]
-    # sketch.json, a STEP file, or the folder of a run.
+    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
     source: Positional[Path]
     # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
     out: Annotated[Path, arg(aliases=["-o"])]
@@ -266,7 +266,7 @@ class Export:
     """
 
     export: OmitArgPrefixes[ExportOptions]
-    # sketch.json, a STEP file, or the folder of a run.
+    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
     source: Positional[Path]
     # The file to write.
     file: Positional[Path]

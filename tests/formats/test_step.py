@@ -12,7 +12,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.bezier import evaluate
-from diff3ds.formats import step, step_entities
+from diff3ds.formats import apart, step_entities
 
 needs_occt = pytest.mark.skipif(importlib.util.find_spec("OCP") is None, reason="the extra cad is not installed")
 
@@ -529,7 +529,7 @@ def test_files_that_break_occt_give_an_error(tmp_path, old, new, message):
 @needs_occt
 def test_a_reader_that_hangs_is_stopped(tmp_path, monkeypatch):
     ds.save(tmp_path / "a.step", GOOD)
-    monkeypatch.setattr(step, "SECONDS", 0.001)
+    monkeypatch.setattr(apart, "SECONDS", 0.001)
     with pytest.raises(ValueError, match="OCCT has not read this STEP file in 0 s"):
         ds.load(tmp_path / "a.step")
 
@@ -564,7 +564,7 @@ def test_cut_off_and_other_files_are_refused(tmp_path):
 
 def test_giant_files_are_refused_unread(tmp_path, monkeypatch):
     ds.save(tmp_path / "a.step", GOOD)
-    monkeypatch.setattr(step, "MAX_BYTES", 100)
+    monkeypatch.setattr(apart, "MAX_BYTES", 100)
     with pytest.raises(ValueError, match="more than the 100 that are read"):
         ds.load(tmp_path / "a.step")
 

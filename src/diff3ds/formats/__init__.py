@@ -6,13 +6,13 @@ from pathlib import Path
 from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
 from diff3ds.formats.blender import save_blender
-from diff3ds.formats.dxf import save_dxf
+from diff3ds.formats.dxf import load_dxf, save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.glb import save_glb
 from diff3ds.formats.pdf import save_pdf
 from diff3ds.formats.ply import save_ply
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
-from diff3ds.formats.rhino import save_3dm
+from diff3ds.formats.rhino import load_3dm, save_3dm
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.step import load_step, save_step
 from diff3ds.formats.svg import save_svg
@@ -21,6 +21,8 @@ from diff3ds.sketch import Sketch
 
 __all__ = [
     "load",
+    "load_3dm",
+    "load_dxf",
     "load_image",
     "load_json",
     "load_step",
@@ -51,7 +53,7 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
 # Formats whose files say in which unit of length they are.
 _WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb")
 PICTURES = (".svg", ".pdf", ".png")
-_READERS = {".json": load_json, ".step": load_step, ".stp": load_step}
+_READERS = {".json": load_json, ".step": load_step, ".stp": load_step, ".dxf": load_dxf, ".3dm": load_3dm}
 
 
 def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, unit: Unit | None = None) -> None:
@@ -112,7 +114,9 @@ def notebook_png(sketch: Sketch) -> bytes:
 
 
 def load(path: str | Path) -> Sketch:
-    """Reads a sketch from a `.json`, `.step` or `.stp` file. STEP needs the extra `cad` (see `load_step`).
+    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf` or `.3dm` file.
+
+    All but JSON need the extra `cad` (see `load_step`, `load_dxf`, `load_3dm`).
 
     Raises:
         ValueError: another suffix; not such a file, or a broken, too large or unsupported one.

@@ -9,14 +9,18 @@ from diff3ds.bezier import elevate
 from diff3ds.chains import Chains
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
 
+# Control points (K, 3) and weights (K).
+Segment = tuple[Sequence[Sequence[float]], Sequence[float]]
+
 
 class ReadStroke(NamedTuple):
-    """A stroke: for each segment its control points (K, 3) and weights (K), each with a K of its own."""
+    """A stroke: its segments, each of a degree of its own."""
 
-    segments: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]]
+    segments: Sequence[Segment]
     closed: bool
     color: Sequence[float]
     width: float = DEFAULT_WIDTH
+    opacity: float = 1.0
 
 
 def sketch_of(strokes: Sequence[ReadStroke], width_space: WidthSpace = "image") -> Sketch:
@@ -34,11 +38,16 @@ def sketch_of(strokes: Sequence[ReadStroke], width_space: WidthSpace = "image") 
         rows = [i for i, k in enumerate(controls) if k == count]
         some, of_some = (torch.tensor([segments[i][part] for i in rows], dtype=torch.float64) for part in (0, 1))
         points[rows], weights[rows] = elevate(some, of_some, most - 1)
+
+    def column(values: Sequence[object]) -> torch.Tensor:
+        return torch.tensor(values, dtype=torch.float64)
+
     return Sketch(
         points,
         weights,
-        width=torch.tensor([stroke.width for stroke in strokes], dtype=torch.float64),
-        color=torch.tensor([list(stroke.color) for stroke in strokes], dtype=torch.float64),
+        width=column([stroke.width for stroke in strokes]),
+        color=column([list(stroke.color) for stroke in strokes]),
+        opacity=column([stroke.opacity for stroke in strokes]),
         width_space=width_space,
         chains=Chains.of([len(stroke.segments) for stroke in strokes], [stroke.closed for stroke in strokes]),
     )

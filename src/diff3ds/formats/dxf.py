@@ -1,4 +1,4 @@
-"""DXF files for CAD programs and cutters, by ezdxf (the extra `cad`); written, not read.
+"""DXF files for CAD programs and cutters, by ezdxf (the extra `cad`).
 
 A stroke becomes LINE, ARC, CIRCLE and ELLIPSE where it is one, and rational SPLINE elsewhere, exactly; or, for programs
 that ignore the weights of splines, polylines. There is a layer a colour, named by it, and each entity has the number of
@@ -15,6 +15,7 @@ import numpy as np
 from diff3ds._files import replacing
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.bezier import tessellate
+from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.curve_kinds import Arc, Curve, Line, curves_of
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
@@ -121,3 +122,24 @@ def _polylines(space: Any, sketch: Sketch) -> list[list[Any]]:
         vertices = vertices[:-1] if closed[stroke] else vertices
         found.append([space.add_polyline3d(vertices, close=closed[stroke])])
     return found
+
+
+def load_dxf(path: str | Path) -> Sketch:
+    """The curves of a DXF file's model space as strokes, float64, in millimetres.
+
+    Lines, arcs, circles, ellipses, polylines and splines up to degree 3 are exact, also in blocks; the entities of a
+    stroke that `save_dxf` wrote are one again. Colours are those of the entities or their layers. Widths, opacities and
+    `width_space` get the defaults of `Sketch`.
+
+    ezdxf reads in a process of its own: a file that makes it crash or hang gives an error like any other broken file.
+
+    Raises:
+        ImportError: the extra `cad` is not installed.
+        ValueError: larger than 256 MiB, not a DXF file, a broken one, no curves, a curve of a higher degree.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    check_size(path)
+    if importlib.util.find_spec("ezdxf") is None:
+        raise ImportError(f"{path}: reading DXF takes ezdxf: install it with pip install 'diff3ds[cad]'")
+    return nurbs_sketch(path, "dxf_reader", "ezdxf", "DXF")

@@ -1,4 +1,4 @@
-"""3DM files for Rhino and what reads its files, by rhino3dm (the extra `cad`); written, not read.
+"""3DM files for Rhino and what reads its files, by rhino3dm (the extra `cad`).
 
 A stroke becomes one NURBS curve of double precision, homogeneous as Rhino has them (control points times their weights,
 and weights), called "stroke 0", "stroke 1" and so on, on a layer of its colour. Not kept: widths, opacities and
@@ -15,6 +15,7 @@ from typing import Any
 from diff3ds._files import write_bytes
 from diff3ds._units import Unit, check_unit
 from diff3ds.bezier import to_nurbs
+from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.sketch import Sketch
 
 # Rhino's names of units.
@@ -72,3 +73,23 @@ def _curves(sketch: Sketch) -> Iterator[Any]:
         for i, knot in enumerate(knots[1:-1].tolist()):
             curve.Knots[i] = knot
         yield curve
+
+
+def load_3dm(path: str | Path) -> Sketch:
+    """The curves of a 3DM file as strokes, float64, in millimetres: control points within rounding, weights exact.
+
+    Lines, arcs, polylines and NURBS curves up to degree 3 are exact. Colours are those of the objects or their layers.
+    Widths, opacities and `width_space` get the defaults of `Sketch`.
+
+    rhino3dm reads in a process of its own: a file that makes it crash or hang gives an error like any broken file.
+
+    Raises:
+        ImportError: the extra `cad` is not installed.
+        ValueError: larger than 256 MiB, not a 3DM file, a broken one, no curves, a curve of a higher degree.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    check_size(path)
+    if importlib.util.find_spec("rhino3dm") is None:
+        raise ImportError(f"{path}: reading 3DM takes rhino3dm: install it with pip install 'diff3ds[cad]'")
+    return nurbs_sketch(path, "rhino_reader", "rhino3dm", "3DM")

@@ -9,9 +9,6 @@ opacity is not kept.
 """
 
 import importlib.util
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +16,11 @@ import torch
 
 from diff3ds._files import write_text
 from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds.formats.apart import check_size, strokes_apart
 from diff3ds.formats.assembly import ReadStroke, sketch_of
 from diff3ds.formats.curve_kinds import curves_of
 from diff3ds.formats.step_entities import Entities, reals, string, stroke_entity
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
-
-# A sketch of 100,000 strokes takes 100 MB; more is taken for a mistake or an attack.
-MAX_BYTES = 1 << 28
-# Some broken files make OCCT hang. It reads about 2 MB a second; this leaves room for a slow machine.
-SECONDS = 30
-SECONDS_PER_MEGABYTE = 10
 
 _HEADER = """ISO-10303-21;
 HEADER;
@@ -163,9 +155,7 @@ def load_step(path: str | Path) -> Sketch:
     _check_file(path)
     if importlib.util.find_spec("OCP") is None:
         raise ImportError("reading STEP files takes OCCT: install it with pip install 'diff3ds[cad]'")
-    strokes = _read_apart(path)
-    if not strokes:
-        raise ValueError(f"{path}: no curves in this STEP file")
+    strokes = strokes_apart(path, "step_reader", "OCCT", "STEP")
     try:
         return _sketch(strokes)
     except ValueError as error:
@@ -174,9 +164,8 @@ def load_step(path: str | Path) -> Sketch:
 
 def _check_file(path: Path) -> None:
     """Raises ValueError for what is too large, no STEP file, or one that has been cut off."""
+    check_size(path)
     size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise ValueError(f"{path}: {size} bytes are more than the {MAX_BYTES} that are read")
     with path.open("rb") as file:
         start = file.read(1024)
         file.seek(max(size - 1024, 0))
@@ -185,24 +174,6 @@ def _check_file(path: Path) -> None:
         raise ValueError(f"{path}: not a STEP file: it must begin with ISO-10303-21;")
     if b"END-ISO-10303-21;" not in end:
         raise ValueError(f"{path}: a STEP file that has been cut off: it must end with END-ISO-10303-21;")
-
-
-def _read_apart(path: Path) -> list[dict[str, Any]]:
-    """The strokes that step_reader.py finds, run as a process of its own."""
-    script = Path(__file__).with_name("step_reader.py")
-    command = [sys.executable, "-P", str(script), str(path.resolve())]
-    patience = SECONDS + SECONDS_PER_MEGABYTE * path.stat().st_size / 1e6
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
-        answer = json.loads(done.stdout)
-    except subprocess.TimeoutExpired as error:
-        raise ValueError(f"{path}: OCCT has not read this STEP file in {patience:.0f} s") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: OCCT failed on this STEP file (exit code {done.returncode})") from error
-    if "error" in answer:
-        raise ValueError(f"{path}: {answer['error']}")
-    strokes: list[dict[str, Any]] = answer["strokes"]
-    return strokes
 
 
 def _sketch(strokes: list[dict[str, Any]]) -> Sketch:

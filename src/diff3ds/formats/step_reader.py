@@ -1,12 +1,6 @@
-"""The wires and edges of a STEP file as Bézier curves, by OCCT. A script: `python step_reader.py FILE` answers in JSON.
+"""The wires and edges of a STEP file as Bézier curves, by OCCT; `reader_process.py` runs it."""
 
-It imports nothing of the package: `load_step` runs it in a process of its own, so that no file takes its caller down.
-"""
-
-import json
 import math
-import os
-import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -209,21 +203,3 @@ def _approximation(spline: Geom_BSplineCurve) -> Geom_BSplineCurve:
             f"a curve of degree {spline.Degree()} cannot be approximated by cubics to {TOLERANCE} of its size"
         )
     return approximation.Curve()
-
-
-def main(path: str) -> None:
-    """Prints {"strokes": [...]} or {"error": message}."""
-    # OCCT prints its statistics to the standard output: that goes to the error output, the answer to the real one.
-    answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    try:
-        result: dict[str, Any] = {"strokes": strokes_of(path)}
-    # OCCT's exceptions have no common Python class but this.
-    except Exception as error:
-        result = {"error": str(error).strip() or type(error).__name__}
-    with answer:
-        json.dump(result, answer)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

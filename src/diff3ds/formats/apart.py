@@ -1,0 +1,107 @@
+"""Strokes of files that libraries read, in a process of its own: no file crashes the caller, or stops it for long."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds.bezier import MAX_DEGREE, from_nurbs
+from diff3ds.formats.assembly import ReadStroke, Segment, sketch_of
+from diff3ds.sketch import Sketch
+
+# A sketch of 100,000 strokes takes 100 MB; more is taken for a mistake or an attack.
+MAX_BYTES = 1 << 28
+# Some broken files make libraries hang. They read about 2 MB a second; this leaves room for a slow machine.
+SECONDS = 30
+SECONDS_PER_MEGABYTE = 10
+# Of the sizes of two segments: how far apart what follows on each other may be. [empirical: programs write 7 digits]
+JOINT = 1e-6
+
+
+def check_size(path: Path) -> None:
+    """Raises ValueError for a file that is too large."""
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise ValueError(f"{path}: {size} bytes are more than the {MAX_BYTES} that are read")
+
+
+def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict[str, Any]]:
+    """The strokes that a reader finds, as it has them.
+
+    Args:
+        reader: the name of the file with it (`reader_process.py`).
+        program: what it reads with, for messages.
+        kind: of the file, for messages.
+
+    Raises:
+        ValueError: a file that is too large or broken, or that has no curves.
+        OSError: the file cannot be read.
+    """
+    check_size(path)
+    script = Path(__file__).with_name("reader_process.py")
+    command = [sys.executable, "-P", str(script), reader, str(path.resolve())]
+    patience = SECONDS + SECONDS_PER_MEGABYTE * path.stat().st_size / 1e6
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
+        answer = json.loads(done.stdout)
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(f"{path}: {program} has not read this {kind} file in {patience:.0f} s") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {program} failed on this {kind} file (exit code {done.returncode})") from error
+    if "error" in answer:
+        raise ValueError(f"{path}: {answer['error']}")
+    strokes: list[dict[str, Any]] = answer["strokes"]
+    if not strokes:
+        raise ValueError(f"{path}: no curves in this {kind} file")
+    return strokes
+
+
+def nurbs_sketch(path: Path, reader: str, program: str, kind: str) -> Sketch:
+    """The strokes of a file whose reader gives NURBS curves: a stroke is one of these, or several that meet.
+
+    Raises:
+        ValueError, OSError: as `strokes_apart`; a degree above 3, or what is no curve.
+    """
+    strokes = []
+    for i, found in enumerate(strokes_apart(path, reader, program, kind)):
+        try:
+            for segments in _joined(found["curves"], found["millimetres"]):
+                # One segment that ends where it begins stays open.
+                closed = len(segments) > 1 and meet(segments[-1], segments[0])
+                strokes.append(ReadStroke(segments, closed, found["color"]))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{path}: curve {i}: {error}") from error
+    try:
+        return sketch_of(strokes)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _joined(curves: list[dict[str, Any]], scale: float) -> list[list[Segment]]:
+    """Segments of NURBS curves, in a list for each run that goes on without a gap."""
+    runs: list[list[Segment]] = []
+    for curve in curves:
+        points, weights, knots = (
+            torch.tensor(curve[key], dtype=torch.float64) for key in ("points", "weights", "knots")
+        )
+        degree = len(knots) - len(points) - 1
+        if degree > MAX_DEGREE:
+            raise ValueError(f"of degree {degree}, and only up to {MAX_DEGREE} is read: rebuild it as a cubic")
+        parts = zip(*(part.tolist() for part in from_nurbs(points * scale, weights, knots)), strict=True)
+        segments: list[Segment] = list(parts)
+        if runs and meet(runs[-1][-1], segments[0]):
+            runs[-1] += segments
+        else:
+            runs.append(segments)
+    return runs
+
+
+def meet(before: Segment, after: Segment) -> bool:
+    """Whether a segment begins where another ends."""
+    a, b = before[0], after[0]
+    size = max(math.dist(a[0], p) for p in a[1:]) + max(math.dist(b[0], p) for p in b[1:])
+    return math.dist(a[-1], b[0]) <= JOINT * size
