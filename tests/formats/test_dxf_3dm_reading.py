@@ -1,4 +1,4 @@
-"""DXF and 3DM read: what we wrote comes back as the same curves, those of other programs are exact, broken files named."""
+"""DXF and 3DM read: what we wrote comes back, curves of other programs are exact, broken files are named."""
 
 import dataclasses
 import importlib.util
@@ -22,7 +22,7 @@ def on(sketch, stroke):
 
 
 def sketch_of_all_kinds():
-    """A line, a tilted arc, a whole circle, a free curve, and a chain of a line and an arc; in colours of eight bits."""
+    """A line, a tilted arc, a whole circle, a free curve, a chain of a line and an arc; in colours of eight bits."""
     g = torch.Generator().manual_seed(0)
     line = torch.tensor([[[0.0, 0, 0], [1, 2, 3]]], dtype=torch.float64)
     arc, of_arc = ds.bezier.circle((1.0, 2.0, 3.0), 4.0, (1.0, 2.0, 0.5), start=-30.0, stop=80.0)
