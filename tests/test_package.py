@@ -48,15 +48,16 @@ ALLOWED = {
     "metrics": {"weights"} | SCENE,
     "optimize": {"constraints", "render", "project", "losses"} | SCENE,
     "formats": {"render", "project"} | SCENE,
+    "styles": {"formats", "render", "project"} | SCENE,
     "pictures": {"formats", "render", "transforms"} | SCENE,
     "edges": {"optimize", "render", "project"} | SCENE,
     "surfaces": {"edges", "formats", "project", "render"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "render", "project",
-                "surfaces", "transforms"} | SCENE,
+                "styles", "surfaces", "transforms"} | SCENE,
     "tasks": {"edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses", "formats",
-              "metrics", "library", "render", "project", "transforms"} | SCENE,
+              "metrics", "library", "render", "project", "styles", "transforms"} | SCENE,
     "cli": {"tasks", "weights", "pictures", "command_line", "_version"},
 }  # fmt: skip
 

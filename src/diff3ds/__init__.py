@@ -12,7 +12,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from diff3ds import bezier, constraints, guidance, library, losses
+    from diff3ds import bezier, constraints, guidance, library, losses, styles
     from diff3ds.camera import Cameras, look_at, orbit
     from diff3ds.chains import Chains
     from diff3ds.formats import load, save
@@ -79,6 +79,7 @@ __all__ = [
     "save",
     "save_transforms",
     "set_num_threads",
+    "styles",
     "text_to_sketch",
     "views_to_sketch",
     "visible_lines",

@@ -25,6 +25,7 @@ from diff3ds.tasks.mesh.options import MeshOptions
 from diff3ds.tasks.progress import Lines, Progress, Report, Stopped
 from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions
 from diff3ds.tasks.small_prior.options import TrainOptions
+from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase, Picture
@@ -238,8 +239,13 @@ class Render:
 
     view: OmitArgPrefixes[ViewOptions]
     picture: OmitArgPrefixes[PictureOptions]
+<<<<<<< HEAD
     hiding: OmitArgPrefixes[SurfaceOptions]
     # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
+=======
+    styles: OmitArgPrefixes[StyleOptions]
+    # sketch.json, a STEP file, or the folder of a run.
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
     source: Positional[Path]
     # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
     out: Annotated[Path, arg(aliases=["-o"])]
@@ -253,7 +259,11 @@ class Render:
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
+<<<<<<< HEAD
             files = run_render(self.source, self.out, self.view, self.picture, self.hiding, report)
+=======
+            files = run_render(self.source, self.out, self.view, self.picture, self.styles, report)
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
         _sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
 
 
@@ -261,12 +271,17 @@ class Render:
 class Export:
     """Write a sketch in another format, in the size, unit and frame that another program wants.
 
-    The suffix says which: .json, .step (.stp), .dxf, .3dm, .glb, .ply or .py (for Blender). Pictures are drawn by
-    "diff3ds render".
+    The suffix says which: .json, .step (.stp), .dxf, .3dm, .glb, .ply or .py (for Blender); .svg in a --style, of the
+    view that "diff3ds render" takes by itself. That draws other pictures, and other views.
     """
 
     export: OmitArgPrefixes[ExportOptions]
+<<<<<<< HEAD
     # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
+=======
+    styles: OmitArgPrefixes[StyleOptions]
+    # sketch.json, a STEP file, or the folder of a run.
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
     source: Positional[Path]
     # The file to write.
     file: Positional[Path]
@@ -278,7 +293,7 @@ class Export:
         with importing():
             from diff3ds.tasks.export.export import run_export
 
-        sketch = run_export(self.source, self.file, self.export)
+        sketch = run_export(self.source, self.file, self.export, self.styles)
         _sayer(_Console(stderr=True, quiet=self.quiet))(f"{_counted(len(sketch))}: {self.file}")
 
 

@@ -14,6 +14,7 @@ from diff3ds.formats.framing import ball_of, framed
 from diff3ds.tasks.render import blender_engine
 from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions, parse_size
 from diff3ds.tasks.render.render_views import run_render
+from diff3ds.tasks.style_options import StyleOptions
 
 # A thick stroke along z and a red one along +x, which is at the right only from some sides.
 POINTS = torch.tensor([[[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
@@ -190,7 +191,11 @@ def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
     monkeypatch.setattr(blender_engine, "_command", lambda: [sys.executable, "-c", "raise SystemExit('no GPU today')"])
     picture = PictureOptions(engine="blender")
     with pytest.raises(OSError, match=r"Blender drew nothing.*no GPU today"):
+<<<<<<< HEAD
         run_render(source, tmp_path / "out.png", ViewOptions(), picture, SurfaceOptions(), lambda _: None)
+=======
+        run_render(source, tmp_path / "out.png", ViewOptions(), picture, StyleOptions(), lambda _: None)
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
     assert (tmp_path / "out.png").read_bytes() == b"old"
 
 

@@ -38,6 +38,7 @@ OPTIONAL = {
     "cad": ("cadquery-ocp-novtk", "ezdxf", "rhino3dm"),
     "video": ("av",),
     "svg": ("resvg-py",),
+    "styles": ("skia-pathops",),
     "mesh": ("trimesh",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }

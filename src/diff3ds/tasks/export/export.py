@@ -4,22 +4,32 @@ from pathlib import Path
 
 import torch
 
+from diff3ds._files import write_text
 from diff3ds.formats import PICTURES, save, save_dxf
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.export.options import ExportOptions
+from diff3ds.tasks.render.options import PictureOptions, ViewOptions
+from diff3ds.tasks.render.render_views import views_of
 from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.style_options import StyleOptions
+from diff3ds.tasks.styling import Styling
 
 
-def run_export(source: Path, file: Path, options: ExportOptions) -> Sketch:
+def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOptions) -> Sketch:
     """Writes the sketch of a file, or of the folder of a run, in the format of the suffix of `file`.
+
+    In a style it is a drawing of the view that `diff3ds render` takes by itself.
 
     Returns:
         The sketch as it was written.
 
     Raises:
-        ValueError, OSError, ImportError: as `load_sketch` and `save`; a suffix of pictures.
+        ValueError, OSError, ImportError: as `load_sketch`, `save` and `Styling`; a suffix of pictures without a
+            style, or another one with one.
     """
-    if file.suffix.lower() in PICTURES:
+    if styles.style is not None and file.suffix.lower() != ".svg":
+        raise ValueError(f"{file}: --style draws .svg files here, and pictures by diff3ds render")
+    if styles.style is None and file.suffix.lower() in PICTURES:
         raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
     if options.dxf_polylines and file.suffix.lower() != ".dxf":
         raise ValueError(f"{file}: --dxf-polylines is for .dxf files")
@@ -28,7 +38,9 @@ def run_export(source: Path, file: Path, options: ExportOptions) -> Sketch:
     sketch = load_sketch(source)
     if options.scale != 1 or options.up != "z":
         sketch = sketch.transform(_placement(options).to(sketch.points))
-    if options.dxf_polylines:
+    if styles.style is not None:
+        write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
+    elif options.dxf_polylines:
         save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
     else:
         save(file, sketch, unit=options.unit)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import torch
 
+from diff3ds._files import write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
@@ -28,12 +29,15 @@ from diff3ds.tasks.render.options import (
     parse_size,
 )
 from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.style_options import StyleOptions
+from diff3ds.tasks.styling import Styling
 from diff3ds.transforms import load_transforms
 
 # Pixels that are drawn in one call: some 200 MB.
 PIXELS_AT_ONCE = 1 << 22
 
 
+<<<<<<< HEAD
 @dataclass(frozen=True)
 class _Scene:
     """A sketch, and what hides it."""
@@ -59,6 +63,10 @@ class _Scene:
 
 def run_render(
     source: Path, file: Path, view: ViewOptions, picture: PictureOptions, hiding: SurfaceOptions, report: Report
+=======
+def run_render(
+    source: Path, file: Path, view: ViewOptions, picture: PictureOptions, styles: StyleOptions, report: Report
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
 ) -> list[Path]:
     """Draws the sketch of a file, or of the folder of a run.
 
@@ -72,6 +80,7 @@ def run_render(
     check_file(file, picture)
     if picture.turntable is not None and (view.cameras is not None or len(view.azimuth) > 1):
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
+<<<<<<< HEAD
     if hiding.surface is not None and (picture.engine == "blender" or (picture.sheet and _is_vector(file))):
         raise ValueError("a --surface hides lines in pictures by the kernels, and in .svg and .pdf files of one view")
     sketch = load_sketch(source).detach()
@@ -79,6 +88,12 @@ def run_render(
     if hiding.surface is not None:
         surface = load_surface(hiding.surface, up=hiding.surface_up)
     scene = _Scene(sketch, surface, hiding)
+=======
+    if styles.style is not None:
+        _check_styled(file, picture, styles.style)
+    sketch = load_sketch(source).detach()
+    styling = None if styles.style is None else Styling(styles)
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
             raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
@@ -86,16 +101,28 @@ def run_render(
         return [file]
     cameras = views_of(sketch, view, picture)
     if picture.turntable is not None:
+<<<<<<< HEAD
         frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)
         return [file]
     if picture.sheet or len(cameras) == 1:
         _save(file, scene, cameras, picture, report)
+=======
+        frames = _drawn(sketch, cameras, picture, styling, report)
+        save_movie(file, frames, picture.turntable, picture.fps)
+        return [file]
+    if picture.sheet or len(cameras) == 1:
+        _save(file, sketch, cameras, picture, styling, report)
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
         return [file]
     digits = len(str(len(cameras)))
     files = [file.with_stem(f"{file.stem}-{i + 1:0{digits}}") for i in range(len(cameras))]
     for i, name in enumerate(files):
+<<<<<<< HEAD
         _save(name, scene, cameras[i], picture, lambda _: None)
+=======
+        _save(name, sketch, cameras[i], picture, styling, lambda _: None)
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
         report(Progress("views", i + 1, len(files), None, 0))
     return files
 
@@ -119,10 +146,35 @@ def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Came
     )
 
 
+<<<<<<< HEAD
 def _save(file: Path, scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
     """One file of one view or a sheet."""
     if _is_vector(file):
         (save_pdf if file.suffix.lower() == ".pdf" else save_svg)(
+=======
+def _check_styled(file: Path, picture: PictureOptions, style: str) -> None:
+    """Sees that a style is asked for nothing that only plain strokes have.
+
+    Raises:
+        ValueError: it is.
+    """
+    if file.suffix.lower() == ".pdf":
+        raise ValueError(f"{file}: --style draws to .svg, .png and films: give one of these, or leave --style out")
+    for name in ("layers", "centerline", "tolerance", "engine"):
+        if getattr(picture, name) != getattr(PictureOptions, name):
+            raise ValueError(f"--{name} is for strokes without a style: leave it out, or --style {style}")
+
+
+def _save(
+    file: Path, sketch: Sketch, cameras: Cameras, picture: PictureOptions, styling: Styling | None, report: Report
+) -> None:
+    """One file of one view or a sheet."""
+    suffix = file.suffix.lower()
+    if styling is not None and suffix == ".svg":
+        write_text(file, styling.svg(sketch, cameras, picture.color, picture.width_mm))
+    elif suffix in VECTORS:
+        (save_pdf if suffix == ".pdf" else save_svg)(
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
             file,
             scene.strokes(cameras),
             cameras,
@@ -133,6 +185,7 @@ def _save(file: Path, scene: _Scene, cameras: Cameras, picture: PictureOptions, 
             tolerance=picture.tolerance or TOLERANCE,
         )
     else:
+<<<<<<< HEAD
         views = torch.stack(list(_drawn(scene, cameras, picture, report)))
         save_png(file, tile_images(views))
 
@@ -142,7 +195,24 @@ def _is_vector(file: Path) -> bool:
 
 
 def _drawn(scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> Iterator[Float[Tensor, "..."]]:
+=======
+        views = torch.stack(list(_drawn(sketch, cameras, picture, styling, report)))
+        save_png(file, tile_images(views))
+
+
+def _drawn(
+    sketch: Sketch, cameras: Cameras, picture: PictureOptions, styling: Styling | None, report: Report
+) -> Iterator[Float[Tensor, "..."]]:
+>>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
     """Each view as an RGB picture, or where the background is transparent straight RGBA."""
+    images = _rendered(sketch, cameras, picture) if styling is None else styling.images(sketch, cameras, picture.color)
+    for i, image in enumerate(images):
+        yield image
+        report(Progress("frames" if picture.turntable else "views", i + 1, len(cameras), None, 0))
+
+
+def _rendered(sketch: Sketch, cameras: Cameras, picture: PictureOptions) -> Iterator[Float[Tensor, "..."]]:
+    """The views as the kernels draw them, a few at once."""
     at_once = max(1, PIXELS_AT_ONCE // (cameras.size[0] * cameras.size[1]))
     for first in range(0, len(cameras), at_once):
         some = cameras[first : first + at_once]
@@ -152,6 +222,4 @@ def _drawn(scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Rep
         if color is None:
             alpha = drawn.alpha[..., None]
             images = torch.cat([images / alpha.clamp(min=1e-6), alpha], -1)
-        for i, image in enumerate(images):
-            yield image
-            report(Progress("frames" if picture.turntable else "views", first + i + 1, len(cameras), None, 0))
+        yield from images
