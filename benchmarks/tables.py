@@ -339,7 +339,7 @@ def sensitivity() -> str:
 TABLES: tuple[Callable[[], str], ...] = (
     speed, machines, step_cost, compile_cuda, agreement, differences, edges, circles, damage, sensitivity, color,
     categories, categories_small, combinations_small, ablations, known_answer, known_answer_ablations, recognised,
-    by_people, drawn_again,
+    by_people, drawn_again, follow_drawings, meshes,
 )  # fmt: skip
 
 
