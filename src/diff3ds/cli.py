@@ -239,13 +239,9 @@ class Render:
 
     view: OmitArgPrefixes[ViewOptions]
     picture: OmitArgPrefixes[PictureOptions]
-<<<<<<< HEAD
     hiding: OmitArgPrefixes[SurfaceOptions]
-    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
-=======
     styles: OmitArgPrefixes[StyleOptions]
-    # sketch.json, a STEP file, or the folder of a run.
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
+    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
     source: Positional[Path]
     # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
     out: Annotated[Path, arg(aliases=["-o"])]
@@ -259,11 +255,7 @@ class Render:
 
         console = _Console(stderr=True, quiet=self.quiet)
         with _progress(console) as report:
-<<<<<<< HEAD
-            files = run_render(self.source, self.out, self.view, self.picture, self.hiding, report)
-=======
-            files = run_render(self.source, self.out, self.view, self.picture, self.styles, report)
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
+            files = run_render(self.source, self.out, self.view, self.picture, self.hiding, self.styles, report)
         _sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
 
 
@@ -276,12 +268,8 @@ class Export:
     """
 
     export: OmitArgPrefixes[ExportOptions]
-<<<<<<< HEAD
-    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
-=======
     styles: OmitArgPrefixes[StyleOptions]
-    # sketch.json, a STEP file, or the folder of a run.
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
+    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
     source: Positional[Path]
     # The file to write.
     file: Positional[Path]

@@ -191,11 +191,9 @@ def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
     monkeypatch.setattr(blender_engine, "_command", lambda: [sys.executable, "-c", "raise SystemExit('no GPU today')"])
     picture = PictureOptions(engine="blender")
     with pytest.raises(OSError, match=r"Blender drew nothing.*no GPU today"):
-<<<<<<< HEAD
-        run_render(source, tmp_path / "out.png", ViewOptions(), picture, SurfaceOptions(), lambda _: None)
-=======
-        run_render(source, tmp_path / "out.png", ViewOptions(), picture, StyleOptions(), lambda _: None)
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
+        run_render(
+            source, tmp_path / "out.png", ViewOptions(), picture, SurfaceOptions(), StyleOptions(), lambda _: None
+        )
     assert (tmp_path / "out.png").read_bytes() == b"old"
 
 

@@ -1,6 +1,6 @@
 """Sketches drawn in the style that a command is told."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
@@ -54,13 +54,10 @@ class Styling:
             width_mm=width_mm,
         )
 
-    def images(
-        self, sketch: Sketch, cameras: Cameras, background: Sequence[float] | None
-    ) -> Iterator[Float[Tensor, "H W C"]]:
-        """Each view as RGB, or where there is no background as straight RGBA."""
-        for i in range(len(cameras)):
-            pixels = svg_pixels(self.svg(sketch, cameras[i], background))
-            yield pixels if background is None else pixels[..., :3]
+    def image(self, sketch: Sketch, camera: Cameras, background: Sequence[float] | None) -> Float[Tensor, "H W C"]:
+        """One view as RGB, or where there is no background as straight RGBA."""
+        pixels = svg_pixels(self.svg(sketch, camera, background))
+        return pixels if background is None else pixels[..., :3]
 
 
 def _style(options: StyleOptions) -> Style:

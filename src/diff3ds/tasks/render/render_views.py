@@ -37,14 +37,14 @@ from diff3ds.transforms import load_transforms
 PIXELS_AT_ONCE = 1 << 22
 
 
-<<<<<<< HEAD
 @dataclass(frozen=True)
 class _Scene:
-    """A sketch, and what hides it."""
+    """A sketch, what hides it, and the style that it is drawn in."""
 
     sketch: Sketch
     surface: TriangleMesh | None
     hiding: SurfaceOptions
+    styling: Styling | None
 
     def render(self, cameras: Cameras, background: Tensor) -> Rendering:
         """Pictures of it."""
@@ -62,11 +62,13 @@ class _Scene:
 
 
 def run_render(
-    source: Path, file: Path, view: ViewOptions, picture: PictureOptions, hiding: SurfaceOptions, report: Report
-=======
-def run_render(
-    source: Path, file: Path, view: ViewOptions, picture: PictureOptions, styles: StyleOptions, report: Report
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
+    source: Path,
+    file: Path,
+    view: ViewOptions,
+    picture: PictureOptions,
+    hiding: SurfaceOptions,
+    styles: StyleOptions,
+    report: Report,
 ) -> list[Path]:
     """Draws the sketch of a file, or of the folder of a run.
 
@@ -80,20 +82,15 @@ def run_render(
     check_file(file, picture)
     if picture.turntable is not None and (view.cameras is not None or len(view.azimuth) > 1):
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
-<<<<<<< HEAD
     if hiding.surface is not None and (picture.engine == "blender" or (picture.sheet and _is_vector(file))):
         raise ValueError("a --surface hides lines in pictures by the kernels, and in .svg and .pdf files of one view")
+    if styles.style is not None:
+        _check_styled(file, picture, styles.style)
     sketch = load_sketch(source).detach()
     surface = None
     if hiding.surface is not None:
         surface = load_surface(hiding.surface, up=hiding.surface_up)
-    scene = _Scene(sketch, surface, hiding)
-=======
-    if styles.style is not None:
-        _check_styled(file, picture, styles.style)
-    sketch = load_sketch(source).detach()
-    styling = None if styles.style is None else Styling(styles)
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
+    scene = _Scene(sketch, surface, hiding, None if styles.style is None else Styling(styles))
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
             raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
@@ -101,28 +98,16 @@ def run_render(
         return [file]
     cameras = views_of(sketch, view, picture)
     if picture.turntable is not None:
-<<<<<<< HEAD
         frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)
         return [file]
     if picture.sheet or len(cameras) == 1:
         _save(file, scene, cameras, picture, report)
-=======
-        frames = _drawn(sketch, cameras, picture, styling, report)
-        save_movie(file, frames, picture.turntable, picture.fps)
-        return [file]
-    if picture.sheet or len(cameras) == 1:
-        _save(file, sketch, cameras, picture, styling, report)
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
         return [file]
     digits = len(str(len(cameras)))
     files = [file.with_stem(f"{file.stem}-{i + 1:0{digits}}") for i in range(len(cameras))]
     for i, name in enumerate(files):
-<<<<<<< HEAD
         _save(name, scene, cameras[i], picture, lambda _: None)
-=======
-        _save(name, sketch, cameras[i], picture, styling, lambda _: None)
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
         report(Progress("views", i + 1, len(files), None, 0))
     return files
 
@@ -146,12 +131,26 @@ def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Came
     )
 
 
-<<<<<<< HEAD
 def _save(file: Path, scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
     """One file of one view or a sheet."""
-    if _is_vector(file):
+    if scene.styling is not None and file.suffix.lower() == ".svg":
+        write_text(file, scene.styling.svg(scene.strokes(cameras), cameras, picture.color, picture.width_mm))
+    elif _is_vector(file):
         (save_pdf if file.suffix.lower() == ".pdf" else save_svg)(
-=======
+            file,
+            scene.strokes(cameras),
+            cameras,
+            background=picture.color,
+            width_mm=picture.width_mm,
+            layers=None if picture.layers == "none" else picture.layers,
+            centerline=picture.centerline,
+            tolerance=picture.tolerance or TOLERANCE,
+        )
+    else:
+        views = torch.stack(list(_drawn(scene, cameras, picture, report)))
+        save_png(file, tile_images(views))
+
+
 def _check_styled(file: Path, picture: PictureOptions, style: str) -> None:
     """Sees that a style is asked for nothing that only plain strokes have.
 
@@ -165,54 +164,23 @@ def _check_styled(file: Path, picture: PictureOptions, style: str) -> None:
             raise ValueError(f"--{name} is for strokes without a style: leave it out, or --style {style}")
 
 
-def _save(
-    file: Path, sketch: Sketch, cameras: Cameras, picture: PictureOptions, styling: Styling | None, report: Report
-) -> None:
-    """One file of one view or a sheet."""
-    suffix = file.suffix.lower()
-    if styling is not None and suffix == ".svg":
-        write_text(file, styling.svg(sketch, cameras, picture.color, picture.width_mm))
-    elif suffix in VECTORS:
-        (save_pdf if suffix == ".pdf" else save_svg)(
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
-            file,
-            scene.strokes(cameras),
-            cameras,
-            background=picture.color,
-            width_mm=picture.width_mm,
-            layers=None if picture.layers == "none" else picture.layers,
-            centerline=picture.centerline,
-            tolerance=picture.tolerance or TOLERANCE,
-        )
-    else:
-<<<<<<< HEAD
-        views = torch.stack(list(_drawn(scene, cameras, picture, report)))
-        save_png(file, tile_images(views))
-
-
 def _is_vector(file: Path) -> bool:
     return file.suffix.lower() in VECTORS
 
 
 def _drawn(scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> Iterator[Float[Tensor, "..."]]:
-=======
-        views = torch.stack(list(_drawn(sketch, cameras, picture, styling, report)))
-        save_png(file, tile_images(views))
-
-
-def _drawn(
-    sketch: Sketch, cameras: Cameras, picture: PictureOptions, styling: Styling | None, report: Report
-) -> Iterator[Float[Tensor, "..."]]:
->>>>>>> f14ccb7 (Styles: strokes as ink, pencil, charcoal, marker, nib, watercolour, technical and dashed lines, or with a user's brush)
     """Each view as an RGB picture, or where the background is transparent straight RGBA."""
-    images = _rendered(sketch, cameras, picture) if styling is None else styling.images(sketch, cameras, picture.color)
-    for i, image in enumerate(images):
+    for i, image in enumerate(_rendered(scene, cameras, picture)):
         yield image
         report(Progress("frames" if picture.turntable else "views", i + 1, len(cameras), None, 0))
 
 
-def _rendered(sketch: Sketch, cameras: Cameras, picture: PictureOptions) -> Iterator[Float[Tensor, "..."]]:
-    """The views as the kernels draw them, a few at once."""
+def _rendered(scene: _Scene, cameras: Cameras, picture: PictureOptions) -> Iterator[Float[Tensor, "..."]]:
+    """The views in the style, or as the kernels draw them, a few at once."""
+    if scene.styling is not None:
+        for i in range(len(cameras)):
+            yield scene.styling.image(scene.strokes(cameras[i]), cameras[i], picture.color)
+        return
     at_once = max(1, PIXELS_AT_ONCE // (cameras.size[0] * cameras.size[1]))
     for first in range(0, len(cameras), at_once):
         some = cameras[first : first + at_once]
