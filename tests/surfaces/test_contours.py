@@ -76,17 +76,29 @@ def test_strokes_are_few_where_a_mesh_is_fine():
     assert len(sketch.points) <= 8
 
 
-def test_a_cylinder_has_a_line_on_either_side_and_a_box_none():
+def test_a_cylinder_seen_from_the_side_is_a_rectangle_and_a_box_a_hexagon():
     walls = lathe(np.array([0.0, 0.5, 0.5, 0]), np.array([-1.0, -1, 1, 1]), 48)
-    (sketch,) = ds.contours(ds.TriangleMesh(*walls), view(elevation=0))
-    assert len(sketch) == 2
-    assert not sketch.chains
-    ends = sketch.points[:, [0, -1]]
-    assert torch.allclose(ends[..., 2].sort().values, torch.tensor([[-1.0, 1], [-1, 1]], dtype=torch.float64))
+    cameras = view(elevation=0)
+    (sketch,) = ds.contours(ds.TriangleMesh(*walls), cameras)
+    assert len(sketch) == 1
+    assert bool(sketch.chains.closed.all())
     # The tangents from distance 4 to a circle of radius 1/2 touch it where the cosine to the camera is 1/8.
-    toward = view(elevation=0).centers[0, :2] / 4
-    assert torch.allclose(ends[..., :2] @ toward, torch.tensor(0.5 / 8, dtype=torch.float64), atol=2e-3)
-    assert len(ds.contours(ds.TriangleMesh(*box()), view())[0]) == 0
+    toward = cameras.centers[0, :2] / 4
+    points = ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 9, dtype=torch.float64))
+    side = points[points[..., 2].abs() < 0.9]
+    assert torch.allclose(side[..., :2] @ toward, torch.tensor(0.5 / 8, dtype=torch.float64), atol=2e-3)
+    # The ends turn over on the side of the camera, where the wall is seen and the end is not.
+    assert float((points[..., :2] @ toward).min()) > 0.5 / 8 - 2e-3
+    mesh = ds.TriangleMesh(*box())
+    (outline,) = ds.contours(mesh, view())
+    assert bool(outline.chains.closed.all())
+    assert float(ds.bezier.length(outline.points, outline.weights).sum()) == pytest.approx(12, abs=1e-6)
+    # Strokes that draw the creases make contours along them needless.
+    edges = ds.Sketch(torch.from_numpy(mesh.vertices[mesh.edges[mesh.is_crease]]))
+    (lines,) = ds.visible_lines(edges, view(), mesh)
+    assert set(lines.kinds) == {"stroke"}
+    (lines,) = ds.visible_lines(edges[:3], view(), mesh)
+    assert "contour" in lines.kinds
 
 
 def test_all_views_have_contours_of_their_own_and_what_is_behind_a_camera_has_none():

@@ -65,13 +65,13 @@ def test_strokes_are_cut_exactly_where_a_box_begins_to_hide_them():
     mesh = ds.TriangleMesh(*box())
     cameras = ds.look_at(torch.tensor([[0.0, -6, 0]]), size=400).to(torch.float64)
     stroke = torch.tensor([[[-3.0, 3, 0.2], [3, 3, 0.2]]], dtype=torch.float64)
-    (lines,) = ds.visible_lines(ds.Sketch(stroke), cameras, mesh)
+    (lines,) = ds.visible_lines(ds.Sketch(stroke), cameras, mesh, contours=False)
     # From 6 away, the front of the box at 5 and the stroke at 9: it hides x from -9/5 to 9/5.
     assert lines.parts.visible.tolist() == [True, False, True]
     assert lines.parts.stop.tolist() == pytest.approx([0.2, 0.8, 1.0], abs=1e-12)
     # A stroke into the box is hidden from where it goes through the wall.
     stroke = torch.tensor([[[0.3, -3.0, 0.2], [0.3, 1, 0.2]]], dtype=torch.float64)
-    (lines,) = ds.visible_lines(ds.Sketch(stroke), cameras, mesh)
+    (lines,) = ds.visible_lines(ds.Sketch(stroke), cameras, mesh, contours=False)
     assert lines.parts.visible.tolist() == [True, False]
     # What is nearer to a surface than 1/256 of its size lies on it.
     assert lines.parts.stop[0] == pytest.approx(0.5, abs=1.01 * 2 / 256 / 4)

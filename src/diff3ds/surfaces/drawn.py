@@ -1,6 +1,6 @@
 """Contours of surfaces as strokes, and sketches drawn with surfaces that hide what lies behind them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
@@ -15,7 +15,7 @@ from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch, faint
 from diff3ds.surfaces.dashes import dashed
 from diff3ds.surfaces.mesh import TriangleMesh
-from diff3ds.surfaces.mesh_seen import MeshSeen
+from diff3ds.surfaces.mesh_seen import MeshSeen, creases_along
 from diff3ds.surfaces.mesh_view import Picture
 from diff3ds.surfaces.quadrics import Quadrics
 from diff3ds.surfaces.quadrics_seen import QuadricsSeen
@@ -88,10 +88,10 @@ class Lines:
 def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE) -> list[Sketch]:
     """The contours of a surface from each camera, as strokes in space, hidden ones too.
 
-    Contours of a mesh are where its normals, interpolated between creases, are at right angles to the line of sight;
-    creases and borders are none. Strokes are rational cubics in float64, black and of the default width, one a contour.
-    Those of quadrics are exact conics; with the ends of cylinders and cones among them, and without what lies inside of
-    other solids. Gradients flow to quadrics and from there to cameras.
+    Contours of a mesh are where its normals, interpolated between creases, are at right angles to the line of sight,
+    and along creases where the surface turns over; borders are none. Strokes are rational cubics in float64, black and
+    of the default width, one a contour. Those of quadrics are exact conics; with the ends of cylinders and cones among
+    them, and without what lies inside of other solids. Gradients flow to quadrics and from there to cameras.
 
     Args:
         surface: what is seen.
@@ -104,13 +104,18 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
     _checked(surface)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive number of pixels, got {tolerance!r}")
-    return [_seen(surface, cameras, view, tolerance).lines for view in range(len(cameras))]
+    return [seen.lines for seen in _seen(surface, cameras, tolerance, None)]
 
 
-def _seen(surface: Surface, cameras: Cameras, view: int, tolerance: float) -> MeshSeen | QuadricsSeen:
+def _seen(
+    surface: Surface, cameras: Cameras, tolerance: float, sketch: Sketch | None
+) -> Iterator[MeshSeen | QuadricsSeen]:
+    """Each view of a surface, with contours along the creases that a sketch does not draw."""
     if isinstance(surface, Quadrics):
-        return QuadricsSeen(surface, cameras, view)
-    return MeshSeen(surface, cameras, view, tolerance)
+        yield from (QuadricsSeen(surface, cameras, view) for view in range(len(cameras)))
+        return
+    drawn = np.zeros(len(surface.edges), bool) if sketch is None else creases_along(surface, sketch)
+    yield from (MeshSeen(surface, cameras, view, tolerance, drawn) for view in range(len(cameras)))
 
 
 def visible_lines(
@@ -133,7 +138,7 @@ def visible_lines(
         cameras: V views.
         surface: what hides.
         kinds: what each stroke is, such as "crease"; "stroke" where it is left out.
-        contours: whether the surface's own contours are among the lines.
+        contours: whether the surface's own contours are among the lines: along creases only where no stroke draws them.
 
     Returns:
         The lines of each view. Strokes that no view shows, behind the near plane, have no parts.
@@ -146,8 +151,7 @@ def visible_lines(
     if len(named) != len(sketch):
         raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
     lines = []
-    for view in range(len(cameras)):
-        seen = _seen(surface, cameras, view, TOLERANCE)
+    for view, seen in enumerate(_seen(surface, cameras, TOLERANCE, sketch)):
         whole, parts, all_kinds = sketch, seen.parts(sketch), named
         if contours and len(seen.lines):
             whole = Sketch.concatenate([sketch, _drawn_like(seen.lines, sketch)])

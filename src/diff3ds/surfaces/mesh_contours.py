@@ -12,11 +12,11 @@ from diff3ds.surfaces.mesh_view import Picture
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Points along one contour, each on an edge of the mesh.
+    """Points along one contour, each on an edge of the mesh or at a vertex.
 
     Attributes:
         points: world units; the first is not repeated where the chain closes.
-        own: the two vertices of each point's edge, the second twice.
+        own: the two vertices of each point's edge, the second twice, or the vertex thrice.
         convex: for each step to the next point, whether the surface bends away from the line of sight there: where it
             does not, a solid hides it. One fewer than points where the chain is open.
         closed: whether the last point goes on to the first.
@@ -28,21 +28,54 @@ class Chain:
     closed: bool
 
 
-def contour_chains(mesh: TriangleMesh, picture: Picture) -> list[Chain]:
-    """The contours of the smooth parts, hidden ones too; creases and borders are none.
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Steps of contours, each between two nodes.
+
+    Attributes:
+        nodes: of both ends: a place on an edge, on the side of one face where it is a crease, or a vertex.
+        points: of both ends.
+        own: the vertices that each end lies between.
+        convex: as of `Chain`.
+    """
+
+    nodes: Int[Index, "S 2"]
+    points: Float[Array, "S 2 3"]
+    own: Int[Index, "S 2 3"]
+    convex: Bool[Mask, " S"]
+
+
+def contour_chains(mesh: TriangleMesh, picture: Picture, drawn: Bool[Mask, " E"]) -> list[Chain]:
+    """The contours, hidden ones too; borders are none.
 
     Normals are interpolated over the faces, smooth but for creases (`TriangleMesh.corner_normals`). In a face with
     corners towards the camera and corners away from it, the points between make a segment, and segments meet on edges.
+    Where the surface turns over at a crease, the contour goes along it.
+
+    Args:
+        mesh: what is seen.
+        picture: from where.
+        drawn: creases that are drawn already: contours do not go along them.
     """
-    corners = mesh.vertices[mesh.faces]
-    facing = np.einsum("fki,fki->fk", mesh.corner_normals, picture.towards(corners))
+    facing = np.einsum("fki,fki->fk", mesh.corner_normals, picture.towards(mesh.vertices[mesh.faces]))
+    parts = [_across_faces(mesh, picture, facing), _along_creases(mesh, facing, mesh.is_crease & ~drawn)]
+    joined = [np.concatenate([getattr(part, name) for part in parts]) for name in ("nodes", "points", "own", "convex")]
+    nodes, points, own, convex = joined
+    found, first, ends = np.unique(nodes, return_index=True, return_inverse=True)
+    points, own = points.reshape(-1, 3)[first], own.reshape(-1, 3)[first]
+    return [
+        Chain(points[run], own[run], convex[steps], closed)
+        for run, steps, closed in _walks(ends.reshape(-1, 2), len(found))
+    ]
+
+
+def _across_faces(mesh: TriangleMesh, picture: Picture, facing: Float[Array, "F 3"]) -> _Steps:
     ahead = facing >= 0
     mixed = np.flatnonzero(ahead.any(1) & ~ahead.all(1))
-    facing, corners, sign = facing[mixed], corners[mixed], ahead[mixed]
+    facing, corners, sign = facing[mixed], mesh.vertices[mesh.faces[mixed]], ahead[mixed]
     after = np.roll(np.arange(3), -1)
     # Two edges of each of these faces change sign.
-    changes = sign != sign[:, after]
-    place = np.argsort(~changes, axis=1, kind="stable")[:, :2]
+    place = np.argsort(sign == sign[:, after], axis=1, kind="stable")[:, :2]
     row = np.arange(len(mixed))[:, None]
     one, other = place, after[place]
     edge = mesh.face_edges[mixed[:, None], place]
@@ -51,16 +84,47 @@ def contour_chains(mesh: TriangleMesh, picture: Picture) -> list[Chain]:
     one, other = np.where(swapped, other, one), np.where(swapped, one, other)
     share = facing[row, one] / (facing[row, one] - facing[row, other])
     points = corners[row, one] + share[..., None] * (corners[row, other] - corners[row, one])
-    # Over a crease normals jump, and contours end: each face has a point of its own.
+    # Over a crease normals jump: each face has a point of its own.
     apart = mesh.is_crease[edge] | (mesh.edge_counts[edge] != 2)
-    node = np.where(apart, len(mesh.edges) + 3 * mixed[:, None] + place, edge)
-    nodes, first, ends = np.unique(node, return_index=True, return_inverse=True)
-    own = mesh.edges[edge.ravel()[first]]
-    convex = _bends_away(corners, facing, picture)
-    return [
-        Chain(points.reshape(-1, 3)[first[run]], own[run][:, [0, 1, 1]], convex[steps], closed)
-        for run, steps, closed in _walks(ends.reshape(-1, 2), len(nodes))
-    ]
+    nodes = np.where(apart, _on_side(mesh, mixed[:, None], place), edge)
+    return _Steps(nodes, points, mesh.edges[edge][..., [0, 1, 1]], _bends_away(corners, facing, picture))
+
+
+def _along_creases(mesh: TriangleMesh, facing: Float[Array, "F 3"], chosen: Bool[Mask, " E"]) -> _Steps:
+    """Where one side of a crease is turned to the camera and the other is not: its whole length, or a part."""
+    edge = np.flatnonzero(chosen)
+    ends, faces = mesh.edges[edge], mesh.edge_faces[edge]
+    corner = (mesh.faces[faces][:, :, None] == ends[:, None, :, None]).argmax(3)
+    values = facing[faces[..., None], corner]
+    changes = (values[..., 0] >= 0) != (values[..., 1] >= 0)
+    change = values[..., 0] - values[..., 1]
+    share = np.where(changes, values[..., 0] / np.where(changes, change, 1.0), 1.0)
+    vertex = len(mesh.edges) + 3 * len(mesh.faces) + ends
+    place = (mesh.face_edges[faces] == edge[:, None, None]).argmax(2)
+    node = np.where(changes, _on_side(mesh, faces, place), vertex[:, 1:])
+    order = np.argsort(share, axis=1, kind="stable")
+    share, node = np.take_along_axis(share, order, 1), np.take_along_axis(node, order, 1)
+    stops = np.column_stack([np.zeros(len(edge)), share, np.ones(len(edge))])
+    nodes = np.column_stack([vertex[:, 0], node, vertex[:, 1]])
+    middle = (stops[:, None, 1:] + stops[:, None, :-1]) / 2
+    ahead = values[..., :1] - change[..., None] * middle >= 0
+    turned = (ahead[:, 0] != ahead[:, 1]) & (stops[:, 1:] > stops[:, :-1])
+    row, part = np.nonzero(turned)
+    t = np.stack([stops[row, part], stops[row, part + 1]], 1)
+    a, b = mesh.vertices[ends[row, 0]][:, None], mesh.vertices[ends[row, 1]][:, None]
+    own = np.where(t[..., None] == 0, ends[row, None, :1], ends[row][:, None, [0, 1, 1]])
+    own = np.where(t[..., None] == 1, ends[row, None, 1:], own)
+    return _Steps(
+        np.stack([nodes[row, part], nodes[row, part + 1]], 1),
+        a + t[..., None] * (b - a),
+        own,
+        mesh.turns[edge[row]] > 0,
+    )
+
+
+def _on_side(mesh: TriangleMesh, face: Index, place: Index) -> Index:
+    """The node on an edge of a face that is on its side alone."""
+    return np.asarray(len(mesh.edges) + 3 * face + place)
 
 
 def _bends_away(corners: Float[Array, "S 3 3"], facing: Float[Array, "S 3"], picture: Picture) -> Bool[Mask, " S"]:
@@ -77,7 +141,7 @@ def _bends_away(corners: Float[Array, "S 3 3"], facing: Float[Array, "S 3"], pic
 def _walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int], bool]]:
     """Runs of nodes along steps between two each, the steps of each run, and whether it closes.
 
-    A node has one or two steps.
+    Most nodes have one step or two.
     """
     steps_at: list[list[int]] = [[] for _ in range(count)]
     for step, (a, b) in enumerate(ends.tolist()):

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds.bezier import tessellate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import project
@@ -16,7 +17,7 @@ from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chain
 from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.surfaces.mesh_contours import Chain, contour_chains
 from diff3ds.surfaces.mesh_view import MeshView, Picture
-from diff3ds.surfaces.nearest import Nearest
+from diff3ds.surfaces.nearest import Nearest, edges_along
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
 # Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
@@ -39,14 +40,20 @@ class MeshSeen:
         kinds: "contour" for each.
     """
 
-    def __init__(self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float) -> None:
+    def __init__(
+        self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float, drawn: Bool[Mask, " E"]
+    ) -> None:
         """Finds the contours.
 
         Args:
+            mesh: what is seen.
+            cameras: the views.
+            view: which of them.
             tolerance: largest distance between contours and the strokes that are fitted to them, pixels.
+            drawn: creases along which no contours are wanted.
         """
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
-        chains = [part for c in contour_chains(mesh, self._picture) for part in _ahead(c, self._picture)]
+        chains = [part for c in contour_chains(mesh, self._picture, drawn) for part in _ahead(c, self._picture)]
         self._fit_contours(chains, tolerance)
 
     def _fit_contours(self, chains: list[Chain], tolerance: float) -> None:
@@ -126,6 +133,15 @@ class MeshSeen:
         cubics = project(sketch.detach(), self._cameras).cubics[0].detach().cpu().numpy()
         chords = chords_of(cubics, self._picture)
         return parts_of(chords, crossings(cubics, chords, self._outlines, self._picture, behind), hidden, stray)
+
+
+def creases_along(mesh: TriangleMesh, sketch: Sketch) -> Bool[Mask, " E"]:
+    """The creases of a mesh that strokes of a sketch run along."""
+    tolerance = ON_SURFACE * mesh.size
+    points, weights = sketch.points.detach().cpu().double(), sketch.weights.detach().cpu().double()
+    lines = [vertices.numpy() for _, vertices in tessellate(points, weights, tolerance / 4)] if len(sketch) else []
+    chords = [np.stack([line[:-1], line[1:]], 1) for line in lines]
+    return edges_along(mesh, mesh.is_crease, np.concatenate([np.zeros((0, 2, 3)), *chords]), tolerance)
 
 
 def _homogeneous(sketch: Sketch) -> Float[Array, "M 4 4"]:

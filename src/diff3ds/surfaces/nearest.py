@@ -4,8 +4,8 @@ from typing import cast
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.arrays import Index
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.boxes import BoxIndex, slices
 from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.surfaces.mesh_view import MOST_BOXES
@@ -78,6 +78,22 @@ class Nearest:
         near = near[np.argsort(-distance[near], kind="stable")]
         moved[query[near]] = found[near]
         own[query[near]] = vertices[near]
+
+
+def edges_along(
+    mesh: TriangleMesh, chosen: Bool[Mask, " E"], chords: Float[Array, "C 2 3"], tolerance: float
+) -> Bool[Mask, " E"]:
+    """Which of the chosen edges have their middles on straight chords of curves, within the tolerance."""
+    along = np.zeros(len(chosen), bool)
+    edge = np.flatnonzero(chosen)
+    middles = mesh.vertices[mesh.edges[edge]].mean(1)
+    index = _index(chords.min(1), chords.max(1), tolerance)
+    for batch in index.batches(middles):
+        query, chord = index.around(middles[batch])
+        query = batch.start + query
+        found, _ = _on_segments(middles[query], chords[chord])
+        along[edge[query[np.linalg.norm(found - middles[query], axis=1) <= tolerance]]] = True
+    return along
 
 
 def _index(low: Float[Array, "N 3"], high: Float[Array, "N 3"], tolerance: float) -> BoxIndex:
