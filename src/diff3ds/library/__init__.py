@@ -1,4 +1,4 @@
-"""Procedural 3D sketches: scenes with known answers, and members of some forty categories of things, with captions."""
+"""Procedural 3D sketches: scenes with known answers, and members of nearly eighty kinds of things, with captions."""
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Attribute, Category
