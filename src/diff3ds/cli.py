@@ -119,8 +119,8 @@ class Text:
     """Make a 3D sketch of a phrase, by score distillation from a diffusion prior.
 
     Priors: mvdream (knows several views at once; the best, and the default where its weights and a GPU are there),
-    stable-diffusion, stable-diffusion-768; exemplar, which is built in, needs neither, and knows nearly eighty
-    kinds of things; and small, a network that was trained on forty of them. Weights are fetched once by "diff3ds fetch PRIOR";
+    stable-diffusion, stable-diffusion-768; exemplar, which is built in, needs neither, and knows nearly eighty kinds of
+    things; and small, a network that was trained on forty of them. Weights are fetched once by "diff3ds fetch PRIOR";
     "diff3ds doctor" says what is there. Writes sketch.json, sketch.svg, sketch.step, preview.png, run.json, and
     pictures of the progress. Ctrl-C ends the run early and writes what was reached; --resume goes on from there.
     """
@@ -147,10 +147,10 @@ class Text:
 class Image:
     """Make a 3D sketch of the object in a picture, by score distillation from a prior that knows other views of it.
 
-    Priors: zero123 (Zero123-XL, the default where its weights and a GPU are there), stable-zero123 (weights for
-    non-commercial research only); exemplar, which is built in, needs neither, recognises forty kinds of things, and
-    draws nearly forty more where --shows names them; and small, a network of those forty. The picture has alpha, or a --mask, or a plain background. Writes what
-    "diff3ds text" writes.
+    Priors: zero123 (Zero123-XL, the default where its weights and a GPU are there), stable-zero123 (weights for non-
+    commercial research only); exemplar, which is built in, needs neither, recognises forty kinds of things, and draws
+    nearly forty more where --shows names them; and small, a network of those forty. The picture has alpha, or a --mask,
+    or a plain background. Writes what "diff3ds text" writes.
     """
 
     spec: Annotated[OmitArgPrefixes[RunSpec[Picture]], arg(name="")]
