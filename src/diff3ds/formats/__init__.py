@@ -9,6 +9,7 @@ from diff3ds.formats.blender import save_blender
 from diff3ds.formats.dxf import load_dxf, save_dxf
 from diff3ds.formats.framing import framed
 from diff3ds.formats.glb import save_glb
+from diff3ds.formats.obj import save_obj
 from diff3ds.formats.pdf import save_pdf
 from diff3ds.formats.ply import save_ply
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
@@ -32,6 +33,7 @@ __all__ = [
     "save_dxf",
     "save_glb",
     "save_json",
+    "save_obj",
     "save_pdf",
     "save_ply",
     "save_png",
@@ -48,6 +50,7 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".3dm": save_3dm,
     ".glb": save_glb,
     ".ply": save_ply,
+    ".obj": save_obj,
     ".py": save_blender,
 }
 # Formats whose files say in which unit of length they are.
@@ -65,6 +68,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.3dm`: exact curves and weights for Rhino (see `save_3dm`).
     * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
     * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
+    * `.obj`: polylines with colours, z up (see `save_obj`).
     * `.py`: a script that builds the sketch in Blender (see `save_blender`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.pdf`: the same paths (see `save_pdf`).

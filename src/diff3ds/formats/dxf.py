@@ -14,15 +14,12 @@ import numpy as np
 
 from diff3ds._files import replacing
 from diff3ds._units import MILLIMETRES, Unit, check_unit
-from diff3ds.bezier import tessellate
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.curve_kinds import Arc, Curve, Line, curves_of
-from diff3ds.formats.framing import ball_of
+from diff3ds.formats.polylines import polylines_of
 from diff3ds.sketch import Sketch
 
 APPLICATION = "DIFF3DS"
-# Of the radius of the sketch: how far polylines may be off the curves.
-POLYLINE_TOLERANCE = 1e-4
 # The numbers of $INSUNITS.
 _INSUNITS: dict[Unit, int] = {"in": 1, "ft": 2, "mm": 4, "cm": 5, "m": 6}
 
@@ -109,19 +106,7 @@ def _ellipse(space: Any, arc: Arc) -> Any:
 
 def _polylines(space: Any, sketch: Sketch) -> list[list[Any]]:
     """One polyline a stroke."""
-    tolerance = POLYLINE_TOLERANCE * ball_of(sketch)[1]
-    pieces = [
-        vertices.numpy() for _, vertices in tessellate(sketch.points.double(), sketch.weights.double(), tolerance)
-    ]
-    first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
-    closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
-    found = []
-    for stroke in range(len(sketch)):
-        some = pieces[first[stroke] : first[stroke + 1]]
-        vertices = np.concatenate([some[0], *(piece[1:] for piece in some[1:])])
-        vertices = vertices[:-1] if closed[stroke] else vertices
-        found.append([space.add_polyline3d(vertices, close=closed[stroke])])
-    return found
+    return [[space.add_polyline3d(line.vertices, close=line.closed)] for line in polylines_of(sketch)]
 
 
 def load_dxf(path: str | Path) -> Sketch:

@@ -1,0 +1,159 @@
+"""Readers of sketches on broken and hostile files: a sketch or a ValueError that names the file, in bounded time.
+
+Seeded: what fails can be made again. Every format that `ds.load` reads takes part.
+"""
+
+import importlib.util
+import random
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.formats import load_dxf
+
+PACKAGES = {".json": "json", ".step": "OCP", ".dxf": "ezdxf", ".3dm": "rhino3dm", ".usda": "pxr", ".usdc": "pxr"}
+FORMATS = [
+    pytest.param(
+        suffix,
+        marks=pytest.mark.skipif(importlib.util.find_spec(package) is None, reason=f"{package} is not installed"),
+    )
+    for suffix, package in PACKAGES.items()
+]
+# What programs stumble over: counts and numbers that are too large, no numbers, and structure.
+HOSTILE = [
+    b"1e999",
+    b"-1",
+    b"99999999999999999999",
+    b"nan",
+    b"1e308",
+    b"2147483647",
+    b"0",
+    b"",
+    b"#",
+    b"(",
+    b")",
+    b"[",
+    b"{",
+    b"'",
+]
+
+
+def sketch():
+    g = torch.Generator().manual_seed(0)
+    points, weights = ds.bezier.circle((0.0, 0.0, 0.0), 1.0, (1.0, 2.0, 3.0))
+    ring = ds.Sketch(points, weights, chains=ds.Chains.of([len(points)], True))
+    free = ds.Sketch(torch.rand(3, 4, 3, generator=g).double(), 0.5 + torch.rand(3, 4, generator=g).double())
+    return ds.Sketch.concatenate([ring, free])
+
+
+def broken(good, rng):
+    """A damaged copy: cut off, bits or bytes changed, parts doubled, left out or moved, numbers made hostile."""
+    content = bytearray(good)
+    kind = rng.choice(["cut", "bits", "bytes", "double", "drop", "swap", "numbers", "zeros"])
+    at, other = sorted(rng.randrange(len(content) + 1) for _ in range(2))
+    if kind == "cut":
+        del content[at:]
+    elif kind == "bits":
+        for _ in range(rng.choice([1, 8, 64])):
+            content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+    elif kind == "bytes":
+        for _ in range(rng.choice([1, 8, 64])):
+            content[rng.randrange(len(content))] = rng.choice(b"#(),;.$*0E'\"[]{}\n\x00\xff")
+    elif kind == "double":
+        content[at:at] = content[at:other][:2000] * rng.choice([1, 20])
+    elif kind == "drop":
+        del content[at : at + rng.choice([1, 10, 1000])]
+    elif kind == "swap":
+        content[at:other] = content[at:other][::-1]
+    elif kind == "zeros":
+        content[at : at + 64] = b"\0" * 64
+    else:
+        digits = [i for i, byte in enumerate(content) if chr(byte).isdigit()]
+        for _ in range(rng.choice([1, 5])):
+            if digits:
+                start = stop = min(rng.choice(digits), len(content) - 1)
+                while stop < len(content) and chr(content[stop]) in "0123456789.+-eE":
+                    stop += 1
+                content[start:stop] = rng.choice(HOSTILE)
+    return bytes(content)
+
+
+def check_fuzzed(folder, suffix, count, seed):
+    """Of so many damaged files; returns how many were read all the same."""
+    path, rng = folder / f"some file{suffix}", random.Random(seed)
+    ds.save(path, sketch())
+    good = path.read_bytes()
+    said = []
+    for _ in range(count):
+        path.write_bytes(broken(good, rng))
+        try:
+            ds.load(path).check_values()
+        except ValueError as error:
+            said.append(str(error))
+    assert [text for text in said if f"some file{suffix}" not in text] == []
+    return count - len(said)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_damaged_files_give_a_sketch_or_an_error_that_names_the_file(tmp_path, suffix):
+    check_fuzzed(tmp_path, suffix, 300 if suffix == ".json" else 3, seed=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_many_damaged_files(tmp_path, suffix):
+    count = 5000 if suffix == ".json" else 150
+    assert 0 < check_fuzzed(tmp_path, suffix, count, seed=1) < count
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("points", "[[[1, 2, 1e999]]]"),
+        ("points", "[" * 100_000),
+        ("points", "[[[1, 2, 3], [1, 2]]]"),
+        ("segments", "[99999999999999999999]"),
+        ("segments", "[-1]"),
+        ("segments", "[1e18]"),
+        ("width", "[" + "9" * 10_000 + "]"),
+        ("dtype", '"float8192"'),
+        ("version", "1e999"),
+    ],
+)
+def test_hostile_numbers_in_json(tmp_path, key, value):
+    values = {"version": "2", "points": "[[[0, 0, 0], [1, 1, 1]]]", "weights": "[[1, 1]]", "width": "[1]"}
+    values |= {
+        "color": "[[0, 0, 0]]",
+        "opacity": "[1]",
+        "width_space": '"image"',
+        "segments": "[1]",
+        "closed": "[false]",
+    }
+    values[key] = value
+    (tmp_path / "a.json").write_text("{" + ",".join(f'"{k}": {v}' for k, v in values.items()) + "}")
+    with pytest.raises(ValueError, match=r"a\.json"):
+        ds.load(tmp_path / "a.json")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ezdxf") is None, reason="the extra cad is not installed")
+def test_blocks_in_blocks_do_not_explode(tmp_path):
+    import ezdxf
+
+    document = ezdxf.new("R2010")
+    document.blocks.new("b0").add_line((0, 0), (1, 1))
+    for i in range(1, 30):
+        block = document.blocks.new(f"b{i}")
+        for _ in range(10):
+            block.add_blockref(f"b{i - 1}", (0, 0))
+    document.modelspace().add_blockref("b29", (0, 0))
+    document.saveas(tmp_path / "a.dxf")
+    with pytest.raises(ValueError, match="blocks more than 16 deep"):
+        load_dxf(tmp_path / "a.dxf")
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_names_with_spaces_and_other_letters(tmp_path, suffix):
+    path = tmp_path / "ein Möbiusband 漢字 😀" / f"it's (1) ü{suffix}"
+    ds.save(path, sketch())
+    assert len(ds.load(path)) == 4
