@@ -158,7 +158,7 @@ def test_scraps_end_nowhere_and_borders_are_known():
     found = feature_curves(TriangleMesh(*folded(5)))
     assert len(found) == found.runs == 4 + 5
     assert found.loose == 5
-    straight = found.curves.points[torch.from_numpy(found.border)]
+    straight = found.curves.points[[kind == "border" for kind in found.kinds]]
     assert len(straight) == 4
     assert sorted((straight[:, 3] - straight[:, 0]).norm(dim=1).tolist()) == pytest.approx([10, 10, 12, 12])
 
@@ -168,7 +168,7 @@ def test_where_a_crease_becomes_a_border_a_curve_ends():
     vertices = np.array([(x, y, 0.0) for x in (0, 1, 2) for y in (0, 1)] + [(0.0, 0, 1), (1, 0, 1)])
     faces = np.array([(0, 2, 3), (0, 3, 1), (2, 4, 5), (2, 5, 3), (0, 6, 7), (0, 7, 2)])
     found = feature_curves(TriangleMesh(vertices, faces))
-    creases = found.curves.points[~torch.from_numpy(found.border)]
+    creases = found.curves.points[[kind == "crease" for kind in found.kinds]]
     assert creases[:, [0, 3]].abs().sum(1).tolist() == [[1, 0, 0]]
 
 
@@ -205,3 +205,55 @@ def test_share_of_the_outlines_that_lines_draw():
         rims = 2 * step.mean(1) * math.pi
         sides = 2 * height * np.sin(t)
         assert found == pytest.approx(rims.sum() / (rims + sides).sum(), abs=0.02)
+
+
+def moved(mesh: tuple[np.ndarray, np.ndarray], offset) -> tuple[np.ndarray, np.ndarray]:
+    return mesh[0] + np.array(offset, float), mesh[1]
+
+
+def together(*meshes: tuple[np.ndarray, np.ndarray]) -> TriangleMesh:
+    before = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    faces = [faces + start for (_, faces), start in zip(meshes, before)]
+    return TriangleMesh(np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces))
+
+
+def of_kind(found, kind: str):
+    return found.curves[torch.tensor([k == kind for k in found.kinds])]
+
+
+def test_where_a_rod_goes_through_a_box_there_are_two_circles():
+    rod = moved(prism(0.3 * around(48), 4.0), (1, 0.5, -1.5))
+    found = feature_curves(together(prism(SQUARE), rod))
+    seams = of_kind(found, "intersection")
+    assert kinds(seams) == [Kind.CIRCLE] * 2
+    on = seams.at(T)
+    assert torch.allclose((on[..., :2] - torch.tensor([1.0, 0.5])).norm(dim=-1), torch.tensor(0.3).double(), atol=1e-3)
+    assert sorted(on[..., 2].mean(1).round(decimals=6).tolist()) == [0, 1]
+    assert float((on[..., 2] - on[..., 2].mean(1, keepdim=True)).abs().max()) < 1e-6
+    assert len(of_kind(found, "crease")) == 12 + 2
+
+
+def test_where_boxes_stand_in_each_other_the_seam_is_straight_lines():
+    """Also where they have planes, edges and corners in common."""
+    upper = moved(prism(SQUARE * 0.5), (0.5, 0.25, 0.5))
+    found = feature_curves(together(prism(SQUARE), upper))
+    seams = of_kind(found, "intersection")
+    assert kinds(seams) == [Kind.LINE] * 4
+    length = (seams.points[:, 3] - seams.points[:, 0]).norm(dim=1)
+    assert sorted(length.tolist()) == pytest.approx([0.5, 0.5, 1, 1])
+    assert torch.allclose(seams.points[..., 2], torch.ones(4, 4).double())
+
+
+def test_two_balls_meet_in_a_circle_and_balls_apart_in_none():
+    ball = sphere(40)
+    found = feature_curves(together(ball, moved(ball, (1.2, 0.05, 0.03))))
+    seams = of_kind(found, "intersection")
+    on = seams.at(T).reshape(-1, 3)
+    # In the middle between them, with radius sqrt(1 - d² / 4), to the height of a facet.
+    axis = torch.tensor([1.2, 0.05, 0.03]).double()
+    across = on - axis / 2
+    assert float((across @ axis / axis.norm()).abs().max()) < 0.01
+    radius = (1 - float(axis.square().sum()) / 4) ** 0.5
+    assert float((across.norm(dim=1) - radius).abs().max()) < 0.02
+    assert set(found.kinds) == {"intersection"}
+    assert not len(feature_curves(together(ball, moved(ball, (2.1, 0, 0)))))

@@ -1,8 +1,9 @@
-"""Feature curves of a triangle mesh: its creases and borders as lines, arcs of circles and ellipses, fair cubics."""
+"""Feature curves of a triangle mesh: creases, borders and seams as lines, arcs of circles and ellipses, fair cubics."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.clean.simplify import simplest
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive
+from diff3ds.surfaces.intersections import seams
 from diff3ds.surfaces.mesh import TriangleMesh
 
 # Edges that turn by more than this have a corner: rounds of ten sides and more are smooth. Degrees.
@@ -26,19 +28,23 @@ DIRECTIONS = 32
 LEAST_ARC, LEAST_CUBIC, LEAST_ELLIPSE = 4, 5, 6
 
 
+Feature = Literal["crease", "border", "intersection"]
+
+
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
     """Curves of a mesh that do not depend on the view.
 
     Attributes:
         curves: in the mesh's frame; they share vertices where edges of the mesh meet.
-        border: which of them are borders, of one face or of more than two; the others are creases.
+        kinds: of each: "crease", "border" (of one face, or of more than two), or "intersection", where two pieces of
+            the mesh go through each other.
         runs: runs of edges between places where they branch, end or turn sharply.
         loose: how many of these have an end where no other begins: few of a machine part's do, most of an animal's.
     """
 
     curves: Curves
-    border: NDArray[np.bool_]
+    kinds: tuple[Feature, ...]
     runs: int
     loose: int
 
@@ -47,7 +53,7 @@ class FeatureCurves:
 
 
 def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves:
-    """The creases and borders of a mesh; round shapes without an edge have none: their outlines depend on the view.
+    """The creases, borders and seams of a mesh; round shapes without an edge have none: outlines depend on the view.
 
     Args:
         mesh: faces that meet at more than its `crease` make a crease.
@@ -58,17 +64,24 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     """
     sharp = mesh.is_crease | (mesh.edge_counts != 2)
     outer = (mesh.edge_counts != 2)[sharp]
+    seam = seams(mesh)
     chains = list(_chains(mesh.vertices, mesh.edges[sharp], outer))
-    if most is not None and len(chains) > most:
-        raise ValueError(f"the mesh has {len(chains)} feature lines, more than {most}: smooth or simplify it")
+    cuts = [chain for chain, _ in _chains(seam.points, seam.steps, np.zeros(len(seam.steps), bool))]
+    if most is not None and len(chains) + len(cuts) > most:
+        raise ValueError(
+            f"the mesh has {len(chains) + len(cuts)} feature lines, more than {most}: smooth or simplify it"
+        )
     ends = np.array([(chain[0], chain[-1]) for chain, _ in chains], np.int64).reshape(-1, 2)
     count = np.bincount(ends.ravel(), minlength=len(mesh.vertices))
     loose = int((count[ends] == 1).any(1).sum())
     pixel = PIXEL * mesh.size
-    found = [(piece, border) for chain, border in chains for piece in _pieces(mesh.vertices, chain, pixel)]
-    curves = _curves(mesh.vertices, [piece for piece, _ in found])
-    borders = np.repeat(np.array([b for _, b in found], bool), [len(strokes) for (_, strokes), _ in found])
-    return FeatureCurves(curves, borders, len(chains), loose)
+    places = np.concatenate([mesh.vertices, seam.points])
+    named: list[tuple[list[int], Feature]] = [(chain, "border" if border else "crease") for chain, border in chains]
+    named += [([len(mesh.vertices) + i for i in cut], "intersection") for cut in cuts]
+    found = [(piece, kind) for chain, kind in named for piece in _pieces(places, chain, pixel)]
+    curves = _curves(places, [piece for piece, _ in found])
+    kinds = tuple(kind for (_, strokes), kind in found for _ in strokes)
+    return FeatureCurves(curves, kinds, len(chains), loose)
 
 
 def outline_share(mesh: TriangleMesh) -> float:

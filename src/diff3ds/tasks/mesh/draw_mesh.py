@@ -38,7 +38,7 @@ MOST_RUNS = 20_000
 FRAME, FPS = 384, 12
 # So large a share of the creases may end nowhere: of a machine part few do, of an animal most. Empirical.
 MOST_LOOSE = 0.5
-CREASE, BORDER = "crease", "border"
+CONTOUR = "contour"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class MeshSketch:
 
     Attributes:
         sketch: the strokes that are there from everywhere.
-        kinds: what each is: "crease", "border", or "contour": an outline from one of six sides.
+        kinds: what each is: "crease", "border", "intersection", or "contour": an outline from one of six sides.
         outlines: the share of the outlines from all sides that creases and borders draw.
     """
 
@@ -57,8 +57,8 @@ class MeshSketch:
 
     @property
     def features(self) -> tuple[Sketch, list[str]]:
-        """The creases and borders: from each side, contours are others."""
-        rows = [i for i, kind in enumerate(self.kinds) if kind in (CREASE, BORDER)]
+        """All but the contours, which are others from each side."""
+        rows = [i for i, kind in enumerate(self.kinds) if kind != CONTOUR]
         return self.sketch[rows], [self.kinds[i] for i in rows]
 
 
@@ -163,7 +163,7 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
 
 
 def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:
-    """Whether each stroke is a crease or a border: what its first curve is, the one with the same middle."""
+    """What each stroke is: what its first curve is, the one with the same middle."""
     from scipy.spatial import cKDTree
 
     if not len(sketch):
@@ -171,7 +171,7 @@ def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:
     first = (sketch.chains or Chains.plain(len(sketch))).first[:-1]
     curves = cKDTree(found.curves.points[:, 1:3].double().mean(1).numpy())
     rows = curves.query(sketch.points[first, 1:3].double().mean(1).numpy())[1]
-    return tuple(BORDER if border else CREASE for border in found.border[rows])
+    return tuple(found.kinds[row] for row in rows)
 
 
 def _cameras(mesh: TriangleMesh, options: MeshOptions) -> Cameras:

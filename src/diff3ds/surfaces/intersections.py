@@ -1,0 +1,129 @@
+"""Where the parts of a mesh go through each other: runs of points along the seams."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.surfaces.clean import SAME
+from diff3ds.surfaces.mesh import TriangleMesh
+
+# Parts are moved by so little against each other, as a share of the mesh's size, that no corner lies on a face.
+APART = 1e-9
+# Pairs of an edge and a face that are looked at together: 100 bytes each.
+AT_ONCE = 1 << 21
+
+
+@dataclass(frozen=True, eq=False)
+class Seams:
+    """Where parts go through each other.
+
+    Attributes:
+        points: where an edge of one part goes through a face of another.
+        steps: pairs of points between which two faces cut each other.
+    """
+
+    points: Float[Array, "N 3"]
+    steps: Int[Index, "S 2"]
+
+
+def seams(mesh: TriangleMesh) -> Seams:
+    """Where the pieces of a mesh that share no edge go through each other.
+
+    Two faces cut each other along a segment. At each end of it an edge of one goes through the other, and the next face
+    at this edge goes on from there. Points are known by edge and face, so that seams hang together for any rounding.
+    """
+    none = Seams(np.zeros((0, 3)), np.zeros((0, 2), np.int64))
+    piece = _pieces_of(mesh)
+    if not piece.any():
+        return none
+    one, other = _near_pairs(mesh, piece)
+    if not len(one):
+        return none
+    # Each pair of faces: the three edges of each, and the face that they may go through.
+    edges = np.concatenate([mesh.face_edges[other], mesh.face_edges[one]], 1)
+    faces = np.concatenate([np.repeat(one[:, None], 3, 1), np.repeat(other[:, None], 3, 1)], 1)
+    key, slot = np.unique(edges * len(mesh.faces) + faces, return_inverse=True)
+    edge, face = np.divmod(key, len(mesh.faces))
+    through, place = _through(mesh, piece, edge, face)
+    met = through[slot.reshape(edges.shape)]
+    pairs = met.sum(1) == 2
+    ends = slot.reshape(edges.shape)[pairs][met[pairs]].reshape(-1, 2)
+    used, steps = np.unique(ends, return_inverse=True)
+    return _without_tiny_steps(place[used], steps.reshape(-1, 2), SAME * mesh.size)
+
+
+def _without_tiny_steps(points: Float[Array, "N 3"], steps: Int[Index, "S 2"], least: float) -> Seams:
+    """The seams with points made one that short steps join: where corners nearly lie on faces."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    tiny = np.linalg.norm(points[steps[:, 0]] - points[steps[:, 1]], axis=1) < least
+    a, b = steps[tiny].T
+    graph = coo_matrix((np.ones(len(a), bool), (a, b)), shape=(len(points), len(points)))
+    _, group = connected_components(graph, directed=False)
+    _, first = np.unique(group, return_index=True)
+    left = np.sort(group[steps[~tiny]], axis=1)
+    return Seams(points[first], np.unique(left[left[:, 0] != left[:, 1]], axis=0).astype(np.int64))
+
+
+def _pieces_of(mesh: TriangleMesh) -> Int[Index, " F"]:
+    """The piece that each face is of: faces that share an edge are of one."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(mesh.faces)
+    rows = np.repeat(np.arange(count), 3)
+    graph = coo_matrix((np.ones(3 * count, bool), (rows, mesh.face_edges.ravel())), shape=(count, len(mesh.edges)))
+    _, piece = connected_components(graph @ graph.T, directed=False)
+    return piece.astype(np.int64)
+
+
+def _near_pairs(mesh: TriangleMesh, piece: Int[Index, " F"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
+    """Pairs of faces of different pieces whose boxes meet."""
+    corners = mesh.vertices[mesh.faces]
+    low, high = corners.min(1), corners.max(1)
+    # Faces that are in the box of no other piece meet none.
+    boxes = np.full((int(piece.max()) + 1, 2, 3), np.inf)
+    np.minimum.at(boxes[:, 0], piece, low)
+    np.minimum.at(boxes[:, 1], piece, -high)
+    rows = np.zeros(len(low), bool)
+    for number, (least, most) in enumerate(boxes):
+        rows |= (piece != number) & (low <= -most).all(1) & (high >= least).all(1)
+    some = np.flatnonzero(rows)
+    if not len(some):
+        return some, some
+    cell = float(np.median((high - low)[some].max(1)))
+    index = BoxIndex.of(low[some], high[some], cell)
+    a, b = index.meeting(low[some], high[some])
+    a, b = some[a], some[b]
+    meet = (piece[a] < piece[b]) & (low[a] <= high[b]).all(1) & (low[b] <= high[a]).all(1)
+    pairs = np.unique(a[meet] * len(low) + b[meet])
+    return np.divmod(pairs, len(low))
+
+
+def _through(
+    mesh: TriangleMesh, piece: Int[Index, " F"], edge: Int[Index, " P"], face: Int[Index, " P"]
+) -> tuple[Bool[Mask, " P"], Float[Array, "P 3"]]:
+    """Which edges go through which faces, and where."""
+    through, place = np.zeros(len(edge), bool), np.zeros((len(edge), 3))
+    # The same small move for all of a piece, in a direction of its own.
+    shift = APART * mesh.size * np.random.default_rng(0).standard_normal((int(piece.max()) + 1, 3))
+    for first in range(0, len(edge), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        ends = mesh.vertices[mesh.edges[edge[some]]]
+        moved = ends + shift[piece[mesh.edge_faces[edge[some], 0]]][:, None]
+        a, b, c = (mesh.vertices[mesh.faces[face[some]]] + shift[piece[face[some]]][:, None]).transpose(1, 0, 2)
+        p, q = moved.transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        before, after = (np.einsum("ni,ni->n", normal, x - a) for x in (p, q))
+        crosses = (before > 0) != (after > 0)
+        # On the same side of the three planes through the edge and a side of the face.
+        sides = [np.einsum("ni,ni->n", q - p, np.cross(u - p, v - p)) > 0 for u, v in ((a, b), (b, c), (c, a))]
+        inside = (sides[0] == sides[1]) & (sides[1] == sides[2])
+        through[some] = crosses & inside
+        t = before / np.where(before == after, 1.0, before - after)
+        place[some] = ends[:, 0] + np.clip(t, 0, 1)[:, None] * (ends[:, 1] - ends[:, 0])
+    return through, place
