@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import load_image, save_png
-from diff3ds.library import member
+from diff3ds.library import CATEGORIES, member
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.network import trained
@@ -249,6 +249,17 @@ def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
     zero123 = ["--prior", "zero123", "--shows", "a chair"]
     assert "--shows is for the built-in prior" in fails(["image", str(chair), *zero123, *out], capsys)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_kind_that_the_network_has_not_seen_can_be_named(tmp_path):
+    lines = lines_in(pictured(tmp_path / "cat.png", drawn("cat"), 40.0, 12.0))
+    assert "cat" not in trained().kinds
+    with pytest.raises(NotRecognised, match=rf"another of the library's {len(CATEGORIES)}, say so with --shows"):
+        recognised(lines)
+    found = seen_as(lines, "cat")
+    assert (found.kind, found.attributes, found.caption) == ("cat", (), "a cat")
+    assert abs(found.azimuth - 40) <= 7.5
+    assert abs(found.elevation - 12) <= 7.5
 
 
 def test_it_is_drawn_as_what_one_says_it_shows(cross, tmp_path):

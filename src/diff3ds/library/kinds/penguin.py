@@ -10,24 +10,18 @@ from diff3ds.library.shapes import Strokes, curve, line, mirror, polyline, ring,
 def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     high, wide, head = vary(1.5, 1.75), vary(0.4, 0.5), vary(0.21, 0.26)
     z = high - head
-    parts = [side((0.02, high), (head, z), (0.26, 0.72 * high), (0.42, 0.4 * high), (0.34, 0.08), (0.1, 0.04))]
-    parts.append(side((0.02, high), (-head, z), (-0.22, 0.74 * high), (-0.32, 0.35 * high), (-0.24, 0.1), (-0.4, 0.0)))
+    # A ball of a head, and the body from where it widens below.
+    x, low = 0.8 * head, z - 0.6 * head
+    parts = [ring((0, 0, z), head, axis) for axis in ("x", "y")]
+    parts.append(side((x, low), (0.27, 0.7 * high), (0.42, 0.4 * high), (0.34, 0.08), (0.1, 0.04)))
+    parts.append(side((-x, low), (-0.22, 0.7 * high), (-0.32, 0.35 * high), (-0.24, 0.1), (-0.4, 0.0)))
     parts.append(
-        mirror(
-            spline(
-                (0, 0, high),
-                (0, head, z),
-                (0, 0.3, 0.75 * high),
-                (0, wide, 0.38 * high),
-                (0, 0.3, 0.06),
-                (0, 0.1, 0.04),
-            )
-        )
+        mirror(spline((0, x, low), (0, 0.3, 0.7 * high), (0, wide, 0.38 * high), (0, 0.3, 0.06), (0, 0.1, 0.04)))
     )
     parts.append(ring((0.03, 0, 0.38 * high), wide - 0.06))
     # The edge of the white front, the beak, the eyes.
     parts.append(
-        mirror(curve((0.24, 0, 0.8 * high), (0.26, 0.3, 0.78 * high), (0.5, 0.46, 0.2 * high), (0.36, 0.0, 0.1)))
+        mirror(curve((0.24, 0, 0.74 * high), (0.26, 0.3, 0.74 * high), (0.5, 0.46, 0.2 * high), (0.36, 0.0, 0.1)))
     )
     beak = (head + 0.2, 0, z - 0.02)
     parts += [line((head, 0, z + 0.06), beak), mirror(line(beak, (head - 0.02, 0.07, z)))]
