@@ -1,5 +1,7 @@
 """Contours of quadrics against closed forms, gradients against differences, unions against rays and meshes."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 import torch
@@ -98,7 +100,10 @@ def test_gradients_of_a_picture_agree_with_differences(orthographic):
         pose = start[2].world_to_camera.clone()
         pose[:, :3, 3] = pose[:, :3, 3] + shift
         cameras = ds.Cameras(pose, start[2].intrinsics, start[2].size, orthographic=orthographic)
-        drawn = ds.render(nothing, cameras, surface=solids, hidden="show", antialiasing=ds.Analytic(blur=3.0))
+        (lines,) = ds.visible_lines(nothing, cameras, solids)
+        # Curves in which solids meet are fitted anew at every step, which differences see.
+        conics = lines.sketch[[k for k, kind in enumerate(lines.kinds) if kind == "contour"]]
+        drawn = ds.render(conics, cameras, antialiasing=ds.Analytic(blur=3.0))
         return (drawn.alpha[0] * (ramp[:, None] + 2 * ramp**2)).sum()
 
     values = [start[0], start[1], number([0.0, 0, 0])]
@@ -120,7 +125,9 @@ def test_an_end_that_is_cut_moves_as_the_cut_does():
     solids = ds.Quadrics.ellipsoids(center, torch.ones(2, dtype=DOUBLE))
     cameras = ds.look_at(number([[0.5, -50.0, 0]]), (0.5, 0, 0), height=4.0)
     (sketch,) = ds.contours(solids, cameras)
-    assert len(sketch) == 2
+    (lines,) = ds.visible_lines(ds.Sketch(torch.zeros(0, 4, 3, dtype=DOUBLE)), cameras, solids)
+    assert lines.kinds == ("contour", "contour", "intersection")
+    sketch = sketch[:2]
     meeting = sketch.points[:, [0, -1]].reshape(-1, 3)
     meeting = meeting[(meeting[:, 0].detach() - 0.5).abs() < 1e-9]
     assert len(meeting) == 4
@@ -130,6 +137,32 @@ def test_an_end_that_is_cut_moves_as_the_cut_does():
     (up,) = torch.autograd.grad(meeting[0, 2].abs(), gap)
     assert float(along) == pytest.approx(0.5)
     assert float(up) == pytest.approx(-0.25 / 0.75**0.5)
+
+
+def test_solids_meet_in_curves_that_lie_on_both_and_move_with_them():
+    """Two balls meet in a circle, of radius sqrt(1 - gap² / 4) at half the gap."""
+    gap = number(1.0).requires_grad_()
+    center = torch.stack([number([0.0, 0, 0]), torch.stack([gap, number(0.0), number(0.0)])])
+    cameras = ds.orbit(40.0, 20.0, 8.0, size=512, fov=30.0).to(DOUBLE)
+    (lines,) = ds.visible_lines(
+        ds.Sketch(torch.zeros(0, 4, 3, dtype=DOUBLE)),
+        cameras,
+        ds.Quadrics.ellipsoids(center, torch.ones(2, dtype=DOUBLE)),
+    )
+    (k,) = [k for k, kind in enumerate(lines.kinds) if kind == "intersection"]
+    circle = lines.sketch[k]
+    assert bool(circle.chains.closed.all())
+    points = ds.bezier.evaluate(circle.points, circle.weights, torch.linspace(0, 1, 9, dtype=DOUBLE)).reshape(-1, 3)
+    # 0.1 px in the picture: at this distance and size a thousandth.
+    assert torch.allclose(points[:, 0], number(0.5), atol=2e-3)
+    radius = torch.linalg.vector_norm(points[:, 1:], dim=1)
+    assert torch.allclose(radius, number(0.75**0.5), atol=2e-3)
+    (change,) = torch.autograd.grad(radius.mean() + 10 * points[:, 0].mean(), gap)
+    assert float(change) == pytest.approx(-0.25 / 0.75**0.5 + 5, rel=1e-2)
+    # The balls hide a part of it.
+    seen = lines.strokes(True, "intersection")
+    share = ds.bezier.length(seen.points, seen.weights).sum() / ds.bezier.length(circle.points, circle.weights).sum()
+    assert 0.2 < float(share.detach()) < 0.8
 
 
 def scene() -> tuple[ds.Quadrics, ds.TriangleMesh]:
@@ -183,10 +216,10 @@ def test_the_lines_of_a_union_are_cut_and_hidden_as_rays_say():
     local = solids.to_local().numpy()
     cameras = ds.orbit(40.0, 20.0, 7.0, size=400, fov=40.0).to(DOUBLE)
     (lines,) = ds.visible_lines(ds.Sketch(torch.zeros(0, 4, 3, dtype=DOUBLE)), cameras, solids)
-    assert set(lines.kinds) == {"contour", "crease"}
+    assert set(lines.kinds) == {"contour", "crease", "intersection"}
     steps = np.linspace(0, 1, 4001)[1:, None]
-    for visible in (True, False):
-        strokes = lines.strokes(visible)
+    for visible, kind in product((True, False), ("contour", "crease")):
+        strokes = lines.strokes(visible, kind)
         length = ds.bezier.length(strokes.points, strokes.weights)
         kept = length > 0.02
         middle = ds.bezier.evaluate(strokes.points[kept], strokes.weights[kept], number([0.3, 0.6])).reshape(-1, 3)

@@ -65,7 +65,7 @@ def contour_chains(mesh: TriangleMesh, picture: Picture, drawn: Bool[Mask, " E"]
     points, own = points.reshape(-1, 3)[first], own.reshape(-1, 3)[first]
     return [
         Chain(points[run], own[run], convex[steps], closed)
-        for run, steps, closed in _walks(ends.reshape(-1, 2), len(found))
+        for run, steps, closed in walks(ends.reshape(-1, 2), len(found))
     ]
 
 
@@ -138,7 +138,7 @@ def _bends_away(corners: Float[Array, "S 3 3"], facing: Float[Array, "S 3"], pic
     return s * (facing[:, 1] - facing[:, 0]) + t * (facing[:, 2] - facing[:, 0]) >= 0
 
 
-def _walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int], bool]]:
+def walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int], bool]]:
     """Runs of nodes along steps between two each, the steps of each run, and whether it closes.
 
     Most nodes have one step or two.
@@ -149,7 +149,7 @@ def _walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[in
         steps_at[b].append(step)
     pairs = ends.tolist()
     seen = [False] * len(pairs)
-    walks: list[tuple[list[int], list[int], bool]] = []
+    found: list[tuple[list[int], list[int], bool]] = []
     starts = [n for n in range(count) if len(steps_at[n]) == 1]
     for start in (*starts, *range(count)):
         run: list[int] = [start]
@@ -161,5 +161,5 @@ def _walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[in
             run.append(b if run[-1] == a else a)
         if steps:
             closed = run[-1] == start
-            walks.append((run[:-1] if closed else run, steps, closed))
-    return walks
+            found.append((run[:-1] if closed else run, steps, closed))
+    return found

@@ -1,11 +1,13 @@
 """What one camera sees of a union of quadrics and of strokes around it: its lines, and which parts are hidden."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds.bezier.curves import homogeneous_derivatives
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import project
@@ -14,8 +16,10 @@ from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.bernstein_roots import bernstein_roots, quadratic_form
 from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch
+from diff3ds.surfaces.fit_picture import fit_chains
 from diff3ds.surfaces.mesh_view import Picture
 from diff3ds.surfaces.quadric_forms import Forms
+from diff3ds.surfaces.quadric_meets import bounds, meeting_chains, onto_both
 from diff3ds.surfaces.quadrics import ARCS, Quadrics, conics
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
@@ -24,6 +28,8 @@ from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 ROUNDING, ON_SURFACE = 1e-7, 2e-3
 # Of the points that a part is asked about, so large a share is noise: parts are cut where anything changes.
 STRAY = 0.3
+# Largest distance between a curve in which two solids meet and the strokes that are fitted to it, pixels.
+MEETING = 0.1
 KINDS = ("contour", "crease", "crease")
 
 
@@ -32,8 +38,8 @@ class QuadricsSeen:
 
     Attributes:
         lines: contours and the ends of cylinders and cones, without what lies inside of other solids; hidden ones too.
-            Gradients flow to the quadrics and the camera.
-        kinds: "contour" or "crease" for each stroke.
+            Then the curves in which solids meet. Gradients flow to the quadrics and the camera.
+        kinds: "contour", "crease" or "intersection" for each stroke.
     """
 
     def __init__(self, solids: Quadrics, cameras: Cameras, view: int) -> None:
@@ -56,16 +62,68 @@ class QuadricsSeen:
         counts = [ARCS if ring else 1 for ring in _firsts(whole)]
         sketch = Sketch(found.points, found.weights, chains=Chains.of(counts, [n > 1 for n in counts]))
         solid, kind = found.solid.cpu().numpy(), found.kind.cpu().numpy()
-        segment, ends = self._outside(sketch, solid)
-        start, stop = ends.detach().numpy().T
-        self.lines, stroke = cut_sketch(sketch, segment, start, stop, ends)
+        self._conics, stroke = self._outside(sketch, solid[:, None])
         first = np.cumsum([0, *counts])[:-1]
         self.kinds = tuple(KINDS[k] for k in kind[first[stroke]])
-        made = (self.lines.chains or Chains.plain(len(self.lines))).stroke.numpy()
+        made = (self._conics.chains or Chains.plain(len(self._conics))).stroke.numpy()
         self._own, self._kind = solid[first[stroke]][made], kind[first[stroke]][made]
+        self._meets = self._meeting_lines()
+        self.kinds += ("intersection",) * len(self._meets)
+        self.lines = Sketch.concatenate([self._conics, self._meets]) if len(self._meets) else self._conics
 
-    def _outside(self, sketch: Sketch, own: Int[Index, " S"]) -> tuple[Index, Tensor]:
-        """The parts of segments that lie in no other solid: their segments, and their ends with gradients."""
+    def _meeting_lines(self) -> Sketch:
+        """Curves in which solids meet, fitted in the picture."""
+        least, most = self._boxes
+        pairs = np.argwhere(np.triu(((least[:, None] <= most) & (most[:, None] >= least)).all(2), 1))
+        taper, axes = (v.detach().double().numpy() for v in (self._solids.taper, self._solids.axes))
+        found = meeting_chains(self._forms, taper, axes, pairs)
+        chains = [chain for chain in found if _in_front(chain[0], self._picture)]
+        rows = [np.append(points, points[:1], 0) if closed else points for points, closed, _ in chains]
+        first = np.cumsum([0, *(len(row) for row in rows)])
+        nothing = np.zeros(0, np.int64)
+        points = np.concatenate([np.zeros((0, 3)), *rows])
+        fitted = fit_chains(points, first, nothing, self._picture, MEETING)
+        control = torch.from_numpy(fitted.control)
+        weights = control[..., 3]
+        made = Chains.of(np.bincount(fitted.chain, minlength=len(chains)).tolist(), [closed for _, closed, _ in chains])
+        both = np.array([pair for _, _, pair in chains], np.int64).reshape(-1, 2)[fitted.chain]
+        moved = control[..., :3] / weights[..., None] + self._motion(fitted.control, both)
+        if len(moved):
+            moved = made.joined(moved)
+        lines, stroke = self._outside(Sketch(moved, weights / weights[:, :1], chains=made), both)
+        first = made.first.numpy()[:-1]
+        of = (lines.chains or Chains.plain(len(lines))).stroke.numpy()
+        self._both = both[first[stroke]][of]
+        return lines
+
+    def _motion(self, control: Float[Array, "S 4 4"], both: Int[Index, "S 2"]) -> Float[Tensor, "S 4 3"]:
+        """What moves control points with the solids: nothing, with the derivatives of four points of each curve.
+
+        A point on both surfaces moves across them as they do; along the curve it may slide, which changes no picture.
+        """
+        basis = np.stack([_bernstein(t) for t in np.linspace(0, 1, 4)]) * control[:, None, :, 3]
+        basis /= basis.sum(2, keepdims=True)
+        points = basis @ (control[..., :3] / control[..., 3:])
+        x = np.concatenate([points, np.ones_like(points[..., :1])], -1).reshape(-1, 4)
+        forms, local = self._solids.forms(), self._solids.to_local()
+        changes, slopes = [], []
+        for side in np.repeat(both, 4, axis=0).T:
+            bound, slope = bounds(self._forms, side, x)
+            of, place = torch.from_numpy(side), torch.from_numpy(x)
+            curved = (place * (forms[of] * place[:, None]).sum(-1)).sum(-1)
+            sign = torch.from_numpy(np.where(bound == 1, -1.0, 1.0))
+            flat = sign * (local[of, 2] * place).sum(-1) - 1
+            value = torch.where(torch.from_numpy(bound == 0), curved, flat)
+            changes.append(value - value.detach())
+            slopes.append(slope)
+        slope = np.stack(slopes, 1)
+        gram = slope @ slope.transpose(0, 2, 1)
+        back = slope.transpose(0, 2, 1) @ np.linalg.pinv(gram)
+        step = -(torch.from_numpy(back) * torch.stack(changes, 1)[:, None]).sum(-1).reshape(-1, 4, 3)
+        return torch.from_numpy(np.linalg.inv(basis)) @ step
+
+    def _outside(self, sketch: Sketch, own: Int[Index, "S O"]) -> tuple[Sketch, Index]:
+        """The parts of strokes that lie in no solid but those on which they are, and of which stroke each is."""
         control = _control(sketch)
         row, other = self._near(sketch, own)
         forms = [self._forms.inside[other], *(_squared(self._forms.ends[other, k]) for k in (0, 1))]
@@ -96,7 +154,7 @@ class QuadricsSeen:
             ],
             1,
         )
-        return segment[kept], ends
+        return cut_sketch(sketch, segment[kept], start[kept], stop[kept], ends)
 
     def _differentiable(self, sketch: Sketch, segment: Index, solid: Index, which: Index, t: Array) -> Tensor:
         """Roots with gradients: one step of Newton's method changes nothing, and has the derivative of the root."""
@@ -106,9 +164,7 @@ class QuadricsSeen:
         weights = sketch.weights[rows]
         control = torch.cat([sketch.points[rows] * weights[..., None], weights[..., None]], -1)
         at_t = torch.from_numpy(t)
-        basis = torch.stack([(1 - at_t) ** 2, 2 * at_t * (1 - at_t), at_t**2], 1)
-        slope = torch.stack([-2 * (1 - at_t), 2 - 4 * at_t, 2 * at_t], 1)
-        point, speed = (basis[..., None] * control).sum(1), (slope[..., None] * control).sum(1)
+        point, speed, _ = (value[:, 0] for value in homogeneous_derivatives(control, at_t[:, None]))
         form = self._solids.forms()[of]
         local = self._solids.to_local()[of]
         sign = torch.where(torch.from_numpy(which) == 1, -1.0, 1.0)[:, None]
@@ -122,8 +178,8 @@ class QuadricsSeen:
 
     def line_parts(self) -> Parts:
         """Which parts of the lines are seen."""
-        control = _control(self.lines)
-        row, other = self._near_in_picture(self.lines)
+        control = _control(self._conics)
+        row, other = self._near_in_picture(self._conics)
         apart = other != self._own[row]
         row, other = row[apart], other[apart]
         cuts = [self._sight_cuts(control, row, other)]
@@ -141,10 +197,21 @@ class QuadricsSeen:
             behind[part[self._forms.hide(points[part], solid, ROUNDING)]] = True
             return behind
 
-        return self._decided(self.lines, cuts, hidden)
+        conics = self._decided(self._conics, cuts, hidden)
+
+        def exact(segment: Int[Index, " Q"], points: Float[Array, "Q 4"]) -> Float[Array, "Q 4"]:
+            one, other = self._both[segment].T
+            return np.column_stack([onto_both(self._forms, one, other, points[:, :3]), points[:, 3]])
+
+        meets = self._parts(self._meets, 10 * ROUNDING, exact)
+        return Parts.concatenate(conics, meets, len(self._conics.points))
 
     def parts(self, sketch: Sketch) -> Parts:
         """Which parts of a sketch's segments are seen."""
+        return self._parts(sketch, ON_SURFACE, lambda segment, points: points)
+
+    def _parts(self, sketch: Sketch, depth: float, placed: Callable[[Index, Array], Array]) -> Parts:
+        """The same, for strokes that are at `placed` points, and hidden by what lies so deep."""
         control = _control(sketch)
         row, other = self._near_in_picture(sketch)
         cuts = [self._sight_cuts(control, row, other), _roots_of_lines(control, row, self._forms.polar[other])]
@@ -153,10 +220,10 @@ class QuadricsSeen:
         cuts += [_roots_of_lines(control, row, self._forms.ends[other, k]) for k in (0, 1)]
 
         def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
-            points = _points(control, segment, t)
+            points = placed(segment, _points(control, segment, t))
             part, solid = _pairs_of(segment, row, other, len(control))
             behind = np.zeros(len(segment), bool)
-            behind[part[self._forms.hide(points[part], solid, ON_SURFACE)]] = True
+            behind[part[self._forms.hide(points[part], solid, depth)]] = True
             return behind
 
         return self._decided(sketch, cuts, hidden)
@@ -172,13 +239,13 @@ class QuadricsSeen:
         found = [bernstein_roots(quadratic_form(control[row], form)) for form in forms]
         return np.concatenate([row[pair] for pair, _ in found]), np.concatenate([t for _, t in found])
 
-    def _near(self, sketch: Sketch, own: Int[Index, " S"]) -> tuple[Index, Index]:
+    def _near(self, sketch: Sketch, own: Int[Index, "S O"]) -> tuple[Index, Index]:
         """Segments and other solids whose boxes meet."""
         points = sketch.points.detach().numpy()
         low, high = points.min(1), points.max(1)
         least, most = self._boxes
         meet = ((low[:, None] <= most) & (high[:, None] >= least)).all(2)
-        meet[np.arange(len(own)), own] = False
+        meet[np.arange(len(own))[:, None], own] = False
         row, other = np.nonzero(meet)
         return row, other
 
@@ -200,6 +267,15 @@ class QuadricsSeen:
         solid_low, solid_high = _picture_boxes(np.where(pick, most[:, None], least[:, None]), self._picture)
         row, other = np.nonzero(((low[:, None] <= solid_high) & (high[:, None] >= solid_low)).all(2))
         return row, other
+
+
+def _in_front(points: Float[Array, "M 3"], picture: Picture) -> bool:
+    """Whether a chain is one, and lies in front of the near plane."""
+    return len(points) > 2 and bool((picture.seen(points)[1] > picture.near).all())
+
+
+def _bernstein(t: float) -> Float[Array, " 4"]:
+    return np.array([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3])
 
 
 def _firsts(whole: Bool[Mask, " C"]) -> list[bool]:
