@@ -241,7 +241,7 @@ class Render:
     picture: OmitArgPrefixes[PictureOptions]
     hiding: OmitArgPrefixes[SurfaceOptions]
     styles: OmitArgPrefixes[StyleOptions]
-    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
+    # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
     source: Positional[Path]
     # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
     out: Annotated[Path, arg(aliases=["-o"])]
@@ -269,7 +269,7 @@ class Export:
 
     export: OmitArgPrefixes[ExportOptions]
     styles: OmitArgPrefixes[StyleOptions]
-    # sketch.json, a STEP, DXF or 3DM file, or the folder of a run.
+    # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
     source: Positional[Path]
     # The file to write.
     file: Positional[Path]

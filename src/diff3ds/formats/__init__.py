@@ -17,6 +17,7 @@ from diff3ds.formats.rhino import load_3dm, save_3dm
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.step import load_step, save_step
 from diff3ds.formats.svg import save_svg
+from diff3ds.formats.usd import load_usd, save_usd
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 
@@ -27,6 +28,7 @@ __all__ = [
     "load_image",
     "load_json",
     "load_step",
+    "load_usd",
     "save",
     "save_3dm",
     "save_blender",
@@ -39,6 +41,7 @@ __all__ = [
     "save_png",
     "save_step",
     "save_svg",
+    "save_usd",
     "tile_images",
 ]
 
@@ -51,12 +54,24 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".glb": save_glb,
     ".ply": save_ply,
     ".obj": save_obj,
+    ".usd": save_usd,
+    ".usda": save_usd,
+    ".usdc": save_usd,
     ".py": save_blender,
 }
 # Formats whose files say in which unit of length they are.
-_WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb")
+_WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb", ".usd", ".usda", ".usdc")
 PICTURES = (".svg", ".pdf", ".png")
-_READERS = {".json": load_json, ".step": load_step, ".stp": load_step, ".dxf": load_dxf, ".3dm": load_3dm}
+_READERS = {
+    ".json": load_json,
+    ".step": load_step,
+    ".stp": load_step,
+    ".dxf": load_dxf,
+    ".3dm": load_3dm,
+    ".usd": load_usd,
+    ".usda": load_usd,
+    ".usdc": load_usd,
+}
 
 
 def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, unit: Unit | None = None) -> None:
@@ -69,6 +84,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
     * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
     * `.obj`: polylines with colours, z up (see `save_obj`).
+    * `.usd`, `.usda`, `.usdc`: exact curves, and polylines for viewers (see `save_usd`).
     * `.py`: a script that builds the sketch in Blender (see `save_blender`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.pdf`: the same paths (see `save_pdf`).
@@ -77,7 +93,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     Args:
         cameras: the views of a picture; formats that hold the sketch itself need none.
         unit: what a world unit is, in formats that know units of length: "mm", "cm", "m", "in" or "ft"; by default mm
-            in those for CAD, m in GLB.
+            in those for CAD, m in GLB and USD.
 
     Raises:
         TypeError: not a sketch.
@@ -118,9 +134,9 @@ def notebook_png(sketch: Sketch) -> bytes:
 
 
 def load(path: str | Path) -> Sketch:
-    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf` or `.3dm` file.
+    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf`, `.3dm`, `.usd`, `.usda` or `.usdc` file.
 
-    All but JSON need the extra `cad` (see `load_step`, `load_dxf`, `load_3dm`).
+    STEP, DXF and 3DM need the extra `cad` (see `load_step`, `load_dxf`, `load_3dm`), USD the extra `usd` (`load_usd`).
 
     Raises:
         ValueError: another suffix; not such a file, or a broken, too large or unsupported one.

@@ -11,7 +11,7 @@ import torch
 
 from diff3ds.bezier import MAX_DEGREE, from_nurbs
 from diff3ds.formats.assembly import ReadStroke, Segment, sketch_of
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 
 # A sketch of 100,000 strokes takes 100 MB; more is taken for a mistake or an attack.
 MAX_BYTES = 1 << 28
@@ -67,18 +67,33 @@ def nurbs_sketch(path: Path, reader: str, program: str, kind: str) -> Sketch:
         ValueError, OSError: as `strokes_apart`; a degree above 3, or what is no curve.
     """
     strokes = []
-    for i, found in enumerate(strokes_apart(path, reader, program, kind)):
+    read = strokes_apart(path, reader, program, kind)
+    spaces = {found.get("width", {}).get("space") for found in read}
+    # Widths are read where a file says of all of its curves what they are.
+    space = spaces.pop() if len(spaces) == 1 else None
+    for i, found in enumerate(read):
         try:
-            for segments in _joined(found["curves"], found["millimetres"]):
+            for segments in _joined(found["curves"], found["scale"]):
                 # One segment that ends where it begins stays open.
-                closed = len(segments) > 1 and meet(segments[-1], segments[0])
-                strokes.append(ReadStroke(segments, closed, found["color"]))
+                closed = len(segments) > 1 and meet(segments[-1], segments[0]) and found.get("closed") is not False
+                width = _width(found["width"]["values"], segments) if space else DEFAULT_WIDTH
+                strokes.append(ReadStroke(segments, closed, found["color"], width, found.get("opacity", 1.0)))
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: curve {i}: {error}") from error
     try:
-        return sketch_of(strokes)
+        return sketch_of(strokes, space or "image")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def _width(values: list[float], segments: list[Segment]) -> float | list[list[float]]:
+    """One width, or for each segment those of its control points; the last one is the first of the next segment."""
+    if len(values) == 1:
+        return values[0]
+    degree = len(segments[0][1]) - 1
+    if len(values) != degree * len(segments) + 1:
+        raise ValueError(f"{len(values)} widths for {len(segments)} segments of degree {degree}")
+    return [values[i * degree : (i + 1) * degree + 1] for i in range(len(segments))]
 
 
 def _joined(curves: list[dict[str, Any]], scale: float) -> list[list[Segment]]:

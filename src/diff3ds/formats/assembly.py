@@ -14,12 +14,12 @@ Segment = tuple[Sequence[Sequence[float]], Sequence[float]]
 
 
 class ReadStroke(NamedTuple):
-    """A stroke: its segments, each of a degree of its own."""
+    """A stroke: its segments, each of a degree of its own, and its width, one or for each control point of each."""
 
     segments: Sequence[Segment]
     closed: bool
     color: Sequence[float]
-    width: float = DEFAULT_WIDTH
+    width: float | Sequence[Sequence[float]] = DEFAULT_WIDTH
     opacity: float = 1.0
 
 
@@ -42,10 +42,20 @@ def sketch_of(strokes: Sequence[ReadStroke], width_space: WidthSpace = "image") 
     def column(values: Sequence[object]) -> torch.Tensor:
         return torch.tensor(values, dtype=torch.float64)
 
+    if all(isinstance(stroke.width, float) for stroke in strokes):
+        width = column([stroke.width for stroke in strokes])
+    else:
+        rows_of = [
+            [[stroke.width] * len(weights)] * len(stroke.segments) if isinstance(stroke.width, float) else stroke.width
+            for stroke in strokes
+            for _, weights in stroke.segments[:1]
+        ]
+        each = [row for rows in rows_of for row in rows]
+        width = torch.stack([elevate(column(row)[:, None], None, most - 1)[0][:, 0] for row in each])
     return Sketch(
         points,
         weights,
-        width=column([stroke.width for stroke in strokes]),
+        width=width,
         color=column([list(stroke.color) for stroke in strokes]),
         opacity=column([stroke.opacity for stroke in strokes]),
         width_space=width_space,

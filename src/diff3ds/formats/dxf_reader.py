@@ -45,7 +45,7 @@ def strokes_of(path: str) -> list[dict[str, Any]]:
         if strokes and number is not None and number == last:
             strokes[-1]["curves"].append(curve)
         else:
-            strokes.append({"curves": [curve], "color": _color(document, entity), "millimetres": unit})
+            strokes.append({"curves": [curve], "color": _color(document, entity), "scale": unit})
         last = number
     return strokes
 

@@ -19,30 +19,25 @@ class Polyline(NamedTuple):
 
     Attributes:
         vertices: world units; of closed ones the first is not given again.
-        places: of each vertex the segment it is on plus the parameter there; segments count from 0 in each stroke.
         closed: whether the last vertex is joined to the first.
     """
 
     vertices: Float[NDArray[np.float64], "P 3"]
-    places: Float[NDArray[np.float64], " P"]
     closed: bool
 
 
-def polylines_of(sketch: Sketch) -> list[Polyline]:
-    """One a stroke, float64, off by `TOLERANCE` (1e-4) of the sketch's radius at most."""
+def polylines_of(sketch: Sketch, tolerance: float = TOLERANCE) -> list[Polyline]:
+    """One a stroke, float64, off by the tolerance times the sketch's radius at most."""
     sketch = sketch.detach().to("cpu")
-    tolerance = TOLERANCE * ball_of(sketch)[1]
+    tolerance *= ball_of(sketch)[1]
     pieces = [
-        (t.numpy(), vertices.numpy())
-        for t, vertices in tessellate(sketch.points.double(), sketch.weights.double(), tolerance)
+        vertices.numpy() for _, vertices in tessellate(sketch.points.double(), sketch.weights.double(), tolerance)
     ]
     first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
     closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
     found = []
     for stroke in range(len(sketch)):
         some = pieces[first[stroke] : first[stroke + 1]]
-        vertices = np.concatenate([some[0][1], *(piece[1:] for _, piece in some[1:])])
-        places = np.concatenate([some[0][0], *(i + t[1:] for i, (t, _) in enumerate(some[1:], 1))])
-        count = len(vertices) - closed[stroke]
-        found.append(Polyline(vertices[:count], places[:count], closed[stroke]))
+        vertices = np.concatenate([some[0], *(piece[1:] for piece in some[1:])])
+        found.append(Polyline(vertices[: len(vertices) - closed[stroke]], closed[stroke]))
     return found

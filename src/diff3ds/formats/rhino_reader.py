@@ -21,7 +21,7 @@ def strokes_of(path: str) -> list[dict[str, Any]]:
         curve: Any = geometry if isinstance(geometry, rhino3dm.NurbsCurve) else geometry.ToNurbsCurve()
         if curve is None:
             raise ValueError(f"rhino3dm makes no NURBS curve of {item.Attributes.Name or 'a curve'!r}")
-        strokes.append({"curves": [_nurbs(curve)], "color": _color(model, item.Attributes), "millimetres": unit})
+        strokes.append({"curves": [_nurbs(curve)], "color": _color(model, item.Attributes), "scale": unit})
     return strokes
 
 

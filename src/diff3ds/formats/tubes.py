@@ -36,6 +36,11 @@ class Tube(NamedTuple):
     faces: Int[NDArray[np.int64], "F 3"]
 
 
+def width_unit(sketch: Sketch) -> float:
+    """How many world units a unit of the sketch's widths is; of image units, in a picture that the sketch fills."""
+    return 1.0 if sketch.width_space == "world" else 2 * ball_of(sketch)[1] / FILLED
+
+
 def tubes_of(sketch: Sketch) -> list[Tube]:
     """A tube a stroke, float64; one without width has no triangles.
 
@@ -44,8 +49,7 @@ def tubes_of(sketch: Sketch) -> list[Tube]:
     A stroke that turns sharply is several closed tubes, which overlap in a ball.
     """
     sketch = sketch.detach().to("cpu").to(torch.float64)
-    unit = 1.0 if sketch.width_space == "world" else 2 * ball_of(sketch)[1] / FILLED
-    radii = sketch.with_widths_along().width * unit / 2
+    radii = sketch.with_widths_along().width * width_unit(sketch) / 2
     first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
     largest = torch.stack([radii[first[i] : first[i + 1]].max() for i in range(len(sketch))]) if len(sketch) else radii
     # In units of each stroke's tolerance; the places of strokes without width are not needed.

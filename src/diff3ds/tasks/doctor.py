@@ -40,6 +40,7 @@ OPTIONAL = {
     "svg": ("resvg-py",),
     "styles": ("skia-pathops",),
     "mesh": ("trimesh",),
+    "usd": ("usd-core",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }
 

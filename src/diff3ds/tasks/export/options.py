@@ -13,7 +13,7 @@ class ExportOptions:
 
     Attributes:
         unit: of length that the numbers in the file are in, where the format knows units: by default mm
-            in STEP, DXF and 3DM, m in GLB.
+            in STEP, DXF and 3DM, m in GLB and USD.
         scale: how many of these units a world unit of the sketch becomes.
         up: the axis of the file that points up; sketches have z up. GLB files have y up by themselves.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.

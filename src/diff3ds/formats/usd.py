@@ -1,0 +1,163 @@
+"""USD files (.usd, .usda, .usdc) for scenes, by usd-core (the extra `usd`).
+
+Each stroke is a NurbsCurves called "stroke_0", "stroke_1" and so on, with its knots and weights, for programs that know
+them, such as Blender: their purpose is "render". Many viewers draw such curves as their control polygons or not at all:
+for them there are polylines of all strokes, a BasisCurves of the purpose "proxy". z is up. Points, widths and colours
+are float32, weights double. What USD has no words for stands in attributes of the curves called "diff3ds:...".
+"""
+
+import importlib.util
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from diff3ds._files import replacing
+from diff3ds._shapes import Float
+from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds.bezier import to_nurbs
+from diff3ds.formats.apart import check_size, nurbs_sketch
+from diff3ds.formats.polylines import polylines_of
+from diff3ds.formats.tubes import width_unit
+from diff3ds.sketch import Sketch
+
+# Of the radius of the sketch: how far the polylines for viewers may be off the curves.
+PROXY = 1e-3
+
+
+def save_usd(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
+    """Writes a USD file, whole or not at all.
+
+    Widths in image units become those of a picture that the sketch fills; the numbers themselves are kept beside them.
+
+    Args:
+        unit: what a world unit is.
+
+    Raises:
+        ImportError: the extra `usd` is not installed.
+        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    check_unit(unit)
+    sketch.check_values()
+    if len(sketch) == 0:
+        raise ValueError(f"{path}: a USD file needs at least one stroke, got none")
+    if importlib.util.find_spec("pxr") is None:
+        raise ImportError(f"{path}: writing USD takes usd-core: install it with pip install 'diff3ds[usd]'")
+    sketch = sketch.detach().to("cpu")
+    usd: Any = import_module("pxr.Usd")
+    geometry: Any = import_module("pxr.UsdGeom")
+    stage = usd.Stage.CreateInMemory()
+    geometry.SetStageUpAxis(stage, geometry.Tokens.z)
+    geometry.SetStageMetersPerUnit(stage, MILLIMETRES[unit] / 1000)
+    root = geometry.Xform.Define(stage, "/sketch")
+    stage.SetDefaultPrim(root.GetPrim())
+    _curves(stage, sketch)
+    _polylines(stage, sketch)
+    with replacing(path) as temporary:
+        _write(stage, temporary)
+
+
+def _write(stage: Any, path: Path) -> None:
+    """USD tells of a full disk by an exception of its own, or by a file that is short."""
+    tf: Any = import_module("pxr.Tf")
+    try:
+        written = stage.GetRootLayer().Export(str(path))
+    except tf.ErrorException as error:
+        raise OSError(f"{path}: {error}") from error
+    if not written:
+        raise OSError(f"{path}: usd-core cannot write this file")
+
+
+def _curves(stage: Any, sketch: Sketch) -> None:
+    geometry: Any = import_module("pxr.UsdGeom")
+    sdf: Any = import_module("pxr.Sdf").ValueTypeNames
+    points, weights = sketch.points.double(), sketch.weights.double()
+    widths = sketch.with_widths_along().width.double()
+    unit = width_unit(sketch)
+    first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
+    geometry.Scope.Define(stage, "/sketch/strokes")
+    for stroke in range(len(sketch)):
+        rows = slice(first[stroke], first[stroke + 1])
+        control, weight, knots = to_nurbs(points[rows], weights[rows])
+        along = torch.cat([widths[rows][:1, 0], widths[rows][:, 1:].flatten()])
+        curve = geometry.NurbsCurves.Define(stage, f"/sketch/strokes/stroke_{stroke}")
+        curve.CreatePointsAttr(control.float().numpy())
+        curve.CreatePointWeightsAttr(weight.numpy())
+        curve.CreateKnotsAttr(knots.numpy())
+        curve.CreateOrderAttr([points.shape[1]])
+        curve.CreateRangesAttr([(0.0, float(rows.stop - rows.start))])
+        curve.CreateCurveVertexCountsAttr([len(control)])
+        even = bool((along == along[0]).all())
+        curve.CreateWidthsAttr(((along[:1] if even else along) * unit).float().numpy())
+        curve.SetWidthsInterpolation("constant" if even else "vertex")
+        curve.CreateDisplayColorAttr([tuple(sketch.color[stroke].tolist())])
+        curve.CreateDisplayOpacityAttr([float(sketch.opacity[stroke])])
+        curve.CreatePurposeAttr("render")
+        curve.CreateExtentAttr(_extent(control.numpy(), float(along.max()) * unit))
+        prim = curve.GetPrim()
+        prim.CreateAttribute("diff3ds:width", sdf.DoubleArray).Set((along[:1] if even else along).numpy())
+        prim.CreateAttribute("diff3ds:widthSpace", sdf.Token).Set(sketch.width_space)
+        prim.CreateAttribute("diff3ds:closed", sdf.Bool).Set(_closed(sketch, stroke))
+
+
+def _polylines(stage: Any, sketch: Sketch) -> None:
+    geometry: Any = import_module("pxr.UsdGeom")
+    lines = polylines_of(sketch, PROXY)
+    vertices = [np.concatenate([line.vertices, line.vertices[:1]]) if line.closed else line.vertices for line in lines]
+    counts = [len(some) for some in vertices]
+    width = sketch.width.double() if sketch.width.ndim == 1 else _mean_widths(sketch)
+    thick = (width * width_unit(sketch)).numpy()
+    curves = geometry.BasisCurves.Define(stage, "/sketch/polylines")
+    curves.CreateTypeAttr("linear")
+    curves.CreateWrapAttr("nonperiodic")
+    curves.CreateCurveVertexCountsAttr(counts)
+    curves.CreatePointsAttr(np.concatenate(vertices).astype(np.float32))
+    curves.CreateWidthsAttr(thick.astype(np.float32))
+    curves.SetWidthsInterpolation("uniform")
+    colors = geometry.PrimvarsAPI(curves).CreatePrimvar(
+        "displayColor", import_module("pxr.Sdf").ValueTypeNames.Color3fArray, "uniform"
+    )
+    colors.Set(sketch.color.float().numpy())
+    curves.CreatePurposeAttr("proxy")
+    curves.CreateExtentAttr(_extent(np.concatenate(vertices), float(thick.max())))
+
+
+def _mean_widths(sketch: Sketch) -> torch.Tensor:
+    rows = torch.arange(len(sketch)) if sketch.chains is None else sketch.chains.stroke
+    sums = torch.zeros(len(sketch), dtype=torch.float64).index_add(0, rows, sketch.width.double().mean(1))
+    return sums / torch.bincount(rows)
+
+
+def _closed(sketch: Sketch, stroke: int) -> bool:
+    return sketch.chains is not None and bool(sketch.chains.closed[stroke])
+
+
+def _extent(points: Float[NDArray[np.float64], "_ 3"], width: float) -> Float[NDArray[np.float32], "2 3"]:
+    """The box that holds the curves, as thick as they are."""
+    return np.stack([points.min(0) - width / 2, points.max(0) + width / 2]).astype(np.float32)
+
+
+def load_usd(path: str | Path) -> Sketch:
+    """The NurbsCurves of a USD file as strokes, float64, in metres; ours come back as they are in float32.
+
+    A file without such curves is an error: BasisCurves are not read. Colours and opacities are what is shown
+    (`displayColor`), the widths those of `save_usd`; of other files they get the defaults of `Sketch`. Places of prims
+    count; animated ones are taken at their default time. What else the file refers to is not opened.
+
+    usd-core reads in a process of its own: a file that makes it crash or hang gives an error like any broken file.
+
+    Raises:
+        ImportError: the extra `usd` is not installed.
+        ValueError: larger than 256 MiB, not a USD file, a broken one, no curves, a curve of a degree above 3.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    check_size(path)
+    if importlib.util.find_spec("pxr") is None:
+        raise ImportError(f"{path}: reading USD takes usd-core: install it with pip install 'diff3ds[usd]'")
+    return nurbs_sketch(path, "usd_reader", "usd-core", "USD")
