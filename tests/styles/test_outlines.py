@@ -56,6 +56,14 @@ def test_a_ring_has_no_seam():
     assert len(list(ring.contours)) == 2
 
 
+def test_a_ring_that_is_wider_than_its_radius_has_no_hole():
+    # The sides that lie beyond the centre wind the other way round, and would take away from what the others cover.
+    (line,) = lines(circle(0.1))
+    disc = strip(line, np.full(len(line.points), 20.0))
+    assert disc.area == pytest.approx(math.pi * 32.8**2, rel=2e-3)
+    assert len(list(disc.contours)) == 1
+
+
 def test_dots_are_discs():
     (line,) = lines(stroke((0.0, 0.0), (0.0, 0.0), width=0.1))
     assert strip(line, line.half_width).area == pytest.approx(math.pi * 12.8**2, rel=1e-3)

@@ -57,22 +57,27 @@ def test_a_corner_turns_on_the_spot_by_the_shorter_way():
     assert len(lines(sketch)[0].refined(1.0).points) == 128 + len(at_corner)
 
 
-def test_parts_of_closed_lines_run_across_the_seam():
-    (line,) = lines(circle(0.5))
-    part = line.part(line.length - 10, line.length + 10)
-    assert part.length == pytest.approx(20)
-    assert not part.closed
-    middle = np.abs(part.along - 10).argmin()
-    assert np.linalg.norm(part.points[middle] - line.points[0]) < 1e-6
+def test_parts_have_their_length_and_ends_where_the_line_has():
+    (line,) = lines(stroke((-0.5, 0.0), (0.5, 0.0)))
+    first, inner = line.part(0.0, 50.0), line.part(10.0, 50.0)
+    assert (first.begins, first.ends, inner.begins) == (True, False, False)
+    assert inner.along[[0, -1]].tolist() == [0.0, 40.0]
+    assert inner.points[[0, -1], 0].tolist() == pytest.approx([74.0, 114.0])
+    (ring,) = lines(circle(0.5))
+    part = ring.part(0.0, 20.0)
+    assert (part.closed, part.begins, part.ends) == (False, False, False)
 
 
 def test_what_the_page_cuts_has_no_ends_there():
     (line,) = lines(stroke((-0.5, 0.0), (9.0, 0.0)))
     assert line.begins
     assert not line.ends
-    (line,) = lines(circle(1.2, (0.0, 1.2, 0.0)))
-    # Its seam lies on the page: both parts are one line, with neither beginning nor end.
+    ring = circle(3.0)
+    ring = circle(3.0, (-ring.points[0, 0]).tolist())
+    (line,) = lines(ring)
+    # Its seam lies in the middle of the page: both parts are one line, with neither beginning nor end.
     assert (line.closed, line.begins, line.ends) == (False, False, False)
+    assert np.linalg.norm(line.points - 128, axis=1).min() < 1e-6
 
 
 def test_what_lies_behind_the_camera_is_left_out():

@@ -46,6 +46,20 @@ def test_svg_png_sheets_and_turntables(source, tmp_path):
     assert opened(tmp_path / "c.png").shape == (64, 64, 4)
 
 
+def test_a_mesh_hides_what_lies_behind_it(source, tmp_path):
+    # A wall before the horizontal stroke's right half, seen from +x.
+    (tmp_path / "wall.obj").write_text("v 0.5 0 -0.5\nv 0.5 2 -0.5\nv 0.5 2 0.5\nv 0.5 0 0.5\nf 1 2 3 4\n")
+    view = ["--azimuth", "0", "--elevation", "0", "--height", "3", "--size", "60", "--style", "technical", "--quiet"]
+    wall = ["--surface", str(tmp_path / "wall.obj"), "--no-contours"]
+    main(["render", source, "-o", str(tmp_path / "a.png"), *view])
+    main(["render", source, "-o", str(tmp_path / "b.png"), *view, *wall])
+    plain, hidden = (opened(tmp_path / name)[28:32].min(axis=(0, 2)) for name in ("a.png", "b.png"))
+    # The stroke runs from y = -1 to 1, 20 pixels a unit, through the middle.
+    assert (plain[12:48] < 128).all()
+    assert (hidden[12:28] < 128).all()
+    assert (hidden[34:48] == 255).all()
+
+
 def test_export_draws_the_same_view(source, tmp_path):
     main(["render", source, "-o", str(tmp_path / "a.svg"), "--style", "ink", "--style-seed", "3", "--quiet"])
     main(["export", source, str(tmp_path / "b.svg"), "--style", "ink", "--style-seed", "3", "--quiet"])

@@ -75,22 +75,15 @@ class Line:
         return self.at(_between(self.along, step))
 
     def part(self, start: float, stop: float) -> "Line":
-        """An open part by arc length; of a closed line, `stop` may be beyond its length."""
-        line = self
-        if self.closed and stop > self.length:
-            line = self._twice()
-        inner = line.along[(line.along > start) & (line.along < stop)]
-        part = line.at(np.concatenate([[start], inner, [stop]]))
-        ends = self.ends and not self.closed and stop >= self.length
+        """An open part by arc length."""
+        inner = self.along[(self.along > start) & (self.along < stop)]
+        part = self.at(np.concatenate([[start], inner, [stop]]))
         begins = self.begins and not self.closed and start <= 0
+        ends = self.ends and not self.closed and stop >= self.length
         return replace(part, along=part.along - start, closed=False, begins=begins, ends=ends)
 
     def at(self, along: Float[Array, " m"]) -> "Line":
-        """Samples at these arc lengths, which increase; corners among the samples of this line are kept.
-
-        Args:
-            along: pixels; a value that stands twice or more asks for all samples of a corner there, once.
-        """
+        """Samples at these arc lengths; where one is a corner of this line, all samples of it."""
         if self.length <= 0 or len(self.points) < 2:
             return self
         wanted = np.unique(along)
@@ -125,23 +118,6 @@ class Line:
             half_width=mixed(self.half_width),
             depth=mixed(self.depth),
             along=value,
-        )
-
-    def _twice(self) -> "Line":
-        """A closed line run round twice."""
-        turn = self.angle[-1] - self.angle[0]
-
-        def twice(values: Array, more: float = 0.0) -> Array:
-            return np.concatenate([values, values[1:] + more])
-
-        return Line(
-            self.stroke,
-            twice(self.points),
-            twice(self.angle, turn),
-            twice(self.half_width),
-            twice(self.depth),
-            twice(self.along, self.length),
-            closed=True,
         )
 
 
