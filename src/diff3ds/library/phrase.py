@@ -193,8 +193,8 @@ class _Reader:
         return name is not None or lacking is not None or part
 
     def _named(self, preposition: str, said: str) -> str | None:
-        """The attribute that "with armrest", "with a high back" or "with two towers" means, articles or not."""
-        wanted = _bare(f"{preposition} {said}")
+        """The attribute that "with armrest", "with a high back" or "with a cherry on top" means, articles or not."""
+        wanted = _bare(f"{preposition} {said}".removesuffix(" on top"))
         return next((name for way, name in self.ways.items() if _bare(way) == wanted), None)
 
     def _unknown_behind(self, preposition: str, said: str) -> str:

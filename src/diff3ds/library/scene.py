@@ -13,8 +13,9 @@ from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
 from diff3ds.library.vocabulary import COUNTS, OPENING, words_of
 
-# Where a thing is said to be without a target: beside what was named before.
+# Where a thing is said to be without a target: at what was named before.
 UNAIMED = {
+    "on top": "on",
     "on the left": "left of",
     "to the left": "left of",
     "on the right": "right of",
@@ -76,6 +77,7 @@ ACTIONS = {
     "eating": "behind",
     "guarding": "in front of",
     "pulling": "in front of",
+    "hanging from": "under",
     "riding on": "on",
     "riding": "on",
 }

@@ -29,7 +29,13 @@ CATEGORY = Category(
     "treasure chest",
     _make,
     synonyms=("chest", "pirate chest", "treasure"),
-    attributes=(Attribute("open", ("open", "with treasure", "full")),),
+    attributes=(
+        Attribute(
+            "open",
+            ("open", "with treasure", "full"),
+            nouns=("treasure chest full of gold", "chest full of gold", "chest of gold"),
+        ),
+    ),
     parts=("a lock", "a lid"),
     metres=0.9,
 )
