@@ -41,6 +41,7 @@ SHAPES = {
     '<path d="M0,0L4,0L4,4L0,4ZM1,1L3,1L3,3L1,3Z"/>': (16.0, SQUARE),
     '<path fill-rule="evenodd" d="M0,0L4,0L4,4L0,4ZM1,1L3,1L3,3L1,3Z"/>': (12.0, SQUARE),
     '<path style="fill-rule: evenodd" d="M0,0H4V4H0ZM1,1H3V3H1Z"/>': (12.0, SQUARE),
+    '<rect width=".04" height=".03"/><rect x="9e-2" width=".01" height=".01"/>': (1.3e-3, (0, 0, 0.1, 0.03)),
     # Two thirds of base times height under a parabola; S and T mirror the last handle.
     '<path d="M0,0Q2,3 4,0T8,0Z"/>': (8.0, (0, -1.5, 8, 1.5)),
     '<path d="M0,0C0,4 4,4 4,0S8-4 8,0Z"/>': (2 * 0.6 * 16, (0, -3, 8, 3)),
@@ -64,7 +65,7 @@ def test_shapes_have_their_areas(brush, content):
     area, bounds = SHAPES[content]
     shape = brush(content)
     assert shape.area == pytest.approx(area, rel=1e-3)
-    assert shape.bounds == pytest.approx(bounds, abs=2e-3)
+    assert shape.bounds == pytest.approx(bounds, rel=2e-3, abs=2e-4 * max(map(abs, bounds)))
 
 
 DOCTYPE = '<!DOCTYPE svg [<!ENTITY a "M0 0H9V9Z">]><svg xmlns="http://www.w3.org/2000/svg"><path d="&a;"/></svg>'
@@ -74,6 +75,7 @@ BROKEN = {
     "<g>": "not an SVG file",
     "<xml/>": "it begins with the element 'xml'",
     "": "there is no filled shape in it",
+    '<path/><path d=""/><path d="M3 3"/><polygon/><rect/>': "there is no filled shape in it",
     '<path fill="none" stroke="red" d="M0 0L9 9"/>': "there is no filled shape in it",
     '<path d="M0 0L9 9"/>': "there is no filled shape in it",
     '<image href="http://example.org/a.png"/>': "an element 'image'",
@@ -86,6 +88,9 @@ BROKEN = {
     '<path d="M0 0X9"/>': "cannot read path data at 'X9'",
     '<path d="M0 0L1e9 0L0 1"/>': "expected a number of at most 10000",
     '<path d="M0 0l9000 0l9000 0l0 9"/>': "coordinates beyond 10000",
+    '<g transform="scale(9999)"><g transform="scale(9999)"><rect width="9" height="9"/></g></g>': "coordinates beyond",
+    "<g transform='scale(9999)'>" * 60 + "<circle r='9'/>" + "</g>" * 60: "coordinates beyond",
+    '<g transform="scale(0)"><rect width="9" height="9"/></g>': "there is no filled shape in it",
     '<path d="M0 0Z9"/>': "cannot read path data",
     '<circle r="50%"/>': "expected a number",
     '<rect width="nan" height="4"/>': "expected a number",

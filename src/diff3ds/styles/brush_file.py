@@ -11,11 +11,13 @@ from xml.parsers import expat
 import numpy as np
 
 from diff3ds._shapes import Array
-from diff3ds.styles.path_data import MOST_COMMANDS, add_path_data, number, numbers
+from diff3ds.styles.path_data import LARGEST, MOST_COMMANDS, add_path_data, number, numbers
 from diff3ds.styles.union import pathops, united
 
 # A brush is a small drawing; more is taken for a mistake or an attack.
 MAX_BYTES, MAX_ELEMENTS, DEEPEST = 1 << 20, 10_000, 64
+# px. The size that outlines are joined in.
+FRAME = 1000.0
 # How far arcs may be off, in sizes of their shape.
 ROUND = 1e-4
 # What holds drawn elements, what is drawn, what is never drawn by itself, and what would be drawn but is not read.
@@ -47,7 +49,7 @@ def load_brush(path: str | Path) -> Any:
     reader = _Reader(pathops().Path())
     try:
         reader.read(path.read_bytes())
-        shape = united(reader.shape)
+        shape = _united(reader.shape)
     except expat.ExpatError as error:
         raise ValueError(f"{path}: not an SVG file ({error})") from error
     except ValueError as error:
@@ -140,7 +142,22 @@ class _Reader:
             raise ValueError(f"it has more than {MOST_COMMANDS} path commands: simplify it")
         x0, y0, x1, y1 = path.controlPointBounds
         path.convertConicsToQuads(ROUND * max(x1 - x0, y1 - y0, 1e-6))
-        self.shape.addPath(library.simplify(path.transform(*state.matrix), fix_winding=True, clockwise=True))
+        path = path.transform(*state.matrix)
+        # The transforms of groups multiply.
+        if not all(abs(value) <= LARGEST for value in path.controlPointBounds or (math.inf,)):
+            raise ValueError(f"it has coordinates beyond {LARGEST:g}: make it smaller")
+        self.shape.addPath(_united(path))
+
+
+def _united(path: Any) -> Any:
+    """The outline of what a path covers, found in a frame in which it is as large as a page: brushes may be tiny."""
+    x0, y0, x1, y1 = path.controlPointBounds
+    extent = max(x1 - x0, y1 - y0)
+    if extent <= 0:
+        return pathops().Path()
+    scale = FRAME / extent
+    grown = path.transform(scale, 0, 0, scale, -scale * x0, -scale * y0)
+    return united(grown).transform(1 / scale, 0, 0, 1 / scale, x0, y0)
 
 
 def _as_path_data(tag: str, attributes: dict[str, str]) -> str:

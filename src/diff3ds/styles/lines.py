@@ -145,9 +145,9 @@ def lines_of(strokes: Strokes2D, view: int, size: tuple[int, int], widest: float
     width = widest * _largest(strokes)[None]
     pieces = screen_pieces(replace(strokes, half_width=MARGIN + width, width_space="image"), 0, size, PIECE_TOLERANCE)
     chords = _chords(strokes, pieces)
-    lines = []
+    lines, both = [], torch.tensor([0, 1])
     for stroke in _order(strokes, pieces, width[0]):
-        runs = list(_runs(pieces, (pieces.stroke == stroke).nonzero()[:, 0].tolist()))
+        runs = list(_runs(pieces, list(range(*torch.searchsorted(pieces.stroke, both + stroke).tolist()))))
         lines += [_line(strokes, stroke, chords, rows, *ends) for rows, *ends in _joined(strokes, pieces, stroke, runs)]
     return lines
 

@@ -74,7 +74,7 @@ def styled_svg(
     sketch, made = joined(replace(sketch, width=sketch.width * width))
     whole = page_size(cameras)
     unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / whole[0])
-    page = Page(cameras.size, PIXELS_PER_MM if width_mm is None else 1 / scale, seed)
+    page = Page(cameras.size, PIXELS_PER_MM if width_mm is None else 1 / scale, seed_of(seed))
     if paper and background is not None and tuple(background) == (1.0, 1.0, 1.0):
         background = WARM
     names = [min(numbers) for numbers in made]
@@ -83,7 +83,7 @@ def styled_svg(
     if background is not None:
         ground.append(f'<rect width="{whole[0]}" height="{whole[1]}" fill="{hexadecimal(background)}"/>')
     if paper:
-        ground += paper_elements((whole[1], whole[0]), page.unit, seed)
+        ground += paper_elements((whole[1], whole[0]), page.unit, page.seed)
     size = f'width="{whole[0] * scale:.6g}{unit}" height="{whole[1] * scale:.6g}{unit}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {whole[0]} {whole[1]}">'
     return "\n".join([head, *ground, views, "</svg>"]) + "\n"
