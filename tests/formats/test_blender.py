@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from diff3ds import Chains, Sketch, bezier, save
 from diff3ds.bezier import evaluate
-from diff3ds.formats.blender import FRAMES
+from diff3ds.formats.scenes.blender import FRAMES
 
 CHECK = """
 import bpy, json

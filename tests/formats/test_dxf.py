@@ -8,7 +8,7 @@ import torch
 from needs import needs
 
 import diff3ds as ds
-from diff3ds.formats.curve_kinds import Arc, Line, Spline, curves_of
+from diff3ds.formats.cad.curve_kinds import Arc, Line, Spline, curves_of
 
 pytestmark = needs("ezdxf")
 

@@ -10,7 +10,7 @@ from needs import needs
 
 import diff3ds as ds
 from diff3ds.formats.mesh import load_mesh
-from diff3ds.formats.tubes import TOLERANCE
+from diff3ds.formats.scenes.tubes import TOLERANCE
 
 pytestmark = needs("trimesh")
 

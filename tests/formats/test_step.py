@@ -12,7 +12,8 @@ import torch
 
 import diff3ds as ds
 from diff3ds.bezier import evaluate
-from diff3ds.formats import apart, step_entities
+from diff3ds.formats import apart
+from diff3ds.formats.cad import step_entities
 
 needs_occt = pytest.mark.skipif(importlib.util.find_spec("OCP") is None, reason="the extra cad is not installed")
 

@@ -13,9 +13,10 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
-from diff3ds.formats import save_svg, screen_pieces, svg, tile_images
-from diff3ds.formats.drawn_paths import TOLERANCE
-from diff3ds.formats.outlines import _hull
+from diff3ds.formats import save_svg, tile_images
+from diff3ds.formats.vector import screen_pieces, svg
+from diff3ds.formats.vector.drawn_paths import TOLERANCE
+from diff3ds.formats.vector.outlines import _hull
 
 needs_resvg = pytest.mark.skipif(importlib.util.find_spec("resvg_py") is None, reason="the extra svg is not installed")
 SPACE = "{http://www.w3.org/2000/svg}"

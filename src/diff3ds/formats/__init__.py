@@ -5,19 +5,19 @@ from pathlib import Path
 
 from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
-from diff3ds.formats.blender import save_blender
-from diff3ds.formats.dxf import load_dxf, save_dxf
+from diff3ds.formats.cad.dxf import load_dxf, save_dxf
+from diff3ds.formats.cad.rhino import load_3dm, save_3dm
+from diff3ds.formats.cad.step import load_step, save_step
 from diff3ds.formats.framing import framed
-from diff3ds.formats.glb import save_glb
-from diff3ds.formats.obj import save_obj
-from diff3ds.formats.pdf import save_pdf
-from diff3ds.formats.ply import save_ply
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
-from diff3ds.formats.rhino import load_3dm, save_3dm
+from diff3ds.formats.scenes.blender import save_blender
+from diff3ds.formats.scenes.glb import save_glb
+from diff3ds.formats.scenes.obj import save_obj
+from diff3ds.formats.scenes.ply import save_ply
+from diff3ds.formats.scenes.usd import load_usd, save_usd
 from diff3ds.formats.sketch_json import load_json, save_json
-from diff3ds.formats.step import load_step, save_step
-from diff3ds.formats.svg import save_svg
-from diff3ds.formats.usd import load_usd, save_usd
+from diff3ds.formats.vector.pdf import save_pdf
+from diff3ds.formats.vector.svg import save_svg
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 

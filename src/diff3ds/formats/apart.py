@@ -33,7 +33,7 @@ def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict
     """The strokes that a reader finds, as it has them.
 
     Args:
-        reader: the name of the file with it (`reader_process.py`).
+        reader: the file with it, such as cad/step_reader (`reader_process.py`).
         program: what it reads with, for messages.
         kind: of the file, for messages.
 

@@ -1,7 +1,7 @@
 """Reads a file in a process of its own: `python reader_process.py READER FILE` answers in JSON.
 
-The reader is a file beside this one, whose `strokes_of(path)` returns a list of strokes. None of these files imports
-the package.
+The reader is a file below this one's folder, such as cad/step_reader, whose `strokes_of(path)` returns a list of strokes.
+None of these files imports the package.
 """
 
 import contextlib
@@ -27,8 +27,8 @@ def main(reader: str, path: str) -> None:
     os.dup2(2, 1)
     result: dict[str, Any]
     try:
-        place = Path(__file__).with_name(f"{reader}.py")
-        spec = importlib.util.spec_from_file_location(reader, place)
+        place = Path(__file__).parent / f"{reader}.py"
+        spec = importlib.util.spec_from_file_location(place.stem, place)
         assert spec, place
         assert spec.loader, place
         module = importlib.util.module_from_spec(spec)

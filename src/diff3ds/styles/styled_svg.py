@@ -11,7 +11,7 @@ import torch
 
 from diff3ds._shapes import Array, Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.formats.svg import check_page, corner, hexadecimal, page_size
+from diff3ds.formats.vector.svg import check_page, corner, hexadecimal, page_size
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
 from diff3ds.styles.joining import joined

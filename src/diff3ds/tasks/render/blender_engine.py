@@ -9,7 +9,7 @@ from pathlib import Path
 
 from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
-from diff3ds.formats.blender import FRAMES, blender_script
+from diff3ds.formats.scenes.blender import FRAMES, blender_script
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.render.options import PictureOptions, ViewOptions
 

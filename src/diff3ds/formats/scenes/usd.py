@@ -20,8 +20,8 @@ from diff3ds._shapes import Float
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.bezier import to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
-from diff3ds.formats.polylines import polylines_of
-from diff3ds.formats.tubes import width_unit
+from diff3ds.formats.scenes.polylines import polylines_of
+from diff3ds.formats.scenes.tubes import width_unit
 from diff3ds.sketch import Sketch
 
 # Of the radius of the sketch: how far the polylines for viewers may be off the curves.
@@ -160,4 +160,4 @@ def load_usd(path: str | Path) -> Sketch:
     check_size(path)
     if importlib.util.find_spec("pxr") is None:
         raise ImportError(f"{path}: reading USD takes usd-core: install it with pip install 'diff3ds[usd]'")
-    return nurbs_sketch(path, "usd_reader", "usd-core", "USD")
+    return nurbs_sketch(path, "scenes/usd_reader", "usd-core", "USD")

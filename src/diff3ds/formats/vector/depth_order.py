@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Float, Int
-from diff3ds.formats.screen_pieces import Pieces
+from diff3ds.formats.vector.screen_pieces import Pieces
 from diff3ds.project import Strokes2D
 
 # Pixels, and at least a half width: how long the chords are by which meeting places are found.

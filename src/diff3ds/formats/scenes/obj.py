@@ -7,7 +7,7 @@ does, and tubes are what PLY and GLB files have.
 from pathlib import Path
 
 from diff3ds._files import write_text
-from diff3ds.formats.polylines import polylines_of
+from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.sketch import Sketch
 
 

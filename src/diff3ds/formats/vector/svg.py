@@ -9,10 +9,10 @@ import numpy as np
 
 from diff3ds._files import write_text
 from diff3ds.camera import Cameras
-from diff3ds.formats.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
-from diff3ds.formats.outlines import Path as Curve
-from diff3ds.formats.outlines import straight
 from diff3ds.formats.png import grid_columns
+from diff3ds.formats.vector.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
+from diff3ds.formats.vector.outlines import Path as Curve
+from diff3ds.formats.vector.outlines import straight
 from diff3ds.sketch import Sketch
 
 Layers = Literal["color"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from diff3ds._files import write_bytes
-from diff3ds.formats.tubes import tubes_of
+from diff3ds.formats.scenes.tubes import tubes_of
 from diff3ds.sketch import Sketch
 
 _HEADER = """ply

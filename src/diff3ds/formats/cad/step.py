@@ -18,8 +18,8 @@ from diff3ds._files import write_text
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.formats.apart import check_size, strokes_apart
 from diff3ds.formats.assembly import ReadStroke, sketch_of
-from diff3ds.formats.curve_kinds import curves_of
-from diff3ds.formats.step_entities import Entities, reals, string, stroke_entity
+from diff3ds.formats.cad.curve_kinds import curves_of
+from diff3ds.formats.cad.step_entities import Entities, reals, string, stroke_entity
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
 
 _HEADER = """ISO-10303-21;
@@ -155,7 +155,7 @@ def load_step(path: str | Path) -> Sketch:
     _check_file(path)
     if importlib.util.find_spec("OCP") is None:
         raise ImportError("reading STEP files takes OCCT: install it with pip install 'diff3ds[cad]'")
-    strokes = strokes_apart(path, "step_reader", "OCCT", "STEP")
+    strokes = strokes_apart(path, "cad/step_reader", "OCCT", "STEP")
     try:
         return _sketch(strokes)
     except ValueError as error:

@@ -15,8 +15,8 @@ import numpy as np
 from diff3ds._files import replacing
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.formats.apart import check_size, nurbs_sketch
-from diff3ds.formats.curve_kinds import Arc, Curve, Line, curves_of
-from diff3ds.formats.polylines import polylines_of
+from diff3ds.formats.cad.curve_kinds import Arc, Curve, Line, curves_of
+from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.sketch import Sketch
 
 APPLICATION = "DIFF3DS"
@@ -127,4 +127,4 @@ def load_dxf(path: str | Path) -> Sketch:
     check_size(path)
     if importlib.util.find_spec("ezdxf") is None:
         raise ImportError(f"{path}: reading DXF takes ezdxf: install it with pip install 'diff3ds[cad]'")
-    return nurbs_sketch(path, "dxf_reader", "ezdxf", "DXF")
+    return nurbs_sketch(path, "cad/dxf_reader", "ezdxf", "DXF")

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.formats.screen_pieces import Pieces
+from diff3ds.formats.vector.screen_pieces import Pieces
 
 
 def on_page(pieces: Pieces, size: tuple[int, int]) -> Pieces:

@@ -92,4 +92,4 @@ def load_3dm(path: str | Path) -> Sketch:
     check_size(path)
     if importlib.util.find_spec("rhino3dm") is None:
         raise ImportError(f"{path}: reading 3DM takes rhino3dm: install it with pip install 'diff3ds[cad]'")
-    return nurbs_sketch(path, "rhino_reader", "rhino3dm", "3DM")
+    return nurbs_sketch(path, "cad/rhino_reader", "rhino3dm", "3DM")

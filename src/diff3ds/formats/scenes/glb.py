@@ -16,7 +16,7 @@ from diff3ds._files import write_bytes
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds._version import __version__
 from diff3ds.formats.framing import ball_of
-from diff3ds.formats.tubes import Tube, tubes_of
+from diff3ds.formats.scenes.tubes import Tube, tubes_of
 from diff3ds.sketch import Sketch
 
 # Of the glTF standard: numbers for float, unsigned int, vertices, indices.

@@ -8,9 +8,9 @@ import numpy as np
 
 from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
-from diff3ds.formats.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
-from diff3ds.formats.outlines import straight
-from diff3ds.formats.svg import Layers, check_page, corner, layered, page_size
+from diff3ds.formats.vector.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
+from diff3ds.formats.vector.outlines import straight
+from diff3ds.formats.vector.svg import Layers, check_page, corner, layered, page_size
 from diff3ds.sketch import Sketch
 
 # Points of 1/72 inch, in which PDF measures: of a millimetre, and of a pixel of which 96 make an inch, as on the web.

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from diff3ds.formats.curve_kinds import Arc, Curve, Line, Spline, Vector
+from diff3ds.formats.cad.curve_kinds import Arc, Curve, Line, Spline, Vector
 
 
 class Entities:

@@ -1,0 +1,1 @@
+"""Formats of viewers, scenes and renderers: tubes, lines and curves."""

@@ -1,0 +1,1 @@
+"""Views as vector paths: SVG and PDF."""
