@@ -1,6 +1,6 @@
 """Reads a file in a process of its own: `python reader_process.py READER FILE` answers in JSON.
 
-The reader is a file below this one's folder, such as cad/step_reader, whose `strokes_of(path)` returns a list of strokes.
+The reader is a file below the folder of this one, such as cad/step_reader; its `strokes_of(path)` returns strokes.
 None of these files imports the package.
 """
 
