@@ -92,6 +92,18 @@ def test_contours_of_a_torus_are_seen_outside_and_hidden_behind_its_front():
     assert float(inner.points[:, [0, -1], :2].norm(dim=2).max()) < 1.01
 
 
+def test_where_a_solid_bends_towards_the_line_of_sight_its_contour_is_hidden_on_coarse_meshes_too():
+    """There rays leave out the very faces, within two rings, that hide it."""
+    cameras = ds.orbit(20.0, 20.0, 5.0, size=512, fov=40.0).to(torch.float64)
+    lengths = []
+    for around in (20, 128):
+        mesh = ds.TriangleMesh(*torus(1.0, 0.4, around, around // 2))
+        (lines,) = ds.visible_lines(ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64)), cameras, mesh)
+        seen = lines.strokes(True)
+        lengths.append(float(ds.bezier.length(seen.points, seen.weights).sum()))
+    assert lengths[0] < 1.01 * lengths[1]
+
+
 def test_turning_a_little_changes_little():
     """No line flickers: what is seen of a ball with a belt changes by the turn, not by the facets."""
     mesh = ds.TriangleMesh(*icosphere(4))
