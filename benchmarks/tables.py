@@ -180,6 +180,17 @@ def categories() -> str:
     return _kinds("categories")
 
 
+def clean_strokes() -> str:
+    """What an eye minds, above what the member most like a sketch has by right."""
+    rows = [
+        [f"**{kind}**" if kind == "all" else kind]
+        + [_digits(row[name]) for name in ("descent_above", "result_above", "descent_strokes", "result_strokes")]
+        for kind, row in sorted(_read("clean_strokes")["figures"].items(), key=lambda item: item[0] != "all")
+    ]
+    head = ["kind", "as the descent leaves it", "as the result is", "strokes before", "and then"]
+    return _table(head, rows) + _source("clean_strokes")
+
+
 def follow_drawings() -> str:
     """Members that are bent towards drawings by people."""
     read = _read("follow_drawings")["figures"]
@@ -339,7 +350,7 @@ def sensitivity() -> str:
 TABLES: tuple[Callable[[], str], ...] = (
     speed, machines, step_cost, compile_cuda, agreement, differences, edges, circles, damage, sensitivity, color,
     categories, categories_small, combinations_small, ablations, known_answer, known_answer_ablations, recognised,
-    by_people, drawn_again, follow_drawings, meshes,
+    by_people, drawn_again, follow_drawings, meshes, clean_strokes,
 )  # fmt: skip
 
 
