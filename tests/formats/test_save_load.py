@@ -16,7 +16,7 @@ def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
     with pytest.raises(
         ValueError,
         match=r"cannot save as '.xyz', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .obj, .usd, .usda, .usdc, "
-        r".py, .svg, .pdf, .png",
+        r".py, .html, .svg, .pdf, .png",
     ):
         ds.save(tmp_path / "a.xyz", sketch)
     with pytest.raises(ValueError, match=r"cannot load '.svg', only .json, .step, .stp"):

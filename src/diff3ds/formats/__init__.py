@@ -12,6 +12,7 @@ from diff3ds.formats.framing import framed
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.scenes.blender import save_blender
 from diff3ds.formats.scenes.glb import save_glb
+from diff3ds.formats.scenes.html import save_html
 from diff3ds.formats.scenes.obj import save_obj
 from diff3ds.formats.scenes.ply import save_ply
 from diff3ds.formats.scenes.usd import load_usd, save_usd
@@ -34,6 +35,7 @@ __all__ = [
     "save_blender",
     "save_dxf",
     "save_glb",
+    "save_html",
     "save_json",
     "save_obj",
     "save_pdf",
@@ -58,6 +60,7 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".usda": save_usd,
     ".usdc": save_usd,
     ".py": save_blender,
+    ".html": save_html,
 }
 # Formats whose files say in which unit of length they are.
 _WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb", ".usd", ".usda", ".usdc")
@@ -86,6 +89,7 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
     * `.obj`: polylines with colours, z up (see `save_obj`).
     * `.usd`, `.usda`, `.usdc`: exact curves, and polylines for viewers (see `save_usd`).
     * `.py`: a script that builds the sketch in Blender (see `save_blender`).
+    * `.html`: a page for browsers on which the sketch is turned (see `save_html`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
     * `.pdf`: the same paths (see `save_pdf`).
     * `.png`: the views of `cameras` in a grid, rendered over white.

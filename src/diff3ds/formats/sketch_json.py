@@ -37,6 +37,15 @@ def save_json(path: str | Path, sketch: Sketch) -> None:
         ValueError: values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
+    write_text(Path(path), json_text(sketch))
+
+
+def json_text(sketch: Sketch) -> str:
+    """The text of a sketch.json.
+
+    Raises:
+        ValueError: values that have become invalid since the sketch was made.
+    """
     sketch.check_values()
     values: dict[str, Any] = {
         "version": VERSION if sketch.chains is None and sketch.width.ndim == 1 else VERSION_OF_CHAINS,
@@ -47,7 +56,7 @@ def save_json(path: str | Path, sketch: Sketch) -> None:
         values |= {"segments": sketch.chains.counts.tolist(), "closed": sketch.chains.closed.tolist()}
     values |= {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
-    write_text(Path(path), "{\n" + ",\n".join(lines) + "\n}\n")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def load_json(path: str | Path) -> Sketch:

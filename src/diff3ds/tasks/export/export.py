@@ -35,6 +35,8 @@ def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOp
         raise ValueError(f"{file}: --dxf-polylines is for .dxf files")
     if options.up == "y" and file.suffix.lower() == ".glb":
         raise ValueError(f"{file}: GLB files have y up by themselves: leave --up out")
+    if options.up == "y" and file.suffix.lower() == ".html":
+        raise ValueError(f"{file}: pages show sketches with z up: leave --up out")
     sketch = load_sketch(source)
     if options.scale != 1 or options.up != "z":
         sketch = sketch.transform(_placement(options).to(sketch.points))

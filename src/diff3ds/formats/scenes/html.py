@@ -1,0 +1,36 @@
+"""One page for browsers, offline: the sketch in all its numbers, drawn, turned and looked through there.
+
+It keeps everything: the page holds the sketch.json, bit for bit, and draws it as `render` does, widths in image units
+too. Nothing is read back from it.
+"""
+
+from pathlib import Path
+
+from diff3ds._files import write_text
+from diff3ds.formats.framing import FILLED, FOV, ball_of
+from diff3ds.formats.sketch_json import json_text
+from diff3ds.sketch import Sketch
+from diff3ds.viewer.page import page_text
+
+# Where the camera of the page begins, degrees: as in a notebook.
+AZIMUTH, ELEVATION = 30.0, 20.0
+
+
+def save_html(path: str | Path, sketch: Sketch) -> None:
+    """Writes a page that shows the sketch in any browser with WebGL 2, whole or not at all.
+
+    Raises:
+        ValueError: values that have become invalid since the sketch was made.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    middle, radius = ball_of(sketch)
+    start = {
+        "middle": middle.tolist(),
+        "radius": radius,
+        "azimuth": AZIMUTH,
+        "elevation": ELEVATION,
+        "fov": FOV,
+        "filled": FILLED,
+    }
+    write_text(path, page_text(path.stem, json_text(sketch), start))

@@ -1,0 +1,289 @@
+// The page: what mouse, touch, keys and the list of strokes do to the camera and the strokes.
+
+const GROUNDS = { light: [1, 1, 1], dark: [0x15 / 255, 0x17 / 255, 0x1b / 255] };
+const ACCENTS = { light: [0x0a / 255, 0x6c / 255, 0xd6 / 255], dark: [0x62 / 255, 0xae / 255, 1] };
+// Around a selected stroke, CSS pixels; how far from a stroke a click may be; degrees a key and a pixel; zoom a step.
+const [HALO, NEARBY, KEY_TURN, DRAG_TURN, ZOOM] = [3, 6, 5, 0.4, 1.15];
+// Milliseconds that a frame may take while the view moves, and when it stands still; pictures drawn in one at most.
+const [MOVING, STILL, MOST] = [30, 120, 16];
+// Chords are made for this many times more zoom than there is, and anew once there is that much more or less.
+const SPARE = 1.5;
+
+const canvas = document.getElementById("view");
+const start = JSON.parse(document.getElementById("start").textContent);
+const sketch = readSketch(JSON.parse(document.getElementById("sketch").textContent), start);
+const root = document.documentElement;
+let [drawing, camera, selected, samples, drawn, madeFor, lastFrame, due] = [null, null, null, 0, 0, null, 0, false];
+
+function pixelRatio() {
+  return Math.min(window.devicePixelRatio || 1, 3);
+}
+
+function size() {
+  return [canvas.width, canvas.height];
+}
+
+function ground() {
+  return root.classList.contains("dark") ? "dark" : "light";
+}
+
+// What is about as dark as a dark ground is drawn light there: lightness turned over, hue kept.
+function inkOf({ color, opacity, shown }) {
+  const turn = 1 - Math.max(...color) - Math.min(...color);
+  const visible = ground() === "light" || 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2] > 0.25;
+  return [...(visible ? color : color.map((value) => value + turn)), shown ? opacity : 0];
+}
+
+function refreshInks() {
+  drawing.setInks(sketch.strokes.map(inkOf));
+  refresh();
+}
+
+function refreshChords() {
+  const zoom = { scale: size()[1] / camera.distance, target: camera.target, orthographic: camera.orthographic };
+  const ratio = madeFor ? zoom.scale / madeFor.scale : 0;
+  const moved = madeFor ? distance(zoom.target, madeFor.target) > 0.2 * camera.distance : true;
+  if (!moved && ratio < SPARE && ratio > 1 / SPARE ** 2 && zoom.orthographic === madeFor.orthographic) return;
+  madeFor = zoom;
+  const pixels = (middle, radius) => SPARE * pixelsAtMost(camera, size()[1], middle, radius + 0.2 * camera.distance);
+  sketch.chords = chordsOf(sketch, pixels, size()[1]);
+  drawing.setChords(sketch.chords);
+}
+
+// Draws the view anew, more finely with every frame until nothing changes any more.
+function refresh() {
+  samples = 0;
+  canvas.removeAttribute("data-settled");
+  if (!due) {
+    due = true;
+    requestAnimationFrame(drawFrame);
+  }
+}
+
+function drawFrame(now) {
+  due = false;
+  const each = lastFrame ? (now - lastFrame) / drawn : MOVING / 4;
+  drawn = Math.min(Math.max(Math.floor((samples ? STILL : MOVING) / each), 1), MOST, SAMPLES - samples);
+  refreshChords();
+  const accent = ACCENTS[ground()];
+  drawing.show(samples, samples + drawn, {
+    camera, selected, accent, world: sketch.world, ground: GROUNDS[ground()], haloPixels: HALO * pixelRatio(),
+  });
+  samples += drawn;
+  if (samples < SAMPLES) {
+    due = true;
+    lastFrame = now;
+    requestAnimationFrame(drawFrame);
+  } else {
+    lastFrame = 0;
+    canvas.dataset.settled = "true";
+  }
+}
+
+function fitCanvas() {
+  const box = canvas.getBoundingClientRect();
+  canvas.width = Math.max(Math.round(box.width * pixelRatio()), 1);
+  canvas.height = Math.max(Math.round(box.height * pixelRatio()), 1);
+  if (camera) camera.near = startCamera(start, size()).near;
+  else camera = startCamera(start, size());
+  refresh();
+}
+
+function look(changed) {
+  camera = changed;
+  root.querySelector('[data-key="o"]').setAttribute("aria-pressed", camera.orthographic);
+  refresh();
+  clearTimeout(look.later);
+  look.later = setTimeout(() => {
+    const lens = camera.orthographic ? ", orthographic" : "";
+    say(`Seen from azimuth ${Math.round(camera.azimuth)}°, elevation ${Math.round(camera.elevation)}°${lens}`);
+  }, 400);
+}
+
+function say(text) {
+  document.getElementById("said").textContent = text;
+}
+
+// Strokes
+
+function nameOf(index) {
+  const { segments, closed } = sketch.strokes[index];
+  const parts = segments.length > 1 ? `, ${segments.length} segments` : "";
+  return `Stroke ${index}${parts}${closed ? ", closed" : ""}`;
+}
+
+function listStrokes() {
+  const list = document.getElementById("strokes");
+  document.getElementById("count").textContent = `Strokes (${sketch.strokes.length})`;
+  sketch.strokes.forEach((stroke, index) => {
+    const [item, button, color, shown] = ["li", "button", "input", "input"].map((tag) => document.createElement(tag));
+    button.textContent = nameOf(index);
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => select(selected === index ? null : index));
+    Object.assign(color, { type: "color", value: hexOf(stroke.color) });
+    color.setAttribute("aria-label", `Colour of stroke ${index}`);
+    color.addEventListener("input", () => {
+      stroke.color = [1, 3, 5].map((i) => parseInt(color.value.slice(i, i + 2), 16) / 255);
+      refreshInks();
+    });
+    Object.assign(shown, { type: "checkbox", checked: true });
+    shown.setAttribute("aria-label", `Show stroke ${index}`);
+    shown.addEventListener("change", () => setShown(index, shown.checked));
+    item.append(shown, button, color);
+    list.append(item);
+    Object.assign(stroke, { button, box: shown });
+  });
+}
+
+function hexOf(color) {
+  return `#${color.map((value) => Math.round(value * 255).toString(16).padStart(2, "0")).join("")}`;
+}
+
+function select(index) {
+  if (selected !== null) sketch.strokes[selected].button.setAttribute("aria-pressed", "false");
+  selected = index;
+  if (index !== null) {
+    sketch.strokes[index].button.setAttribute("aria-pressed", "true");
+    sketch.strokes[index].button.scrollIntoView({ block: "nearest" });
+  }
+  say(index === null ? "No stroke selected" : `${nameOf(index)} selected`);
+  refresh();
+}
+
+function setShown(index, shown) {
+  Object.assign(sketch.strokes[index], { shown });
+  sketch.strokes[index].box.checked = shown;
+  say(`${nameOf(index)} ${shown ? "shown" : "hidden"}`);
+  refreshInks();
+}
+
+// The shown stroke under a place of the canvas, in its pixels: of those that reach it the nearest to the eye.
+function strokeAt(x, y) {
+  const axes = axesOf(camera);
+  const [near] = depthsOf(camera);
+  const { values } = sketch.chords;
+  let [found, best] = [null, Infinity];
+  for (let i = 0; i < values.length; i += CHORD) {
+    const stroke = values[i + 8];
+    const [a, b] = [0, 3].map((j) => projected(camera, axes, size(), Array.from(values.subarray(i + j, i + j + 3))));
+    if (!sketch.strokes[stroke].shown || Math.min(a.depth, b.depth) <= near) continue;
+    const place = placeOn([x, y], [a.x, a.y], [b.x, b.y]);
+    const away = distance([x, y], mixed([a.x, a.y], [b.x, b.y], place));
+    const half = (values[i + 6] + place * (values[i + 7] - values[i + 6])) * (sketch.world ? a.scale : size()[1]);
+    const depth = a.depth + place * (b.depth - a.depth);
+    if (away <= half + NEARBY * pixelRatio() && depth < best) [found, best] = [stroke, depth];
+  }
+  return found;
+}
+
+// Mouse and touch
+
+const fingers = new Map();
+let travelled = 0;
+
+function middleAndSpread() {
+  const all = [...fingers.values()];
+  const middle = ["x", "y"].map((axis) => all.reduce((sum, finger) => sum + finger[axis], 0) / all.length);
+  return { middle, spread: all.length > 1 ? Math.hypot(all[0].x - all[1].x, all[0].y - all[1].y) : 0 };
+}
+
+function pressed(event) {
+  canvas.setPointerCapture(event.pointerId);
+  if (!fingers.size) travelled = 0;
+  fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+}
+
+function moved(event) {
+  if (!fingers.has(event.pointerId)) return;
+  const before = middleAndSpread();
+  fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+  const after = middleAndSpread();
+  const [right, down] = after.middle.map((value, axis) => value - before.middle[axis]);
+  travelled += Math.hypot(right, down) + Math.abs(after.spread - before.spread);
+  if (fingers.size === 1 && !event.shiftKey && !(event.buttons & 6)) {
+    look(turned(camera, -DRAG_TURN * right, DRAG_TURN * down));
+    return;
+  }
+  const shifted = panned(camera, right * pixelRatio(), down * pixelRatio(), size()[1]);
+  look(before.spread > 0 && after.spread > 0 ? zoomed(shifted, after.spread / before.spread) : shifted);
+}
+
+function released(event) {
+  if (!fingers.delete(event.pointerId) || fingers.size || travelled > NEARBY || event.type !== "pointerup") return;
+  const box = canvas.getBoundingClientRect();
+  select(strokeAt((event.clientX - box.left) * pixelRatio(), (event.clientY - box.top) * pixelRatio()));
+}
+
+// Keys
+
+const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const VIEWS = { f: [0, 0], s: [-90, 0], t: [-90, 90] };
+
+// What a key does, or a button that stands for it; whether it does anything.
+function act(key, shift) {
+  if (key in STEPS) {
+    const [right, down] = STEPS[key].map((step) => step * (shift ? 0.04 * size()[1] : KEY_TURN));
+    look(shift ? panned(camera, right, down, size()[1]) : turned(camera, -right, down));
+  } else if (key in VIEWS) look({ ...camera, azimuth: VIEWS[key][0], elevation: VIEWS[key][1] });
+  else if (key === "+" || key === "=") look(zoomed(camera, ZOOM));
+  else if (key === "-") look(zoomed(camera, 1 / ZOOM));
+  else if (key === "0") look({ ...startCamera(start, size()), orthographic: camera.orthographic });
+  else if (key === "o") look({ ...camera, orthographic: !camera.orthographic });
+  else if (key === "d") turnGround();
+  else if (key === "n" || key === "p") selectNext(key === "n" ? 1 : -1);
+  else if (key === "h" && selected !== null) setShown(selected, !sketch.strokes[selected].shown);
+  else if (key === "Escape") select(null);
+  else return false;
+  return true;
+}
+
+function turnGround() {
+  root.querySelector('[data-key="d"]').setAttribute("aria-pressed", root.classList.toggle("dark"));
+  refreshInks();
+}
+
+function selectNext(step) {
+  const count = sketch.strokes.length;
+  if (count) select(selected === null ? (step > 0 ? 0 : count - 1) : (selected + step + count) % count);
+}
+
+function keyed(event) {
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest("input, summary")) return;
+  if (act(event.key, event.shiftKey)) event.preventDefault();
+}
+
+function begin() {
+  drawing = makeDrawing(canvas);
+  if (!drawing) {
+    const fault = document.getElementById("fault");
+    fault.textContent = "This browser has no WebGL 2 to draw with: turn on its hardware acceleration, or try another.";
+    fault.hidden = false;
+    return;
+  }
+  madeFor = null;
+  fitCanvas();
+  refreshInks();
+}
+
+listStrokes();
+begin();
+if (drawing) {
+  new ResizeObserver(fitCanvas).observe(canvas);
+  canvas.addEventListener("pointerdown", pressed);
+  canvas.addEventListener("pointermove", moved);
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, released);
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+  canvas.addEventListener("webglcontextrestored", begin);
+  const onWheel = (event) => {
+    event.preventDefault();
+    look(zoomed(camera, Math.exp(-Math.min(Math.max(event.deltaY, -200), 200) / 500)));
+  };
+  canvas.addEventListener("wheel", onWheel, { passive: false });
+  document.addEventListener("keydown", keyed);
+  document.getElementById("views").addEventListener("click", (event) => act(event.target.dataset.key, false));
+  document.getElementById("all").addEventListener("click", () => {
+    sketch.strokes.forEach((stroke) => Object.assign(stroke, { shown: true }).box.checked = true);
+    refreshInks();
+  });
+}

@@ -1,0 +1,209 @@
+"""The page in a real browser: its picture is that of `render`, and mouse, keys and list do what they say."""
+
+import io
+
+import pytest
+import torch
+from viewer_browser import CHROMIUM, Browser
+
+import diff3ds as ds
+from diff3ds.formats.framing import framed
+
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),
+    pytest.mark.xdist_group("browser"),
+]
+# The picture of the page is the mean of 64 samples a pixel, that of `render` computed; means of absolute differences.
+CLOSE = 4 / 255
+
+
+@pytest.fixture(scope="module")
+def browser():
+    browser = Browser()
+    yield browser
+    browser.close()
+
+
+def seen(browser):
+    """The canvas as it is on the screen: (H, W, 3) in [0, 1]."""
+    from PIL import Image
+
+    picture = Image.open(io.BytesIO(browser.picture())).convert("RGB")
+    return torch.tensor(list(picture.tobytes()), dtype=torch.float32).reshape(picture.height, picture.width, 3) / 255
+
+
+def difference(image, other):
+    return float((image - other).abs().mean())
+
+
+def shown(browser, path, sketch, **size):
+    ds.save(path, sketch)
+    browser.open(path.as_uri(), **size)
+    return seen(browser)
+
+
+def drawn(sketch, image, azimuth=30.0, elevation=20.0, **lens):
+    cameras = framed(sketch, azimuth, elevation, size=tuple(image.shape[:2]), **lens)
+    return ds.render(sketch.to(torch.float64), cameras).color[0].float()
+
+
+def numbers(*shape, seed=0):
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def random(count=40, controls=4, seed=0, **more):
+    return ds.Sketch(2 * numbers(count, controls, 3, seed=seed) - 1, **more)
+
+
+def ring(**more):
+    points, weights = ds.bezier.circle((0.0, 0.0, 0.0), 0.6, normal=(0.3, 0.0, 1.0), dtype=torch.float32)
+    return ds.Sketch(points, weights, chains=ds.Chains.of([len(points)], True), **more)
+
+
+def far(sketch, scale, place):
+    matrix = torch.eye(4, dtype=torch.float64)
+    matrix[:3] *= scale
+    matrix[:3, 3] = torch.tensor(place, dtype=torch.float64)
+    return sketch.to(torch.float64).transform(matrix)
+
+
+LETTER = ds.Sketch(torch.tensor([[[-1.0, 0, 0], [0, 0, 1]], [[0, 0, 1], [1, 0, 0]]]), width=0.1, opacity=0.4,
+                   chains=ds.Chains.of([2]))  # fmt: skip
+SCENES = {
+    "cubics": random(),
+    "lines": random(controls=2, width=0.03, color=numbers(40, 3)),
+    "quadratics": random(controls=3, weights=0.2 + 3 * numbers(40, 3), color=numbers(40, 3, seed=1)),
+    "extreme weights": random(12, weights=10 ** (4 * numbers(12, 4) - 2), width=0.02),
+    "colours in depth": random(width=0.06, color=numbers(40, 3)),
+    "translucent": random(width=0.08, color=numbers(40, 3), opacity=numbers(40)),
+    "world widths": random(width=0.1, width_space="world", color=numbers(40, 3)),
+    "widths along": random(width=0.08 * numbers(40, 4), color=numbers(40, 3)),
+    "world widths along": random(width=0.2 * numbers(40, 4), width_space="world", opacity=0.7),
+    "thinner than a pixel": random(200, width=0.0007),
+    "circle": ring(width=0.1),
+    "translucent circle": ring(width=0.2, opacity=0.5, width_space="world"),
+    "corner": LETTER,
+    "a point": ds.Sketch(torch.zeros(1, 4, 3), width=0.2),
+    "map coordinates": far(random(width=0.02), 30.0, [4e6, 5e6, 300.0]),
+    "minute": far(random(width=2e-6, width_space="world"), 1e-5, [0.0, 0.0, 0.0]),
+    "nothing": ds.Sketch(torch.zeros(0, 4, 3)),
+}
+
+
+def test_the_picture_is_that_of_the_renderer(browser, tmp_path):
+    found = {}
+    for name, sketch in SCENES.items():
+        image = shown(browser, tmp_path / "a.html", sketch)
+        assert not browser.errors, name
+        found[name] = difference(image, drawn(sketch, image))
+    print({name: round(255 * value, 3) for name, value in found.items()})
+    assert {name: value for name, value in found.items() if value > CLOSE} == {}
+
+
+def test_it_asks_for_nothing_and_complains_of_nothing(browser, tmp_path):
+    path = tmp_path / "<b>name</b> & {{script}}.html"
+    shown(browser, path, random())
+    browser.key("n")
+    browser.key("d")
+    assert browser.requests == [path.as_uri()]
+    assert browser.errors == []
+    assert browser.value("document.title") == path.stem
+
+
+def test_phones_and_fine_screens(browser, tmp_path):
+    sketch = random(width=0.02)
+    image = shown(browser, tmp_path / "a.html", sketch, width=390, height=844, scale=2)
+    assert browser.value("document.documentElement.scrollWidth") == 390
+    assert (
+        browser.value("[canvas.width, canvas.height]".replace("canvas", "document.querySelector('canvas')"))[0] == 780
+    )
+    assert image.shape[1] == 780
+    assert difference(image, drawn(sketch, image)) < CLOSE
+
+
+def test_keys_and_mouse_turn_it(browser, tmp_path):
+    sketch = random(width=0.02)
+    first = shown(browser, tmp_path / "a.html", sketch)
+    for _ in range(3):
+        browser.key("ArrowRight")
+    browser.key("ArrowDown")
+    turned = seen(browser)
+    assert difference(turned, first) > CLOSE
+    assert difference(turned, drawn(sketch, turned, azimuth=15, elevation=25)) < CLOSE
+    browser.drag((100, 100), (200, 150))  # .4 degrees a pixel
+    assert difference(seen(browser), drawn(sketch, first, azimuth=-25, elevation=45)) < CLOSE
+    for key, place in {"f": (0, 0), "s": (-90, 0), "t": (-90, 90)}.items():
+        browser.key(key)
+        assert difference(seen(browser), drawn(sketch, first, *place)) < CLOSE, key
+    browser.key("0")
+    assert difference(seen(browser), first) < 1e-3
+
+
+def test_zoom_and_orthographic_views(browser, tmp_path):
+    sketch = random(width=0.05, width_space="world")
+    first = shown(browser, tmp_path / "a.html", sketch)
+    distance = float(framed(sketch, 30, 20, size=tuple(first.shape[:2])).centers[0].sub(_middle(sketch)).norm())
+    for _ in range(4):
+        browser.key("+")
+    near = distance / 1.15**4
+    assert difference(seen(browser), drawn(sketch, first, distance=near)) < CLOSE
+    browser.key("o")
+    # The middle keeps its size.
+    height = 2 * near * torch.tensor(20.0).deg2rad().tan().item()
+    assert difference(seen(browser), drawn(sketch, first, height=height)) < CLOSE
+
+
+def _middle(sketch):
+    points = sketch.points.double().flatten(0, 1)
+    return (points.amin(0) + points.amax(0)) / 2
+
+
+def test_strokes_are_selected_coloured_and_hidden(browser, tmp_path):
+    points = torch.tensor([[[0.0, -1, -0.5], [0, 1, -0.5]], [[0, -1, 0.5], [0, 1, 0.5]]])
+    first = shown(browser, tmp_path / "a.html", ds.Sketch(points, width=0.05))
+    box = browser.canvas_box()
+    rows = (first.mean(-1) < 0.5).nonzero()[:, 0]
+    x, y = box["width"] / 2, float(rows.max())
+    below = ds.Sketch(points[:1], width=0.05)
+    # A click on the lower one selects it, with a halo; h hides it.
+    middle = (first[:, int(x)].mean(-1) < 0.5).nonzero()[:, 0]
+    y = float(middle.max()) - 4
+    browser.mouse("mousePressed", x, y, button="left", buttons=1, clickCount=1)
+    browser.mouse("mouseReleased", x, y, button="left", clickCount=1)
+    browser.settle()
+    assert browser.value("[...document.querySelectorAll('#strokes button')].map(b => b.ariaPressed)") == [
+        "true",
+        "false",
+    ]
+    assert difference(seen(browser), first) > 1e-3
+    browser.key("h")
+    assert browser.value("document.querySelector('#strokes input[type=checkbox]').checked") is False
+    browser.key("Escape")
+    left = seen(browser)
+    assert float((left[int(y)] < 0.99).sum()) == 0
+    assert float((left[int(middle.min()) + 4] < 0.99).sum()) > 0
+    browser.value("document.querySelectorAll('#strokes input[type=checkbox]')[0].click()")
+    browser.settle()
+    assert difference(seen(browser), first) < 1e-3
+    browser.value("(i => { i.value = '#ff0000'; i.dispatchEvent(new Event('input')); })"
+                  "(document.querySelector('#strokes input[type=color]'))")  # fmt: skip
+    browser.settle()
+    assert seen(browser)[int(y), int(x)].tolist() == [1.0, 0.0, 0.0]
+    assert len(below) == 1
+
+
+def test_everything_has_a_name(browser, tmp_path):
+    shown(browser, tmp_path / "a.html", random(3))
+    nodes = browser.ask("Accessibility.getFullAXTree")["nodes"]
+    named = {
+        (node["role"]["value"], node["name"]["value"])
+        for node in nodes
+        if not node["ignored"] and node["role"]["value"] in ("button", "checkbox", "ColorWell", "application", "list")
+    }
+    assert ("application", "a") in named
+    assert {("button", "Stroke 2"), ("checkbox", "Show stroke 2"), ("ColorWell", "Colour of stroke 2")} <= named
+    assert ("list", "Strokes (3)") in named
+    assert all(name for _, name in named)
+    browser.key("ArrowRight")
+    browser.settle("document.getElementById('said').textContent !== ''")
+    assert browser.value("document.getElementById('said').textContent") == "Seen from azimuth 25°, elevation 20°"
