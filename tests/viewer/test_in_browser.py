@@ -15,6 +15,8 @@ pytestmark = [
 ]
 # The picture of the page is the mean of 64 samples a pixel, that of `render` computed; means of absolute differences.
 CLOSE = 4 / 255
+# Around it the page shows where the focus is.
+INSIDE = (slice(4, -4), slice(4, -4))
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def seen(browser):
 
 
 def difference(image, other):
-    return float((image - other).abs().mean())
+    return float((image - other).abs()[INSIDE].mean())
 
 
 def shown(browser, path, sketch, **size):
@@ -110,6 +112,7 @@ def test_it_asks_for_nothing_and_complains_of_nothing(browser, tmp_path):
     assert browser.value("document.title") == path.stem
 
 
+@pytest.mark.slow
 def test_phones_and_fine_screens(browser, tmp_path):
     sketch = random(width=0.02)
     image = shown(browser, tmp_path / "a.html", sketch, width=390, height=844, scale=2)
@@ -121,6 +124,7 @@ def test_phones_and_fine_screens(browser, tmp_path):
     assert difference(image, drawn(sketch, image)) < CLOSE
 
 
+@pytest.mark.slow
 def test_keys_and_mouse_turn_it(browser, tmp_path):
     sketch = random(width=0.02)
     first = shown(browser, tmp_path / "a.html", sketch)
@@ -139,6 +143,7 @@ def test_keys_and_mouse_turn_it(browser, tmp_path):
     assert difference(seen(browser), first) < 1e-3
 
 
+@pytest.mark.slow
 def test_zoom_and_orthographic_views(browser, tmp_path):
     sketch = random(width=0.05, width_space="world")
     first = shown(browser, tmp_path / "a.html", sketch)
@@ -162,9 +167,7 @@ def test_strokes_are_selected_coloured_and_hidden(browser, tmp_path):
     points = torch.tensor([[[0.0, -1, -0.5], [0, 1, -0.5]], [[0, -1, 0.5], [0, 1, 0.5]]])
     first = shown(browser, tmp_path / "a.html", ds.Sketch(points, width=0.05))
     box = browser.canvas_box()
-    rows = (first.mean(-1) < 0.5).nonzero()[:, 0]
-    x, y = box["width"] / 2, float(rows.max())
-    below = ds.Sketch(points[:1], width=0.05)
+    x = box["width"] / 2
     # A click on the lower one selects it, with a halo; h hides it.
     middle = (first[:, int(x)].mean(-1) < 0.5).nonzero()[:, 0]
     y = float(middle.max()) - 4
@@ -180,8 +183,8 @@ def test_strokes_are_selected_coloured_and_hidden(browser, tmp_path):
     assert browser.value("document.querySelector('#strokes input[type=checkbox]').checked") is False
     browser.key("Escape")
     left = seen(browser)
-    assert float((left[int(y)] < 0.99).sum()) == 0
-    assert float((left[int(middle.min()) + 4] < 0.99).sum()) > 0
+    assert float((left[int(y)][INSIDE[1]] < 0.99).sum()) == 0
+    assert float((left[int(middle.min()) + 4][INSIDE[1]] < 0.99).sum()) > 0
     browser.value("document.querySelectorAll('#strokes input[type=checkbox]')[0].click()")
     browser.settle()
     assert difference(seen(browser), first) < 1e-3
@@ -189,7 +192,6 @@ def test_strokes_are_selected_coloured_and_hidden(browser, tmp_path):
                   "(document.querySelector('#strokes input[type=color]'))")  # fmt: skip
     browser.settle()
     assert seen(browser)[int(y), int(x)].tolist() == [1.0, 0.0, 0.0]
-    assert len(below) == 1
 
 
 def test_everything_has_a_name(browser, tmp_path):
