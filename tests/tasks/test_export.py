@@ -59,7 +59,7 @@ def test_occt_reads_the_unit_of_a_step_file(unit, millimetres, source, tmp_path)
     [
         (["a.glb", "--up", "y"], "GLB files have y up by themselves: leave --up out"),
         (["a.json", "--dxf-polylines"], "a.json: --dxf-polylines is for .dxf files"),
-        (["a.obj"], "cannot save as '.obj', only as .json"),
+        (["a.xyz"], "cannot save as '.xyz', only as .json"),
         (["a.png"], 'a.png: a picture is drawn by "diff3ds render'),
         (["a.json", "--unit", "m"], "a .json file says no unit of length: scale the sketch instead"),
         (["a.json", "--scale", "0"], "--scale must be positive, got 0"),
