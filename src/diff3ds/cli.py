@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
@@ -287,6 +288,31 @@ class Export:
 
 
 @dataclass(frozen=True)
+class View:
+    """Show a sketch in a browser, to turn and look through: a page from this machine, for this machine alone.
+
+    Says the address to open, and loads the page anew when the file changes. Ctrl-C ends it.
+    """
+
+    # sketch.json or another file with a sketch, or the folder of a run.
+    source: Positional[Path]
+    # Of the address; by default any that is free.
+    port: int = 0
+    # Open the address in the browser of this machine.
+    open: bool = False
+    # Say the address alone.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.view.serve import run_view
+
+        show = partial(print, flush=True)
+        run_view(self.source, self.port, self.open, show, _sayer(_Console(stderr=True, quiet=self.quiet)))
+
+
+@dataclass(frozen=True)
 class Eval:
     """Score a folder of runs of "diff3ds text" and "diff3ds image": one table as CSV, Markdown and JSON.
 
@@ -411,7 +437,15 @@ def main(arguments: list[str] | None = None) -> None:
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
     commands = {"text": Text, "image": Image, "views": views, "mesh": Mesh}
-    commands |= {"render": Render, "export": Export, "eval": Eval, "prior": Prior, "fetch": Fetch, "doctor": Doctor}
+    commands |= {
+        "render": Render,
+        "export": Export,
+        "view": View,
+        "eval": Eval,
+        "prior": Prior,
+        "fetch": Fetch,
+        "doctor": Doctor,
+    }
     command = None
     try:
         command = read_options(commands, arguments, _ABOUT)

@@ -1,6 +1,7 @@
 """The page in a real browser: its picture is that of `render`, and mouse, keys and list do what they say."""
 
 import io
+import threading
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ from viewer_browser import CHROMIUM, Browser
 
 import diff3ds as ds
 from diff3ds.formats.framing import framed
+from diff3ds.tasks.view.serve import server_of
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),
@@ -217,3 +219,40 @@ def test_everything_has_a_name(browser, tmp_path):
     browser.key("ArrowRight")
     browser.settle("document.getElementById('said').textContent !== ''")
     assert browser.value("document.getElementById('said').textContent") == "Seen from azimuth 25°, elevation 20°"
+
+
+def test_a_served_page_follows_its_file_and_says_when_the_server_is_gone(browser, tmp_path):
+    """From where one looks; a server that comes back at the same address is found."""
+    path = tmp_path / "sketch.json"
+    ds.save(path, random(3))
+    server = server_of(path, 0, print)
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    try:
+        browser.open(server.address)
+        browser.key("ArrowLeft")
+        azimuth = browser.value("document.getElementById('said').textContent")
+        ds.save(path, random(5))
+        browser.settle("document.querySelectorAll('#strokes li').length === 5")
+        browser.settle()
+        assert not browser.errors
+        assert {address.rsplit("/", 1)[0] for address in browser.requests} == {server.address.rstrip("/")}
+        browser.key("+")
+        browser.key("-")
+        assert browser.value("document.getElementById('said').textContent") == azimuth
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    browser.settle("!document.getElementById('fault').hidden")
+    assert "does not answer" in browser.value("document.getElementById('fault').textContent")
+    again = server_of(path, server.server_port, print)
+    again.secret = server.secret
+    thread = threading.Thread(target=again.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    try:
+        browser.settle("document.getElementById('fault').hidden")
+    finally:
+        again.shutdown()
+        thread.join()
+        again.server_close()

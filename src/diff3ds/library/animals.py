@@ -14,7 +14,8 @@ def legs(
     """A pair of legs, left and right: two edges from the body down to a foot on the ground z = 0.
 
     Args:
-        front, back: where the edges leave the body.
+        front: where the front edge leaves the body, x and z.
+        back: where the back edge does.
         foot: x of the foot's middle.
         half: half of its length.
         y: how far from the middle plane.

@@ -10,9 +10,11 @@ from typing import Any
 
 # In this order they make one module.
 _SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js")
+# Behind these, on a page that a server shows.
+_LIVE = "live.js"
 
 
-def page_text(title: str, sketch: str, start: dict[str, Any]) -> str:
+def page_text(title: str, sketch: str, start: dict[str, Any], version: str | None = None) -> str:
     """A page that shows a sketch, on its own: it asks for nothing, and scripts that are not its own do not run in it.
 
     Args:
@@ -20,12 +22,16 @@ def page_text(title: str, sketch: str, start: dict[str, Any]) -> str:
         sketch: the text of a sketch.json.
         start: `middle` (3 numbers) and `radius` of a ball around the sketch, world units, and from where it is seen at
             first: `azimuth`, `elevation` and `fov`, degrees, and `filled`, the ball's share of the picture.
+        version: of a page that a server shows: it asks that server, and no other, for `version`, and is loaded anew
+            when the answer is another one.
     """
     room = files("diff3ds.viewer")
     style = room.joinpath("page.css").read_text(encoding="utf-8")
-    script = "\n".join(room.joinpath(name).read_text(encoding="utf-8") for name in _SCRIPTS)
+    names = _SCRIPTS if version is None else (*_SCRIPTS, _LIVE)
+    script = "\n".join(room.joinpath(name).read_text(encoding="utf-8") for name in names)
+    asked = "" if version is None else "connect-src 'self'; "
     policy = (
-        f"default-src 'none'; script-src {_digest(script)}; style-src {_digest(style)}; base-uri 'none'; "
+        f"default-src 'none'; {asked}script-src {_digest(script)}; style-src {_digest(style)}; base-uri 'none'; "
         "form-action 'none'"
     )
     parts = {
@@ -34,7 +40,7 @@ def page_text(title: str, sketch: str, start: dict[str, Any]) -> str:
         "style": style,
         "script": script,
         "sketch": _embedded(sketch),
-        "start": _embedded(json.dumps(start)),
+        "start": _embedded(json.dumps(start if version is None else {**start, "version": version})),
     }
     markup = room.joinpath("page.html").read_text(encoding="utf-8")
     # In one go, so that braces of a title or a sketch stay as they are.

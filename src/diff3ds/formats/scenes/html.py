@@ -24,6 +24,17 @@ def save_html(path: str | Path, sketch: Sketch) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
+    write_text(path, sketch_page(path.stem, sketch))
+
+
+def sketch_page(title: str, sketch: Sketch, version: str | None = None) -> str:
+    """The text of such a page.
+
+    Args:
+        title: of the page.
+        sketch: what it shows.
+        version: as of `page_text`, for a page that a server shows.
+    """
     middle, radius = ball_of(sketch)
     start = {
         "middle": middle.tolist(),
@@ -33,4 +44,4 @@ def save_html(path: str | Path, sketch: Sketch) -> None:
         "fov": FOV,
         "filled": FILLED,
     }
-    write_text(path, page_text(path.stem, json_text(sketch), start))
+    return page_text(title, json_text(sketch), start, version)
