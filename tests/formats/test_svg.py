@@ -319,3 +319,15 @@ def test_bad_arguments_write_nothing(tmp_path):
     with pytest.raises(ValueError, match=r"background must be three numbers in \[0, 1\] or None, got \(1.0, 1.0\)"):
         save_svg(tmp_path / "a.svg", sketch, CAMERAS, background=(1.0, 1.0))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_layers_are_named_by_stroke_and_names_are_escaped(tmp_path):
+    points = torch.tensor([[[0.0, -0.5, 0], [0, 0.5, 0]], [[0, -0.5, 0.2], [0, 0.5, 0.2]], [[0, 0, -0.3], [0, 0, 0.4]]])
+    sketch, camera = ds.Sketch(points), ds.orbit(0.0, 0.0, 3.0, size=64)
+    save_svg(tmp_path / "a.svg", sketch, camera, layers=["front", 'a "<b>" & c', "front"])
+    groups = [g for g in ElementTree.parse(tmp_path / "a.svg").getroot() if g.tag.endswith("}g")]
+    named = {g.get("{http://www.inkscape.org/namespaces/inkscape}label"): {p.get("id") for p in g} for g in groups}
+    assert named == {"front": {"stroke-0", "stroke-2"}, 'a "<b>" & c': {"stroke-1"}}
+    with pytest.raises(ValueError, match="one for each of the 3 strokes, got 1"):
+        save_svg(tmp_path / "b.svg", sketch, camera, layers=["front"])
+    assert not (tmp_path / "b.svg").exists()

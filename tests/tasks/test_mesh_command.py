@@ -185,3 +185,25 @@ def test_what_is_refused_leaves_no_files(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
     main(["mesh", good, *out, *FEW[1:], "--azimuth", "0"])
     assert "holds a run" in fails(["mesh", good, *out], capsys)
+
+
+def labels(file: Path) -> set[str]:
+    """The layers of an SVG file, as Inkscape shows them."""
+    import xml.etree.ElementTree as ET
+
+    groups = ET.fromstring(file.read_text()).iter("{http://www.w3.org/2000/svg}g")
+    found = {g.get("{http://www.inkscape.org/namespaces/inkscape}label"): len(g) for g in groups}
+    assert all(count > 0 for count in found.values())
+    return set(found)
+
+
+def test_layers_say_what_lines_are(tmp_path):
+    source = cylinder(tmp_path / "can.obj")
+    for hidden, wanted in (
+        ("drop", {"crease", "contour"}),
+        ("show", {"crease", "contour"}),
+        ("dashed", {"crease", "contour", "crease, hidden"}),
+        ("faint", {"crease", "contour", "crease, hidden"}),
+    ):
+        main(["mesh", str(source), "-o", str(tmp_path / hidden), *FEW, "--azimuth", "40", "--hidden", hidden])
+        assert labels(tmp_path / hidden / "drawing-1.svg") == wanted

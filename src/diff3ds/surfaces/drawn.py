@@ -64,7 +64,20 @@ class Lines:
             return Sketch.concatenate([faint(self.strokes(False), FAINT), seen])
         return Sketch.concatenate([self._dashes(), seen])
 
+    def layers(self, hidden: Hidden) -> list[str]:
+        """What each stroke of `drawn` is: "crease", "contour, hidden" and the like."""
+        if hidden == "show":
+            return list(self.kinds)
+        seen = [self.kinds[i] for i in cut_sketch(self.sketch, *self._chosen(True, None))[1]]
+        if hidden == "drop":
+            return seen
+        cut = self._dash_parts() if hidden == "dashed" else self._chosen(False, None)
+        return [f"{self.kinds[i]}, hidden" for i in cut_sketch(self.sketch, *cut)[1]] + seen
+
     def _dashes(self) -> Sketch:
+        return cut_sketch(self.sketch, *self._dash_parts())[0]
+
+    def _dash_parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         parts = self.parts[~self.parts.visible]
         strokes = project(self.sketch.detach(), self.cameras)
         chords = chords_of(strokes.cubics[0].cpu().numpy(), Picture.of(self.cameras, 0))
@@ -74,7 +87,7 @@ class Lines:
             width /= max(float(strokes.depth(strokes.cubics[0, :, 0]).median()), strokes.near)
         chains = self.sketch.chains or Chains.plain(len(self.sketch))
         cut = dashed(parts, chains.after.cpu().numpy(), chords, self.cameras.size[0], width)
-        return cut_sketch(self.sketch, cut.segment, cut.start, cut.stop)[0]
+        return cut.segment, cut.start, cut.stop
 
     def _chosen(self, visible: bool, kind: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         parts = self.parts[self.parts.visible == visible]

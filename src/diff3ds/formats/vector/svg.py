@@ -1,7 +1,9 @@
 """SVG files: views of a sketch as vector paths, one path a stroke."""
 
+import html
 import math
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -26,7 +28,7 @@ def save_svg(
     *,
     background: Sequence[float] | None = (1.0, 1.0, 1.0),
     width_mm: float | None = None,
-    layers: Layers | None = None,
+    layers: Layers | Sequence[str] | None = None,
     centerline: bool = False,
     tolerance: float = TOLERANCE,
 ) -> None:
@@ -45,30 +47,33 @@ def save_svg(
     Args:
         background: RGB in [0, 1], or None for a transparent one.
         width_mm: of the page on paper, millimetres; without it a pixel is what the program takes for one.
-        layers: "color" for an Inkscape layer a colour, far ones first; strokes of different layers then lie over each
-            other as the layers do.
+        layers: "color" for an Inkscape layer a colour, or the name of the layer of each stroke; far ones come first,
+            and strokes of different layers then lie over each other as the layers do.
         centerline: for plotters: each stroke is one plain path, nothing is filled, hidden or translucent, and there
             is a layer a colour.
         tolerance: pixels.
 
     Raises:
         ValueError: no cameras, sketch and cameras on different devices, a background that is no colour, a width or
-            tolerance that is not positive.
+            tolerance that is not positive; another number of layers than of strokes.
         OSError: the file cannot be written.
     """
     sketch = check_page(sketch, cameras, background, width_mm, tolerance)
+    named = None if layers is None or isinstance(layers, str) else list(layers)
+    if named is not None and len(named) != len(sketch):
+        raise ValueError(f"layers must name one for each of the {len(sketch)} strokes, got {len(named)}")
     width, height = page_size(cameras)
     unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / width)
     size = f'width="{width * scale:.6g}{unit}" height="{height * scale:.6g}{unit}" viewBox="0 0 {width} {height}"'
     by_color = layers == "color" or centerline
-    size += f" {INKSCAPE}" if by_color else ""
+    size += f" {INKSCAPE}" if by_color or named else ""
     ground = ""
     if background is not None:
         ground = f'<rect width="{width}" height="{height}" fill="{hexadecimal(background)}"/>\n'
     lines: list[str] = []
     for view in range(len(cameras)):
         paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
-        lines += _view(paths, cameras, view, by_color)
+        lines += _view(layered(paths, named) if by_color or named else {"": paths}, cameras, view)
     write_text(
         Path(path), f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{ground}' + "\n".join(lines) + "\n</svg>\n"
     )
@@ -111,15 +116,16 @@ def corner(cameras: Cameras, view: int) -> tuple[int, int]:
     return column * cameras.size[1], row * cameras.size[0]
 
 
-def layered(paths: Sequence[DrawnPath]) -> dict[str, list[DrawnPath]]:
-    """Paths by their colour as "#rrggbb", in the order of the first path of each."""
+def layered(paths: Sequence[DrawnPath], named: Sequence[str] | None = None) -> dict[str, list[DrawnPath]]:
+    """Paths by their colour as "#rrggbb", or by the name of their stroke's layer, in the order of the first of each."""
     groups: dict[str, list[DrawnPath]] = {}
     for path in paths:
-        groups.setdefault(hexadecimal(path.color), []).append(path)
+        name = named[int(path.name.split("-")[1])] if named else hexadecimal(path.color)
+        groups.setdefault(name, []).append(path)
     return groups
 
 
-def _view(paths: Sequence[DrawnPath], cameras: Cameras, view: int, by_color: bool) -> Iterator[str]:
+def _view(groups: Mapping[str, Sequence[DrawnPath]], cameras: Cameras, view: int) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
     several = len(cameras) > 1
     prefix, (x, y) = f"view-{view}-" if several else "", corner(cameras, view)
@@ -127,10 +133,11 @@ def _view(paths: Sequence[DrawnPath], cameras: Cameras, view: int, by_color: boo
         place = f'x="{x}" y="{y}" width="{cameras.size[1]}" height="{cameras.size[0]}"'
         yield f'<clipPath id="page-{view}"><rect {place}/></clipPath>'
         yield f'<g id="view-{view}" clip-path="url(#page-{view})">'
-    groups = layered(paths) if by_color else {"": list(paths)}
-    for color, some in groups.items():
-        name = f'id="{prefix}layer-{color[1:]}" inkscape:groupmode="layer" inkscape:label="{prefix}{color}" '
-        yield f'<g {name if by_color else ""}stroke-linecap="round" stroke-linejoin="round">'
+    for label, some in groups.items():
+        known = re.sub(r"[^A-Za-z0-9]+", "-", label).strip("-")
+        said = html.escape(prefix + label)
+        name = f'id="{prefix}layer-{known}" inkscape:groupmode="layer" inkscape:label="{said}" ' if label else ""
+        yield f'<g {name}stroke-linecap="round" stroke-linejoin="round">'
         yield from (_element(path, prefix, (x, y)) for path in some)
         yield "</g>"
     if several:

@@ -95,10 +95,11 @@ def run_mesh(
         )
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
     features, kinds = made.features
-    drawings = []
+    drawings, layers = [], []
     for view in range(len(cameras)):
         lines = visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)[0]
         drawings.append(lines.drawn(options.hidden))
+        layers.append(lines.layers(options.hidden))
         report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch)))
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
@@ -120,7 +121,7 @@ def run_mesh(
     save_surface(out / "surface.glb", mesh.vertices, mesh.faces)
     for view, drawing in enumerate(drawings):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
-        save_svg(out / f"{name}.svg", drawing, cameras[view])
+        save_svg(out / f"{name}.svg", drawing, cameras[view], layers=layers[view])
         save_png(out / f"{name}.png", pictures[view])
     if options.turntable:
         frames = _frames(features, mesh, options, report)
