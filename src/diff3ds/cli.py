@@ -264,9 +264,9 @@ class Render:
 class Export:
     """Write a sketch in another format, in the size, unit and frame that another program wants.
 
-    The suffix says which: .json, .step (.stp), .dxf, .3dm, .glb, .ply, .obj, .py (for Blender) or .html (a page to turn
-    it in a browser); .svg in a --style, of the view that "diff3ds render" takes by itself. That draws other pictures,
-    and other views.
+    The suffix says which: .json, .step (.stp), .dxf, .3dm, .usd (.usda, .usdc), .glb, .ply, .obj, .py (for Blender) or
+    .html (a page to turn it in a browser); .svg in a --style, of the view that "diff3ds render" takes by itself. That
+    draws other pictures, and other views.
     """
 
     export: OmitArgPrefixes[ExportOptions]

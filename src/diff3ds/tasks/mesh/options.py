@@ -1,7 +1,9 @@
 """Options of `diff3ds mesh`."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
+
+from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE
 from diff3ds.tasks.render.options import MOST_FRAMES, ViewOptions
@@ -21,7 +23,7 @@ class MeshOptions:
             would be scraps, as on an animal.
         strokes: so many strokes at most, those that show most from all sides. By default all creases and borders; of
             a thing most of whose outlines are smooth, 24 outlines from the front, the sides and above as well.
-        contours: draw the outlines of smooth parts, which are others from each side.
+        contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
         size: of the drawings, pixels.
         turntable: frames of turntable.webp, once round; 0 leaves it out.
@@ -32,7 +34,7 @@ class MeshOptions:
     up: Literal["z", "y"] = "z"
     angle: float | None = None
     strokes: int | None = None
-    contours: bool = True
+    contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
     size: int = 512
     turntable: int = 24
