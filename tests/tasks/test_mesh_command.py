@@ -146,6 +146,14 @@ def test_the_function_is_the_command(tmp_path):
         ds.mesh_to_sketch(tmp_path / "box.obj", stroke=4)
 
 
+def test_what_an_overwritten_run_drew_is_gone(tmp_path):
+    arguments = ["mesh", str(box(tmp_path / "box.obj")), "-o", str(tmp_path / "out"), "--quiet", "--size", "32"]
+    main([*arguments, "--azimuth", "0", "40", "80", "--turntable", "2"])
+    main([*arguments, "--azimuth", "10", "--turntable", "0", "--overwrite"])
+    drawn = {path.name for path in (tmp_path / "out").iterdir() if path.name.startswith(("drawing", "turntable"))}
+    assert drawn == {"drawing-1.svg", "drawing-1.png"}
+
+
 def test_a_turntable_turns(tmp_path):
     main(
         [

@@ -62,18 +62,13 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     Raises:
         ValueError: there are more than `most`.
     """
-    sharp = mesh.is_crease | (mesh.edge_counts != 2)
-    outer = (mesh.edge_counts != 2)[sharp]
     seam = seams(mesh)
-    chains = list(_chains(mesh.vertices, mesh.edges[sharp], outer))
+    chains = _runs(mesh)
     cuts = [chain for chain, _ in _chains(seam.points, seam.steps, np.zeros(len(seam.steps), bool))]
     if most is not None and len(chains) + len(cuts) > most:
         raise ValueError(
             f"the mesh has {len(chains) + len(cuts)} feature lines, more than {most}: smooth or simplify it"
         )
-    ends = np.array([(chain[0], chain[-1]) for chain, _ in chains], np.int64).reshape(-1, 2)
-    count = np.bincount(ends.ravel(), minlength=len(mesh.vertices))
-    loose = int((count[ends] == 1).any(1).sum())
     pixel = PIXEL * mesh.size
     places = np.concatenate([mesh.vertices, seam.points])
     named: list[tuple[list[int], Feature]] = [(chain, "border" if border else "crease") for chain, border in chains]
@@ -81,7 +76,13 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     found = [(piece, kind) for chain, kind in named for piece in _pieces(places, chain, pixel)]
     curves = _curves(places, [piece for piece, _ in found])
     kinds = tuple(kind for (_, strokes), kind in found for _ in strokes)
-    return FeatureCurves(curves, kinds, len(chains), loose)
+    return FeatureCurves(curves, kinds, len(chains), _loose(mesh, chains))
+
+
+def loose_share(mesh: TriangleMesh) -> float:
+    """Which share of the runs of creases and borders has an end where no other begins, in [0, 1]; nothing is fitted."""
+    runs = _runs(mesh)
+    return _loose(mesh, runs) / len(runs) if runs else 0.0
 
 
 def outline_share(mesh: TriangleMesh) -> float:
@@ -106,9 +107,26 @@ def outline_share(mesh: TriangleMesh) -> float:
     return float(drawn / whole) if whole else 1.0
 
 
+# Vertices along a run of edges, and whether these are borders.
+_Run = tuple[list[int], bool]
+
+
+def _runs(mesh: TriangleMesh) -> list[_Run]:
+    """The creases and borders, from where they branch, end or turn sharply."""
+    sharp = mesh.is_crease | (mesh.edge_counts != 2)
+    return list(_chains(mesh.vertices, mesh.edges[sharp], (mesh.edge_counts != 2)[sharp]))
+
+
+def _loose(mesh: TriangleMesh, runs: list[_Run]) -> int:
+    """How many runs have an end where no other begins."""
+    ends = np.array([(chain[0], chain[-1]) for chain, _ in runs], np.int64).reshape(-1, 2)
+    count = np.bincount(ends.ravel(), minlength=len(mesh.vertices))
+    return int((count[ends] == 1).any(1).sum())
+
+
 def _chains(
     vertices: Float[Array, "V 3"], edges: Int[NDArray[np.int64], "E 2"], border: NDArray[np.bool_]
-) -> Iterator[tuple[list[int], bool]]:
+) -> Iterator[_Run]:
     """Vertices along the edges, from where they branch, end, turn sharply or become a border; and whether they are one.
 
     Loops end where they begin.

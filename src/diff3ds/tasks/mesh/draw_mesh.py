@@ -19,8 +19,8 @@ from diff3ds.formats.movie import save_movie
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
-from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.feature_curves import FeatureCurves, feature_curves, outline_share
+from diff3ds.surfaces.drawn import Lines, visible_lines
+from diff3ds.surfaces.feature_curves import FeatureCurves, feature_curves, loose_share, outline_share
 from diff3ds.surfaces.load import load_surface
 from diff3ds.surfaces.mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.mesh import TriangleMesh
@@ -95,33 +95,22 @@ def run_mesh(
         )
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
     features, kinds = made.features
-    drawings, layers = [], []
+    views: list[Lines] = []
     for view in range(len(cameras)):
-        lines = visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)[0]
-        drawings.append(lines.drawn(options.hidden))
-        layers.append(lines.layers(options.hidden))
+        views += visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)
         report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch)))
+    drawings = [lines.drawn(options.hidden) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
-    info = RunInfo(
-        {"source": str(source), **_told(options)},
-        {
-            "kinds": dict(Counter(made.kinds)),
-            "outlines_drawn": round(made.outlines, 4),
-            "faces": len(mesh),
-            "closed": mesh.is_closed,
-            "bounds": mesh.bounds.tolist(),
-        },
-        seconds,
-        [],
-        {},
-        False,
-    )
+    info = RunInfo({"source": str(source), **_told(options)}, _found(mesh, made), seconds, [], {}, False)
+    # Of a run that is overwritten.
+    for old in (*out.glob("drawing-*.svg"), *out.glob("drawing-*.png"), *out.glob("turntable.webp")):
+        old.unlink()
     write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
     save_surface(out / "surface.glb", mesh.vertices, mesh.faces)
     for view, drawing in enumerate(drawings):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
-        save_svg(out / f"{name}.svg", drawing, cameras[view], layers=layers[view])
+        save_svg(out / f"{name}.svg", drawing, cameras[view], layers=views[view].layers(options.hidden))
         save_png(out / f"{name}.png", pictures[view])
     if options.turntable:
         frames = _frames(features, mesh, options, report)
@@ -129,12 +118,22 @@ def run_mesh(
     return made.sketch
 
 
+def _found(mesh: TriangleMesh, made: MeshSketch) -> dict[str, object]:
+    """What run.json says of the mesh."""
+    return {
+        "kinds": dict(Counter(made.kinds)),
+        "outlines_drawn": round(made.outlines, 4),
+        "faces": len(mesh),
+        "closed": mesh.is_closed,
+        "bounds": mesh.bounds.tolist(),
+    }
+
+
 def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
     """The mesh without creases where most of them are scraps that end nowhere, unless an angle is given."""
     if angle is not None or not mesh.is_crease.any():
         return mesh
-    found = feature_curves(mesh)
-    if found.loose <= MOST_LOOSE * found.runs:
+    if loose_share(mesh) <= MOST_LOOSE:
         return mesh
     return TriangleMesh(mesh.vertices, mesh.faces, mesh.part, 180.0)
 
