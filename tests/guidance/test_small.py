@@ -197,7 +197,7 @@ def test_without_onednn_a_cpu_computes_in_float32(monkeypatch):
 
 
 def test_unknown_words_are_refused():
-    with pytest.raises(ValueError, match="not trained on sofa"):
+    with pytest.raises(ValueError, match="not trained on 'sofa'"):
         VOCABULARY.said({"sofa": 1.0})
     with pytest.raises(ValueError, match="multiple of patch"):
         Shape(3, size=20, patch=8)
