@@ -1,6 +1,6 @@
 """A page of Blender's pictures of sketches of the gallery, as coloured tubes; needs Blender or bpy.
 
-    python benchmarks/blender_page.py docs/pictures/blender.webp
+python benchmarks/blender_page.py docs/pictures/blender.webp
 """
 
 import subprocess
