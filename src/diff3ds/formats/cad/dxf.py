@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from diff3ds._files import replacing
-from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds._units import MILLIMETRES, Unit
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.cad.curve_kinds import Arc, Curve, Line, curves_of
+from diff3ds.formats.opening import check_writable
 from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.sketch import Sketch
 
@@ -37,12 +38,7 @@ def save_dxf(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", polylines: 
         OSError: the file cannot be written.
     """
     path = Path(path)
-    check_unit(unit)
-    sketch.check_values()
-    if len(sketch) == 0:
-        raise ValueError(f"{path}: a DXF file needs at least one stroke, got none")
-    if importlib.util.find_spec("ezdxf") is None:
-        raise ImportError(f"{path}: writing DXF takes ezdxf: install it with pip install 'diff3ds[cad]'")
+    check_writable(path, sketch, unit, "DXF", "ezdxf", "ezdxf", "cad")
     import ezdxf
 
     document = ezdxf.new("R2010")

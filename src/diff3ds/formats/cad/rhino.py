@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from diff3ds._files import write_bytes
-from diff3ds._units import Unit, check_unit
+from diff3ds._units import Unit
 from diff3ds.bezier import to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
+from diff3ds.formats.opening import check_writable
 from diff3ds.sketch import Sketch
 
 # Rhino's names of units.
@@ -34,12 +35,7 @@ def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    check_unit(unit)
-    sketch.check_values()
-    if len(sketch) == 0:
-        raise ValueError(f"{path}: a 3DM file needs at least one stroke, got none")
-    if importlib.util.find_spec("rhino3dm") is None:
-        raise ImportError(f"{path}: writing 3DM takes rhino3dm: install it with pip install 'diff3ds[cad]'")
+    check_writable(path, sketch, unit, "3DM", "rhino3dm", "rhino3dm", "cad")
     # Its stubs call read-only what can be written.
     rhino3dm: Any = import_module("rhino3dm")
     model = rhino3dm.File3dm()

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from diff3ds._files import replacing
 from diff3ds._shapes import Float
-from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds._units import MILLIMETRES, Unit
 from diff3ds.bezier import to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
+from diff3ds.formats.opening import check_writable
 from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.formats.scenes.tubes import width_unit
 from diff3ds.sketch import Sketch
@@ -42,12 +43,7 @@ def save_usd(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    check_unit(unit)
-    sketch.check_values()
-    if len(sketch) == 0:
-        raise ValueError(f"{path}: a USD file needs at least one stroke, got none")
-    if importlib.util.find_spec("pxr") is None:
-        raise ImportError(f"{path}: writing USD takes usd-core: install it with pip install 'diff3ds[usd]'")
+    check_writable(path, sketch, unit, "USD", "pxr", "usd-core", "usd")
     sketch = sketch.detach().to("cpu")
     usd: Any = import_module("pxr.Usd")
     geometry: Any = import_module("pxr.UsdGeom")
