@@ -106,3 +106,15 @@ def test_ends_are_joined_where_one_says():
     joined = join_ends(corner, np.array([[1, 3]]))
     assert made_of(joined) == [(2, False)]
     assert joined.points.tolist() == [[[0, 1, 0], [0, 0, 0]], [[0, 0, 0], [1, 0, 0]]]
+
+
+@pytest.mark.parametrize("turned", [0, 1])
+def test_strokes_of_several_segments_that_run_against_each_other_are_joined(turned):
+    whole = wave(False)
+    parts = [whole.segments().points[:3], whole.segments().points[3:]]
+    parts[turned] = parts[turned].flip(0, 1)
+    halves = [ds.Sketch(points, width=0.02, chains=ds.Chains.of([len(points)])) for points in parts]
+    joined = join_smooth(ds.Sketch.concatenate(halves))
+    assert made_of(joined) == [(7, False)]
+    expected = whole.points if turned else whole.points.flip(0, 1)
+    assert torch.allclose(joined.points, expected)
