@@ -63,9 +63,10 @@ def replacing(path: Path) -> Iterator[Path]:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
-    # With the rights of any new file, which tempfile's have not; to ask for the umask would change it for all threads.
-    temporary.touch(exist_ok=False)
     try:
+        # With the rights of any new file, which tempfile's have not; to ask for the umask would change it for all
+        # threads. Within the try, since an interruption may come between any two lines.
+        temporary.touch(exist_ok=False)
         yield temporary
         temporary.replace(path)
     except OSError as error:

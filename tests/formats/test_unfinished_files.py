@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from diff3ds import _files
+
 PACKAGES = {".dxf": "ezdxf", ".3dm": "rhino3dm", ".usda": "pxr"}
 SUFFIXES = [
     s
@@ -94,3 +96,31 @@ def test_an_interrupted_export_leaves_a_whole_file(tmp_path):
     assert "broken" not in said.values()
     assert "interrupted" in said.values()
     check_old(tmp_path)
+
+
+def test_an_interruption_between_any_two_lines_leaves_nothing_beside(tmp_path):
+    path, line, finished = tmp_path / "old.json", 0, False
+    path.write_text("old")
+
+    def interrupt(frame, event, arg):
+        nonlocal seen
+        if frame.f_code.co_filename != _files.__file__:
+            return None
+        seen += event == "line"
+        if event == "line" and seen == line:
+            raise KeyboardInterrupt
+        return interrupt
+
+    while not finished:
+        line, seen = line + 1, 0
+        sys.settrace(interrupt)
+        try:
+            _files.write_text(path, "new")
+            finished = True
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.settrace(None)
+        assert [p.name for p in tmp_path.iterdir()] == ["old.json"]
+        assert path.read_text() in ("old", "new")
+    assert line > 8
