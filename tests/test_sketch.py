@@ -1,6 +1,7 @@
 """Sketches: what they accept, what they say of what they refuse, and that their operations keep the drawing."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -258,6 +259,44 @@ def test_concatenation_refuses_what_does_not_fit():
         ds.Sketch.concatenate([])
     with pytest.raises(ValueError, match="widths in image and in world units cannot be joined"):
         ds.Sketch.concatenate([_sketch(1), _sketch(1, width_space="world")])
+
+
+# Marks
+
+
+def _marked(*fixed, **more):
+    return replace(_sketch(len(fixed), **more), fixed=torch.tensor(fixed))
+
+
+def test_marks_of_strokes_that_stay_are_kept():
+    sketch = _marked(True, False, True)
+    assert sketch[[2, 1]].fixed.tolist() == [True, False]
+    assert sketch[1].fixed is None
+    assert sketch[torch.tensor([False, True, True])].fixed.tolist() == [False, True]
+    assert sketch.to(torch.float64).fixed.tolist() == [True, False, True]
+    for same in (sketch.detach(), sketch.elevate(), sketch.with_widths_along(), sketch.transform(torch.eye(4))):
+        assert same.fixed.tolist() == [True, False, True]
+    assert ds.Sketch.concatenate([_sketch(1), sketch]).fixed.tolist() == [False, True, False, True]
+    assert ds.Sketch.concatenate([_sketch(1), _sketch(2)]).fixed is None
+    assert _marked(False, False).fixed is None
+    lines = torch.tensor([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [2, 0, 0]], [[3, 0, 0], [4, 0, 0]]])
+    chained = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), fixed=torch.tensor([True, False]))
+    assert chained.segments().fixed.tolist() == [True, True, False]
+    assert chained[[1, 0]].fixed.tolist() == [False, True]
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("fixed", "error", "message"),
+    [
+        ([True, False], TypeError, "fixed must be a tensor of torch.bool or None, got list"),
+        (torch.ones(2), TypeError, "got a tensor of torch.float32"),
+        (torch.ones(3, dtype=torch.bool), ValueError, r"fixed must have shape \(2,\) for 2 strokes, got \(3,\)"),
+    ],
+)
+def test_marks_that_do_not_fit_are_refused(fixed, error, message):
+    with pytest.raises(error, match=message):
+        replace(_sketch(2), fixed=fixed)
 
 
 # Random sketches

@@ -34,7 +34,7 @@ def fixed(sketch: Sketch, strokes: Sequence[int] | Int[Tensor, " S"]) -> Constra
         for name, value in moved.tensors().items():
             place = segments if name in moved.segment_fields else rows
             tensors[name] = value.index_copy(0, place, kept[name][place].to(value))
-        return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains)
+        return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains, fixed=moved.fixed)
 
     return hold
 
@@ -94,7 +94,7 @@ def mirrored(
         some = points[segments[1]]
         some = some - 2 * ((some @ n) - offset)[..., None] * n
         tensors["points"] = points.index_copy(0, segments[1], some)
-        return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains)
+        return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains, fixed=moved.fixed)
 
     return reflect
 

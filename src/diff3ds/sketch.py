@@ -11,7 +11,7 @@ import torch
 from diff3ds import bezier
 from diff3ds._checks import as_numbers, check_generator, kind
 from diff3ds._modes import check_plain
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.chains import Chains
 
 WidthSpace = Literal["image", "world"]
@@ -40,6 +40,7 @@ class Sketch:
         opacity: in [0, 1], default 1.
         width_space: "image" (same width at every depth; default) or "world" (thinner with distance).
         chains: which segments make which stroke; None where each is one, also if it was given so.
+        fixed: strokes that are marked to stay as they are where others are drawn further; None where none is.
 
     Raises:
         TypeError, ValueError: a wrong type, shape, dtype, device or value, segments that do not meet at a joint, or
@@ -54,6 +55,7 @@ class Sketch:
     opacity: Float[Tensor, " N"]
     width_space: WidthSpace
     chains: Chains | None
+    fixed: Bool[Tensor, " N"] | None
 
     def __init__(
         self,
@@ -64,6 +66,7 @@ class Sketch:
         opacity: float | Float[Tensor, " N"] = 1.0,
         width_space: WidthSpace = "image",
         chains: Chains | None = None,
+        fixed: Bool[Tensor, " N"] | None = None,
     ) -> None:
         if not isinstance(points, Tensor) or not points.is_floating_point():
             raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
@@ -88,6 +91,7 @@ class Sketch:
             object.__setattr__(self, name, value)
         object.__setattr__(self, "width_space", width_space)
         object.__setattr__(self, "chains", chains)
+        object.__setattr__(self, "fixed", _marks(fixed, points, count))
         # Values are not known while a graph is made; where it runs, drawing refuses bad ones.
         if points.device.type == "cpu" and not torch.compiler.is_compiling():
             self.check_values()
@@ -146,13 +150,14 @@ class Sketch:
         """Some of the strokes, by index, slice or mask, with all their segments; an int gives a sketch of one."""
         rows = [index] if isinstance(index, int) else index
         if self.chains is None:
-            return self._map(lambda value: value[rows])
+            return self._map(lambda value: value[rows], None if self.fixed is None else self.fixed[rows])
         strokes = torch.arange(len(self), device=self.points.device)[rows]
         segments, chains = self.chains.select(strokes)
         picked = {name: value[segments] for name, value in (("points", self.points), ("weights", self.weights))}
         width = self.width[segments] if self.width.ndim == 2 else self.width[strokes]
         appearance = {"width": width, "color": self.color[strokes], "opacity": self.opacity[strokes]}
-        return Sketch(**picked, **appearance, width_space=self.width_space, chains=chains)
+        fixed = None if self.fixed is None else self.fixed[strokes]
+        return Sketch(**picked, **appearance, width_space=self.width_space, chains=chains, fixed=fixed)
 
     def segments(self) -> "Sketch":
         """Every segment as a stroke of its own, with the appearance of its stroke."""
@@ -160,11 +165,14 @@ class Sketch:
             return self
         stroke = self.chains.stroke
         width = self.width if self.width.ndim == 2 else self.width[stroke]
-        return Sketch(self.points, self.weights, width, self.color[stroke], self.opacity[stroke], self.width_space)
+        color, opacity = self.color[stroke], self.opacity[stroke]
+        fixed = None if self.fixed is None else self.fixed[stroke]
+        return Sketch(self.points, self.weights, width, color, opacity, self.width_space, fixed=fixed)
 
     def tensors(self) -> dict[str, Tensor]:
         """The five tensor fields by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("width_space", "chains")}
+        others = ("width_space", "chains", "fixed")
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in others}
 
     @property
     def segment_fields(self) -> tuple[str, ...]:
@@ -174,22 +182,24 @@ class Sketch:
     def to(self, target: torch.dtype | torch.device | str) -> "Sketch":
         """The same sketch in another dtype or on another device."""
         moved = {name: value.to(target) for name, value in self.tensors().items()}
-        chains = self.chains if self.chains is None else self.chains.to(moved["points"].device)
-        return Sketch(**moved, width_space=self.width_space, chains=chains)
+        home = moved["points"].device
+        chains = None if self.chains is None else self.chains.to(home)
+        fixed = None if self.fixed is None else self.fixed.to(home)
+        return Sketch(**moved, width_space=self.width_space, chains=chains, fixed=fixed)
 
     def detach(self) -> "Sketch":
         """The same sketch without its autograd history."""
-        return self._map(Tensor.detach)
+        return self._map(Tensor.detach, self.fixed)
 
     def _repr_png_(self) -> bytes:
         """The sketch as it is seen from the right and above, for notebooks."""
         # Pictures are made by a room above this one, imported by those who look at them only.
         return cast(bytes, import_module("diff3ds.formats").notebook_png(self))
 
-    def _map(self, function: Callable[[Tensor], Tensor]) -> "Sketch":
+    def _map(self, function: Callable[[Tensor], Tensor], fixed: Tensor | None) -> "Sketch":
         changed = {name: function(value) for name, value in self.tensors().items()}
         chains = self.chains if len(changed["points"]) == len(self.points) else None
-        return Sketch(**changed, width_space=self.width_space, chains=chains)
+        return Sketch(**changed, width_space=self.width_space, chains=chains, fixed=fixed)
 
     def transform(self, matrix: Float[Tensor, "4 4"]) -> "Sketch":
         """The sketch moved by a similarity (rotation, uniform scale, translation); world widths scale with it.
@@ -239,7 +249,11 @@ class Sketch:
             raised = [s.with_widths_along() for s in raised]
         parts = [s.tensors() for s in raised]
         joined = {name: torch.cat([p[name] for p in parts]) for name in parts[0]}
-        return Sketch(**joined, width_space=sketches[0].width_space, chains=chains)
+        fixed = None
+        if any(s.fixed is not None for s in raised):
+            marks = [torch.zeros_like(s.opacity, dtype=torch.bool) if s.fixed is None else s.fixed for s in raised]
+            fixed = torch.cat(marks)
+        return Sketch(**joined, width_space=sketches[0].width_space, chains=chains, fixed=fixed)
 
     def with_widths_along(self) -> "Sketch":
         """The same sketch with one width a control point."""
@@ -301,6 +315,21 @@ def _kept(chains: Chains | None, points: Tensor) -> Chains | None:
     if chains.stroke.device != points.device:
         raise ValueError(f"chains must be on the device of points, {points.device}, got {chains.stroke.device}")
     return None if chains.is_plain() else chains
+
+
+def _marks(fixed: Tensor | None, points: Tensor, count: int) -> Tensor | None:
+    """The marks of strokes, if they fit and, where that can be seen without waiting, there are any."""
+    if fixed is None:
+        return None
+    if not isinstance(fixed, Tensor) or fixed.dtype != torch.bool:
+        got = f"a tensor of {fixed.dtype}" if isinstance(fixed, Tensor) else kind(fixed)
+        raise TypeError(f"fixed must be a tensor of torch.bool or None, got {got}")
+    if fixed.shape != (count,):
+        raise ValueError(f"fixed must have shape ({count},) for {count} strokes, got {tuple(fixed.shape)}")
+    if fixed.device != points.device:
+        raise ValueError(f"fixed must be on the device of points, {points.device}, got {fixed.device}")
+    looked_at = fixed.device.type == "cpu" and not torch.compiler.is_compiling()
+    return None if looked_at and not bool(fixed.any()) else fixed
 
 
 def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...], rows: str = "strokes") -> Tensor:

@@ -83,6 +83,16 @@ def test_layout_is_the_documented_one(tmp_path):
     }
 
 
+def test_marks_are_kept_and_left_out_where_there_are_none(tmp_path):
+    lines = torch.tensor([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [2, 0, 0]], [[3, 0, 0], [4, 0, 0]]])
+    sketch = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), fixed=torch.tensor([False, True]))
+    ds.save(tmp_path / "s.json", sketch)
+    assert json.loads((tmp_path / "s.json").read_text())["fixed"] == [False, True]
+    assert ds.load(tmp_path / "s.json").fixed.tolist() == [False, True]
+    (tmp_path / "s.json").write_text((tmp_path / "s.json").read_text().replace("[false, true]", "[false, false]"))
+    assert ds.load(tmp_path / "s.json").fixed is None
+
+
 def test_sketch_without_strokes(tmp_path):
     ds.save(tmp_path / "s.json", ds.Sketch(torch.zeros(0, 4, 3)))
     assert_same(ds.load(tmp_path / "s.json"), ds.Sketch(torch.zeros(0, 4, 3)))
@@ -138,6 +148,9 @@ def put(*keys):
         (put("width", 1, -0.5), r"width of stroke 1 must be finite and not negative, got -0.5"),
         (put("width", 1, [0.5]), r"width of stroke 1 must be a finite number"),
         (put("color", 1, [0.5]), r"color of stroke 1 must be 3 finite numbers"),
+        (put("fixed", [True]), r"fixed must be a list of true or false, 3, got \[True\]"),
+        (put("fixed", [True, False, 1]), r"fixed must be a list of true or false, 3"),
+        (put("fixed", None), r"fixed must be a list of true or false, 3, got None"),
         (put("opacity", 0, 1.5), r"opacity of stroke 0 must be in \[0, 1\], got 1.5"),
     ],
 )

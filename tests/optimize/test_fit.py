@@ -120,6 +120,7 @@ def test_resumes_bit_for_bit(start, views, objective, tmp_path, stop):
     config = ds.FitConfig(
         steps=14, rates=ALL_RATES, antialiasing="montecarlo", refinements=[drop_and_add], checkpoint_every=4
     )
+    start = replace(start, fixed=torch.arange(len(start)) == len(start) - 1)
     whole = last(ds.fit(start, objective, views, config))
     config = replace(config, checkpoint=tmp_path / "run.safetensors")
     for step in ds.fit(start, objective, views, config):
@@ -129,6 +130,7 @@ def test_resumes_bit_for_bit(start, views, objective, tmp_path, stop):
     rest = list(ds.fit(start, objective, views, replace(config, resume=True)))
     assert [s.index for s in rest] == list(range(stop + 1, 14))
     assert_same(rest[-1].sketch, whole.sketch)
+    assert read_checkpoint(config.checkpoint).sketch.fixed.sum() == 1
     assert len(read_checkpoint(config.checkpoint).losses) == 14
     assert list(tmp_path.iterdir()) == [config.checkpoint]
 

@@ -9,6 +9,7 @@ An object with these keys, for N strokes of M segments with K control points eac
   `Sketch`.
 * `segments`: how many each stroke has, in order, and `closed`: whether each ends where it begins (N); both are left out
   where all strokes are one open segment.
+* `fixed`: whether each stroke is marked to stay as it is (N); left out where none is.
 
 Numbers are written with as many digits as it takes to read the same bits again. Other keys are ignored.
 """
@@ -55,6 +56,8 @@ def json_text(sketch: Sketch) -> str:
     if sketch.chains is not None:
         values |= {"segments": sketch.chains.counts.tolist(), "closed": sketch.chains.closed.tolist()}
     values |= {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
+    if sketch.fixed is not None and bool(sketch.fixed.any()):
+        values["fixed"] = sketch.fixed.tolist()
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -94,22 +97,29 @@ def load_json(path: str | Path) -> Sketch:
         "opacity": (strokes, ()),
     }
     tensors = {key: _numbers(path, data, key, *shape).to(_DTYPES[name]) for key, shape in shapes.items()}
+    fixed = torch.tensor(_flags(path, data, "fixed", strokes), dtype=torch.bool) if "fixed" in data else None
     try:
-        return Sketch(**tensors, width_space=space, chains=chains)
+        return Sketch(**tensors, width_space=space, chains=chains, fixed=fixed)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
 
 
 def _chains(path: Path, data: dict[str, Any], segments: int) -> Chains:
     """Which segments make which stroke."""
-    counts, closed = data["segments"], data.get("closed")
+    counts = data["segments"]
     if not isinstance(counts, list) or not all(type(count) is int and count > 0 for count in counts):
         raise ValueError(f"{path}: segments must be a list of whole numbers, at least 1, got {reprlib.repr(counts)}")
     if sum(counts) != segments:
         raise ValueError(f"{path}: segments must add up to the {segments} items of points, got {sum(counts)}")
-    if not isinstance(closed, list) or len(closed) != len(counts) or not all(type(flag) is bool for flag in closed):
-        raise ValueError(f"{path}: closed must be a list of true or false, {len(counts)}, got {reprlib.repr(closed)}")
-    return Chains.of(counts, closed)
+    return Chains.of(counts, _flags(path, data, "closed", len(counts)))
+
+
+def _flags(path: Path, data: dict[str, Any], key: str, count: int) -> list[bool]:
+    """The value of a key that says yes or no of each stroke."""
+    flags = data.get(key)
+    if not isinstance(flags, list) or len(flags) != count or not all(type(flag) is bool for flag in flags):
+        raise ValueError(f"{path}: {key} must be a list of true or false, {count}, got {reprlib.repr(flags)}")
+    return flags
 
 
 def _control_points(path: Path, data: dict[str, Any]) -> int:

@@ -18,6 +18,7 @@ FIELDS = ("points", "weights", "width", "color", "opacity")
 CHAIN_STROKE, CHAIN_CLOSED = "sketch.chains.stroke", "sketch.chains.closed"
 # Before the names of what learns beside the sketch; files have had it from the start.
 STATEFUL = "companion."
+FIXED = "sketch.fixed"
 # 100,000 strokes with their moments take 40 MB.
 MAX_BYTES = 1 << 30
 
@@ -99,15 +100,19 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         "age": state.age,
         "random": state.random,
         "losses": torch.tensor(state.all_losses(), dtype=torch.float64),
-        **_chain_tensors(state.sketch),
+        **_optional_tensors(state.sketch),
         **{f"{STATEFUL}{name}": value for name, value in state.stateful.items()},
     }
     about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
     write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
 
 
-def _chain_tensors(sketch: Sketch) -> dict[str, Tensor]:
-    return {} if sketch.chains is None else {CHAIN_STROKE: sketch.chains.stroke, CHAIN_CLOSED: sketch.chains.closed}
+def _optional_tensors(sketch: Sketch) -> dict[str, Tensor]:
+    chains, fixed = sketch.chains, sketch.fixed
+    return {
+        **({} if chains is None else {CHAIN_STROKE: chains.stroke, CHAIN_CLOSED: chains.closed}),
+        **({} if fixed is None else {FIXED: fixed}),
+    }
 
 
 def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State:
@@ -128,7 +133,8 @@ def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State
     try:
         fields = {name: tensors[f"sketch.{name}"] for name in FIELDS}
         chains = Chains(tensors[CHAIN_STROKE], tensors[CHAIN_CLOSED]) if CHAIN_STROKE in tensors else None
-        sketch = Sketch(**fields, width_space=cast(WidthSpace, about["width_space"]), chains=chains)
+        space = cast(WidthSpace, about["width_space"])
+        sketch = Sketch(**fields, width_space=space, chains=chains, fixed=tensors.get(FIXED))
         first, second = ({name: tensors[f"{part}.{name}"] for name in FIELDS} for part in ("first", "second"))
         for moments in (first, second):
             if any(moments[name].shape != value.shape for name, value in sketch.tensors().items()):
