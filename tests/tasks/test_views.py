@@ -23,7 +23,7 @@ from diff3ds.optimize.density import Observation, footprints
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import run_views
 
-RESULTS = ["preview.png", "run.json", "sketch.json", "sketch.step", "sketch.svg"]
+RESULTS = ["preview.png", "progress.json", "run.json", "sketch.json", "sketch.step", "sketch.svg", "targets.png"]
 FILES, EDGE_FILES = ["checkpoint.safetensors", *RESULTS], ["edges.safetensors", *RESULTS]
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from diff3ds.optimize.fit import Step
+    from diff3ds.sketch import Sketch
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,8 @@ class Progress:
         loss: of the last step; where one waits for it (on a GPU), of a step in the last second.
         strokes: of the sketch so far.
         note: what else to say of this step.
+        sketch: makes the sketch so far, as the results would have it, for those who want to see it; None before there
+            is one.
     """
 
     stage: str
@@ -28,6 +31,7 @@ class Progress:
     loss: float | None
     strokes: int
     note: str = ""
+    sketch: "Callable[[], Sketch] | None" = None
 
 
 Report = Callable[[Progress], None]

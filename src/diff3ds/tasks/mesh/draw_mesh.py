@@ -27,6 +27,7 @@ from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
+from diff3ds.tasks.run_log import logged
 from diff3ds.transforms import load_transforms
 
 # A thing whose creases and borders draw less of its outlines than this is smooth: outlines are added. Of a cylinder as
@@ -82,6 +83,12 @@ def run_mesh(
         ValueError, OSError, ImportError: as `load_surface`, `check_output_folder` and `load_transforms`; too many
             creases; nothing to draw.
     """
+    with logged(out, report, say) as (report, say):
+        return _drawn_mesh(source, out, options, report, say)
+
+
+def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Sketch:
+    """Reads, draws and writes."""
     begun = time.perf_counter()
     mesh = creased(load_surface(source, up=options.up, crease=options.angle or CREASE_ANGLE), options.angle)
     check_output_folder(out, out / "run.json", False, options.overwrite)
@@ -98,7 +105,7 @@ def run_mesh(
     views: list[Lines] = []
     for view in range(len(cameras)):
         views += visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)
-        report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch)))
+        report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
     drawings = [lines.drawn(options.hidden) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())

@@ -91,7 +91,8 @@ def _stopped(
             for step in steps:
                 done = step.index + 1
                 low, high = score.recipe.annealing.bounds(step.index, score.steps)
-                report(Progress("distill", done, score.steps, shown.of(step), len(step.sketch), f"t {low}-{high}"))
+                told = Progress("distill", done, score.steps, shown.of(step), len(step.sketch), f"t {low}-{high}")
+                report(replace(told, sketch=step.sketch.detach))
                 if output.sheet_every and done % output.sheet_every == 0:
                     save_png(out / SHEETS / f"step_{done:05d}.png", contact_sheet(step, score))
         except KeyboardInterrupt:

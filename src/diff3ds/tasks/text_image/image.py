@@ -21,6 +21,7 @@ from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.poses import PlacedLines, alike, gap, placed_over
 from diff3ds.tasks.recognition.recognise import Guess, recognised, seen_as
 from diff3ds.tasks.results import check_output_folder
+from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image.bend import bent_to
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
@@ -57,6 +58,12 @@ def run_image(
         ValueError, OSError: as `read_reference`, `check_output_folder`, the prior's loader or `recognise`, and
             `distill`.
     """
+    with logged(out, report, say) as (report, say):
+        return _made(spec, out, report, say)
+
+
+def _made(spec: RunSpec[Picture], out: Path, report: Report, say: Callable[[str], None]) -> Sketch:
+    """Chooses the prior, shows it the picture, and draws."""
     name = choose_prior(spec.prior, FOR_PICTURES, say)
     if name in BUILT_IN:
         return distill(_built_in(name, spec, out, say), spec, out, report)

@@ -12,6 +12,7 @@ from diff3ds.tasks.exact_prior.exemplars import exemplars_in, exemplars_of
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import check_output_folder
+from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.small_prior.small_prior import Trained, trained
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
@@ -42,6 +43,12 @@ def run_text(
     """
     checkpoint = out / (PLAN if (out / PLAN).exists() else CHECKPOINT)
     check_output_folder(out, checkpoint, spec.output.resume, spec.output.overwrite)
+    with logged(out, report, say) as (report, say):
+        return _made(spec, out, report, say)
+
+
+def _made(spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str], None]) -> Sketch:
+    """Chooses the prior, tells it the phrase, and draws."""
     name = choose_prior(spec.prior, FOR_PHRASES, say)
     if name not in BUILT_IN:
         return distill(_network(name, spec), spec, out, report)

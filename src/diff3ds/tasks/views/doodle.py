@@ -4,6 +4,7 @@ import dataclasses
 import math
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -27,10 +28,11 @@ from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, write_results
+from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.views.options import DoodleOptions
 from diff3ds.tasks.views.plan import Plan
-from diff3ds.tasks.views.run import CHECKPOINT, preview
+from diff3ds.tasks.views.run import CHECKPOINT, after_targets, preview
 from diff3ds.weights.judge_files import find_file, read_network
 
 # Control points of a new stroke follow one another by this, plus up to ten times as much at random, along each axis;
@@ -71,10 +73,12 @@ def run_doodle(
     plan = plan_doodle(load_posed(path, "color", options.size, out, options.masks), options, loss, out / CHECKPOINT)
     read = time.perf_counter()
     stopped, shown = False, ShownLoss()
-    with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
+    steps = fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)
+    with logged(out, after_targets(plan.pictures, out, report), lambda line: None) as (report, _), closing(steps):
         try:
             for step in steps:
-                report(Progress("3doodle", step.index + 1, options.steps, shown.of(step), len(step.sketch)))
+                told = Progress("3doodle", step.index + 1, options.steps, shown.of(step), len(step.sketch))
+                report(dataclasses.replace(told, sketch=partial(plan.frame.to_world, step.sketch)))
         except KeyboardInterrupt:
             stopped = True
     state = read_checkpoint(out / CHECKPOINT)

@@ -2,6 +2,8 @@
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.pictures.frame import Frame, frame_of
+from diff3ds.pictures.frame import frame_of
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Progress, Report
@@ -68,11 +70,17 @@ def fit_edges(
         results.append(result)
         write_result(checkpoint, result, losses, settings)
 
+    width = line_width(pictures.store) if pictures.target == "edges" else DEFAULT_WIDTH
+
+    def drawn(curves: Curves) -> Sketch:
+        return frame.to_world(sketch_of(curves, width))
+
     limited: dict[str, tuple[int, int]] = {}
 
     def tell(stage: str, done: int, total: int | None, loss: float | None, strokes: int) -> None:
         losses.extend([] if loss is None else [loss])
-        report(Progress(stage, done, total, loss, strokes))
+        told = Progress(stage, done, total, loss, strokes)
+        report(replace(told, sketch=partial(drawn, results[-1].curves)) if results[-1].stage else told)
 
     def capped(what: str, kept: int, found: int) -> None:
         if what not in limited:
@@ -100,7 +108,7 @@ def fit_edges(
             raise
         stopped = True
     chosen = {"capped": {what: {"used": k, "of": n} for what, (k, n) in limited.items()}}
-    return _fitted(pictures, frame, results[-1], losses, stopped, chosen)
+    return _fitted(pictures, drawn(results[-1].curves), results[-1], losses, stopped, chosen)
 
 
 def most_views(size: tuple[int, int]) -> int:
@@ -171,11 +179,9 @@ def _free(start: Sketch) -> Curves:
 
 
 def _fitted(
-    pictures: PosedPictures, frame: Frame, result: Result, losses: list[float], stopped: bool, about: dict[str, Any]
+    pictures: PosedPictures, sketch: Sketch, result: Result, losses: list[float], stopped: bool, about: dict[str, Any]
 ) -> Fitted:
-    drawn = pictures.target == "edges"
     curves, bias = result.curves, result.bias
-    sketch = sketch_of(curves, line_width(pictures.store) if drawn else DEFAULT_WIDTH)
     of_kind = Counter(curves.kind.tolist())
     chosen = {
         # Several curves may make one stroke; whole circles and ellipses have no ends.
@@ -184,4 +190,4 @@ def _fitted(
         "bias_pixels": {"dx": bias.dx, "dy": bias.dy, "outward": bias.outward},
         **about,
     }
-    return Fitted(frame.to_world(sketch), pictures, chosen, losses, {}, stopped)
+    return Fitted(sketch, pictures, chosen, losses, {}, stopped)

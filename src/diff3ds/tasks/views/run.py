@@ -4,13 +4,14 @@ import dataclasses
 import time
 from collections.abc import Callable
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.edges.evidence.edge_views import require_perspective
-from diff3ds.formats import tile_images
+from diff3ds.formats import save_png, tile_images
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
@@ -25,6 +26,7 @@ from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
+from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
 from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
@@ -34,6 +36,8 @@ from diff3ds.tasks.views.random_start import plan_random_edges
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
 PREVIEWS = 8
+# A picture of some of the pictures, there as soon as there are strokes beside which to see it.
+TARGETS = "targets.png"
 # Gray of what masks leave out, lens distortion takes away, or smaller pictures do not have.
 UNKNOWN = 0.5
 
@@ -76,8 +80,8 @@ def run_views(
         times.begin(progress.stage)
         report(progress)
 
-    with output_folder(out):
-        fitted = _run(source, out, options, timed, say, times)
+    with output_folder(out), logged(out, timed, say) as (told, said):
+        fitted = _run(source, out, options, told, said, times)
     if fitted.stopped:
         raise Stopped
     return fitted.sketch
@@ -102,6 +106,7 @@ def _run(
         # Killed before its first checkpoint, the new run must not go on from the old one's.
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
+    report = after_targets(pictures, out, report)
     fitted = _fitted(pictures, clean_plates, path, options, out, report, say)
     shown = preview(fitted.sketch, fitted.pictures)
     info = RunInfo(
@@ -160,12 +165,28 @@ def _fitted(
 
 def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
     """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target."""
-    views = evenly_spaced(len(pictures), PREVIEWS)
-    drawn = render(sketch, pictures.cameras[views]).color
-    targets = pictures.batch(views)
-    seen = torch.where(targets.known[..., None], targets.images, torch.tensor(UNKNOWN))
-    pairs = torch.cat([seen, drawn.clamp(0, 1)], 2)
-    return tile_images(pairs, columns=2)
+    drawn = render(sketch, pictures.cameras[evenly_spaced(len(pictures), PREVIEWS)]).color
+    return tile_images(torch.cat([_some(pictures), drawn.clamp(0, 1)], 2), columns=2)
+
+
+def _some(pictures: PosedPictures) -> Float[Tensor, "B H W 3"]:
+    """The pictures of the preview's views; gray is what is not known of them."""
+    targets = pictures.batch(evenly_spaced(len(pictures), PREVIEWS))
+    return torch.where(targets.known[..., None], targets.images, torch.tensor(UNKNOWN))
+
+
+def after_targets(pictures: PosedPictures, out: Path, report: Report) -> Report:
+    """Reports that write `TARGETS` before the first of them that has strokes."""
+    written = False
+
+    def told(progress: Progress) -> None:
+        nonlocal written
+        if progress.sketch is not None and not written:
+            written = True
+            save_png(out / TARGETS, tile_images(_some(pictures), columns=4))
+        report(progress)
+
+    return told
 
 
 def demo_pictures(size: int = DEMO_SIZE) -> PosedPictures:
@@ -241,7 +262,8 @@ def _descended(plan: Plan, stage: str, report: Report) -> tuple[Sketch, list[flo
     with closing(fit(plan.start, plan.objective, plan.pyramid.cameras, plan.config)) as steps:
         try:
             for step in steps:
-                report(Progress(stage, step.index + 1, total, step.loss, len(step.sketch)))
+                told = Progress(stage, step.index + 1, total, step.loss, len(step.sketch))
+                report(dataclasses.replace(told, sketch=partial(plan.frame.to_world, step.sketch)))
         except KeyboardInterrupt:
             stopped = True
     state = read_checkpoint(checkpoint)

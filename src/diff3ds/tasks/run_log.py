@@ -1,0 +1,141 @@
+"""What a run has told so far, in its folder: progress.json, which the page of `diff3ds view` follows."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from diff3ds._files import read_json, write_text
+from diff3ds.formats.sketch_json import json_text
+from diff3ds.tasks.progress import Progress, Report
+
+PROGRESS = "progress.json"
+VERSION = 1
+# Seconds between two states of the file at least, and as a multiple of the time that writing one takes: no run spends
+# more than a fiftieth of its time on it.
+EVERY, SPARING = 2.0, 50
+# Numbers of the curve, and lines of the log, at most.
+MOST_LOSSES, MOST_LINES = 512, 500
+
+How = Literal["done", "stopped", "failed"]
+Say = Callable[[str], None]
+
+
+@contextmanager
+def logged(out: Path, report: Report, say: Say) -> Iterator[tuple[Report, Say]]:
+    """Reports and says on, and keeps what was told in the folder of a run, from its first strokes on.
+
+    A run does not depend on it: where the file cannot be written, there is none.
+
+    Args:
+        out: the folder of the run.
+        report, say: as of the command.
+    """
+    log = RunLog(out, report, say)
+    try:
+        yield log.report, log.say
+    except KeyboardInterrupt:
+        log.end("stopped")
+        raise
+    except BaseException:
+        log.end("failed")
+        raise
+    log.end("done")
+
+
+class RunLog:
+    """Keeps what a run tells."""
+
+    def __init__(self, out: Path, report: Report, say: Say, clock: Callable[[], float] = time.monotonic) -> None:
+        """Writes nothing yet.
+
+        Args:
+            out: the folder of the run.
+            report, say: told everything as well.
+            clock: seconds.
+        """
+        self._path, self._report, self._say, self._clock = out / PROGRESS, report, say, clock
+        self._lines: list[str] = []
+        self._losses: list[float] = []
+        # Every so many losses one is kept; so many came since.
+        self._every, self._skipped = 1, 0
+        self._latest: Progress | None = None
+        self._begun = False
+        self._due = -float("inf")
+
+    def say(self, line: str) -> None:
+        """Keeps a line."""
+        self._lines = [*self._lines, line][-MOST_LINES:]
+        self._say(line)
+
+    def report(self, progress: Progress) -> None:
+        """Keeps where the run is, and writes it now and then, once there are strokes."""
+        if self._latest is None or progress.stage != self._latest.stage:
+            self._lines = [*self._lines, progress.stage][-MOST_LINES:]
+        sketch = progress.sketch or (self._latest.sketch if self._latest else None)
+        self._latest = progress
+        if progress.sketch is None and sketch is not None:
+            # A stage that has no strokes of its own leaves those of the one before.
+            self._latest = Progress(**{**vars(progress), "sketch": sketch})
+        if progress.loss is not None:
+            self._keep(progress.loss)
+        now = self._clock()
+        if sketch is not None and now >= self._due:
+            self._write(None)
+            after = self._clock()
+            self._due = after + max(EVERY, SPARING * (after - now))
+        self._report(progress)
+
+    def end(self, how: How) -> None:
+        """Writes how the run has ended, if it had begun."""
+        if self._begun:
+            self._write(how)
+
+    def _keep(self, loss: float) -> None:
+        self._skipped += 1
+        if self._skipped < self._every:
+            return
+        self._skipped = 0
+        self._losses.append(loss)
+        if len(self._losses) >= MOST_LOSSES:
+            self._losses, self._every = self._losses[::2], 2 * self._every
+
+    def _write(self, ended: How | None) -> None:
+        latest = self._latest
+        assert latest is not None
+        about = {
+            "version": VERSION,
+            "ended": ended,
+            "stage": latest.stage,
+            "done": latest.done,
+            "total": latest.total,
+            "loss": latest.loss,
+            "note": latest.note,
+            "losses": {"every": self._every, "values": self._losses},
+            "log": self._lines,
+        }
+        lines = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in about.items()]
+        # A run that came to its end has its sketch in sketch.json.
+        if latest.sketch is not None and ended in (None, "failed"):
+            lines.append(f'"sketch": {json_text(latest.sketch())}')
+        with suppress(OSError):
+            write_text(self._path, "{\n" + ",\n".join(lines) + "\n}\n")
+            self._begun = True
+
+
+def read_log(out: Path) -> dict[str, Any] | None:
+    """What a run has told so far; None where it has told nothing.
+
+    Raises:
+        ValueError: it is no such file.
+        OSError: it cannot be read.
+    """
+    path = out / PROGRESS
+    if not path.is_file():
+        return None
+    told = read_json(path)
+    if not isinstance(told, dict) or told.get("version") != VERSION:
+        raise ValueError(f"{path}: not what this version of diff3ds tells of a run: delete it")
+    return told
