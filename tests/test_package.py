@@ -58,7 +58,7 @@ ALLOWED = {
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "render", "project",
                 "styles", "surfaces", "transforms"} | SCENE,
     "tasks": {"edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses", "formats",
-              "metrics", "library", "render", "project", "styles", "transforms"} | SCENE,
+              "metrics", "library", "render", "project", "styles", "transforms", "viewer"} | SCENE,
     "cli": {"tasks", "weights", "pictures", "command_line", "_version"},
 }  # fmt: skip
 

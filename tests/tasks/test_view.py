@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import math
 import os
 import re
 import signal
@@ -16,6 +17,8 @@ import torch
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
+from diff3ds.formats import save_png
+from diff3ds.tasks.progress import Progress
 from diff3ds.tasks.view.serve import server_of
 
 
@@ -61,10 +64,15 @@ def test_the_page_has_the_sketch_and_may_ask_its_own_server_alone(sketch):
             answer, page = asked(server, f"/{server.secret}/")
             assert answer.status == 200
             assert count_in(page) == 3
-            assert "default-src 'none'; connect-src 'self'; script-src" in page
+            images = "img-src 'self'; " if source.is_dir() else ""
+            assert f"default-src 'none'; connect-src 'self'; {images}script-src" in page
             assert answer.getheader("Cache-Control") == "no-store"
             assert answer.getheader("X-Frame-Options") == "DENY"
-            assert asked(server, f"/{server.secret}/version")[1] in page
+            version = asked(server, f"/{server.secret}/version")[1]
+            assert f'"version": "{version}"' in page
+            found = json.loads(asked(server, f"/{server.secret}/sketch")[1])
+            assert found["start"]["version"] == version
+            assert found["sketch"] == json.loads(sketch.read_text())
 
 
 @pytest.mark.parametrize(
@@ -111,6 +119,53 @@ def test_a_changed_file_is_another_version_and_a_broken_one_leaves_the_page(sket
         assert all("the page shows what there was" in line for line in said)
         ds.save(sketch, lines(2))
         assert count_in(asked(server, f"/{server.secret}/")[1]) == 2
+
+
+def a_run(folder):
+    """The folder of a run under way, with a file that is none of its pictures, and a link that leads out of it."""
+    from diff3ds.tasks.run_log import RunLog
+
+    (folder / "progress").mkdir(parents=True)
+    for name in ("preview.png", "progress/step_00005.png", "progress/step_00010.png", "other.png"):
+        save_png(folder / name, torch.rand(4, 4, 3, generator=torch.Generator().manual_seed(len(name))))
+    (folder.parent / "secret.png").write_bytes(b"secret")
+    (folder / "lines.png").symlink_to(folder.parent / "secret.png")
+    seconds = [0.0]
+    log = RunLog(folder, lambda progress: None, lambda line: None, clock=lambda: seconds[0])
+    log.say("prior: <b>one</b>")
+    for step in range(3):
+        loss = [0.5, math.nan, 0.25][step]
+        seconds[0] += 10
+        log.report(Progress("distill", step + 1, 9, loss, 3, "t 1-2", lines(3).detach))
+    return log
+
+
+def test_a_run_shows_how_far_it_is_and_its_own_pictures_alone(tmp_path):
+    log = a_run(tmp_path / "run")
+    with served(tmp_path / "run") as server:
+        told = json.loads(asked(server, f"/{server.secret}/run")[1])
+        assert (told["stage"], told["done"], told["total"], told["ended"]) == ("distill", 3, 9, None)
+        assert told["losses"] == {"every": 1, "values": [0.5, None, 0.25]}
+        assert told["log"] == ["prior: <b>one</b>", "distill"]
+        assert [p["name"] for p in told["pictures"]] == ["progress/step_00010.png", "preview.png"]
+        for picture in told["pictures"]:
+            connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+            connection.request("GET", f"/{server.secret}/picture/{picture['name']}?{picture['version']}")
+            answer = connection.getresponse()
+            assert answer.getheader("Content-Type") == "image/png"
+            assert answer.read() == (tmp_path / "run" / picture["name"]).read_bytes()
+        for name in ("other.png", "lines.png", "../secret.png", "sketch.json", "progress/../preview.png", "", "?"):
+            assert asked(server, f"/{server.secret}/picture/{name}")[0].status == 404, name
+        log.end("stopped")
+        assert json.loads(asked(server, f"/{server.secret}/run")[1])["ended"] == "stopped"
+        (tmp_path / "run/progress.json").write_text('{"version": 1, "losses": 3, "log": "x"}')
+        assert "warning" in json.loads(asked(server, f"/{server.secret}/run")[1])["log"][0]
+
+
+def test_a_file_has_no_run(sketch):
+    with served(sketch) as server:
+        for name in ("run", "picture/preview.png"):
+            assert asked(server, f"/{server.secret}/{name}")[0].status == 404
 
 
 def test_who_says_nothing_or_nonsense_hinders_nobody(sketch):

@@ -2,13 +2,16 @@
 
 import io
 import threading
+from contextlib import contextmanager
 
 import pytest
 import torch
 from viewer_browser import CHROMIUM, Browser
 
 import diff3ds as ds
+from diff3ds.formats import save_png
 from diff3ds.formats.framing import framed
+from diff3ds.tasks.progress import Progress
 from diff3ds.tasks.view.serve import server_of
 
 pytestmark = [
@@ -19,6 +22,19 @@ pytestmark = [
 CLOSE = 4 / 255
 # Around it the page shows where the focus is.
 INSIDE = (slice(4, -4), slice(4, -4))
+
+
+@contextmanager
+def served(source, **more):
+    server = server_of(source, 0, print, **more)
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
 
 
 @pytest.fixture(scope="module")
@@ -232,9 +248,11 @@ def test_a_served_page_follows_its_file_and_says_when_the_server_is_gone(browser
         browser.open(server.address)
         browser.key("ArrowLeft")
         azimuth = browser.value("document.getElementById('said').textContent")
+        browser.value("window.isTheSamePage = true")
         ds.save(path, random(5))
         browser.settle("document.querySelectorAll('#strokes li').length === 5")
         browser.settle()
+        assert browser.value("window.isTheSamePage")
         assert not browser.errors
         assert {address.rsplit("/", 1)[0] for address in browser.requests} == {server.address.rstrip("/")}
         browser.key("+")
@@ -256,3 +274,31 @@ def test_a_served_page_follows_its_file_and_says_when_the_server_is_gone(browser
         again.shutdown()
         thread.join()
         again.server_close()
+
+
+def test_a_run_under_way_is_followed(browser, tmp_path):
+    """Its strokes, losses, pictures and log, with a name that looks like markup; a picture enlarges."""
+    from diff3ds.tasks.run_log import RunLog
+
+    seconds = [0.0]
+    log = RunLog(tmp_path, lambda progress: None, lambda line: None, lambda: seconds[0])
+    log.report(Progress("<i>distill", 1, 9, 0.5, 3, "t 1-2", random(3).detach))
+    with served(tmp_path) as server:
+        browser.open(server.address)
+        browser.settle("document.querySelector('#run p').textContent === '<i>distill 1 of 9, t 1-2'")
+        save_png(tmp_path / "preview.png", numbers(8, 16, 3))
+        log.say("a line & more")
+        seconds[0] += 10
+        log.report(Progress("<i>distill", 2, 9, 0.25, 5, "t 1-2", random(5).detach))
+        browser.settle("document.querySelectorAll('#strokes li').length === 5")
+        browser.settle("document.querySelector('#run progress').value === 2")
+        browser.settle("document.querySelector('#pictures img')?.naturalWidth === 16")
+        assert browser.value("document.querySelector('#run pre').textContent") == "<i>distill\na line & more"
+        assert browser.value("document.querySelector('#run svg').ariaLabel") == "Loss 0.500 to 0.250 in 2 steps"
+        browser.value("document.querySelector('#pictures button').click()")
+        browser.settle("document.querySelector('dialog[open] img')?.naturalWidth === 16")
+        browser.key("Escape")
+        log.end("stopped")
+        browser.settle("document.querySelector('#run p').textContent === 'Stopped early'")
+        assert not browser.errors
+        assert all(a.startswith(server.address) or a.endswith("/favicon.ico") for a in browser.requests)

@@ -1,4 +1,4 @@
-"""What a run has told so far, in its folder: progress.json, which the page of `diff3ds view` follows."""
+"""What a run has told so far, in its folder: progress.json, and its strokes in sketch.json, which a page follows."""
 
 import json
 import time
@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 from diff3ds._files import read_json, write_text
-from diff3ds.formats.sketch_json import json_text
+from diff3ds.formats.sketch_json import save_json
 from diff3ds.tasks.progress import Progress, Report
 
 PROGRESS = "progress.json"
 VERSION = 1
-# Seconds between two states of the file at least, and as a multiple of the time that writing one takes: no run spends
-# more than a fiftieth of its time on it.
+# Seconds between two states of the files at least, and as a multiple of the time that writing them takes: no run
+# spends more than a fiftieth of its time on it.
 EVERY, SPARING = 2.0, 50
 # Numbers of the curve, and lines of the log, at most.
 MOST_LOSSES, MOST_LINES = 512, 500
@@ -27,7 +27,8 @@ Say = Callable[[str], None]
 def logged(out: Path, report: Report, say: Say) -> Iterator[tuple[Report, Say]]:
     """Reports and says on, and keeps what was told in the folder of a run, from its first strokes on.
 
-    A run does not depend on it: where the file cannot be written, there is none.
+    A run does not depend on it: where the files cannot be written, there are none. The results of a run take the place
+    of the sketch so far.
 
     Args:
         out: the folder of the run.
@@ -59,8 +60,8 @@ class RunLog:
         self._path, self._report, self._say, self._clock = out / PROGRESS, report, say, clock
         self._lines: list[str] = []
         self._losses: list[float] = []
-        # Every so many losses one is kept; so many came since.
-        self._every, self._skipped = 1, 0
+        # Every so many of the losses one is kept; so many there were.
+        self._every, self._seen = 1, 0
         self._latest: Progress | None = None
         self._begun = False
         self._due = -float("inf")
@@ -74,16 +75,16 @@ class RunLog:
         """Keeps where the run is, and writes it now and then, once there are strokes."""
         if self._latest is None or progress.stage != self._latest.stage:
             self._lines = [*self._lines, progress.stage][-MOST_LINES:]
-        sketch = progress.sketch or (self._latest.sketch if self._latest else None)
         self._latest = progress
-        if progress.sketch is None and sketch is not None:
-            # A stage that has no strokes of its own leaves those of the one before.
-            self._latest = Progress(**{**vars(progress), "sketch": sketch})
         if progress.loss is not None:
             self._keep(progress.loss)
         now = self._clock()
-        if sketch is not None and now >= self._due:
-            self._write(None)
+        if (progress.sketch is not None or self._begun) and now >= self._due:
+            with suppress(OSError):
+                # A stage that has no strokes of its own leaves those of the one before.
+                if progress.sketch is not None:
+                    save_json(self._path.with_name("sketch.json"), progress.sketch())
+                self._write(None)
             after = self._clock()
             self._due = after + max(EVERY, SPARING * (after - now))
         self._report(progress)
@@ -91,13 +92,13 @@ class RunLog:
     def end(self, how: How) -> None:
         """Writes how the run has ended, if it had begun."""
         if self._begun:
-            self._write(how)
+            with suppress(OSError):
+                self._write(how)
 
     def _keep(self, loss: float) -> None:
-        self._skipped += 1
-        if self._skipped < self._every:
+        self._seen += 1
+        if (self._seen - 1) % self._every:
             return
-        self._skipped = 0
         self._losses.append(loss)
         if len(self._losses) >= MOST_LOSSES:
             self._losses, self._every = self._losses[::2], 2 * self._every
@@ -117,12 +118,8 @@ class RunLog:
             "log": self._lines,
         }
         lines = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in about.items()]
-        # A run that came to its end has its sketch in sketch.json.
-        if latest.sketch is not None and ended in (None, "failed"):
-            lines.append(f'"sketch": {json_text(latest.sketch())}')
-        with suppress(OSError):
-            write_text(self._path, "{\n" + ",\n".join(lines) + "\n}\n")
-            self._begun = True
+        write_text(self._path, "{\n" + ",\n".join(lines) + "\n}\n")
+        self._begun = True
 
 
 def read_log(out: Path) -> dict[str, Any] | None:

@@ -46,6 +46,13 @@ function pixelsAtMost(camera, height, middle, radius) {
   return focal / Math.max(camera.distance - distance(middle, camera.target) - radius, camera.near);
 }
 
+// The same view where the sketch is moved and scaled to another ball.
+function sameView(camera, was, now) {
+  const scale = was.radius / now.radius;
+  const target = camera.target.map((value, axis) => value * scale + (was.middle[axis] - now.middle[axis]) / now.radius);
+  return { ...camera, target, distance: camera.distance * scale, near: camera.near * scale };
+}
+
 function turned(camera, azimuth, elevation) {
   const high = Math.min(Math.max(camera.elevation + elevation, -90), 90);
   return { ...camera, azimuth: (((camera.azimuth + azimuth + 180) % 360) + 360) % 360 - 180, elevation: high };

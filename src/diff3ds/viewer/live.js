@@ -1,4 +1,4 @@
-// A page that `diff3ds view` shows: it is loaded anew when its file changes, and looks from where one looked before.
+// A page that `diff3ds view` shows: it follows its file, from where one looks.
 
 const EVERY = 1000;
 let lost = false;
@@ -9,21 +9,31 @@ function tell(text) {
   fault.hidden = !text;
 }
 
+async function ask(name) {
+  const answer = await fetch(name, { cache: "no-store" });
+  if (!answer.ok) throw new Error(answer.statusText);
+  return answer;
+}
+
+// The sketch that the file has now, or null while it has the one that is shown.
+async function newSketch() {
+  const version = await (await ask("version")).text();
+  return version === start.version ? null : (await ask("sketch")).json();
+}
+
 async function follow() {
-  try {
-    const answer = await fetch("version", { cache: "no-store" });
-    if (!answer.ok) throw new Error(answer.statusText);
-    const version = await answer.text();
-    if (version !== start.version) {
-      sessionStorage.setItem("camera", JSON.stringify(camera));
-      location.reload();
-      return;
-    }
-    if (lost) tell("");
-    lost = false;
-  } catch {
-    if (!lost) tell("The server does not answer: diff3ds view has ended, or is busy. This is what there was.");
-    lost = true;
+  const before = lost;
+  const found = await newSketch().then((news) => [news], () => []);
+  lost = !found.length;
+  if (lost && !before) tell("The server does not answer: diff3ds view has ended, or is busy. This is what there was.");
+  if (!lost && before) tell("");
+  const [news] = found;
+  if (news && news.page === start.page) showSketch(news.sketch, news.start);
+  else if (news) {
+    // What stands beside or behind the sketch is another one.
+    sessionStorage.setItem("camera", JSON.stringify(camera));
+    location.reload();
+    return;
   }
   setTimeout(follow, EVERY);
 }

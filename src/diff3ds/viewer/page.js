@@ -10,9 +10,11 @@ const [MOVING, STILL, MOST] = [30, 120, 16];
 const SPARE = 1.5;
 
 const canvas = document.getElementById("view");
-const start = JSON.parse(document.getElementById("start").textContent);
-const sketch = readSketch(JSON.parse(document.getElementById("sketch").textContent), start);
+let start = JSON.parse(document.getElementById("start").textContent);
+let sketch = readSketch(JSON.parse(document.getElementById("sketch").textContent), start);
 const root = document.documentElement;
+// What else is drawn whenever the view is: called with the pictures from..to that are added, and the scene.
+const painters = [];
 let [drawing, camera, selected, samples, drawn, madeFor, lastFrame, due] = [null, null, null, 0, 0, null, 0, false];
 
 function pixelRatio() {
@@ -66,9 +68,11 @@ function drawFrame(now) {
   drawn = Math.min(Math.max(Math.floor((samples ? STILL : MOVING) / each), 1), MOST, SAMPLES - samples);
   refreshChords();
   const accent = ACCENTS[ground()];
-  drawing.show(samples, samples + drawn, {
+  const scene = {
     camera, selected, accent, world: sketch.world, ground: GROUNDS[ground()], haloPixels: HALO * pixelRatio(),
-  });
+  };
+  drawing.show(samples, samples + drawn, scene);
+  painters.forEach((paint) => paint(samples, samples + drawn, scene));
   samples += drawn;
   if (samples < SAMPLES) {
     due = true;
@@ -78,6 +82,18 @@ function drawFrame(now) {
     lastFrame = 0;
     canvas.dataset.settled = "true";
   }
+}
+
+// Another sketch in place of this one, seen from where one looks.
+function showSketch(data, begun) {
+  if (sketch.strokes.length) camera = sameView(camera, start, begun);
+  else if (camera) camera = { ...startCamera(begun, size()), orthographic: camera.orthographic };
+  start = begun;
+  sketch = readSketch(data, start);
+  if (selected !== null && selected >= sketch.strokes.length) selected = null;
+  madeFor = null;
+  listStrokes();
+  if (drawing) refreshInks();
 }
 
 function fitCanvas() {
@@ -114,11 +130,12 @@ function nameOf(index) {
 
 function listStrokes() {
   const list = document.getElementById("strokes");
+  list.replaceChildren();
   document.getElementById("count").textContent = `Strokes (${sketch.strokes.length})`;
   sketch.strokes.forEach((stroke, index) => {
     const [item, button, color, shown] = ["li", "button", "input", "input"].map((tag) => document.createElement(tag));
     button.textContent = nameOf(index);
-    button.setAttribute("aria-pressed", "false");
+    button.setAttribute("aria-pressed", selected === index);
     button.addEventListener("click", () => select(selected === index ? null : index));
     Object.assign(color, { type: "color", value: hexOf(stroke.color) });
     color.setAttribute("aria-label", `Colour of stroke ${index}`);

@@ -5,16 +5,33 @@ import hashlib
 import html
 import json
 import re
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
 # In this order they make one module.
 _SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js")
-# Behind these, on a page that a server shows.
-_LIVE = "live.js"
+# Behind these, on a page that a server shows, and on one that shows a run.
+_LIVE, _RUN = "live.js", "run.js"
 
 
-def page_text(title: str, sketch: str, start: dict[str, Any], version: str | None = None) -> str:
+@dataclass(frozen=True)
+class Served:
+    """What a page knows of the server that shows it.
+
+    Attributes:
+        version: of the sketch; it asks that server, and no other, for `version`, and when that is another one for
+            `sketch`.
+        page: of all else on the page, which is loaded anew when the answer to `sketch` has another one.
+        run: whether the sketch is that of a run, of which it asks for `run` and its pictures.
+    """
+
+    version: str
+    page: str = ""
+    run: bool = False
+
+
+def page_text(title: str, sketch: str, start: dict[str, Any], served: Served | None = None) -> str:
     """A page that shows a sketch, on its own: it asks for nothing, and scripts that are not its own do not run in it.
 
     Args:
@@ -22,14 +39,16 @@ def page_text(title: str, sketch: str, start: dict[str, Any], version: str | Non
         sketch: the text of a sketch.json.
         start: `middle` (3 numbers) and `radius` of a ball around the sketch, world units, and from where it is seen at
             first: `azimuth`, `elevation` and `fov`, degrees, and `filled`, the ball's share of the picture.
-        version: of a page that a server shows: it asks that server, and no other, for `version`, and is loaded anew
-            when the answer is another one.
+        served: of a page that a server shows.
     """
     room = files("diff3ds.viewer")
     style = room.joinpath("page.css").read_text(encoding="utf-8")
-    names = _SCRIPTS if version is None else (*_SCRIPTS, _LIVE)
+    names, asked = [*_SCRIPTS], ""
+    if served is not None:
+        names += [_LIVE, *([_RUN] if served.run else [])]
+        asked = "connect-src 'self'; img-src 'self'; " if served.run else "connect-src 'self'; "
+        start = {**start, "version": served.version, "page": served.page}
     script = "\n".join(room.joinpath(name).read_text(encoding="utf-8") for name in names)
-    asked = "" if version is None else "connect-src 'self'; "
     policy = (
         f"default-src 'none'; {asked}script-src {_digest(script)}; style-src {_digest(style)}; base-uri 'none'; "
         "form-action 'none'"
@@ -40,7 +59,7 @@ def page_text(title: str, sketch: str, start: dict[str, Any], version: str | Non
         "style": style,
         "script": script,
         "sketch": _embedded(sketch),
-        "start": _embedded(json.dumps(start if version is None else {**start, "version": version})),
+        "start": _embedded(json.dumps(start)),
     }
     markup = room.joinpath("page.html").read_text(encoding="utf-8")
     # In one go, so that braces of a title or a sketch stay as they are.

@@ -5,12 +5,13 @@ too. Nothing is read back from it.
 """
 
 from pathlib import Path
+from typing import Any
 
 from diff3ds._files import write_text
 from diff3ds.formats.framing import FILLED, FOV, ball_of
 from diff3ds.formats.sketch_json import json_text
 from diff3ds.sketch import Sketch
-from diff3ds.viewer.page import page_text
+from diff3ds.viewer.page import Served, page_text
 
 # Where the camera of the page begins, degrees: as in a notebook.
 AZIMUTH, ELEVATION = 30.0, 20.0
@@ -27,16 +28,21 @@ def save_html(path: str | Path, sketch: Sketch) -> None:
     write_text(path, sketch_page(path.stem, sketch))
 
 
-def sketch_page(title: str, sketch: Sketch, version: str | None = None) -> str:
+def sketch_page(title: str, sketch: Sketch, served: Served | None = None) -> str:
     """The text of such a page.
 
     Args:
         title: of the page.
         sketch: what it shows.
-        version: as of `page_text`, for a page that a server shows.
+        served: of a page that a server shows.
     """
+    return page_text(title, json_text(sketch), start_of(sketch), served)
+
+
+def start_of(sketch: Sketch) -> dict[str, Any]:
+    """From where such a page shows a sketch at first, as `page_text` wants it."""
     middle, radius = ball_of(sketch)
-    start = {
+    return {
         "middle": middle.tolist(),
         "radius": radius,
         "azimuth": AZIMUTH,
@@ -44,4 +50,3 @@ def sketch_page(title: str, sketch: Sketch, version: str | None = None) -> str:
         "fov": FOV,
         "filled": FILLED,
     }
-    return page_text(title, json_text(sketch), start, version)

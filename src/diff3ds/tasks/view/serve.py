@@ -4,6 +4,7 @@ It listens on 127.0.0.1, shows the page under a secret in the address and nothin
 for this address by name: not other sites' scripts, and no name that another site has pointed here.
 """
 
+import json
 import secrets
 import webbrowser
 from collections.abc import Callable
@@ -13,11 +14,19 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from diff3ds.formats.scenes.html import sketch_page
+from diff3ds.formats.scenes.html import sketch_page, start_of
+from diff3ds.formats.sketch_json import json_text
+from diff3ds.sketch import Sketch
 from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.view.run_folder import picture_in, told_by
+from diff3ds.viewer.page import Served
 
 # The only address it listens on.
 HOST = "127.0.0.1"
+# Before the names of a run's pictures.
+PICTURE = "picture/"
+# What browsers ask every site for, once pages may show pictures of it; there is none, which is no fault.
+ICON = "/favicon.ico"
 # Of all answers: nothing is kept, shown within other pages, or handed to them.
 HEADERS = {
     "Cache-Control": "no-store",
@@ -86,7 +95,7 @@ def server_of(source: Path, port: int, say: Callable[[str], None]) -> PageServer
     # What cannot be shown is said before anything listens.
     load_sketch(source)
     page = _Page(source, say)
-    page.text()
+    page.now()
     try:
         return PageServer(page, port)
     except OSError as error:
@@ -98,41 +107,59 @@ class _Page:
 
     def __init__(self, source: Path, say: Callable[[str], None]) -> None:
         self.source, self.say = source, say
+        self.is_run = source.is_dir()
         self.lock = Lock()
-        self.made: tuple[str, str] | None = None
+        self.read: tuple[str, Sketch] | None = None
         self.refused = ""
 
     def version(self) -> str:
         """Says which state of the file the page shows, after a look at it."""
-        self.text()
-        assert self.made is not None
-        return self.made[0]
+        return self.now()[0]
 
     def text(self) -> str:
         """The page.
 
         Raises:
-            ValueError, OSError, ImportError: as `load_sketch`, where there is no page from before.
+            ValueError, OSError, ImportError: as `now`.
+        """
+        version, sketch = self.now()
+        title = self.source.resolve().name if self.is_run else self.source.stem
+        return sketch_page(title, sketch, Served(version, run=self.is_run))
+
+    def sketch(self) -> str:
+        """What a page shows another state of the file by, as JSON."""
+        version, sketch = self.now()
+        start = {**start_of(sketch), "version": version, "page": ""}
+        return f'{{"page": "", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}}}'
+
+    def run(self) -> str | None:
+        """What there is to see of the run, as JSON; None where it is none."""
+        return json.dumps(told_by(self.source)) if self.is_run else None
+
+    def now(self) -> tuple[str, Sketch]:
+        """The sketch that the page shows, after a look at the file, and which state of it that is.
+
+        Raises:
+            ValueError, OSError, ImportError: as `load_sketch`, where there is none from before.
         """
         with self.lock:
             try:
                 version = self._state()
-                if version not in (self.made[0] if self.made else "", self.refused):
-                    title = self.source.stem if self.source.is_file() else self.source.resolve().name
-                    self.made = version, sketch_page(title, load_sketch(self.source).detach(), version)
+                if version not in (self.read[0] if self.read else "", self.refused):
+                    self.read = version, load_sketch(self.source).detach()
                     self.refused = ""
             except (ValueError, OSError, ImportError) as error:
-                if self.made is None:
+                if self.read is None:
                     raise
                 # Once, and not at every question; a file in the middle of being written is another one soon.
                 if (state := self._state_or_nothing()) != self.refused:
                     self.refused = state
                     self.say(f"warning: {error}; the page shows what there was")
-            assert self.made is not None
-            return self.made[1]
+            assert self.read is not None
+            return self.read
 
     def _state(self) -> str:
-        path = self.source / "sketch.json" if self.source.is_dir() else self.source
+        path = self.source / "sketch.json" if self.is_run else self.source
         found = path.stat()
         return f"{found.st_mtime_ns}-{found.st_size}"
 
@@ -144,7 +171,7 @@ class _Page:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers GET for two addresses."""
+    """Answers GET for the page and what it asks for."""
 
     server: PageServer
     # Nothing of Python or of this package for those who only knock.
@@ -153,28 +180,48 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 10
 
     def do_GET(self) -> None:
-        """The page, or the state of its file."""
+        """The page, its sketch as it is now, or what belongs to its run."""
         origin = self.headers.get("Origin")
         foreign = origin is not None and origin.removeprefix("http://") not in self.server.names
         if self.headers.get("Host") not in self.server.names or foreign:
             self._answer(HTTPStatus.FORBIDDEN, "text/plain", "this address is for the browser of its own machine")
             return
-        asked = self.path.encode()
-        for name, kind, made in (
-            ("", "text/html", self.server.page.text),
-            ("version", "text/plain", self.server.page.version),
-        ):
-            if secrets.compare_digest(asked, f"/{self.server.secret}/{name}".encode()):
-                self._answer(HTTPStatus.OK, kind, made())
-                return
-        self._answer(
-            HTTPStatus.NOT_FOUND, "text/plain", "there is nothing here: open the address that diff3ds view says"
-        )
+        if self.path == ICON:
+            self._answer(HTTPStatus.NO_CONTENT, "text/plain", "")
+            return
+        secret, slash, name = self.path.removeprefix("/").partition("/")
+        known = secrets.compare_digest(secret.encode(), self.server.secret.encode())
+        found = self._found(name) if known and slash else None
+        if found is None:
+            nothing = "there is nothing here: open the address that diff3ds view says"
+            self._answer(HTTPStatus.NOT_FOUND, "text/plain", nothing)
+        else:
+            self._answer(HTTPStatus.OK, *found)
 
-    def _answer(self, status: HTTPStatus, kind: str, text: str) -> None:
-        content = text.encode()
+    def _found(self, name: str) -> tuple[str, str | bytes] | None:
+        """The kind and content of what has this name behind the secret, or None."""
+        page = self.server.page
+        texts = {
+            "": ("text/html", page.text),
+            "version": ("text/plain", page.version),
+            "sketch": ("application/json", page.sketch),
+            "run": ("application/json", page.run),
+        }
+        if name in texts:
+            kind, made = texts[name]
+            text = made()
+            return None if text is None else (kind, text)
+        if page.is_run and name.startswith(PICTURE):
+            # Behind the question mark, which of its states: for the browser alone.
+            picture = picture_in(page.source, name.removeprefix(PICTURE).partition("?")[0])
+            return None if picture is None else ("image/png", picture)
+        return None
+
+    def _answer(self, status: HTTPStatus, kind: str, body: str | bytes) -> None:
+        content = body.encode() if isinstance(body, str) else body
         self.send_response(status)
-        for name, value in {**HEADERS, "Content-Type": f"{kind}; charset=utf-8"}.items():
+        charset = "; charset=utf-8" if isinstance(body, str) else ""
+        for name, value in {**HEADERS, "Content-Type": f"{kind}{charset}"}.items():
             self.send_header(name, value)
         self.send_header("Content-Length", str(len(content)))
         self.end_headers()
