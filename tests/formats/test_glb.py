@@ -1,7 +1,9 @@
 """GLB, read back by trimesh: closed tubes of the right place, size, volume and colour."""
 
 import io
+import json
 import math
+import struct
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from needs import needs
 
 import diff3ds as ds
 from diff3ds.formats.mesh import load_mesh
+from diff3ds.formats.scenes.glb import save_glb
 from diff3ds.formats.scenes.tubes import TOLERANCE
 
 pytestmark = needs("trimesh")
@@ -175,4 +178,59 @@ def test_names_colours_units_and_far_places(tmp_path):
 def test_strokes_without_width_show_nothing(tmp_path):
     with pytest.raises(ValueError, match="needs at least one stroke with a width, got none of 1"):
         ds.save(tmp_path / "a.glb", stroke([[0.0, 0, 0], [1, 0, 0]], 0.0))
+    assert list(tmp_path.iterdir()) == []
+
+
+def primitives(path):
+    """What the JSON of a file says of each mesh, and its numbers: read by the standard's own rules, not by our code."""
+    content = path.read_bytes()
+    length = struct.unpack("<I", content[12:16])[0]
+    said, buffer = json.loads(content[20 : 20 + length]), content[28 + length :]
+
+    def values(number):
+        accessor = said["accessors"][number]
+        view = said["bufferViews"][accessor["bufferView"]]
+        kind = {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
+        numbers = np.frombuffer(buffer[view["byteOffset"] :][: view["byteLength"]], kind)
+        return numbers.reshape(accessor["count"], -1)
+
+    for mesh in said["meshes"]:
+        (primitive,) = mesh["primitives"]
+        place = said["accessors"][primitive["attributes"]["POSITION"]]
+        yield primitive, said["materials"][primitive["material"]], place, values
+
+
+def test_lines_in_place_of_tubes(tmp_path):
+    """A closed circle of radius 2 and an open line of width 0, each in its colour, by trimesh and by the standard."""
+    points, weights = ds.bezier.circle((5.0, 0.0, 0.0), 2.0, normal=(0.0, 0.0, 1.0))
+    ring = ds.Sketch(points, weights, color=(1.0, 0.5, 0.0), chains=ds.Chains.of([len(points)], True))
+    line = ds.Sketch(torch.tensor([[[1.0, 2, 3], [2, 2, 3], [3, 2, 3], [4, 2, 3]]]).double(), width=0.0, opacity=0.5)
+    save_glb(tmp_path / "a.glb", ds.Sketch.concatenate([ring, line]), unit="m", lines=True)
+    scene = read(tmp_path / "a.glb")
+    assert sorted(scene.geometry) == ["stroke 0", "stroke 1"]
+    circle, straight = (path for path in (scene.geometry[f"stroke {i}"] for i in range(2)))
+    # z, x, y of the file are x, y, z of the sketch; the root's place is the middle of all.
+    place = scene.graph.get("stroke 0")[0][:3, 3]
+    places = (np.asarray(circle.vertices) + place)[:, [2, 0, 1]]
+    np.testing.assert_allclose(np.hypot(places[:, 0] - 5, places[:, 1]), 2, atol=1e-3)
+    assert (circle.vertices[0] == circle.vertices[-1]).all()
+    assert circle.length == pytest.approx(4 * math.pi, rel=1e-3)
+    assert straight.length == pytest.approx(3, rel=1e-6)
+    for primitive, _, bounds, values in primitives(tmp_path / "a.glb"):
+        vertices, indices = values(primitive["attributes"]["POSITION"]), values(primitive["indices"])[:, 0]
+        assert primitive["mode"] == 1
+        assert len(indices) % 2 == 0
+        assert indices.max() == len(vertices) - 1
+        assert bounds["min"] == vertices.min(0).tolist()
+        assert bounds["max"] == vertices.max(0).tolist()
+        # Each line goes on where the one before ends.
+        assert (indices[1:-1:2] == indices[2::2]).all()
+    looks = [material for _, material, _, _ in primitives(tmp_path / "a.glb")]
+    assert [look["name"] for look in looks] == ["#ff8000", "#000000"]
+    assert looks[1]["alphaMode"] == "BLEND"
+
+
+def test_a_file_of_lines_needs_a_stroke(tmp_path):
+    with pytest.raises(ValueError, match="needs at least one stroke, got none of 0"):
+        save_glb(tmp_path / "a.glb", ds.Sketch(torch.zeros(0, 4, 3)), lines=True)
     assert list(tmp_path.iterdir()) == []

@@ -54,11 +54,21 @@ def test_occt_reads_the_unit_of_a_step_file(unit, millimetres, source, tmp_path)
     torch.testing.assert_close(end, SKETCH.points[0, -1] * millimetres, rtol=1e-12, atol=0)
 
 
+@needs("trimesh")
+def test_lines_of_a_glb_file_in_its_unit(source, tmp_path):
+    import trimesh
+
+    main(["export", str(source), str(tmp_path / "a.glb"), "--lines", "--unit", "cm", "--quiet"])
+    (line,) = trimesh.load_scene(tmp_path / "a.glb").geometry.values()
+    assert line.length == pytest.approx(14**0.5 / 100)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["a.glb", "--up", "y"], "GLB files have y up by themselves: leave --up out"),
         (["a.json", "--dxf-polylines"], "a.json: --dxf-polylines is for .dxf files"),
+        (["a.json", "--lines"], "a.json: --lines is for .glb files"),
         (["a.xyz"], "cannot save as '.xyz', only as .json"),
         (["a.png"], 'a.png: a picture is drawn by "diff3ds render'),
         (["a.json", "--unit", "m"], "a .json file says no unit of length: scale the sketch instead"),

@@ -1,4 +1,4 @@
-"""GLB files (binary glTF 2.0) for viewers and scenes: strokes as tubes (`tubes.py`); an own small writer.
+"""GLB files (binary glTF 2.0) for viewers and scenes: strokes as tubes (`tubes.py`) or lines; an own small writer.
 
 One node a stroke, called "stroke 0", "stroke 1" and so on, and one material a colour and opacity. glTF is in metres
 with y up and z in front: x, y and z of a sketch become z, x and y, as `formats.mesh` reads them back. Numbers are
@@ -8,43 +8,58 @@ float32, relative to the middle of the sketch, whose place is that of the root n
 import json
 import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diff3ds._files import write_bytes
+from diff3ds._shapes import Float, Int
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds._version import __version__
 from diff3ds.formats.framing import ball_of
-from diff3ds.formats.scenes.tubes import Tube, tubes_of
+from diff3ds.formats.scenes.polylines import polylines_of
+from diff3ds.formats.scenes.tubes import tubes_of
 from diff3ds.sketch import Sketch
 
-# Of the glTF standard: numbers for float, unsigned int, vertices, indices.
+# Of the glTF standard: numbers for float, unsigned int, vertices, indices; for primitives of lines, of triangles.
 _FLOAT, _UINT32, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+_LINES, _TRIANGLES = 1, 4
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 
 
-def save_glb(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
+class _Shape(NamedTuple):
+    """What stands for a stroke: vertices (world units), normals of surfaces, and which vertices make its parts."""
+
+    vertices: Float[NDArray[np.float64], "V 3"]
+    normals: Float[NDArray[np.float64], "V 3"] | None
+    indices: Int[NDArray[np.int64], "P K"]
+
+
+def save_glb(path: str | Path, sketch: Sketch, *, unit: Unit = "m", lines: bool = False) -> None:
     """Writes a GLB file, whole or not at all.
 
     Args:
         unit: what a world unit is; the file is in metres.
+        lines: strokes as lines, which viewers draw a pixel wide however near one comes, in place of tubes; they are off
+            by 1e-4 of the sketch's radius at most.
 
     Raises:
-        ValueError: no strokes with a width, a unit that is not known, values that have become invalid since the sketch
-            was made, or more than the 4 GiB that the format can hold.
+        ValueError: no strokes, for tubes none with a width; a unit that is not known, values that have become invalid
+            since the sketch was made, or more than the 4 GiB that the format can hold.
         OSError: the file cannot be written.
     """
     path = Path(path)
     check_unit(unit)
     sketch.check_values()
-    tubes = {i: tube for i, tube in enumerate(tubes_of(sketch)) if len(tube.faces)}
-    if not tubes:
-        raise ValueError(f"{path}: a GLB file needs at least one stroke with a width, got none of {len(sketch)}")
+    shapes = _lines(sketch) if lines else _tubes(sketch)
+    if not shapes:
+        needed = "stroke" if lines else "stroke with a width"
+        raise ValueError(f"{path}: a GLB file needs at least one {needed}, got none of {len(sketch)}")
     middle, _ = ball_of(sketch)
     metres = MILLIMETRES[unit] / 1000
     buffer = bytearray()
-    content = _scene(sketch, tubes, middle.numpy(), metres, buffer)
+    content = _scene(sketch, shapes, middle.numpy(), metres, buffer)
     text = json.dumps(content, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     length = 12 + 8 + len(text) + 8 + len(buffer)
@@ -54,7 +69,25 @@ def save_glb(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
     write_bytes(path, b"".join([header, text, struct.pack("<I", len(buffer)) + _BINARY, bytes(buffer)]))
 
 
-def _scene(sketch: Sketch, tubes: dict[int, Tube], middle: Any, metres: float, buffer: bytearray) -> dict[str, Any]:
+def _tubes(sketch: Sketch) -> dict[int, _Shape]:
+    """Of each stroke with a width."""
+    tubes = enumerate(tubes_of(sketch))
+    return {i: _Shape(tube.vertices, tube.normals, tube.faces) for i, tube in tubes if len(tube.faces)}
+
+
+def _lines(sketch: Sketch) -> dict[int, _Shape]:
+    """Of each stroke. A closed one ends in a second vertex where it begins: some readers take vertices as they come."""
+    if not len(sketch):
+        return {}
+    shapes = {}
+    for stroke, (vertices, closed) in enumerate(polylines_of(sketch)):
+        path = np.concatenate([vertices, vertices[:1]]) if closed else vertices
+        pairs = np.arange(len(path) - 1)[:, None] + np.arange(2)
+        shapes[stroke] = _Shape(path, None, pairs)
+    return shapes
+
+
+def _scene(sketch: Sketch, shapes: dict[int, _Shape], middle: Any, metres: float, buffer: bytearray) -> dict[str, Any]:
     """What the file says in JSON; numbers go to the buffer."""
     accessors: list[dict[str, Any]] = []
     views: list[dict[str, Any]] = []
@@ -75,17 +108,20 @@ def _scene(sketch: Sketch, tubes: dict[int, Tube], middle: Any, metres: float, b
         )
         return len(accessors) - 1
 
-    for stroke, tube in tubes.items():
-        vertices = ((tube.vertices - middle) * metres)[:, [1, 2, 0]].astype("<f4")
+    for stroke, (places, normals, indices) in shapes.items():
+        vertices = ((places - middle) * metres)[:, [1, 2, 0]].astype("<f4")
         bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}
-        attributes = {
-            "POSITION": stored(vertices, "VEC3", _FLOAT, _VERTICES, **bounds),
-            "NORMAL": stored(tube.normals[:, [1, 2, 0]].astype("<f4"), "VEC3", _FLOAT, _VERTICES),
-        }
-        faces = stored(tube.faces.astype("<u4"), "SCALAR", _UINT32, _INDICES)
+        attributes = {"POSITION": stored(vertices, "VEC3", _FLOAT, _VERTICES, **bounds)}
+        if normals is not None:
+            attributes["NORMAL"] = stored(normals[:, [1, 2, 0]].astype("<f4"), "VEC3", _FLOAT, _VERTICES)
         look = (*sketch.color[stroke].tolist(), float(sketch.opacity[stroke]))
         material = materials.setdefault(look, len(materials))
-        primitive = {"attributes": attributes, "indices": faces, "material": material}
+        primitive = {
+            "attributes": attributes,
+            "indices": stored(indices.astype("<u4"), "SCALAR", _UINT32, _INDICES),
+            "material": material,
+            "mode": _LINES if indices.shape[1] == 2 else _TRIANGLES,
+        }
         meshes.append({"name": f"stroke {stroke}", "primitives": [primitive]})
         nodes.append({"name": f"stroke {stroke}", "mesh": len(meshes) - 1})
     place = (np.asarray(middle)[[1, 2, 0]] * metres).tolist()

@@ -5,7 +5,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._files import write_text
-from diff3ds.formats import PICTURES, save, save_dxf
+from diff3ds.formats import PICTURES, save, save_dxf, save_glb
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.render.options import PictureOptions, ViewOptions
@@ -33,6 +33,8 @@ def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOp
         raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
     if options.dxf_polylines and file.suffix.lower() != ".dxf":
         raise ValueError(f"{file}: --dxf-polylines is for .dxf files")
+    if options.lines and file.suffix.lower() != ".glb":
+        raise ValueError(f"{file}: --lines is for .glb files")
     if options.up == "y" and file.suffix.lower() == ".glb":
         raise ValueError(f"{file}: GLB files have y up by themselves: leave --up out")
     if options.up == "y" and file.suffix.lower() == ".html":
@@ -44,6 +46,8 @@ def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOp
         write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
     elif options.dxf_polylines:
         save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
+    elif options.lines:
+        save_glb(file, sketch, unit=options.unit or "m", lines=True)
     else:
         save(file, sketch, unit=options.unit)
     return sketch

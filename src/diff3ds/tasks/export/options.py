@@ -17,12 +17,14 @@ class ExportOptions:
         scale: how many of these units a world unit of the sketch becomes.
         up: the axis of the file that points up; sketches have z up. GLB files have y up by themselves.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
+        lines: strokes of a GLB file as lines in place of tubes.
     """
 
     unit: Unit | None = None
     scale: float = 1.0
     up: Literal["z", "y"] = "z"
     dxf_polylines: bool = False
+    lines: bool = False
 
     def __post_init__(self) -> None:
         require_finite(self)
