@@ -20,6 +20,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 from diff3ds._version import __version__
 from diff3ds.command_line.interrupt import STOPPED, importing
 from diff3ds.command_line.read_options import as_typed, read_options
+from diff3ds.tasks.batch.options import BatchOptions
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.mesh.options import MeshOptions
@@ -346,6 +347,38 @@ class Eval:
 
 
 @dataclass(frozen=True)
+class Batch:
+    """Do many jobs of text, image, views and mesh: each once, several at a time, on one machine or many.
+
+    JOBS is a TOML, JSON lines or CSV file with the options of a command for each job; docs/howto/batch.md shows them.
+    Each has a folder in OUT, and summary.csv, summary.md and sheet.png say what became of all. A job that fails stops
+    no other. Whatever is stopped or killed, the same command goes on from there; several may share OUT. The exit code
+    is 0 when all jobs are done.
+    """
+
+    batch: OmitArgPrefixes[BatchOptions]
+    # The file of jobs.
+    jobs: Positional[Path]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("batch")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.batch.batch import run_batch
+            from diff3ds.tasks.batch.summary import counted
+
+        console = _Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            states = run_batch(self.jobs, self.out, self.batch, report, _sayer(console))
+        _sayer(console)(f"{counted(states)}: {self.out / 'summary.md'}, .csv, sheet.png")
+        if any(state.state != "done" for state in states):
+            sys.exit(FAULT)
+
+
+@dataclass(frozen=True)
 class Fetch:
     """Download the weights of a prior or judge, once; a download that stopped goes on where it did.
 
@@ -442,6 +475,7 @@ def main(arguments: list[str] | None = None) -> None:
         "export": Export,
         "view": View,
         "eval": Eval,
+        "batch": Batch,
         "prior": Prior,
         "fetch": Fetch,
         "doctor": Doctor,
@@ -494,7 +528,7 @@ def _plain_warnings() -> Iterator[None]:
 
 def _stopped(command: object, stop: KeyboardInterrupt) -> str:
     """What Ctrl-C has left."""
-    if isinstance(command, Fetch):
+    if isinstance(command, Fetch | Batch):
         return "stopped; the same command goes on"
     if isinstance(stop, Stopped):
         return "stopped; what was reached is written, --resume goes on"

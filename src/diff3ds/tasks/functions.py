@@ -8,8 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diff3ds._settings import Options, option_hints, with_options
-from diff3ds.tasks.typed_options import typed
+from diff3ds._settings import option_hints
+from diff3ds.tasks.typed_options import filled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,7 +39,7 @@ def text_to_sketch(phrase: str, out: str | PathLike[str] | None = None, **option
     from diff3ds.tasks.text_image.subject import Phrase
     from diff3ds.tasks.text_image.text import run_text
 
-    spec = _filled("text_to_sketch", RunSpec(Phrase(phrase)), option_hints(RunSpec[Phrase]), options)
+    spec = filled("text_to_sketch", RunSpec(Phrase(phrase)), _hints(RunSpec[Phrase]), options)
     with _folder(out, options) as folder:
         return run_text(spec, folder, say=_say)
 
@@ -62,7 +62,7 @@ def image_to_sketch(picture: str | PathLike[str], out: str | PathLike[str] | Non
     from diff3ds.tasks.text_image.run_spec import RunSpec
     from diff3ds.tasks.text_image.subject import Picture
 
-    spec = _filled("image_to_sketch", RunSpec(Picture(Path(picture))), option_hints(RunSpec[Picture]), options)
+    spec = filled("image_to_sketch", RunSpec(Picture(Path(picture))), _hints(RunSpec[Picture]), options)
     with _folder(out, options) as folder:
         return run_image(spec, folder, say=_say)
 
@@ -123,7 +123,7 @@ def views_to_sketch(
     from diff3ds.tasks.views.options import ViewsOptions
     from diff3ds.tasks.views.run import run_views
 
-    read = _filled("views_to_sketch", ViewsOptions(), option_hints(ViewsOptions), options)
+    read = filled("views_to_sketch", ViewsOptions(), _hints(ViewsOptions), options)
     with _folder(out, options) as folder:
         return run_views(None if source is None else Path(source), folder, read, say=_say)
 
@@ -148,18 +148,14 @@ def mesh_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None 
     from diff3ds.tasks.mesh.draw_mesh import run_mesh
     from diff3ds.tasks.mesh.options import MeshOptions
 
-    read = _filled("mesh_to_sketch", MeshOptions(), option_hints(MeshOptions), options)
+    read = filled("mesh_to_sketch", MeshOptions(), _hints(MeshOptions), options)
     with _folder(out, options) as folder:
         return run_mesh(Path(source), folder, read, say=_say)
 
 
-def _filled(function: str, spec: Options, hints: Mapping[str, Any], options: Mapping[str, Any]) -> Options:
-    """Options of a command with these by their names, checked by the type hints of all."""
-    known = sorted(hints.keys() - {"phrase", "picture"})
-    for name in options:
-        if name not in known:
-            raise TypeError(f"{function} has no option {name!r}; it has {', '.join(known)}")
-    return with_options(spec, **{name: typed(name, value, hints[name]) for name, value in options.items()})
+def _hints(kind: Any) -> dict[str, Any]:
+    """The type hints of all options of a command, but for what it draws."""
+    return {name: hint for name, hint in option_hints(kind).items() if name not in ("phrase", "picture")}
 
 
 @contextmanager

@@ -1,9 +1,29 @@
 """Values of options that Python code gives, checked by the type hints from which a command line reads its words."""
 
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
+
+from diff3ds._settings import Options, with_options
+
+
+def filled(who: str, spec: Options, hints: Mapping[str, Any], options: Mapping[str, Any]) -> Options:
+    """Options of a command with these by their names, checked by the type hints of all.
+
+    Args:
+        who: whose options they are, for messages.
+        hints: of all that may be given.
+
+    Raises:
+        TypeError: an option that there is not, or a value of another kind.
+        ValueError: as the dataclasses of options.
+    """
+    for name in options:
+        if name not in hints:
+            raise TypeError(f"{who} has no option {name!r}; it has {', '.join(sorted(hints))}")
+    return with_options(spec, **{name: typed(name, value, hints[name]) for name, value in options.items()})
 
 
 def typed(name: str, value: Any, hint: Any) -> Any:

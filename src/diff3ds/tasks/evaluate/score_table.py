@@ -71,7 +71,7 @@ def markdown(rows: Sequence[Row], about: dict[str, Any]) -> str:
     """A table of methods, a table of runs, and how the scores came about."""
     names = columns_of(rows)
     methods = [
-        [method, str(max(s.runs for s in some.values())), *(_mean(some.get(name)) for name in names)]
+        [method, str(max(s.runs for s in some.values())), *(mean_and_spread(some.get(name)) for name in names)]
         for method, some in summaries(rows).items()
     ]
     runs = [
@@ -82,9 +82,9 @@ def markdown(rows: Sequence[Row], about: dict[str, Any]) -> str:
     parts = (
         "# Evaluation",
         "Mean ± sample standard deviation over the runs of a method.",
-        _table(["method", "runs", *names], methods),
+        table(["method", "runs", *names], methods),
         "## Runs",
-        _table(["method", "subject", "strokes", *names], runs),
+        table(["method", "subject", "strokes", *names], runs),
         "## How",
         "\n".join(notes),
     )
@@ -97,13 +97,15 @@ def _summary(values: Sequence[float]) -> Summary:
     return Summary(mean, spread, len(values))
 
 
-def _mean(summary: Summary | None) -> str:
+def mean_and_spread(summary: Summary | None) -> str:
+    """A mean and its sample standard deviation, as a cell."""
     if summary is None:
         return ""
     return f"{summary.mean:.4f}" + ("" if summary.spread is None else f" ± {summary.spread:.4f}")
 
 
-def _table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
     cells = [head, ["---"] * len(head), *lines]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in cells)
 

@@ -113,7 +113,6 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     # Of a run that is overwritten.
     for old in (*out.glob("drawing-*.svg"), *out.glob("drawing-*.png"), *out.glob("turntable.webp")):
         old.unlink()
-    write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
     save_surface(out / "surface.glb", mesh.vertices, mesh.faces)
     for view, drawing in enumerate(drawings):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
@@ -122,6 +121,8 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     if options.turntable:
         frames = _frames(features, mesh, options, report)
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
+    # Last, since run.json says that all of it is there.
+    write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
     return made.sketch
 
 

@@ -1,0 +1,1 @@
+"""What `diff3ds batch` does: many runs, by several processes and machines."""

@@ -1,0 +1,181 @@
+"""Files of jobs: TOML, JSON lines or CSV, each job a table of options; globs and sweeps make several of one."""
+
+import csv
+import glob
+import hashlib
+import io
+import itertools
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from diff3ds._files import read_text
+from diff3ds.tasks.batch.commands import PATHS, SUBJECTS, check_options, worded
+
+# More jobs than this are a sweep that was not meant.
+MOST_JOBS = 1_000_000
+# Letters of a folder's name that say what its job is about, before those that make it unique.
+SAYING, UNIQUE = 40, 10
+_METHOD = re.compile(r"\w[\w.-]*")
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run of a command.
+
+    Attributes:
+        name: of its folder, from its settings; below the folder of its method, where it has one.
+        command: text, image, views or mesh.
+        options: as the file has them, the phrase, picture or source among them.
+        base: what relative paths are relative to: the folder of the file.
+        method: what `diff3ds eval` compares it as, or "".
+    """
+
+    name: str
+    command: str
+    options: dict[str, Any]
+    base: Path
+    method: str = ""
+
+
+def read_jobs(path: Path) -> list[Job]:
+    """All jobs of a file, every option checked.
+
+    Raises:
+        FileNotFoundError, ValueError: the file cannot be read, has no jobs, or one twice; a job names no command, an
+            option that its command does not have, a value that it does not take, or a file that is not there.
+    """
+    kind = path.suffix.lower()
+    if kind not in _READERS:
+        raise ValueError(f"{path}: a file of jobs is .toml, .jsonl or .csv")
+    base = path.absolute().parent
+    found: dict[str, tuple[str, Job]] = {}
+    for place, given in _READERS[kind](path, read_text(path)):
+        try:
+            for job in _expanded(given, base):
+                if job.name in found:
+                    raise ValueError(f"the same job as {found[job.name][0]}: leave one of them out")
+                if len(found) == MOST_JOBS:
+                    raise ValueError(f"more than {MOST_JOBS} jobs: make the sweep smaller")
+                found[job.name] = place, job
+        except (ValueError, TypeError, FileNotFoundError) as error:
+            raise ValueError(f"{path}, {place}: {error}") from error
+    if not found:
+        raise ValueError(f"{path}: no jobs in it")
+    return [job for _, job in found.values()]
+
+
+def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path}: not a TOML file ({error})") from error
+    jobs, shared = content.pop("jobs", None), content.pop("defaults", {})
+    if content or not isinstance(jobs, list) or not isinstance(shared, dict):
+        named = f"; it has {next(iter(content))!r}" if content else ""
+        raise ValueError(f"{path}: wants a [[jobs]] table a job, and one of [defaults] at most{named}")
+    for number, job in enumerate(jobs, 1):
+        if not isinstance(job, dict):
+            raise ValueError(f"{path}, job {number}: not a table of options")
+        yield f"job {number}", shared | job
+
+
+def _of_lines(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            job = json.loads(line)
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"{path}, line {number}: not JSON ({error})") from error
+        if not isinstance(job, dict):
+            raise ValueError(
+                f"{path}, line {number}: wants an object of options, such as " + '{"command": "text", ...}'
+            )
+        yield f"line {number}", job
+
+
+def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Cells are words; what they mean, the options say that they are of. Empty ones say nothing."""
+    rows = csv.reader(io.StringIO(text), strict=True)
+    try:
+        head = [name.strip() for name in next(rows, [])]
+        if not head or len(set(head)) < len(head) or "" in head:
+            raise ValueError(f"{path}: the first line names the columns, each once: command, phrase, seed")
+        for row in rows:
+            if len(row) > len(head) or (row and len(row) < len(head)):
+                raise ValueError(f"{path}, line {rows.line_num}: {len(row)} cells for {len(head)} columns")
+            given: dict[str, Any] = {name: cell.strip() for name, cell in zip(head, row, strict=False) if cell.strip()}
+            if given:
+                try:
+                    yield f"line {rows.line_num}", worded(given)
+                except ValueError as error:
+                    raise ValueError(f"{path}, line {rows.line_num}: {error}") from error
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {rows.line_num}: not a CSV file ({error})") from error
+
+
+_READERS = {".toml": _of_toml, ".jsonl": _of_lines, ".csv": _of_csv}
+
+
+def _expanded(given: Mapping[str, Any], base: Path) -> Iterator[Job]:
+    """The jobs that one table stands for.
+
+    Raises:
+        ValueError, TypeError, FileNotFoundError: as `check_options`; a method or a sweep that is none; a pattern that
+            no file fits.
+    """
+    options = {name.replace("-", "_"): value for name, value in given.items()}
+    command, method, sweep = options.pop("command", None), options.pop("method", ""), options.pop("sweep", {})
+    if command not in SUBJECTS:
+        raise ValueError(f"command must be one of {', '.join(SUBJECTS)}, got {command!r}")
+    if method and not (isinstance(method, str) and _METHOD.fullmatch(method)):
+        raise ValueError(f"method names a folder, of letters, digits, - and _, got {method!r}")
+    for values in _swept(options, sweep):
+        for one in _globbed(command, options | values, base):
+            check_options(command, one, base)
+            name = _name(command, one)
+            yield Job(f"{method}/{name}" if method else name, command, one, base, method)
+
+
+def _swept(options: Mapping[str, Any], sweep: Any) -> Iterator[dict[str, Any]]:
+    """All combinations of the values of a sweep."""
+    if not isinstance(sweep, dict):
+        raise ValueError(f"sweep gives each option a list of values: {{seed = [0, 1, 2]}}, got {sweep!r}")
+    lists = {name.replace("-", "_"): values for name, values in sweep.items()}
+    for name, values in lists.items():
+        if not isinstance(values, list) or not values:
+            raise ValueError(f"sweep gives each option a list of values, got {name} = {values!r}")
+        if name in options:
+            raise ValueError(f"{name} is both given and swept: leave one of them out")
+    for combination in itertools.product(*lists.values()):
+        yield dict(zip(lists, combination, strict=True))
+
+
+def _globbed(command: str, options: dict[str, Any], base: Path) -> Iterator[dict[str, Any]]:
+    """One job a file, where the subject is a pattern and no file by itself."""
+    subject = SUBJECTS[command]
+    pattern = options.get(subject)
+    plain = subject not in PATHS or not isinstance(pattern, str) or not glob.has_magic(pattern)
+    if plain or (base / str(pattern)).exists():
+        yield options
+        return
+    files = sorted(glob.glob(str(pattern), root_dir=base, recursive=True))
+    if not files:
+        raise FileNotFoundError(f"no file fits {pattern!r}")
+    for file in files:
+        yield options | {subject: Path(file).as_posix()}
+
+
+def _name(command: str, options: Mapping[str, Any]) -> str:
+    """A name that says what the job is about, and is another for every other job."""
+    subject = str(options[SUBJECTS[command]])
+    if SUBJECTS[command] in PATHS:
+        subject = Path(subject).stem
+    said = re.sub(r"[^\w]+", "_", subject).strip("_")[:SAYING] or command
+    settings = json.dumps([command, options], sort_keys=True, ensure_ascii=False)
+    return f"{said}-{hashlib.sha256(settings.encode()).hexdigest()[:UNIQUE]}"

@@ -1,0 +1,137 @@
+"""Files of jobs: what is read from them, and what is refused before anything runs."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from diff3ds.tasks.batch.job_file import read_jobs
+from diff3ds.tasks.batch.machine import places
+from diff3ds.tasks.batch.options import BatchOptions
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def lines(folder: Path, *jobs: dict) -> Path:
+    return written(folder, "jobs.jsonl", "\n".join(map(json.dumps, jobs)))
+
+
+def test_one_job_in_three_formats_is_the_same_job(tmp_path):
+    toml = """
+        [defaults]
+        command = "text"
+        t_high = [0.9, 0.4]
+        [[jobs]]
+        phrase = "a chair"
+        steps = 20
+        no-such = 1
+    """.replace("no-such = 1", "redraw = false")
+    line = {"command": "text", "phrase": "a chair", "steps": 20, "t-high": [0.9, 0.4], "redraw": False}
+    cells = 'command,phrase,steps,t_high,redraw,seed\ntext,"a chair",20,0.9 0.4,false,\n\n'
+    (first,) = read_jobs(written(tmp_path, "jobs.toml", toml))
+    (second,) = read_jobs(lines(tmp_path, line))
+    (third,) = read_jobs(written(tmp_path, "jobs.csv", cells))
+    assert first == second == third
+    assert first.name.startswith("a_chair-")
+    assert first.options == {"phrase": "a chair", "steps": 20, "t_high": [0.9, 0.4], "redraw": False}
+
+
+def test_sweeps_are_all_combinations_and_names_say_settings(tmp_path):
+    job = {"command": "text", "phrase": "a chair", "sweep": {"seed": [0, 1, 2], "strokes": [8, 16]}}
+    jobs = read_jobs(lines(tmp_path, job))
+    assert [(j.options["seed"], j.options["strokes"]) for j in jobs] == [(s, n) for s in (0, 1, 2) for n in (8, 16)]
+    assert len({j.name for j in jobs}) == 6
+    # The same settings have the same folder, whatever stands around them.
+    (alone,) = read_jobs(lines(tmp_path, {"phrase": "a chair", "strokes": 16, "seed": 1, "command": "text"}))
+    assert alone.name == jobs[3].name
+
+
+def test_patterns_are_a_job_a_file_unless_they_are_a_file(tmp_path):
+    for name in ("b.stl", "a.stl", "sub/c.stl", "[x].stl"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    path = lines(tmp_path, {"command": "mesh", "source": "?.stl", "method": "plain"})
+    assert [j.options["source"] for j in read_jobs(path)] == ["a.stl", "b.stl"]
+    assert all(j.name.startswith("plain/") for j in read_jobs(path))
+    path = lines(tmp_path, {"command": "mesh", "source": "**/*.stl"})
+    assert len(read_jobs(path)) == 4
+    path = lines(tmp_path, {"command": "mesh", "source": "[x].stl"})
+    assert [j.options["source"] for j in read_jobs(path)] == ["[x].stl"]
+
+
+REFUSED = {
+    "command must be one of text, image, views, mesh, got 'paint'": {"command": "paint"},
+    "text needs a phrase, got None": {"command": "text"},
+    "text has no option 'stepz'": {"command": "text", "phrase": "a chair", "stepz": 3},
+    "steps must be": {"command": "text", "phrase": "a chair", "steps": 0},
+    "steps must be a whole number or None, got '9'": {"command": "text", "phrase": "a chair", "steps": "9"},
+    "prior must be": {"command": "text", "phrase": "a chair", "prior": "exemplary"},
+    "does not know 'zorblax'": {"command": "text", "phrase": "a zorblax", "prior": "exemplar"},
+    "resume is for the batch": {"command": "text", "phrase": "a chair", "resume": True},
+    "no such file": {"command": "mesh", "source": "missing.stl"},
+    "no file fits": {"command": "mesh", "source": "*.stl"},
+    "seed is both given and swept": {"command": "text", "phrase": "a chair", "seed": 1, "sweep": {"seed": [1]}},
+    "a list of values": {"command": "text", "phrase": "a chair", "sweep": {"seed": 4}},
+    "method names a folder": {"command": "text", "phrase": "a chair", "method": "../up"},
+    "must lie in width_range": {"command": "text", "phrase": "a chair", "optimize": ["width"], "width": 0.5},
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_what_is_wrong_is_said_with_its_place_before_anything_runs(said, tmp_path):
+    path = lines(tmp_path, {"command": "text", "phrase": "a table"}, REFUSED[said])
+    with pytest.raises(ValueError, match="line 2: ") as caught:
+        read_jobs(path)
+    assert said in str(caught.value)
+
+
+def test_files_that_are_none(tmp_path):
+    for name, text, said in (
+        ("jobs.toml", "jobs = 3", "wants a"),
+        ("jobs.toml", "[[jobs]\n", "not a TOML file"),
+        ("jobs.toml", 'other = 1\n[[jobs]]\ncommand = "text"', "it has 'other'"),
+        ("jobs.jsonl", "[1]", "wants an object"),
+        ("jobs.jsonl", "\n\n", "no jobs in it"),
+        ("jobs.csv", "command,phrase\ntext\n", "1 cells for 2 columns"),
+        ("jobs.csv", "command,phrase,steps\ntext,a chair,many\n", "steps must be a whole number, got 'many'"),
+        ("jobs.csv", "command,phrase,redraw\ntext,a chair,yes\n", "redraw must be true or false"),
+        ("jobs.yaml", "", "is .toml, .jsonl or .csv"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            read_jobs(written(tmp_path, name, text))
+    same = {"command": "text", "phrase": "a chair"}
+    with pytest.raises(ValueError, match="line 2: the same job as line 1"):
+        read_jobs(lines(tmp_path, same, same))
+
+
+def test_paths_are_relative_to_the_file(tmp_path):
+    from diff3ds.tasks.batch.commands import spec_of
+
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "white").mkdir()
+    spec = spec_of("text", {"phrase": "a chair", "library": "mine"}, tmp_path)
+    assert spec.prior.library == tmp_path / "mine"
+    assert spec_of("views", {"source": "x", "background": "white"}, tmp_path).background == "white"
+    assert spec_of("views", {"source": "x", "background": "mine"}, tmp_path).background == str(tmp_path / "mine")
+
+
+def test_gpus_are_dealt_out_one_a_job(monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "3,5")
+    monkeypatch.setattr("diff3ds.tasks.batch.machine.cores", lambda: 8)
+    assert [(p.gpu, p.threads) for p in places(None, None, "auto")] == [("3", 4), ("5", 4)]
+    assert [(p.gpu, p.threads) for p in places(None, None, "none")] == [("", 1)] * 8
+    assert [(p.gpu, p.threads) for p in places(1, 2, "1,7")] == [("1", 2)]
+    assert len(places(None, 3, "none")) == 2
+    with pytest.raises(ValueError, match="3 workers for 2 GPUs"):
+        places(3, None, "auto")
+
+
+def test_shards_are_parts(tmp_path):
+    assert BatchOptions(shard="3/16").part() == (2, 16)
+    for shard in ("0/4", "5/4", "1", "a/b"):
+        with pytest.raises(ValueError, match="shard must be one part"):
+            BatchOptions(shard=shard)
