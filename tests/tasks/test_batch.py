@@ -21,7 +21,7 @@ from diff3ds.tasks.batch.options import BatchOptions
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes by signals")
 SMALL = {"command": "text", "prior": "exemplar", "steps": 4, "strokes": 6, "size": 16, "sheet_every": 0}
 # Long enough to be killed: checkpoints come every 100 steps.
-LONG = {**SMALL, "steps": 900}
+LONG = {**SMALL, "steps": 300}
 FILES = ("sketch.json", "sketch.svg", "sketch.step", "preview.png")
 # Seconds for what a loaded machine does.
 PATIENCE = 120
@@ -155,7 +155,9 @@ def test_time_limits_stop_a_try_and_keep_what_it_reached(tmp_path):
     assert json.loads((tmp_path / "out" / state.job.name / "run.json").read_text())["stopped_early"]
 
 
-@pytest.mark.parametrize("whom", ["driver", "group", "interrupted", "terminated"])
+@pytest.mark.parametrize(
+    "whom", ["driver", "interrupted", *(pytest.param(w, marks=pytest.mark.slow) for w in ("group", "terminated"))]
+)
 def test_a_batch_that_is_ended_goes_on(whom, tmp_path, alone):
     """Its jobs end with it, and another call is at once free to take them up."""
     path = jobs_in(tmp_path, {**LONG, "phrase": "a chair"}, {**SMALL, "phrase": "a table"})

@@ -41,6 +41,7 @@ OPTIONAL = {
     "styles": ("skia-pathops",),
     "mesh": ("trimesh",),
     "usd": ("usd-core",),
+    "ray": ("ray",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }
 

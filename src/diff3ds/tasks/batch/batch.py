@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from diff3ds.tasks.batch.claims import Claims
 from diff3ds.tasks.batch.job_file import read_jobs
 from diff3ds.tasks.batch.machine import places
 from diff3ds.tasks.batch.options import BatchOptions
-from diff3ds.tasks.batch.processes import Batch, ended_as_by_ctrl_c
+from diff3ds.tasks.batch.processes import ATTEMPTS, Batch, ended_as_by_ctrl_c
+from diff3ds.tasks.batch.ray_cluster import run_on_ray
 from diff3ds.tasks.batch.summary import JobState, states_of, write_summary
 from diff3ds.tasks.progress import Report
 
@@ -39,18 +41,20 @@ def run_batch(
     part, parts = options.part()
     mine = jobs[part::parts]
     out.mkdir(parents=True, exist_ok=True)
-    here = places(options.workers, options.threads, options.gpus)
-    batch = Batch(out, here, options.retries, options.timeout, mine, report, say)
+    done: dict[str, JobState] = {}
     try:
         with ended_as_by_ctrl_c():
-            batch.run()
+            if options.runner == "ray":
+                done = run_on_ray(path, out, mine, options, report, say)
+            else:
+                here = places(options.workers, options.threads, options.gpus)
+                done = Batch(out, here, options.retries, options.timeout, mine, report, say).run()
     finally:
-        states = states_of(jobs, out, batch.claims, batch.done)
+        states = states_of(jobs, out, Claims(out / ATTEMPTS), done)
         write_summary(out, states)
-    done = [state.job for state in states if state.state == "done"]
-    if done:
+    if drawn := [state.job for state in states if state.state == "done"]:
         # It loads torch.
         from diff3ds.tasks.batch.sheet import write_sheet
 
-        write_sheet(out, done)
+        write_sheet(out, drawn)
     return states

@@ -85,8 +85,11 @@ class Batch:
         self.claims = Claims(self.out / ATTEMPTS)
         self._waiting = deque(self.jobs)
 
-    def run(self) -> None:
+    def run(self) -> dict[str, JobState]:
         """Does what is to be done; whatever ends it, its processes end before.
+
+        Returns:
+            Where the jobs are that are done, by name.
 
         Raises:
             KeyboardInterrupt: Ctrl-C; what the jobs have reached is kept.
@@ -103,6 +106,7 @@ class Batch:
                 self._keep()
         finally:
             self._stop_all()
+        return self.done
 
     def _tell(self) -> None:
         self.report(Progress("jobs", len(self.done) + len(self.failed), len(self.jobs), None, 0))
