@@ -25,7 +25,8 @@ from diff3ds.edges.evidence.support import crowded, inliers
 from diff3ds.edges.measure.fit_ridges import LOOKS, circle_at, shown_of, undisturbed
 from diff3ds.edges.measure.offsets import near_joints
 from diff3ds.edges.shapes.primitives import Circle, angles_of
-from diff3ds.pictures.dataset import find_transforms, load_posed
+from diff3ds.photogrammetry.project import find_project
+from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.tasks.views.edge_sketch import ridges_of
 
@@ -105,7 +106,7 @@ def outcomes(out: Path, name: str, flat: bool) -> list[Outcome]:
 
 def prepared(out: Path, name: str) -> tuple[EdgeViews, Frame, float]:
     """The ridges of an object without the bias that its run found, their frame, and the offset of outlines."""
-    pictures = load_posed(find_transforms(out / "objects" / name, "edges"), "edges")
+    pictures = load_posed(find_project(out / "objects" / name, "edges"), "edges")
     frame = frame_of(pictures.cameras, pictures.store)
     cameras = frame.cameras(pictures.cameras)
     ridges = ridges_of(pictures, torch.arange(len(pictures)))

@@ -36,8 +36,10 @@ ALLOWED = {
     "bezier": {"_checks", "_modes", "_shapes"},
     "camera": HELPERS,
     "chains": {"_shapes"},
-    "frames": {"camera", "formats"} | HELPERS,
-    "transforms": {"camera", "formats", "frames"} | HELPERS,
+    "distortion": {"_shapes"},
+    "frames": {"camera", "distortion", "formats"} | HELPERS,
+    "transforms": {"camera", "distortion", "formats", "frames"} | HELPERS,
+    "photogrammetry": {"camera", "distortion", "formats", "frames", "transforms"} | HELPERS,
     "sketch": {"bezier", "chains"} | HELPERS,
     "project": SCENE,
     "render": {"project"} | SCENE,
@@ -50,7 +52,7 @@ ALLOWED = {
     "viewer": set(),
     "formats": {"render", "project", "viewer"} | SCENE,
     "styles": {"formats", "render", "project"} | SCENE,
-    "pictures": {"formats", "render", "transforms"} | SCENE,
+    "pictures": {"distortion", "formats", "photogrammetry", "render", "transforms"} | SCENE,
     "edges": {"optimize", "render", "project"} | SCENE,
     "surfaces": {"edges", "formats", "project", "render"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
@@ -58,7 +60,8 @@ ALLOWED = {
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "render", "project",
                 "styles", "surfaces", "transforms"} | SCENE,
     "tasks": {"edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses", "formats",
-              "metrics", "library", "render", "project", "styles", "transforms", "viewer"} | SCENE,
+              "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
+              "viewer"} | SCENE,
     "cli": {"tasks", "weights", "pictures", "command_line", "_version"},
 }  # fmt: skip
 

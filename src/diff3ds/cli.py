@@ -62,7 +62,7 @@ class Views:
     """
 
     fit: OmitArgPrefixes[ViewsOptions]
-    # transforms.json (instant-ngp, nerfstudio, NeRF), or a folder with one.
+    # A folder with cameras (transforms.json, COLMAP, Metashape, ...: docs/reference/cameras.md), or their file.
     source: Positional[Path | None] = None
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")

@@ -11,10 +11,10 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import check_size
+from diff3ds.distortion import Distortion
 from diff3ds.formats.png import size_of
 
 Values = dict[str, Any]
-Distortion = tuple[float, float, float, float, float]
 
 MAX_NUMBER = 1e100
 # Written without a suffix, a picture is looked for with these: NeRF synthetic means .png, instant-ngp tries more.
@@ -23,15 +23,16 @@ SUFFIXES = tuple(
     for suffix in ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "gif", "tga")
     for s in (f".{suffix}", f".{suffix.upper()}")
 )
-# nerfstudio's names of cameras that the five coefficients describe, and instant-ngp's flags of those they do not.
-CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "PERSPECTIVE")
-OTHER_LENSES = ("is_fisheye", "equirectangular", "latlong")
+# Names of cameras, most of them nerfstudio's, whose lenses `Distortion` describes, and instant-ngp's flags of others.
+CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV", "PERSPECTIVE")
+FISHEYE_MODELS = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE")
+OTHER_LENSES = ("equirectangular", "latlong")
 # nerfstudio's name of orthographic cameras. instant-ngp has a flag; to both a focal length is pixels a world unit then.
 ORTHOGRAPHIC = "ORTHOPHOTO"
 ANGLES = ("camera_angle_x", "camera_angle_y", "x_fov", "y_fov")
-DISTORTION = ("k1", "k2", "p1", "p2", "k3")
-# nerfstudio's fourth radial coefficient is not OpenCV's; ftheta_p0 is the first of instant-ngp's f-theta lenses.
-MORE_DISTORTION = ("k4", "k5", "k6", "ftheta_p0")
+RADIAL, TANGENTIAL, DIVISOR, PRISM = ("k1", "k2", "k3", "k4"), ("p1", "p2"), ("k4", "k5", "k6"), ("sx1", "sy1")
+# The first coefficient of instant-ngp's f-theta lenses.
+FTHETA = "ftheta_p0"
 ADVICE = "undistort the pictures first, for example with COLMAP's image_undistorter"
 # How far the axes of a pose may be from those of a rotation times one number, and its last row from (0, 0, 0, 1): what
 # is left of matrices that are written with two or three digits.
@@ -121,20 +122,20 @@ def frame_size(path: Path, values: Values, picture: Path) -> tuple[int, int]:
     return size_of(picture)
 
 
-def pose_of(path: Path, index: int, frame: Values) -> Float[Tensor, "4 4"]:
+def pose_of(path: Path, index: int, frame: Values, key: str = "transform_matrix") -> Float[Tensor, "4 4"]:
     """The camera-to-world matrix of a frame, float64, with the rotation that is nearest to its axes.
 
     Raises:
         ValueError: it is no rotation and translation; says what it is instead.
     """
     try:
-        matrix = torch.from_numpy(np.array(frame["transform_matrix"], np.float64))
+        matrix = torch.from_numpy(np.array(frame[key], np.float64))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{path}: frame {index} has no transform_matrix of 4x4 numbers") from error
+        raise ValueError(f"{path}: frame {index} has no {key} of 4x4 numbers") from error
     if matrix.shape == (3, 4):
         matrix = torch.cat([matrix, torch.eye(4, dtype=torch.float64)[3:]])
     if matrix.shape != (4, 4) or not bool(matrix.isfinite().all()):
-        raise ValueError(f"{path}: frame {index}: transform_matrix must hold 4x4 finite numbers")
+        raise ValueError(f"{path}: frame {index}: {key} must hold 4x4 finite numbers")
     u, scales, vh = torch.linalg.svd(matrix[:3, :3])
     rotation = u @ vh
     fault = None
@@ -148,7 +149,7 @@ def pose_of(path: Path, index: int, frame: Values) -> Float[Tensor, "4 4"]:
     elif rotation.det() < 0:
         fault = "it is mirrored, as in a left-handed frame: negate one of its axes"
     if fault:
-        raise ValueError(f"{path}: frame {index}: transform_matrix is not a rotation and a translation: {fault}")
+        raise ValueError(f"{path}: frame {index}: {key} is not a rotation and a translation: {fault}")
     matrix[:3, :3] = rotation
     matrix[3] = torch.eye(4, dtype=torch.float64)[3]
     return matrix
@@ -219,22 +220,41 @@ def _focal_length(path: Path, values: Values, axis: str, side: int) -> float | N
 
 
 def distortion_of(path: Path, index: int, values: Values, orthographic: bool = False) -> Distortion:
-    """k1, k2, p1, p2, k3 of OpenCV's radial and tangential model.
+    """The lens distortion of a frame.
+
+    k4 is the coefficient of r^8, as nerfstudio has it; of FULL_OPENCV, k4 to k6 are those below the fraction's line.
 
     Raises:
         ValueError: another kind of lens, or distortion of an orthographic picture.
     """
     model = values.get("camera_model", CAMERA_MODELS[0])
-    if not isinstance(model, str) or model.upper() not in (*CAMERA_MODELS, ORTHOGRAPHIC):
-        accepted = ", ".join((*CAMERA_MODELS, ORTHOGRAPHIC))
-        raise ValueError(f"{path}: frame {index}: camera_model {model!r:.40} is not one of {accepted}; {ADVICE}")
+    accepted = (*CAMERA_MODELS, *FISHEYE_MODELS, ORTHOGRAPHIC)
+    if not isinstance(model, str) or model.upper() not in accepted:
+        raise ValueError(
+            f"{path}: frame {index}: camera_model {model!r:.40} is not one of {', '.join(accepted)}; {ADVICE}"
+        )
     for key in OTHER_LENSES:
         if values.get(key):
             raise ValueError(f"{path}: frame {index}: pictures that are {key} are not supported; {ADVICE}")
-    for key in MORE_DISTORTION:
+    full, prism = model.upper() == "FULL_OPENCV", model.upper() == "THIN_PRISM_FISHEYE"
+    for key in (FTHETA, *(() if full else DIVISOR[1:]), *(() if prism else PRISM)):
         if number(path, values, key, 0.0):
             raise ValueError(f"{path}: frame {index}: lens distortion {key} is not supported; {ADVICE}")
-    k1, k2, p1, p2, k3 = (number(path, values, key, 0.0) for key in DISTORTION)
-    if orthographic and any((k1, k2, p1, p2, k3)):
+    found = Distortion(
+        _coefficients(path, values, RADIAL[:3] if full else RADIAL),
+        (number(path, values, "p1", 0.0), number(path, values, "p2", 0.0)),
+        _coefficients(path, values, DIVISOR) if full else (),
+        (number(path, values, "sx1", 0.0), number(path, values, "sy1", 0.0)),
+        model.upper() in FISHEYE_MODELS or bool(values.get("is_fisheye")),
+    )
+    if orthographic and found:
         raise ValueError(f"{path}: frame {index}: lens distortion of orthographic pictures is not supported; {ADVICE}")
-    return k1, k2, p1, p2, k3
+    return found
+
+
+def _coefficients(path: Path, values: Values, keys: tuple[str, ...]) -> tuple[float, ...]:
+    """Numbers of a series, without the zeros at its end."""
+    found = [number(path, values, key, 0.0) for key in keys]
+    while found and not found[-1]:
+        found.pop()
+    return tuple(found)

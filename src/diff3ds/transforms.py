@@ -3,7 +3,7 @@
 import json
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,15 @@ import torch
 from diff3ds._files import read_json, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import DEFAULT_NEAR, Cameras
+from diff3ds.distortion import NO_DISTORTION, Distortion
+from diff3ds.formats.png import size_of
 from diff3ds.frames import (
     ADVICE,
-    DISTORTION,
+    DIVISOR,
     ORTHOGRAPHIC,
-    Distortion,
+    PRISM,
+    RADIAL,
+    TANGENTIAL,
     Values,
     distortion_of,
     frame_size,
@@ -49,7 +53,7 @@ NOT_DONE = {
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One frame of a transforms.json.
+    """One picture with the camera that took it.
 
     Attributes:
         picture: file.
@@ -58,7 +62,7 @@ class View:
         size: (height, width) of the picture in pixels.
         world_to_camera: float64, OpenCV axes.
         intrinsics: float64, in pixels of the picture; of orthographic ones in pixels a world unit.
-        distortion: k1, k2, p1, p2, k3 of OpenCV's radial and tangential model; all 0 without.
+        distortion: of the lens.
         orthographic: whether the picture is.
     """
 
@@ -67,7 +71,7 @@ class View:
     size: tuple[int, int]
     world_to_camera: Float[Tensor, "4 4"]
     intrinsics: Float[Tensor, "3 3"]
-    distortion: Distortion
+    distortion: Distortion = NO_DISTORTION
     orthographic: bool = False
 
 
@@ -116,6 +120,35 @@ def present_views(path: str | Path) -> list[View]:
         if data.get(key):
             warnings.warn(f"{path}: {key} is for instant-ngp; here {what}", stacklevel=2)
     return views
+
+
+def of_picture_sizes(path: Path, views: Sequence[View]) -> list[View]:
+    """Views whose pictures are there, with the sizes of the pictures.
+
+    Where a picture is a smaller or larger copy of what the cameras say, its focal lengths are scaled with it, and a
+    warning says so; where it has another shape, it is left for the reader of pictures, which looks at EXIF.
+    """
+    fitted = [_of_picture_size(view) for view in views]
+    other = [(old, new) for old, new in zip(views, fitted, strict=True) if old.size != new.size]
+    if other:
+        old, new = other[0]
+        said, there = (f"{size[1]} x {size[0]}" for size in (old.size, new.size))
+        warnings.warn(
+            f"{path}: {len(other)} of {len(views)} pictures are not as large as the cameras say ({new.picture.name}: "
+            f"{there} instead of {said} pixels): focal lengths are scaled with them",
+            stacklevel=3,
+        )
+    return fitted
+
+
+def _of_picture_size(view: View) -> View:
+    there = size_of(view.picture)
+    scale = max(there) / max(view.size)
+    # Copies are rounded to whole pixels.
+    if there == view.size or max(abs(a - scale * b) for a, b in zip(there, view.size, strict=True)) > 1:
+        return view
+    wider = view.intrinsics.new_tensor([there[1] / view.size[1], there[0] / view.size[0], 1.0])
+    return replace(view, size=there, intrinsics=view.intrinsics * wider[:, None])
 
 
 def require_files(path: Path, files: Sequence[Path], what: str = "pictures") -> None:
@@ -173,9 +206,8 @@ def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:
     if len(sizes) != 1:
         raise ValueError(f"{path}: all views must have one size, got {sorted(sizes)} (height, width)")
     for view in views:
-        for key, value in zip(DISTORTION, view.distortion, strict=True):
-            if value:
-                raise ValueError(f"{path}: the pictures have lens distortion ({key}); {ADVICE}")
+        if view.distortion:
+            raise ValueError(f"{path}: {view.picture.name} has lens distortion; {ADVICE}")
     poses = torch.stack([view.world_to_camera for view in views])
     intrinsics = torch.stack([view.intrinsics for view in views])
     cameras = Cameras(poses, intrinsics, sizes.pop(), near_of(poses), one_kind(path, views))
@@ -235,6 +267,44 @@ def save_transforms(path: str | Path, cameras: Cameras, pictures: Sequence[str |
     # What nerfstudio asks for, and what instant-ngp does.
     kind = {"camera_model": ORTHOGRAPHIC, "orthographic": True} if cameras.orthographic else {}
     write_text(Path(path), json.dumps({"w": width, "h": height, **kind, "frames": frames}, indent=1))
+
+
+def save_views(path: str | Path, views: Sequence[View], about: Values | None = None) -> None:
+    """Writes a transforms.json of views with lenses, masks and sizes of their own; paths are written as given.
+
+    Args:
+        path: the file.
+        views: at least one.
+        about: more keys for the top of the file.
+
+    Raises:
+        ValueError: a view that such a file cannot hold: with skew.
+    """
+    frames = []
+    for view in views:
+        (fx, skew, cx), (_, fy, cy), _ = view.intrinsics.tolist()
+        if abs(skew) > 0:
+            raise ValueError(f"a transforms.json holds no skew, and {view.picture.name} has {skew}")
+        frame: Values = {"file_path": view.picture.as_posix()}
+        if view.mask:
+            frame["mask_path"] = view.mask.as_posix()
+        frame |= {"w": view.size[1], "h": view.size[0], "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy}
+        pose = _inverse(view.world_to_camera) @ _OPENGL_TO_OPENCV
+        kind = {"camera_model": ORTHOGRAPHIC, "orthographic": True} if view.orthographic else _lens(view.distortion)
+        frames.append(frame | kind | {"transform_matrix": pose.tolist()})
+    write_text(Path(path), json.dumps({**(about or {}), "frames": frames}, indent=1))
+
+
+def _lens(lens: Distortion) -> Values:
+    """The keys of a lens."""
+    if not lens:
+        return {}
+    model = "FULL_OPENCV" if lens.divisor else "OPENCV"
+    if lens.fisheye:
+        model = "THIN_PRISM_FISHEYE" if any((*lens.prism, *lens.tangential)) else "OPENCV_FISHEYE"
+    series = ((RADIAL, lens.radial), (TANGENTIAL, lens.tangential), (DIVISOR, lens.divisor), (PRISM, lens.prism))
+    values = {key: value for keys, given in series for key, value in zip(keys, given, strict=False) if value}
+    return {"camera_model": model} | values
 
 
 def _read_frames(path: Path) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_png
-from diff3ds.pictures.dataset import find_transforms, load_posed
+from diff3ds.photogrammetry.project import find_project
+from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.pyramid import build_pyramid
 from diff3ds.pictures.reading import load_views
 
@@ -80,29 +81,40 @@ def test_large_pictures_are_reduced_with_their_cameras(scene, tmp_path):
 def test_which_file_of_a_folder(scene, tmp_path):
     sketch, cameras = scene
     images = ds.render(sketch, cameras).color
-    with pytest.raises(FileNotFoundError, match=r"no transforms\.json, which says .* in this folder"):
-        find_transforms(tmp_path, None)
+    with pytest.raises(FileNotFoundError, match=r"no file that says .* Found: no pictures either\. What would"):
+        find_project(tmp_path, None)
     with pytest.raises(FileNotFoundError, match="no such file or folder"):
-        find_transforms(tmp_path / "none", None)
+        find_project(tmp_path / "none", None)
     odd = write(tmp_path, cameras, images, "transforms_day.json")
-    assert find_transforms(tmp_path, None) == odd
+    assert find_project(tmp_path, None) == odd
     write(tmp_path, cameras, images, "transforms_night.json")
     with pytest.raises(ValueError, match=r"which of transforms_day\.json, transforms_night\.json"):
-        find_transforms(tmp_path, None)
+        find_project(tmp_path, None)
     color = write(tmp_path, cameras, images, "transforms_color.json")
     edges = write(tmp_path, cameras, images, "transforms_edges.json")
-    assert find_transforms(tmp_path, None) == edges
-    assert find_transforms(tmp_path, "color") == color
+    assert find_project(tmp_path, None) == edges
+    assert find_project(tmp_path, "color") == color
     train = write(tmp_path, cameras, images, "transforms_train.json")
-    assert find_transforms(tmp_path, None) == train
-    assert find_transforms(odd, None) == odd
+    assert find_project(tmp_path, None) == train
+    assert find_project(odd, None) == odd
 
 
-def test_pictures_must_have_the_cameras_size(scene, tmp_path):
+def test_pictures_must_have_the_cameras_shape(scene, tmp_path):
     sketch, cameras = scene
-    path = write(tmp_path, cameras, ds.render(sketch, cameras.resize((20, 30))).color)
-    with pytest.raises(ValueError, match=r"-0\.png: 20 x 30 .* the cameras say 40 x 60"):
+    path = write(tmp_path, cameras, ds.render(sketch, cameras.resize((24, 30))).color)
+    with pytest.raises(ValueError, match=r"-0\.png: 24 x 30 .* the cameras say 40 x 60"):
         load_posed(path)
+
+
+def test_smaller_copies_of_the_pictures_have_their_cameras_scaled(scene, tmp_path):
+    """As where a folder of pictures was reduced after its cameras were found; 17 of 40 rows are 25.5 of 60 columns."""
+    sketch, cameras = scene
+    smaller = cameras.resize((17, 26))
+    path = write(tmp_path, cameras, ds.render(sketch, smaller).color)
+    with pytest.warns(UserWarning, match=r"not as large as the cameras say \(.*-0.png: 26 x 17 instead of 60 x 40"):
+        pictures = load_posed(path)
+    assert pictures.cameras.size == (17, 26)
+    torch.testing.assert_close(pictures.cameras.intrinsics, smaller.intrinsics.double())
 
 
 def test_pictures_of_any_size_share_a_canvas(scene, tmp_path):

@@ -6,13 +6,14 @@ import pytest
 import torch
 from PIL import Image
 
+from diff3ds.distortion import NO_DISTORTION, Distortion
 from diff3ds.formats import save_png
 from diff3ds.formats.png import load_image, load_reduced
 from diff3ds.pictures.reading.read import read_view
 from diff3ds.transforms import View
 
 
-def view(picture, size, mask=None, lens=(0.0, 0.0, 0.0, 0.0, 0.0), focal=1.0, center=(0.0, 0.0)):
+def view(picture, size, mask=None, lens=NO_DISTORTION, focal=1.0, center=(0.0, 0.0)):
     intrinsics = torch.tensor([[focal, 0, center[0]], [0, focal, center[1]], [0, 0, 1]], dtype=torch.float64)
     return View(picture, mask, size, torch.eye(4, dtype=torch.float64), intrinsics, lens)
 
@@ -91,7 +92,7 @@ def test_lens_distortion_goes_before_the_reduction(tmp_path, suffix):
         straight = seen / (1 + k1 * (straight / focal) ** 2)
     ring = torch.exp(-0.5 * ((straight - radius) / 8) ** 2)
     Image.fromarray((255 * ring).round().byte().numpy()).save(tmp_path / f"a.{suffix}", quality=95)
-    lens = (k1, 0.0, 0.0, 0.0, 0.0)
+    lens = Distortion((k1,))
     pixels, known = read_view(view(tmp_path / f"a.{suffix}", size, None, lens, focal, (390.0, 310.0)), small)
     assert known.all()
     x, y = grid(small)
@@ -105,7 +106,7 @@ def test_lens_distortion_goes_before_the_reduction(tmp_path, suffix):
 
 def test_unknown_pixels_are_empty(tmp_path):
     save_png(tmp_path / "a.png", torch.ones(60, 80, 3))
-    lens = (0.5, 0.0, 0.0, 0.0, 0.0)
+    lens = Distortion((0.5,))
     pixels, known = read_view(view(tmp_path / "a.png", (60, 80), None, lens, 60.0, (40.0, 30.0)), (30, 40))
     assert not known[[0, 0, -1, -1], [0, -1, 0, -1]].any()
     assert known[15, 20]

@@ -7,6 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diff3ds.distortion import Distortion
 from diff3ds.pictures.reading.lens import undistorted
 from diff3ds.pictures.reading.resample import area_means, blurred
 
@@ -59,16 +60,16 @@ def test_blur_is_the_normal_distribution():
 INTRINSICS = torch.tensor([[300.0, 0, 170], [0, 280, 115], [0, 0, 1]], dtype=torch.float64)
 SIZE = (240, 320)
 LENSES = [
-    (-0.25, 0.05, 0.0, 0.0, 0.0),
-    (0.2, 0.1, 0.0, 0.0, -0.02),
-    (-0.1, 0.02, 0.01, -0.015, 0.05),
+    Distortion((-0.25, 0.05, 0.0)),
+    Distortion((0.2, 0.1, -0.02)),
+    Distortion((-0.1, 0.02, 0.05), (0.01, -0.015)),
 ]
 
 
 def straightened(u, v, lens):
     """Pixels of a camera without distortion that show what is at (u, v) in the picture: the formula by fixed points."""
     (fx, _, cx), (_, fy, cy), _ = INTRINSICS.tolist()
-    k1, k2, p1, p2, k3 = lens
+    (k1, k2, k3), (p1, p2) = lens.radial, lens.tangential
     seen_x, seen_y = (u - cx) / fx, (v - cy) / fy
     x, y = seen_x, seen_y
     for _ in range(200):
@@ -112,7 +113,7 @@ def test_straight_lines_become_straight(lens, angle):
 
 def test_what_the_picture_does_not_show_is_not_known():
     """Pincushion distortion: the corners of the straight image come from outside the picture."""
-    lens = (0.3, 0.0, 0.0, 0.0, 0.0)
+    lens = Distortion((0.3,))
     _, known = undistorted(torch.ones(*SIZE, 1), INTRINSICS, lens, range(240))
     v, u = torch.meshgrid(*(torch.arange(n, dtype=torch.float64) + 0.5 for n in SIZE), indexing="ij")
     x, y = (u - 170) / 300, (v - 115) / 280
@@ -127,6 +128,6 @@ def test_what_the_picture_does_not_show_is_not_known():
 def test_what_lies_beyond_the_fold_is_not_known():
     """r (1 - r^2) grows up to r = 1 / sqrt 3; beyond, the formula shows the same things again."""
     intrinsics = torch.tensor([[100.0, 0, 160], [0, 100, 120], [0, 0, 1]], dtype=torch.float64)
-    _, known = undistorted(torch.ones(*SIZE, 1), intrinsics, (-1.0, 0.0, 0.0, 0.0, 0.0), range(240))
+    _, known = undistorted(torch.ones(*SIZE, 1), intrinsics, Distortion((-1.0,)), range(240))
     v, u = torch.meshgrid(*(torch.arange(n, dtype=torch.float64) + 0.5 for n in SIZE), indexing="ij")
     assert torch.equal(known, torch.hypot(u - 160, v - 120) < 100 / math.sqrt(3))

@@ -1,4 +1,4 @@
-"""Posed pictures: found in a folder, brought onto one canvas, told apart into drawings and coloured pictures."""
+"""Posed pictures: brought onto one canvas, told apart into drawings and coloured pictures."""
 
 import hashlib
 from collections.abc import Sequence
@@ -9,13 +9,14 @@ import torch
 
 from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks, Target
 from diff3ds.pictures.reading.load_views import Told, canvas_of, load_some, load_views
 from diff3ds.pictures.reading.read import decode, shown
 from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
-from diff3ds.transforms import View, near_of, one_kind, present_views, require_files
+from diff3ds.transforms import View, near_of, of_picture_sizes, one_kind, require_files
 
 # Gray pictures whose background takes more than this fraction of the pixels are edge maps or line drawings. A drawing's
 # lines rarely cover a third; photographs have no single background value.
@@ -60,31 +61,6 @@ class PosedPictures:
         return self.store.batch(views)
 
 
-def find_transforms(path: Path, target: Target | None) -> Path:
-    """The transforms file of a folder: `transforms.json`, `transforms_train.json`, or the one of the target.
-
-    Raises:
-        FileNotFoundError: there is none.
-        ValueError: there are several, and none of these names.
-    """
-    if not path.is_dir():
-        if not path.exists():
-            raise FileNotFoundError(f"{path}: no such file or folder")
-        return path
-    kinds = {None: ["edges", "color"], "edges": ["edges"]}.get(target, ["color"])
-    for name in ("transforms.json", "transforms_train.json", *(f"transforms_{kind}.json" for kind in kinds)):
-        if (path / name).is_file():
-            return path / name
-    found = sorted(p.name for p in path.glob("transforms*.json"))
-    if not found:
-        raise FileNotFoundError(
-            f"{path}: no transforms.json, which says where each picture was taken from, in this folder"
-        )
-    if len(found) > 1:
-        raise ValueError(f"{path}: which of {', '.join(found)}? Name the file instead of the folder")
-    return path / found[0]
-
-
 def load_posed(
     path: Path,
     target: Target | None = None,
@@ -93,13 +69,13 @@ def load_posed(
     masks: Masks = "ignore",
     told: Told = lambda done, total: None,
 ) -> PosedPictures:
-    """The pictures and cameras of a transforms file; frames whose pictures are missing are left out with a warning.
+    """The pictures and cameras of a project; those whose pictures are missing are left out with a warning.
 
     Each picture is decoded once, several at a time on as many threads as torch has. They are kept with 8 bits a
     channel, in memory or, if they and their pyramid take more than 1 GiB, in a file without a name that goes with them.
 
     Args:
-        path: a transforms.json (see `present_views`).
+        path: a transforms.json, or what else `find_project` finds.
         target: what the pictures are; None looks at them and finds edges or colour.
         size: each picture is reduced to at most this many pixels along its longer side.
         scratch: folder for such a file, existing or to be made; default the system's for temporary files.
@@ -113,11 +89,13 @@ def load_posed(
             nothing.
         OSError: no room in the folder.
     """
-    views = present_views(path)
+    views = present_views(path, target)
     require_files(path, [view.mask for view in views if view.mask], "masks")
     sizes = [reduced(view.size, size) for view in views]
+    check_sight(path, _cameras(path, views, sizes), sizes)
+    views = of_picture_sizes(path, views)
+    sizes = [reduced(view.size, size) for view in views]
     cameras = _cameras(path, views, sizes)
-    check_sight(path, cameras, sizes)
     background, first = None, None
     if target not in ("color", "color-edges"):
         some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]

@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from diff3ds._shapes import Tensor
+from diff3ds.distortion import NO_DISTORTION
 from diff3ds.formats.png import size_of
+from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.dataset import reduced
 from diff3ds.pictures.options import Masks
 from diff3ds.pictures.reading.load_views import Told, load_views
 from diff3ds.pictures.reading.read import decode, shown
 from diff3ds.pictures.store import Store, opaque_views
-from diff3ds.transforms import NAMED, View, present_views
+from diff3ds.transforms import NAMED, View, of_picture_sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +39,10 @@ class CleanPlates:
 def load_clean_plates(
     path: Path, source: Path, size: int = 512, scratch: Path | None = None, told: Told = lambda done, total: None
 ) -> CleanPlates:
-    """Loads what lies behind the pictures of a transforms file, reduced and undistorted as `load_posed` does it.
+    """Loads what lies behind the pictures of a project, reduced and undistorted as `load_posed` does it.
 
     Args:
-        path: the transforms.json.
+        path: what `find_project` has found.
         source: one picture, scaled to the size of each view; or a folder with a picture for each view, of its size, by
             the file name of the view's picture, in that folder or in one of the same name as the picture's.
         size: as for `load_posed`.
@@ -53,7 +55,7 @@ def load_clean_plates(
             with one name.
         OSError: no room in the folder.
     """
-    views = present_views(path)
+    views = of_picture_sizes(path, present_views(path, "color"))
     sizes = [reduced(view.size, size) for view in views]
     if source.is_dir():
         store = load_views(_one_each(source, views), sizes, None, scratch, told=told)
@@ -83,7 +85,7 @@ def _one_for_all(picture: Path, views: list[View]) -> list[View]:
 
 def _plain(picture: Path, view: View) -> View:
     """A view with this picture and without distortion."""
-    return replace(view, picture=picture, mask=None, size=size_of(picture), distortion=(0.0,) * 5)
+    return replace(view, picture=picture, mask=None, size=size_of(picture), distortion=NO_DISTORTION)
 
 
 def _one_each(folder: Path, views: list[View]) -> list[View]:

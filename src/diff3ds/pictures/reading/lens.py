@@ -4,10 +4,10 @@ import functools
 import math
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds.distortion import Distortion
 from diff3ds.pictures.reading.resample import even_ends, means_between, strips
 
 # Strips of maps that are remembered, 12 bytes a pixel: the pictures of one camera share them, up to 30 million pixels.
@@ -30,17 +30,18 @@ class LensMap:
 
 
 def undistorted(
-    picture: Float[Tensor, "H W C"], intrinsics: Float[Tensor, "3 3"], distortion: tuple[float, ...], rows: range
+    picture: Float[Tensor, "H W C"], intrinsics: Float[Tensor, "3 3"], distortion: Distortion, rows: range
 ) -> tuple[Float[Tensor, "C h W"], Bool[Tensor, "h W"]]:
     """Rows of the picture that a camera with the same intrinsics and no distortion takes, and where they are known.
 
-    Each pixel is looked up, bilinearly, where OpenCV's radial and tangential model puts it in the picture. What that
-    model puts outside the picture is not known, nor what lies beyond the radius at which the model folds back.
+    Each pixel is looked up, bilinearly, where the lens puts it in the picture. What that model puts outside the picture
+    is not known, nor what lies beyond the radius at which the model folds back. Of a fisheye picture the middle stays:
+    a straight picture of this size has no room for the rest.
 
     Args:
         picture: as taken.
         intrinsics: in pixels of the picture.
-        distortion: k1, k2, p1, p2, k3.
+        distortion: of the lens.
         rows: which rows to make.
     """
     height, width = picture.shape[:2]
@@ -55,7 +56,7 @@ def undistorted(
 def straightened(
     picture: Float[Tensor, "H W C"],
     intrinsics: Float[Tensor, "3 3"],
-    distortion: tuple[float, ...],
+    distortion: Distortion,
     size: tuple[int, int],
     extent: tuple[float, float],
 ) -> tuple[Float[Tensor, "h w C"], Float[Tensor, "h w"]]:
@@ -78,37 +79,24 @@ def straightened(
 
 
 @functools.lru_cache(maxsize=REMEMBERED)
-def lens_map(
-    intrinsics: tuple[float, ...], distortion: tuple[float, ...], size: tuple[int, int], rows: range
-) -> LensMap:
+def lens_map(intrinsics: tuple[float, ...], distortion: Distortion, size: tuple[int, int], rows: range) -> LensMap:
     """The map of these rows.
 
     Args:
         intrinsics: the 9 numbers of the matrix, row by row.
-        distortion: k1, k2, p1, p2, k3.
+        distortion: of the lens.
         size: (height, width) of the picture.
     """
     height, width = size
-    fx, _, cx, _, fy, cy, *_ = intrinsics
-    k1, k2, p1, p2, k3 = distortion
+    fx, skew, cx, _, fy, cy, *_ = intrinsics
     y = (torch.arange(rows.start, rows.stop, dtype=torch.float64)[:, None] + 0.5 - cy) / fy
-    x = (torch.arange(width, dtype=torch.float64) + 0.5 - cx) / fx
-    square = x * x + y * y
-    radial = 1 + square * (k1 + square * (k2 + square * k3))
-    u = fx * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)) + cx
-    v = fy * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y) + cy
-    known = (u >= 0) & (u <= width) & (v >= 0) & (v <= height) & (square < _fold(k1, k2, k3))
+    x = (torch.arange(width, dtype=torch.float64) + 0.5 - cx - skew * y) / fx
+    seen_x, seen_y = distortion.bent(x, y)
+    u, v = fx * seen_x + skew * seen_y + cx, fy * seen_y + cy
+    known = (u >= 0) & (u <= width) & (v >= 0) & (v <= height) & (x * x + y * y < distortion.fold())
     # Both rows between which a known pixel lies, of those that there are.
     low, high = (torch.where(known, v, y.new_tensor(other)) for other in (math.inf, -math.inf))
     top = min(max(math.floor(float(low.min()) - 0.5), 0), height - 1) if bool(known.any()) else 0
     bottom = min(max(math.floor(float(high.max()) - 0.5) + 2, top + 1), height) if bool(known.any()) else 1
     grid = torch.stack([2 * u / width - 1, 2 * (v - top) / (bottom - top) - 1], -1).float()
     return LensMap(grid, known, range(top, bottom))
-
-
-def _fold(k1: float, k2: float, k3: float) -> float:
-    """Square of the least radius r at which r (1 + k1 r^2 + k2 r^4 + k3 r^6) stops growing."""
-    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
-    # A double root is a real one with a rounding error.
-    turns = [root.real for root in roots if root.real > 0 and abs(root.imag) < 1e-6 * abs(root)]
-    return min(turns, default=math.inf)

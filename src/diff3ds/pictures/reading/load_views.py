@@ -96,7 +96,7 @@ def load_views(
     """
     canvas = canvas_of(sizes)
     whole = all(size == canvas for size in sizes)
-    whole = whole and not any(any(view.distortion) or has_left_out(view, masks) for view in views)
+    whole = whole and not any(bool(view.distortion) or has_left_out(view, masks) for view in views)
     store = _room(views, canvas, 4 if background is None else 1, scratch, whole)
 
     def put(i: int) -> None:

@@ -80,7 +80,7 @@ def shown(
     if picture.fraction is not None and cut:
         pixels = pixels * picture.fraction[..., None]
     extent = (view.size[0] / picture.times, view.size[1] / picture.times)
-    if not any(view.distortion):
+    if not view.distortion:
         means = area_means(pixels[None], size, extent)[0]
         if kept is None:
             return means, torch.ones(size, dtype=torch.bool)

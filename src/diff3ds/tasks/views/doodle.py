@@ -18,9 +18,10 @@ from diff3ds.metrics.doodle_loss import DoodleLoss
 from diff3ds.metrics.vgg_distance import VggDistance
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import FitConfig, Objective, Rates, fit
+from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.content.background import parse_background, with_alpha
 from diff3ds.pictures.content.visual_hull import visual_hull
-from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
+from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.frame import frame_of
 from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.pictures.store import Store, is_all_known
@@ -62,12 +63,12 @@ def run_doodle(
         The sketch in the world of the cameras.
 
     Raises:
-        FileNotFoundError, ValueError: weights that are missing or of another network; as `find_transforms`,
+        FileNotFoundError, ValueError: weights that are missing or of another network; as `find_project`,
             `load_posed`, `check_output_folder`, `frame_of` and `fit`.
     """
     options = options or DoodleOptions()
     begun = time.perf_counter()
-    path = find_transforms(source, "color")
+    path = find_project(source, "color")
     loss = load_doodle_loss(options)
     check_output_folder(out, out / CHECKPOINT, options.resume, options.overwrite)
     plan = plan_doodle(load_posed(path, "color", options.size, out, options.masks), options, loss, out / CHECKPOINT)

@@ -15,10 +15,11 @@ from diff3ds.formats import save_png, tile_images
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
+from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.content.background import color_or_path, described
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
-from diff3ds.pictures.dataset import PosedPictures, find_transforms, load_posed
+from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
@@ -64,7 +65,7 @@ def run_views(
         The sketch in the world of the cameras.
 
     Raises:
-        FileNotFoundError, ValueError: as `find_transforms`, `load_posed`, `load_clean_plates`, `frame_of`, `fit` and
+        FileNotFoundError, ValueError: as `find_project`, `load_posed`, `load_clean_plates`, `frame_of`, `fit` and
             `reconstruct`; a background picture for what has no colours; a folder that holds another run.
         OSError: the folder cannot be made, or there is no room.
     """
@@ -97,7 +98,7 @@ def _run(
 ) -> Fitted:
     """Reads, fits and writes."""
     begun = time.perf_counter()
-    path = find_transforms(source, options.target) if source is not None else None
+    path = find_project(source, options.target) if source is not None else None
     pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report)
     clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
