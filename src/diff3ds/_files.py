@@ -43,7 +43,15 @@ def read_json(path: Path) -> Any:
     Raises:
         FileNotFoundError, ValueError: as `read_text`; not JSON.
     """
-    text = read_text(path)
+    return parse_json(read_text(path), path)
+
+
+def parse_json(text: str, path: Path) -> Any:
+    """The content of the text of such a file.
+
+    Raises:
+        ValueError: not JSON; the message names the path.
+    """
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -22,7 +22,7 @@ from typing import Any, get_args
 
 import torch
 
-from diff3ds._files import read_json, write_text
+from diff3ds._files import parse_json, read_json, write_text
 from diff3ds._shapes import Tensor
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch, WidthSpace
@@ -71,7 +71,23 @@ def load_json(path: str | Path) -> Sketch:
         OSError: the file cannot be read.
     """
     path = Path(path)
-    data = read_json(path)
+    return _sketch_of(read_json(path), path)
+
+
+def sketch_of_text(text: str, path: Path) -> Sketch:
+    """The sketch in the text of a sketch.json.
+
+    Args:
+        text: of the file.
+        path: of it, for messages.
+
+    Raises:
+        ValueError: as `load_json`.
+    """
+    return _sketch_of(parse_json(text, path), path)
+
+
+def _sketch_of(data: Any, path: Path) -> Sketch:
     if not isinstance(data, dict) or "version" not in data:
         raise ValueError(f"{path}: not a sketch.json: expected an object with the key 'version'")
     if data["version"] not in (VERSION, VERSION_OF_CHAINS):

@@ -34,7 +34,7 @@ function focalOf(camera, height) {
 
 // Depths between which all of the sketch lies that is drawn. Without perspective nothing is too near.
 function depthsOf(camera) {
-  const aside = Math.hypot(...camera.target) + BALL;
+  const aside = Math.hypot(...camera.target) + (camera.reach ?? BALL);
   const near = camera.distance - aside;
   return [camera.orthographic ? near : Math.max(near, camera.near), Math.max(camera.distance + aside, 2 * camera.near)];
 }
@@ -51,6 +51,15 @@ function sameView(camera, was, now) {
   const scale = was.radius / now.radius;
   const target = camera.target.map((value, axis) => value * scale + (was.middle[axis] - now.middle[axis]) / now.radius);
   return { ...camera, target, distance: camera.distance * scale, near: camera.near * scale };
+}
+
+// The direction of what is seen in a pixel, and where it comes from.
+function rayAt(camera, axes, [width, height], x, y) {
+  const focal = focalOf(camera, height);
+  const [right, down] = [(x - width / 2) / focal, (y - height / 2) / focal];
+  const aside = axes.right.map((value, i) => value * right - axes.up[i] * down);
+  if (camera.orthographic) return { from: axes.eye.map((value, i) => value + aside[i]), along: axes.forward };
+  return { from: axes.eye, along: axes.forward.map((value, i) => value + aside[i]) };
 }
 
 function turned(camera, azimuth, elevation) {

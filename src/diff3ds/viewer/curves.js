@@ -29,6 +29,7 @@ function readSketch(data, { middle, radius }) {
         return (Array.isArray(width) ? width : segments[row].map(() => width)).map((value) => value * unit);
       }),
       closed: data.closed?.[stroke] ?? false,
+      fixed: data.fixed?.[stroke] ?? false,
       color: data.color[stroke].map((value) => Math.min(Math.max(value, 0), 1)),
       opacity: data.opacity[stroke],
       shown: true,

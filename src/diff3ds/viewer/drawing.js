@@ -153,9 +153,8 @@ function makeDrawing(canvas) {
     gl.uniform3f(at("accent"), ...scene.accent);
     gl.uniform1f(at("halo"), 0);
     drawRange(0, first.at(-1));
-    if (scene.selected === null) return;
     gl.uniform1f(at("halo"), scene.haloPixels);
-    drawRange(first[scene.selected], first[scene.selected + 1]);
+    for (const stroke of scene.chosen) drawRange(first[stroke], first[stroke + 1]);
   }
 
   function copyTo(frame, from) {

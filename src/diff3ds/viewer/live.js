@@ -18,7 +18,8 @@ async function ask(name) {
 // The sketch that the file has now, or null while it has the one that is shown.
 async function newSketch() {
   const version = await (await ask("version")).text();
-  return version === start.version ? null : (await ask("sketch")).json();
+  // While this page saves, the file has what it shows.
+  return saving || [start.version, passedOver].includes(version) ? null : (await ask("sketch")).json();
 }
 
 async function follow() {
@@ -28,7 +29,8 @@ async function follow() {
   if (lost && !before) tell("The server does not answer: diff3ds view has ended, or is busy. This is what there was.");
   if (!lost && before) tell("");
   const [news] = found;
-  if (news && news.page === start.page) showSketch(news.sketch, news.start);
+  if (news && (saving || news.start.version === start.version || keepsEdits(news))) passOver(news);
+  else if (news && news.page === start.page) showSketch(news.sketch, news.start);
   else if (news) {
     // What stands beside or behind the sketch is another one.
     sessionStorage.setItem("camera", JSON.stringify(camera));

@@ -15,6 +15,8 @@ let sketch = readSketch(JSON.parse(document.getElementById("sketch").textContent
 const root = document.documentElement;
 // What else is drawn whenever the view is: called with the pictures from..to that are added, and the scene.
 const painters = [];
+// Indices of the strokes that are selected, the last of which is `selected`.
+let chosen = [];
 let [drawing, camera, selected, samples, drawn, madeFor, lastFrame, due] = [null, null, null, 0, 0, null, 0, false];
 
 function pixelRatio() {
@@ -69,7 +71,7 @@ function drawFrame(now) {
   refreshChords();
   const accent = ACCENTS[ground()];
   const scene = {
-    camera, selected, accent, world: sketch.world, ground: GROUNDS[ground()], haloPixels: HALO * pixelRatio(),
+    camera, chosen, accent, world: sketch.world, ground: GROUNDS[ground()], haloPixels: HALO * pixelRatio(),
   };
   drawing.show(samples, samples + drawn, scene);
   painters.forEach((paint) => paint(samples, samples + drawn, scene));
@@ -90,9 +92,11 @@ function showSketch(data, begun) {
   else if (camera) camera = { ...startCamera(begun, size()), orthographic: camera.orthographic };
   start = begun;
   sketch = readSketch(data, start);
-  if (selected !== null && selected >= sketch.strokes.length) selected = null;
+  chosen = chosen.filter((index) => index < sketch.strokes.length);
+  selected = chosen.at(-1) ?? null;
   madeFor = null;
   listStrokes();
+  openSketch(data);
   if (drawing) refreshInks();
 }
 
@@ -124,46 +128,69 @@ function say(text) {
 
 function nameOf(index) {
   const { segments, closed } = sketch.strokes[index];
+  const kept = sketch.strokes[index].fixed ? ", fixed" : "";
   const parts = segments.length > 1 ? `, ${segments.length} segments` : "";
-  return `Stroke ${index}${parts}${closed ? ", closed" : ""}`;
+  return `Stroke ${index}${parts}${closed ? ", closed" : ""}${kept}`;
 }
 
 function listStrokes() {
   const list = document.getElementById("strokes");
-  list.replaceChildren();
-  document.getElementById("count").textContent = `Strokes (${sketch.strokes.length})`;
+  const count = sketch.strokes.length;
+  document.getElementById("count").textContent = `Strokes (${count})`;
+  while (list.children.length > count) list.lastChild.remove();
+  while (list.children.length < count) list.append(listItem(list.children.length));
   sketch.strokes.forEach((stroke, index) => {
-    const [item, button, color, shown] = ["li", "button", "input", "input"].map((tag) => document.createElement(tag));
+    const [box, button, color] = list.children[index].children;
     button.textContent = nameOf(index);
-    button.setAttribute("aria-pressed", selected === index);
-    button.addEventListener("click", () => select(selected === index ? null : index));
-    Object.assign(color, { type: "color", value: hexOf(stroke.color) });
-    color.setAttribute("aria-label", `Colour of stroke ${index}`);
-    color.addEventListener("input", () => {
-      stroke.color = [1, 3, 5].map((i) => parseInt(color.value.slice(i, i + 2), 16) / 255);
-      refreshInks();
-    });
-    Object.assign(shown, { type: "checkbox", checked: true });
-    shown.setAttribute("aria-label", `Show stroke ${index}`);
-    shown.addEventListener("change", () => setShown(index, shown.checked));
-    item.append(shown, button, color);
-    list.append(item);
-    Object.assign(stroke, { button, box: shown });
+    button.setAttribute("aria-pressed", chosen.includes(index));
+    box.checked = stroke.shown;
+    color.value = hexOf(stroke.color);
+    Object.assign(stroke, { button, box });
   });
+}
+
+function listItem(index) {
+  const [item, button, color, shown] = ["li", "button", "input", "input"].map((tag) => document.createElement(tag));
+  button.addEventListener("click", (event) => {
+    const more = isMore(event);
+    select(selected === index && !more ? null : index, more);
+  });
+  color.type = "color";
+  color.setAttribute("aria-label", `Colour of stroke ${index}`);
+  color.addEventListener("input", () => recolor([index], rgbOf(color.value)));
+  Object.assign(shown, { type: "checkbox", checked: true });
+  shown.setAttribute("aria-label", `Show stroke ${index}`);
+  shown.addEventListener("change", () => setShown(index, shown.checked));
+  item.append(shown, button, color);
+  return item;
 }
 
 function hexOf(color) {
   return `#${color.map((value) => Math.round(value * 255).toString(16).padStart(2, "0")).join("")}`;
 }
 
-function select(index) {
-  if (selected !== null) sketch.strokes[selected].button.setAttribute("aria-pressed", "false");
-  selected = index;
-  if (index !== null) {
-    sketch.strokes[index].button.setAttribute("aria-pressed", "true");
-    sketch.strokes[index].button.scrollIntoView({ block: "nearest" });
-  }
-  say(index === null ? "No stroke selected" : `${nameOf(index)} selected`);
+function rgbOf(hex) {
+  return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+}
+
+// Whether a click or a key adds to the strokes that are chosen.
+function isMore(event) {
+  return event.shiftKey || event.ctrlKey || event.metaKey;
+}
+
+function select(index, more = false) {
+  if (!more || index === null) choose(index === null ? [] : [index]);
+  else choose(chosen.includes(index) ? chosen.filter((other) => other !== index) : [...chosen, index]);
+}
+
+function choose(indices) {
+  chosen = indices.filter((index) => index < sketch.strokes.length);
+  selected = chosen.at(-1) ?? null;
+  sketch.strokes.forEach(({ button }, index) => button.setAttribute("aria-pressed", chosen.includes(index)));
+  if (selected !== null) sketch.strokes[selected].button.scrollIntoView({ block: "nearest" });
+  const names = chosen.length > 3 ? `${chosen.length} strokes` : chosen.map(nameOf).join("; ");
+  say(chosen.length ? `${names} selected` : "No stroke selected");
+  showChosen();
   refresh();
 }
 
@@ -205,6 +232,7 @@ function middleAndSpread() {
 }
 
 function pressed(event) {
+  if (editPressed(event)) return;
   canvas.setPointerCapture(event.pointerId);
   if (!fingers.size) travelled = 0;
   fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
@@ -228,7 +256,7 @@ function moved(event) {
 function released(event) {
   if (!fingers.delete(event.pointerId) || fingers.size || travelled > NEARBY || event.type !== "pointerup") return;
   const box = canvas.getBoundingClientRect();
-  select(strokeAt((event.clientX - box.left) * pixelRatio(), (event.clientY - box.top) * pixelRatio()));
+  select(strokeAt((event.clientX - box.left) * pixelRatio(), (event.clientY - box.top) * pixelRatio()), isMore(event));
 }
 
 // Keys
@@ -247,8 +275,11 @@ function act(key, shift) {
   else if (key === "0") look({ ...startCamera(start, size()), orthographic: camera.orthographic });
   else if (key === "o") look({ ...camera, orthographic: !camera.orthographic });
   else if (key === "d") turnGround();
-  else if (key === "n" || key === "p") selectNext(key === "n" ? 1 : -1);
-  else if (key === "h" && selected !== null) setShown(selected, !sketch.strokes[selected].shown);
+  else if ("npNP".includes(key)) selectNext(key.toLowerCase() === "n" ? 1 : -1, shift);
+  else if (key === "h" && selected !== null) {
+    const shown = !sketch.strokes[selected].shown;
+    chosen.forEach((index) => setShown(index, shown));
+  }
   else if (key === "Escape") select(null);
   else return false;
   return true;
@@ -259,12 +290,18 @@ function turnGround() {
   refreshInks();
 }
 
-function selectNext(step) {
+function selectNext(step, more) {
   const count = sketch.strokes.length;
-  if (count) select(selected === null ? (step > 0 ? 0 : count - 1) : (selected + step + count) % count);
+  if (!count) return;
+  const next = selected === null ? (step > 0 ? 0 : count - 1) : (selected + step + count) % count;
+  choose(more ? [...chosen.filter((index) => index !== next), next] : [next]);
 }
 
 function keyed(event) {
+  if (editKeyed(event)) {
+    event.preventDefault();
+    return;
+  }
   if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest("input, summary")) return;
   if (act(event.key, event.shiftKey)) event.preventDefault();
 }
@@ -300,7 +337,7 @@ if (drawing) {
   document.addEventListener("keydown", keyed);
   document.getElementById("views").addEventListener("click", (event) => act(event.target.dataset.key, false));
   document.getElementById("all").addEventListener("click", () => {
-    sketch.strokes.forEach((stroke) => Object.assign(stroke, { shown: true }).box.checked = true);
+    sketch.strokes.forEach((stroke) => (Object.assign(stroke, { shown: true }).box.checked = true));
     refreshInks();
   });
 }

@@ -10,7 +10,8 @@ from importlib.resources import files
 from typing import Any
 
 # In this order they make one module.
-_SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js")
+_EDIT = ("edit_document.js", "edit_strokes.js", "edit_shapes.js", "edit_handles.js", "edit.js", "edit_save.js")
+_SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js", *_EDIT)
 # Behind these, on a page that a server shows, and on one that shows a run.
 _LIVE, _RUN = "live.js", "run.js"
 

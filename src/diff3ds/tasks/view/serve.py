@@ -5,6 +5,7 @@ for this address by name: not other sites' scripts, and no name that another sit
 """
 
 import json
+import re
 import secrets
 import webbrowser
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from diff3ds.formats.scenes.html import sketch_page, start_of
 from diff3ds.formats.sketch_json import json_text
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.view import saving
 from diff3ds.tasks.view.run_folder import picture_in, told_by
 from diff3ds.viewer.page import Served
 
@@ -25,6 +27,9 @@ from diff3ds.viewer.page import Served
 HOST = "127.0.0.1"
 # Before the names of a run's pictures.
 PICTURE = "picture/"
+# Before the names of pages that keep edits.
+KEPT = "autosave/"
+NOTHING = "there is nothing here: open the address that diff3ds view says"
 # What browsers ask every site for, once pages may show pictures of it; there is none, which is no fault.
 ICON = "/favicon.ico"
 # Of all answers: nothing is kept, shown within other pages, or handed to them.
@@ -110,6 +115,7 @@ class _Page:
         self.is_run = source.is_dir()
         self.lock = Lock()
         self.read: tuple[str, Sketch] | None = None
+        self.seen = ""
         self.refused = ""
 
     def version(self) -> str:
@@ -132,6 +138,24 @@ class _Page:
         start = {**start_of(sketch), "version": version, "page": ""}
         return f'{{"page": "", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}}}'
 
+    @property
+    def shown(self) -> Path:
+        """The file that is shown."""
+        return self.source / "sketch.json" if self.is_run else self.source
+
+    def save(self, text: str, loaded: str) -> str:
+        """Writes the sketch of a page to the file, and says its name and new version as JSON.
+
+        Raises:
+            ChangedError, ValueError, OSError: as `saving.save_over`.
+        """
+        with self.lock:
+            target = saving.save_over(self.shown, text, loaded)
+            if target != self.shown:
+                self.source = target
+            self.say(f"saved {target}")
+        return json.dumps({"version": self.now()[0], "name": target.name})
+
     def run(self) -> str | None:
         """What there is to see of the run, as JSON; None where it is none."""
         return json.dumps(told_by(self.source)) if self.is_run else None
@@ -144,10 +168,13 @@ class _Page:
         """
         with self.lock:
             try:
-                version = self._state()
-                if version not in (self.read[0] if self.read else "", self.refused):
-                    self.read = version, load_sketch(self.source).detach()
-                    self.refused = ""
+                state = self._state()
+                if state not in (self.seen, self.refused):
+                    version = saving.digest_of(self.shown)
+                    sketch = load_sketch(self.source).detach()
+                    # A file that changed in between is read at the next look.
+                    self.read, self.refused = (version, sketch), ""
+                    self.seen = state if self._state() == state else ""
             except (ValueError, OSError, ImportError) as error:
                 if self.read is None:
                     raise
@@ -159,8 +186,7 @@ class _Page:
             return self.read
 
     def _state(self) -> str:
-        path = self.source / "sketch.json" if self.is_run else self.source
-        found = path.stat()
+        found = self.shown.stat()
         return f"{found.st_mtime_ns}-{found.st_size}"
 
     def _state_or_nothing(self) -> str:
@@ -168,6 +194,12 @@ class _Page:
             return self._state()
         except OSError:
             return "nothing"
+
+
+def kept_name(name: str | None) -> str | None:
+    """The page whose kept edits an address is that of; None of others."""
+    page = (name or "").removeprefix(KEPT) if (name or "").startswith(KEPT) else ""
+    return page if saving.PAGE_NAME.fullmatch(page) else None
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -181,22 +213,95 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The page, its sketch as it is now, or what belongs to its run."""
-        origin = self.headers.get("Origin")
-        foreign = origin is not None and origin.removeprefix("http://") not in self.server.names
-        if self.headers.get("Host") not in self.server.names or foreign:
-            self._answer(HTTPStatus.FORBIDDEN, "text/plain", "this address is for the browser of its own machine")
+        if self._is_foreign():
             return
         if self.path == ICON:
             self._answer(HTTPStatus.NO_CONTENT, "text/plain", "")
             return
-        secret, slash, name = self.path.removeprefix("/").partition("/")
-        known = secrets.compare_digest(secret.encode(), self.server.secret.encode())
-        found = self._found(name) if known and slash else None
+        name = self._asked()
+        found = None if name is None else self._found(name)
         if found is None:
-            nothing = "there is nothing here: open the address that diff3ds view says"
-            self._answer(HTTPStatus.NOT_FOUND, "text/plain", nothing)
+            self._answer(HTTPStatus.NOT_FOUND, "text/plain", NOTHING)
         else:
             self._answer(HTTPStatus.OK, *found)
+
+    def do_PUT(self) -> None:
+        """Saves the sketch of a page, or keeps its edits."""
+        if self._is_foreign(must_say=True):
+            return
+        name = self._asked()
+        page = kept_name(name)
+        if name not in ("sketch", "copy") and page is None:
+            self._answer(HTTPStatus.NOT_FOUND, "text/plain", NOTHING)
+            return
+        text = self._body()
+        if text is None:
+            return
+        try:
+            self._answer(HTTPStatus.OK, "application/json", self._saved(name, page, text))
+        except saving.ChangedError as error:
+            self._answer(HTTPStatus.PRECONDITION_FAILED, "text/plain", str(error))
+        except ValueError as error:
+            self._answer(HTTPStatus.BAD_REQUEST, "text/plain", str(error))
+        except OSError as error:
+            self._answer(HTTPStatus.INSUFFICIENT_STORAGE, "text/plain", str(error))
+
+    def do_DELETE(self) -> None:
+        """Forgets the edits that a page kept."""
+        if self._is_foreign(must_say=True):
+            return
+        page = kept_name(self._asked())
+        if page is None:
+            self._answer(HTTPStatus.NOT_FOUND, "text/plain", NOTHING)
+            return
+        saving.forget(self.server.page.shown, page)
+        self._answer(HTTPStatus.NO_CONTENT, "text/plain", "")
+
+    def _saved(self, name: str | None, page: str | None, text: str) -> str:
+        shown = self.server.page
+        if page is not None:
+            saving.keep(shown.shown, page, text)
+            return "{}"
+        if name == "copy":
+            with shown.lock:
+                target = saving.save_copy(shown.shown, text)
+            shown.say(f"saved {target}")
+            return json.dumps({"name": target.name})
+        return shown.save(text, self.headers.get("If-Match", "").strip('"'))
+
+    def _is_foreign(self, must_say: bool = False) -> bool:
+        """Whether somebody else asks, who is then refused; browsers say who writes."""
+        origin = self.headers.get("Origin")
+        foreign = must_say if origin is None else origin.removeprefix("http://") not in self.server.names
+        if self.headers.get("Host") in self.server.names and not foreign:
+            return False
+        self._answer(HTTPStatus.FORBIDDEN, "text/plain", "this address is for the browser of its own machine")
+        return True
+
+    def _asked(self) -> str | None:
+        """What stands behind the secret in the address; None without the secret."""
+        secret, slash, name = self.path.removeprefix("/").partition("/")
+        known = secrets.compare_digest(secret.encode(), self.server.secret.encode())
+        return name if known and slash else None
+
+    def _body(self) -> str | None:
+        """The text that comes with a request; where it is none, or too much, that is answered."""
+        length = self.headers.get("Content-Length", "")
+        if not re.fullmatch(r"[0-9]{1,12}", length):
+            self._answer(HTTPStatus.LENGTH_REQUIRED, "text/plain", "the length of the sketch must be said")
+            return None
+        if int(length) > saving.MOST_BYTES:
+            too_much = f"{length} bytes are more than the {saving.MOST_BYTES} that are saved from a page"
+            self._answer(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "text/plain", too_much)
+            return None
+        try:
+            content = self.rfile.read(int(length))
+            if len(content) != int(length):
+                raise ValueError(f"only {len(content)} of {length} bytes came")
+            return content.decode()
+        except (ValueError, OSError) as error:
+            self._answer(HTTPStatus.BAD_REQUEST, "text/plain", f"the sketch did not come whole, as UTF-8: {error}")
+            return None
 
     def _found(self, name: str) -> tuple[str, str | bytes] | None:
         """The kind and content of what has this name behind the secret, or None."""
@@ -206,11 +311,15 @@ class _Handler(BaseHTTPRequestHandler):
             "version": ("text/plain", page.version),
             "sketch": ("application/json", page.sketch),
             "run": ("application/json", page.run),
+            "autosaves": ("application/json", lambda: saving.kept_by_pages(page.shown)),
         }
         if name in texts:
             kind, made = texts[name]
             text = made()
             return None if text is None else (kind, text)
+        if (kept := kept_name(name)) is not None:
+            text = saving.kept_of(page.shown, kept)
+            return None if text is None else ("application/json", text)
         if page.is_run and name.startswith(PICTURE):
             # Behind the question mark, which of its states: for the browser alone.
             picture = picture_in(page.source, name.removeprefix(PICTURE).partition("?")[0])
