@@ -95,7 +95,7 @@ def test_other_sites_are_refused(sketch):
         assert asked(server, path, Origin="null")[0].status == 403
         assert asked(server, path, Origin=f"http://127.0.0.1:{server.server_port}")[0].status == 200
         assert asked(server, path, Host=f"localhost:{server.server_port}")[0].status == 200
-        for method in ("POST", "PUT", "DELETE", "OPTIONS"):
+        for method in ("POST", "PATCH", "OPTIONS"):
             assert asked(server, path, method)[0].status == 501
     with served(sketch) as other:
         assert other.secret != server.secret
@@ -212,3 +212,149 @@ def test_the_command_says_where_it_is_and_ends_with_ctrl_c(sketch):
     finally:
         process.kill()
         process.communicate()
+
+
+# Saving
+
+
+def sent(server, name: str, content: bytes, method: str = "PUT", **headers: str):
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    given = {"Origin": f"http://127.0.0.1:{server.server_port}", **{k.replace("_", "-"): v for k, v in headers.items()}}
+    connection.request(method, f"/{server.secret}/{name}", content, {k: v for k, v in given.items() if v})
+    answer = connection.getresponse()
+    return answer.status, answer.read().decode()
+
+
+def version_of(server) -> str:
+    return asked(server, f"/{server.secret}/version")[1]
+
+
+def text_of(made: ds.Sketch, folder) -> bytes:
+    ds.save(folder / "other.json", made)
+    content = (folder / "other.json").read_bytes()
+    (folder / "other.json").unlink()
+    return content
+
+
+def test_a_page_saves_the_file_as_the_package_writes_it(sketch, tmp_path):
+    new = text_of(lines(4), tmp_path)
+    for source in (sketch, sketch.parent):
+        ds.save(sketch, lines(3))
+        with served(source) as server:
+            spaced = json.dumps(json.loads(new), indent=4).encode()
+            status, text = sent(server, "sketch", spaced, If_Match=f'"{version_of(server)}"')
+            assert status == 200
+            assert json.loads(text) == {"version": version_of(server), "name": "sketch.json"}
+            assert sketch.read_bytes() == new
+    assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
+
+
+def test_a_file_that_has_changed_is_not_written_over(sketch, tmp_path):
+    new = text_of(lines(4), tmp_path)
+    with served(sketch) as server:
+        loaded = version_of(server)
+        ds.save(sketch, lines(5))
+        before = sketch.read_bytes()
+        for given in (loaded, "", "nothing", "*"):
+            status, text = sent(server, "sketch", new, If_Match=f'"{given}"')
+            assert status == 412
+            assert "has changed since this page read it" in text
+        assert sketch.read_bytes() == before
+        assert json.loads(sent(server, "copy", new)[1]) == {"name": "sketch-2.json"}
+        assert json.loads(sent(server, "copy", new)[1]) == {"name": "sketch-3.json"}
+        assert (tmp_path / "sketch-2.json").read_bytes() == new
+        assert sketch.read_bytes() == before
+
+
+def test_a_file_of_the_same_size_and_time_is_told_from_another(sketch, tmp_path):
+    """By its content: some disks keep time in steps of seconds."""
+    new = text_of(lines(4), tmp_path)
+    with served(sketch) as server:
+        loaded, before = version_of(server), sketch.stat()
+        sketch.write_bytes(sketch.read_bytes().replace(b"0.006", b"0.007"))
+        os.utime(sketch, ns=(before.st_atime_ns, before.st_mtime_ns))
+        assert sketch.stat().st_size == before.st_size
+        assert sent(server, "sketch", new, If_Match=f'"{loaded}"')[0] == 412
+
+
+BROKEN = {
+    "nothing": b"",
+    "no JSON": b"{",
+    "no text": b"\xff\xfe\xfd",
+    "deep": b"[" * 100_000,
+    "no sketch": b"[1, 2]",
+    "infinite": b'{"version": 1, "width_space": "image", "points": [[[1e999, 0, 0], [1, 1, 1]]]}',
+}
+
+
+@pytest.mark.parametrize("name", ["sketch", "copy", "autosave/0123456789abcdef"])
+def test_broken_bodies_are_refused_with_a_sentence(sketch, tmp_path, name):
+    empty = text_of(ds.Sketch(torch.zeros(0, 4, 3)), tmp_path)
+    before = sketch.read_bytes()
+    with served(sketch) as server:
+        loaded = f'"{version_of(server)}"'
+        for what, content in {**BROKEN, "empty": empty}.items():
+            status, text = sent(server, name, content, If_Match=loaded)
+            assert status == 400, what
+            assert len(text) > 20
+        status, text = sent(server, name, b"", Content_Length=str(1 << 40), If_Match=loaded)
+        assert (status, "are more than" in text) == (413, True)
+        assert sent(server, name, b"", Content_Length="-5", If_Match=loaded)[0] == 411
+    assert sketch.read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
+
+
+def test_nobody_else_writes_and_nothing_else_is_written(sketch, tmp_path):
+    new, before = text_of(lines(4), tmp_path), sketch.read_bytes()
+    with served(sketch) as server:
+        loaded = f'"{version_of(server)}"'
+        here = f"http://127.0.0.1:{server.server_port}"
+        for origin in ("http://evil.example", "null", "", here + ".evil.example", "https://127.0.0.1"):
+            for method, name in (("PUT", "sketch"), ("PUT", "copy"), ("DELETE", "autosave/0123456789abcdef")):
+                assert sent(server, name, new, method, Origin=origin, If_Match=loaded)[0] == 403
+        assert sent(server, "sketch", new, Host="evil.example", If_Match=loaded)[0] == 403
+        for name in ("../sketch.json", "sketch.json", "", "version", "autosave/", "autosave/../sketch", "autosave/ABC",
+                     "autosave/0123456789abcdef.json", "autosave/0123456789abcde/", "sketch/", "run"):  # fmt: skip
+            assert sent(server, name, new, If_Match=loaded)[0] == 404, name
+            assert sent(server, name, b"", "DELETE")[0] == 404, name
+        assert sent(server, "sketch", b"", "DELETE")[0] == 404
+        wrong = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+        wrong.request("PUT", f"/{'x' * len(server.secret)}/sketch", new, {"Origin": here, "If-Match": loaded})
+        assert wrong.getresponse().status == 404
+    assert [path.name for path in tmp_path.iterdir()] == ["sketch.json"]
+    assert sketch.read_bytes() == before
+
+
+def test_edits_that_are_not_saved_are_kept_beside_the_file(sketch, tmp_path):
+    new, before = text_of(lines(4), tmp_path), sketch.read_bytes()
+    first, second = "0123456789abcdef", "fedcba9876543210"
+    with served(sketch) as server:
+        assert asked(server, f"/{server.secret}/autosaves")[1] == "[]"
+        for page in (first, second):
+            assert sent(server, f"autosave/{page}", new)[0] == 200
+        assert sorted(json.loads(asked(server, f"/{server.secret}/autosaves")[1])) == [first, second]
+        assert asked(server, f"/{server.secret}/autosave/{first}")[1].encode() == new
+        assert (tmp_path / f"sketch.autosave-{first}.json").read_bytes() == new
+        assert sketch.read_bytes() == before
+        assert sent(server, f"autosave/{first}", b"", "DELETE")[0] == 204
+        assert json.loads(asked(server, f"/{server.secret}/autosaves")[1]) == [second]
+        assert asked(server, f"/{server.secret}/autosave/{first}")[0].status == 404
+
+
+def test_other_formats_are_saved_beside_as_json(tmp_path):
+    pytest.importorskip("OCP")
+    ds.save(tmp_path / "part.step", lines(3))
+    ds.save(tmp_path / "part.json", lines(1))
+    before = (tmp_path / "part.json").read_bytes()
+    new = text_of(lines(4), tmp_path)
+    said: list[str] = []
+    with served(tmp_path / "part.step", said) as server:
+        status, text = sent(server, "sketch", new, If_Match=f'"{version_of(server)}"')
+        assert (status, json.loads(text)["name"]) == (200, "part-2.json")
+        assert count_in(asked(server, f"/{server.secret}/")[1]) == 4
+        newer = text_of(lines(5), tmp_path)
+        assert sent(server, "sketch", newer, If_Match=f'"{version_of(server)}"')[0] == 200
+    assert (tmp_path / "part-2.json").read_bytes() == newer
+    assert (tmp_path / "part.json").read_bytes() == before
+    assert len(ds.load(tmp_path / "part.step")) == 3
+    assert said == [f"saved {tmp_path / 'part-2.json'}"] * 2

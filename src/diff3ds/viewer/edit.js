@@ -224,7 +224,7 @@ function nudge(handle, event) {
   const far = (event.shiftKey ? NUDGE_FAR : NUDGE) * start.radius;
   const axes = axesOf(camera);
   const delta = [0, 1, 2].map((i) => far * (axis === null ? right * axes.right[i] - down * axes.up[i] : i === axis ? right - down : 0));
-  commit(moved_(edits.now.doc, handle, delta), chosen, `${handle.name} moved`, event.repeat ? lastEdit : `nudge ${performance.now()}`);
+  commit(movedHandle(edits.now.doc, handle, delta), chosen, `${handle.name} moved`, event.repeat ? lastEdit : `nudge ${performance.now()}`);
 }
 
 // Pointers
@@ -286,7 +286,7 @@ function dragged(event) {
   const [right, down] = [event.clientX - drag.from[0], event.clientY - drag.from[1]];
   // A press that hardly moves on a stroke is a click.
   if (!drag.made && drag.handle.name === "Stroke" && Math.hypot(right, down) < NEARBY) return;
-  drag.made = moved_(edits.now.doc, drag.handle, worldDelta(drag.place, right, down, axis));
+  drag.made = movedHandle(edits.now.doc, drag.handle, worldDelta(drag.place, right, down, axis));
   showDoc(drag.made, chosen);
 }
 
@@ -296,7 +296,7 @@ function dropped(event) {
   drag = null;
   if (event.type === "pointercancel") showDoc(edits.now.doc, chosen);
   else if (used === "box") boxed(line);
-  else if (line) drawn_(line);
+  else if (line) drawnLine(line);
   else if (made) commit(made, chosen, `${handle.name} moved`);
   if (line) placeHandles();
 }
@@ -309,6 +309,7 @@ function showLine({ tool: used, line }) {
 
 function boxed([from, to = from]) {
   takeTool("box");
+  refreshChords();
   const { values } = sketch.chords;
   const axes = axesOf(camera);
   const [low, high] = [0, 1].map((i) => (i ? Math.max : Math.min)).map((pick) => [0, 1].map((i) => pick(from[i], to[i]) * pixelRatio()));
@@ -342,7 +343,7 @@ function planePoint(pixels) {
   return Math.abs(slope) < ALONG_SIGHT || !(far > 0) ? null : plus(from, along, far);
 }
 
-function drawn_(line) {
+function drawnLine(line) {
   if (line.length < 2) return;
   const points = line.map(planePoint);
   if (points.includes(null)) {

@@ -45,7 +45,8 @@ function middleOf(strokes) {
   });
 }
 
-function moved_(doc, handle, delta) {
+// A document with a handle moved.
+function movedHandle(doc, handle, delta) {
   if (handle.kind === "all") return withStrokesMoved(doc, chosen, delta);
   return handle.kind === "bend" ? bent(doc, handle, delta) : withPointMoved(doc, handle, delta);
 }

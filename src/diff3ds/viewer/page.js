@@ -203,6 +203,7 @@ function setShown(index, shown) {
 
 // The shown stroke under a place of the canvas, in its pixels: of those that reach it the nearest to the eye.
 function strokeAt(x, y) {
+  refreshChords();
   const axes = axesOf(camera);
   const [near] = depthsOf(camera);
   const { values } = sketch.chords;

@@ -287,7 +287,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _body(self) -> str | None:
         """The text that comes with a request; where it is none, or too much, that is answered."""
         length = self.headers.get("Content-Length", "")
-        if not re.fullmatch(r"[0-9]{1,12}", length):
+        if not re.fullmatch(r"[0-9]{1,19}", length):
             self._answer(HTTPStatus.LENGTH_REQUIRED, "text/plain", "the length of the sketch must be said")
             return None
         if int(length) > saving.MOST_BYTES:
