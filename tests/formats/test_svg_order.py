@@ -13,6 +13,8 @@ from diff3ds.bezier.curves import bernstein
 
 needs_resvg = pytest.mark.skipif(importlib.util.find_spec("resvg_py") is None, reason="the extra svg is not installed")
 CAMERA = ds.orbit(30.0, 20.0, size=256)
+# [empirical: 575; 1,154 where strokes are cut between any two places of which they are in front at one alone]
+MOST_PARTS = 700
 # World units: strokes are up to some .05 wide.
 CLEAR = 0.1
 
@@ -77,6 +79,40 @@ def check_scenes(path, seeds):
     assert total > 5 * len(seeds)
     # Empirical: 2 of 508 in 50 scenes, where a stroke comes by another several times within its width.
     assert wrong <= 0.01 * total
+
+
+@needs_resvg
+@pytest.mark.parametrize("opacity", [1.0, 0.5])
+@pytest.mark.parametrize("space", ["image", "world"])
+def test_strokes_that_hide_each_other_in_a_circle(tmp_path, opacity, space):
+    """Three straight strokes, each over the next one: no order of whole strokes shows that, one cut does."""
+    turn = 2 * np.pi / 3 * torch.arange(3)
+    along, across = torch.stack([-turn.sin(), turn.cos()], 1), torch.stack([turn.cos(), turn.sin()], 1)
+    ends = 0.25 * across[:, None] + torch.tensor([[-0.8], [0.8]]) * along[:, None]
+    points = torch.cat([torch.tensor([[-0.3], [0.3]]).expand(3, 2, 1), ends], 2)
+    sketch = ds.Sketch(points, width=0.06, color=torch.eye(3), opacity=opacity, width_space=space)
+    camera = ds.orbit(0.0, 0.0, size=256)
+    ds.save(tmp_path / "a.svg", sketch, camera)
+    assert (tmp_path / "a.svg").read_text().count("<path") == 4
+    picture, rendered = drawn(tmp_path / "a.svg"), ds.render(sketch, camera).color[0].numpy() * 255
+    # Where a translucent stroke is cut, pixels that both parts share in equal halves are lighter by opacity^2 / 4.
+    assert np.abs(picture - rendered).max() < (64 if opacity == 1 else 32)
+    assert np.abs(picture - rendered).mean() < 0.3
+
+
+@needs_resvg
+def test_a_tangle_is_cut_in_few_parts(tmp_path):
+    """A hundred long strokes, each of which crosses most others."""
+    g = torch.Generator().manual_seed(0)
+    sketch = ds.Sketch(torch.rand(100, 4, 3, generator=g) * 2 - 1, color=torch.rand(100, 3, generator=g))
+    ds.save(tmp_path / "a.svg", sketch, CAMERA)
+    assert (tmp_path / "a.svg").read_text().count("<path") < MOST_PARTS
+    picture, rendered = drawn(tmp_path / "a.svg"), ds.render(sketch, CAMERA).color[0].numpy() * 255
+    # The promise of all pictures.
+    assert np.abs(picture - rendered).mean() < 3
+    alike = ds.Sketch(sketch.points, color=(0.1, 0.2, 0.3))
+    ds.save(tmp_path / "a.svg", alike, CAMERA)
+    assert (tmp_path / "a.svg").read_text().count("<path") == 100
 
 
 @needs_resvg

@@ -16,16 +16,19 @@ from diff3ds._shapes import Float, Int
 from diff3ds.formats.vector.screen_pieces import Pieces
 from diff3ds.project import Strokes2D
 
-# Pixels, and at least a half width: how long the chords are by which meeting places are found.
-CHORD = 4.0
+# Pixels: how long the chords are by which meeting places are found, and how far they may be off the curve.
+CHORD, SAG = 8.0, 0.25
 MOST_CHORDS = 64
 # Of the sum of half widths: strokes that only touch need no order.
 TOUCH = 0.9
 # Of the depth: what is as deep as that needs no order, such as strokes that begin at one point.
 EQUAL = 1e-6
-# Of a round of cuts, how many of the strokes in circles are cut: the best ones, for cuts may make others needless.
-# [empirical: a half makes twice as many parts, a fiftieth hardly fewer in more time]
-SHARE = 0.05
+# Of a chord: what meets at its end is not on the next one.
+_INSIDE = 1 - 1e-9
+# Of a chord: places that are nearer to each other are not cut apart. It is less than a fifth of a pixel.
+_NEXT = 0.02
+# Cuts of a circle. [empirical: more than these are hardly ever needless]
+_FEW = 12
 
 
 class _Chords(NamedTuple):
@@ -33,9 +36,19 @@ class _Chords(NamedTuple):
 
     piece: Int[NDArray[np.int64], " C"]
     start: Float[NDArray[np.float64], " C"]
+    stop: Float[NDArray[np.float64], " C"]
     ends: Float[NDArray[np.float64], "C 2 3"]
     radius: Float[NDArray[np.float64], " C"]
     stroke: Int[NDArray[np.int64], " C"]
+
+
+class _Meetings(NamedTuple):
+    """Where the ink of two strokes meets, and how deep it lies; places are the number of a chord plus a share of it."""
+
+    near: Float[NDArray[np.float64], " M"]
+    far: Float[NDArray[np.float64], " M"]
+    near_depth: Float[NDArray[np.float64], " M"]
+    far_depth: Float[NDArray[np.float64], " M"]
 
 
 class Part(NamedTuple):
@@ -46,32 +59,36 @@ class Part(NamedTuple):
 
 
 def painting_order(strokes: Strokes2D, view: int, pieces: Pieces) -> list[Part]:
-    """What is painted first comes first.
+    """What is painted first comes first; where strokes go round in a circle all the same, the deeper one on the whole.
 
-    Translucent strokes are not cut, because where two parts meet they would be darker; among them, and where strokes
-    change their order within a chord, the deeper one on the whole comes first.
+    Opaque strokes of one colour look alike in any order, and are never cut for each other.
     """
     if not len(pieces.stroke):
         return []
     chords = _chords(strokes, view, pieces)
     opaque = (strokes.opacity >= 1).cpu().numpy()
-    # Opaque strokes of one colour look alike in any order: translucent ones each have a colour of their own here.
+    # Translucent strokes each have a colour of their own here.
     colors = np.unique(np.round(strokes.color.double().cpu().numpy() * 255), axis=0, return_inverse=True)[1].reshape(-1)
-    near, far = _meetings(chords, np.where(opaque, colors, len(colors) + np.arange(len(colors))))
-    part = _cut(chords, near, far, opaque)
-    depth = np.bincount(part, chords.ends[:, :, 2].mean(1)) / np.bincount(part)
-    order = _sorted(part[far], part[near], depth)
-    split, home = _split(pieces, chords, part)
-    first, last = (np.searchsorted(part, np.arange(len(depth)), side) for side in ("left", "right"))
-    cut = np.stack([~_begins(chords)[first], ~np.append(_begins(chords), True)[last]], 1).tolist()
-    rows = np.searchsorted(home, np.arange(len(depth) + 1))
+    meetings = _meetings(chords, np.where(opaque, colors, len(colors) + np.arange(len(colors))))
+    begins = np.flatnonzero(_begins(chords))
+    cuts = _cut(begins.astype(float), meetings)
+    split, part = _split(pieces, chords, cuts)
+    depth = split.depth(strokes, view, torch.full_like(split.start, 0.5)).numpy()
+    depth = np.bincount(part, depth) / np.bincount(part)
+    order = _sorted(_part(cuts, meetings.far), _part(cuts, meetings.near), depth)
+    whole = np.isin(cuts, begins)
+    cut = np.stack([~whole, ~np.append(whole[1:], True)], 1).tolist()
+    rows = np.searchsorted(part, np.arange(len(cuts) + 1))
     return [Part(split.rows(slice(rows[item], rows[item + 1])), tuple(cut[item])) for item in order]
 
 
 def _chords(strokes: Strokes2D, view: int, pieces: Pieces) -> _Chords:
     control = pieces.points.numpy()
     length = np.linalg.norm(np.diff(control[..., :2], axis=1), axis=-1).sum(1)
-    count = np.clip(np.ceil(length / np.maximum(CHORD, control[:, :, 2].max(1))).astype(np.int64), 1, MOST_CHORDS)
+    # A cubic with second differences b is off n chords by 6 b / (8 n^2) at most.
+    bend = np.linalg.norm(np.diff(control[..., :2], 2, axis=1), axis=-1).max(1)
+    fine = np.maximum(length / np.maximum(CHORD, control[:, :, 2].max(1)), np.sqrt(0.75 * bend / SAG))
+    count = np.clip(np.ceil(fine).astype(np.int64), 1, MOST_CHORDS)
     piece = np.repeat(np.arange(len(count)), count)
     within = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
     u = np.stack([within, within + 1], 1) / count[piece, None]
@@ -85,30 +102,38 @@ def _chords(strokes: Strokes2D, view: int, pieces: Pieces) -> _Chords:
         place[:, 2] = rows.depth(strokes, view, t).numpy()
         ends.append(place)
     radius = control[:, :, 2].max(1)[piece]
-    return _Chords(piece, u[:, 0], np.stack(ends, 1), radius, pieces.stroke.numpy()[piece])
+    return _Chords(piece, u[:, 0], u[:, 1], np.stack(ends, 1), radius, pieces.stroke.numpy()[piece])
 
 
-def _meetings(chords: _Chords, ink: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of chords (near, far), one for each place where two strokes meet: the nearer must be painted later.
+def _meetings(chords: _Chords, ink: NDArray[np.int64]) -> _Meetings:
+    """One for each place where two strokes meet: the nearer must be painted later.
 
     Args:
         ink: of each stroke; those of one ink need no order.
     """
     first, second = _neighbours(chords)
-    different = ink[chords.stroke[first]] != ink[chords.stroke[second]]
+    look = ink[chords.stroke]
+    different = look[first] != look[second]
     first, second = first[different], second[different]
-    swap = chords.stroke[first] > chords.stroke[second]
-    first, second = np.where(swap, second, first), np.where(swap, first, second)
-    distance, deeper = _closest(chords.ends[first], chords.ends[second])
-    reach = chords.radius[first] + chords.radius[second]
-    meet = distance < TOUCH * reach
-    meet &= np.abs(deeper) > EQUAL * np.abs(chords.ends[first][:, :, 2]).max(1)
-    first, second, deeper, closeness = first[meet], second[meet], deeper[meet], 1 - distance[meet] / reach[meet]
+    rows, s, t, distance = _close(chords, first, second)
+    first, second = first[rows], second[rows]
+    depths = [
+        chords.ends[c, 0, 2] + u * (chords.ends[c, 1, 2] - chords.ends[c, 0, 2]) for c, u in ((first, s), (second, t))
+    ]
+    deeper = depths[1] - depths[0]
+    closeness = 1 - distance / (chords.radius[first] + chords.radius[second])
+    clear = np.abs(deeper) > EQUAL * np.abs(depths[0])
     # Along both strokes: each may come by the other one twice where the other is once.
-    told = [_told(chords, *pair, deeper, closeness) for pair in ((first, second), (second, first))]
-    rows = np.unique(np.concatenate(told))
-    a, b, front = first[rows], second[rows], deeper[rows] > 0
-    return np.where(front, a, b), np.where(front, b, a)
+    told = [
+        np.flatnonzero(clear)[_told(chords, a[clear], b[clear], deeper[clear], closeness[clear])]
+        for a, b in ((first, second), (second, first))
+    ]
+    kept = np.unique(np.concatenate(told))
+    places = first[kept] + np.minimum(s[kept], _INSIDE), second[kept] + np.minimum(t[kept], _INSIDE)
+    front, (here, there) = deeper[kept] > 0, (depths[0][kept], depths[1][kept])
+    return _Meetings(
+        np.where(front, *places), np.where(front, *places[::-1]), np.minimum(here, there), np.maximum(here, there)
+    )
 
 
 def _told(
@@ -150,92 +175,159 @@ def _neighbours(chords: _Chords) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     middle = chords.ends[:, :, :2].mean(1)
     reach = np.linalg.norm(chords.ends[:, 1, :2] - chords.ends[:, 0, :2], axis=-1) / 2 + chords.radius
     size = np.ceil(np.log2(np.maximum(reach, 1.0))).astype(np.int64)
-    classes = {int(k): np.flatnonzero(size == k) for k in np.unique(size)}
-    trees = {k: cKDTree(middle[rows]) for k, rows in classes.items()}
+    classes = [np.flatnonzero(size == k) for k in np.unique(size)]
+    trees = [cKDTree(middle[rows]) for rows in classes]
+    largest = [float(reach[rows].max()) for rows in classes]
     pairs: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
-    for k, rows in classes.items():
-        for other, others in classes.items():
-            if other < k:
-                found = trees[k].sparse_distance_matrix(trees[other], 2.0**k + 2.0**other, output_type="ndarray")
-                pairs.append((rows[found["i"]], others[found["j"]]))
-            elif other == k:
-                both = trees[k].query_pairs(2.0 ** (k + 1), output_type="ndarray")
-                pairs.append((rows[both[:, 0]], rows[both[:, 1]]))
+    for k, rows in enumerate(classes):
+        both = trees[k].query_pairs(2 * largest[k], output_type="ndarray")
+        pairs.append((rows[both[:, 0]], rows[both[:, 1]]))
+        for other, others in enumerate(classes[:k]):
+            found = trees[k].sparse_distance_matrix(trees[other], largest[k] + largest[other], output_type="ndarray")
+            pairs.append((rows[found["i"]], others[found["j"]]))
     first, second = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    gap = middle[first] - middle[second]
-    close = np.hypot(gap[:, 0], gap[:, 1]) < reach[first] + reach[second]
-    return first[close], second[close]
+    return np.minimum(first, second), np.maximum(first, second)
 
 
-def _closest(
-    a: Float[NDArray[np.float64], "P 2 3"], b: Float[NDArray[np.float64], "P 2 3"]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The distance of two chords on the page, and how much deeper the second one is where they are closest."""
-    p, u, q, v = a[:, 0], a[:, 1] - a[:, 0], b[:, 0], b[:, 1] - b[:, 0]
+class _Closest(NamedTuple):
+    """Of some pairs of chords (rows): where they are closest, as shares of both, and how far apart they are there."""
+
+    rows: NDArray[np.int64]
+    first: NDArray[np.float64]
+    second: NDArray[np.float64]
+    distance: NDArray[np.float64]
+
+
+def _close(chords: _Chords, first: NDArray[np.int64], second: NDArray[np.int64]) -> _Closest:
+    """The pairs whose ink meets on the page."""
+    x, y = chords.ends[:, 0, 0], chords.ends[:, 0, 1]
+    dx, dy = chords.ends[:, 1, 0] - x, chords.ends[:, 1, 1] - y
+    wx, wy = x[second] - x[first], y[second] - y[first]
+    ux, uy, vx, vy = dx[first], dy[first], dx[second], dy[second]
+    cross, to_second, to_first = ux * vy - uy * vx, wx * uy - wy * ux, wx * vy - wy * vx
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s, t = to_first / cross, to_second / cross
+    crossing = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    # Else an end of one is closest to the other; few are as near as that to each other's lines.
+    reach = TOUCH * (chords.radius[first] + chords.radius[second])
+    length = np.hypot(dx, dy)
+    apart = _beside(to_second, cross, reach * length[first]) | _beside(to_first, cross, reach * length[second])
+    rows = np.flatnonzero(~crossing & ~apart)
+    beside = _ends(*(column[rows] for column in (wx, wy, ux, uy, vx, vy)))
+    meet = beside[2] < reach[rows]
+    over = np.flatnonzero(crossing)
+    found = [(rows[meet], *(column[meet] for column in beside)), (over, s[over], t[over], np.zeros(len(over)))]
+    return _Closest(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+def _beside(start: NDArray[np.float64], cross: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether both ends of a chord lie on one side of another's line, beyond a limit; all are areas."""
+    stop = start - cross
+    beside: NDArray[np.bool_] = (np.minimum(np.abs(start), np.abs(stop)) > limit) & (start * stop > 0)
+    return beside
+
+
+def _ends(
+    wx: NDArray[np.float64],
+    wy: NDArray[np.float64],
+    ux: NDArray[np.float64],
+    uy: NDArray[np.float64],
+    vx: NDArray[np.float64],
+    vy: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Where the chords from 0 along u and from w along v, which do not cross, are closest, and how far apart."""
 
     def clamped(over: NDArray[np.float64], under: NDArray[np.float64]) -> NDArray[np.float64]:
         with np.errstate(divide="ignore", invalid="ignore"):
             share: NDArray[np.float64] = np.nan_to_num(np.clip(over / under, 0, 1))
         return share
 
-    def dot(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        product: NDArray[np.float64] = (x[:, :2] * y[:, :2]).sum(-1)
-        return product
-
-    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    w = q - p
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = (w[:, 0] * v[:, 1] - w[:, 1] * v[:, 0]) / cross
-        t = (w[:, 0] * u[:, 1] - w[:, 1] * u[:, 0]) / cross
-        crossing = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    # Where they do not cross, an end of one is closest to the other.
-    zero, one = np.zeros(len(a)), np.ones(len(a))
-    candidates = [
-        (np.where(crossing, s, 0), np.where(crossing, t, clamped(dot(p - q, v), dot(v, v)))),
-        (one, clamped(dot(p + u - q, v), dot(v, v))),
-        (clamped(dot(w, u), dot(u, u)), zero),
-        (clamped(dot(w + v, u), dot(u, u)), one),
-    ]
-    gaps = [p + s[:, None] * u - q - t[:, None] * v for s, t in candidates]
-    distances = np.stack([np.linalg.norm(gap[:, :2], axis=-1) for gap in gaps])
-    best = distances.argmin(0)
-    row = np.arange(len(a))
-    return distances[best, row], -np.stack([gap[:, 2] for gap in gaps])[best, row]
+    uu, vv, uv, uw, vw = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy, ux * wx + uy * wy, vx * wx + vy * wy
+    zero, one = np.zeros(len(wx)), np.ones(len(wx))
+    best_s, best_t, best = zero, zero, np.full(len(wx), np.inf)
+    for s, t in (
+        (zero, clamped(-vw, vv)),
+        (one, clamped(uv - vw, vv)),
+        (clamped(uw, uu), zero),
+        (clamped(uw + uv, uu), one),
+    ):
+        distance = np.hypot(wx + t * vx - s * ux, wy + t * vy - s * uy)
+        nearer = distance < best
+        best_s, best_t, best = (np.where(nearer, *pair) for pair in ((s, best_s), (t, best_t), (distance, best)))
+    return best_s, best_t, best
 
 
-def _cut(
-    chords: _Chords, near: NDArray[np.int64], far: NDArray[np.int64], opaque: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """The part that each chord belongs to: strokes, cut until no part is both before and behind others in a circle."""
-    from scipy.sparse import coo_matrix
+def _part(cuts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The part in which each place lies, of those that begin at the cuts."""
+    part: NDArray[np.int64] = np.searchsorted(cuts, places, "right") - 1
+    return part
+
+
+def _cut(begins: NDArray[np.float64], meetings: _Meetings) -> NDArray[np.float64]:
+    """Where the parts begin: strokes, cut until no part is both before and behind others in a circle.
+
+    What goes round in a circle is cut at a depth: each of its parts then lies before it or behind it.
+    """
+    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    starts = _begins(chords)
-    where = np.concatenate([near, far])
-    front = np.repeat([True, False], [len(near), len(far)])
-    order = np.argsort(where, kind="stable")
-    where, front = where[order], front[order]
-    meeting = np.concatenate([np.arange(len(near))] * 2)[order]
+    cuts = begins
+    near, far, near_depth, far_depth = meetings
     while True:
-        part = np.cumsum(starts) - 1
-        count = int(part[-1]) + 1
-        graph = coo_matrix((np.ones(len(near)), (part[far], part[near])), shape=(count, count))
-        circle = connected_components(graph, connection="strong")[1]
-        stuck = (circle[part[near]] == circle[part[far]])[meeting]
-        spots, sides = where[stuck], front[stuck]
-        # Between two meetings of one part that differ, and lie on different chords, there may be a cut.
-        change = (part[spots[1:]] == part[spots[:-1]]) & (sides[1:] != sides[:-1]) & (spots[1:] > spots[:-1])
-        change &= opaque[chords.stroke[spots[1:]]]
-        if not change.any():
-            return part
-        cuts = (spots[1:] + spots[:-1] + 1)[change] // 2
-        changes = np.bincount(part[cuts], minlength=count)
-        meetings = np.bincount(part[spots], minlength=count)
-        candidates = np.flatnonzero(changes)
-        # One cut that frees many meetings is worth more than many that free few.
-        worth = meetings[candidates] / changes[candidates]
-        chosen = candidates[np.argsort(-worth, kind="stable")[: max(1, int(SHARE * len(candidates)))]]
-        starts[cuts[np.isin(part[cuts], chosen)]] = True
+        first, second = _part(cuts, near), _part(cuts, far)
+        graph = csr_array((np.ones(len(near), np.int8), (second, first)), shape=(len(cuts), len(cuts)))
+        circle = connected_components(graph, connection="strong")[1].astype(np.int64)
+        stuck = circle[first] == circle[second]
+        near, far, near_depth, far_depth = (column[stuck] for column in (near, far, near_depth, far_depth))
+        place, depth = np.concatenate([near, far]), np.concatenate([near_depth, far_depth])
+        order = np.argsort(place, kind="stable")
+        place, depth = place[order], depth[order]
+        part = _part(cuts, place)
+        link = (part[1:] == part[:-1]) & (place[1:] - place[:-1] > _NEXT)
+        behind = depth > _planes(circle[part], link, depth)[circle[part]]
+        change = np.flatnonzero(link & (behind[1:] != behind[:-1]))
+        if not len(change):
+            return cuts
+        # Few cuts are made one at a time: the first one may free the whole circle.
+        owner = circle[part][change]
+        alone = np.zeros(len(change), bool)
+        alone[np.unique(owner, return_index=True)[1]] = True
+        change = change[alone | (np.bincount(owner)[owner] > _FEW)]
+        middle = (place[change] + place[change + 1]) / 2
+        # Beside the end of a piece the cut is there: no part begins with a sliver.
+        end = np.round(middle)
+        cuts = np.sort(np.concatenate([cuts, np.where(np.abs(middle - end) < _NEXT / 4, end, middle)]))
+
+
+def _planes(circle: NDArray[np.int64], link: NDArray[np.bool_], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """At which depth to cut each circle: where few cuts set many places apart from the others (the sparsest cut).
+
+    Args:
+        circle, depth: of places in their order along the strokes.
+        link: whether a place and the next one lie on one part, with room for a cut between them.
+    """
+    planes = np.full(circle.max(initial=-1) + 1, np.inf)
+    low, high = np.minimum(depth[1:], depth[:-1])[link], np.maximum(depth[1:], depth[:-1])[link]
+    # Going deeper, places are passed, and links between places that follow on each other begin and end.
+    owner = np.concatenate([circle, circle[1:][link], circle[1:][link]])
+    level = np.concatenate([depth, low, high])
+    links = np.concatenate([np.zeros(len(depth), np.int64), np.ones(len(low), np.int64), -np.ones(len(low), np.int64)])
+    passed = np.concatenate([np.ones(len(depth), np.int64), np.zeros(2 * len(low), np.int64)])
+    order = np.lexsort((level, owner))
+    owner, level = owner[order], level[order]
+    first = np.flatnonzero(_changes(owner, owner))
+    group = np.cumsum(_changes(owner, owner)) - 1
+    open_links, before = np.cumsum(links[order]), np.cumsum(passed[order])
+    before -= np.append(0, before)[first][group]
+    total = np.bincount(circle, minlength=len(planes))[owner]
+    # Between two levels; a plane that cuts no link sets nothing free.
+    room = np.append((level[1:] > level[:-1]) & (owner[1:] == owner[:-1]), False) & (open_links > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        price = np.where(room, open_links / np.minimum(before, total - before), np.inf)
+    best = np.lexsort((price, owner))[first]
+    best = best[np.isfinite(price[best])]
+    planes[owner[best]] = (level[best] + level[best + 1]) / 2
+    return planes
 
 
 def _begins(chords: _Chords) -> NDArray[np.bool_]:
@@ -245,29 +337,28 @@ def _begins(chords: _Chords) -> NDArray[np.bool_]:
 
 def _sorted(far: NDArray[np.int64], near: NDArray[np.int64], depth: NDArray[np.float64]) -> list[int]:
     """Parts from far to near: each after those that it hides, else by depth; in circles that are left by depth."""
-    edges = np.unique(np.stack([far, near], 1), axis=0)
-    edges = edges[edges[:, 0] != edges[:, 1]]
-    after: list[list[int]] = [[] for _ in depth]
-    waits = np.bincount(edges[:, 1], minlength=len(depth)).tolist()
-    for a, b in edges.tolist():
-        after[a].append(b)
+    count = len(depth)
+    edges = np.unique((far * count + near)[far != near])
+    far, near = edges // count, edges % count
+    rows = np.searchsorted(far, np.arange(count + 1))
+    waits = np.bincount(near, minlength=count)
     keys = [(-d, -i) for i, d in enumerate(depth.tolist())]
-    ready = [(key, i) for i, key in enumerate(keys) if not waits[i]]
+    ready = [(keys[i], i) for i in np.flatnonzero(waits == 0).tolist()]
     heapq.heapify(ready)
-    rest = sorted(range(len(keys)), key=keys.__getitem__, reverse=True)
+    rest = sorted(range(count), key=keys.__getitem__, reverse=True)
     order: list[int] = []
-    done = [False] * len(keys)
-    while len(order) < len(keys):
+    done = np.zeros(count, bool)
+    while len(order) < count:
         while ready:
             _, i = heapq.heappop(ready)
             if done[i]:
                 continue
             done[i] = True
             order.append(i)
-            for j in after[i]:
-                waits[j] -= 1
-                if not waits[j] and not done[j]:
-                    heapq.heappush(ready, (keys[j], j))
+            after = near[rows[i] : rows[i + 1]]
+            waits[after] -= 1
+            for j in after[(waits[after] == 0) & ~done[after]].tolist():
+                heapq.heappush(ready, (keys[j], j))
         while rest and done[rest[-1]]:
             rest.pop()
         if rest:
@@ -275,13 +366,13 @@ def _sorted(far: NDArray[np.int64], near: NDArray[np.int64], depth: NDArray[np.f
     return order
 
 
-def _split(pieces: Pieces, chords: _Chords, part: NDArray[np.int64]) -> tuple[Pieces, NDArray[np.int64]]:
+def _split(pieces: Pieces, chords: _Chords, cuts: NDArray[np.float64]) -> tuple[Pieces, NDArray[np.int64]]:
     """The pieces, cut where a part ends within them, and the part of each."""
-    begins = np.ones(len(part), bool)
-    begins[1:] = (part[1:] != part[:-1]) | (chords.piece[1:] != chords.piece[:-1])
-    rows = np.flatnonzero(begins)
-    piece, start = chords.piece[rows], chords.start[rows]
+    places = np.unique(np.concatenate([cuts, np.flatnonzero(_changes(chords.piece, chords.piece))]))
+    chord = places.astype(np.int64)
+    piece = chords.piece[chord]
+    start = chords.start[chord] + (places - chord) * (chords.stop - chords.start)[chord]
     stop = np.append(start[1:], 0.0)
     stop[stop == 0] = 1.0
     some = pieces.rows(torch.from_numpy(piece))
-    return some.parts(torch.from_numpy(start), torch.from_numpy(stop)), part[rows]
+    return some.parts(torch.from_numpy(start), torch.from_numpy(stop)), _part(cuts, places)

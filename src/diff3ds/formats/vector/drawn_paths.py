@@ -19,6 +19,9 @@ from diff3ds.sketch import Sketch
 TOLERANCE = 0.05
 # Of it: the curve, and the outline around it.
 _CURVE, _BORDER = 0.6, 0.4
+# Pixels by which parts of an opaque stroke lie over each other where it is cut, so that nothing shines through between
+# them; those of a translucent one only touch, since they would be darker.
+OVERLAP = 0.5
 
 
 class DrawnPath(NamedTuple):
@@ -64,8 +67,15 @@ def drawn_paths(
         parts = painting_order(strokes, view, pieces)
     # A path to stroke would end round where it is cut, and hide what it should not.
     lined = [even and not any(part.cut) for part in parts]
+    overlap = torch.where(strokes.opacity < 1, 0.0, OVERLAP).tolist()
     ways = [
-        Way(part.pieces.points.numpy(), _joined(part.pieces), _closes(strokes, part.pieces), part.cut)
+        Way(
+            part.pieces.points.numpy(),
+            _joined(part.pieces),
+            _closes(strokes, part.pieces),
+            part.cut,
+            overlap[int(part.pieces.stroke[0])],
+        )
         for part, line in zip(parts, lined, strict=True)
         if not line
     ]

@@ -21,8 +21,6 @@ Cubics = Float[NDArray[np.float64], "P 4 3"]
 
 # Of the parameter of a part, for the speed of borders: cubics have no change that is quicker. [empirical]
 STEP = 1e-4
-# Pixels by which parts of a stroke lie over each other where it is cut.
-OVERLAP = 0.5
 # Pixels: the last digit of what files have.
 DIGIT = 1e-3
 # 2^-24 of a piece is below any pixel.
@@ -54,12 +52,14 @@ class Way(NamedTuple):
         joined: whether each piece begins where the one before it ends.
         closed: whether the last also ends where the first begins.
         cut: whether it has a straight end in place of a round one, at its start and at its end.
+        overlap: pixels by which a straight end goes on beyond the place where it is cut.
     """
 
     points: Cubics
     joined: NDArray[np.bool_]
     closed: bool
     cut: tuple[bool, bool] = (False, False)
+    overlap: float = 0.0
 
 
 def outlines(ways: Sequence[Way], tolerance: float) -> Iterator[list[Path]]:
@@ -88,7 +88,7 @@ def _outline(parts: _Parts, joined: NDArray[np.bool_], way: Way, tolerance: floa
     for i in range(len(parts.piece)):
         apart = parts.start[i] == 0 and not joined[parts.piece[i]]
         if run and (apart or not parts.ribbon[i] or not _smooth(parts, run[-1], i, tolerance)):
-            paths.append(_ribbon(parts, run, way.cut))
+            paths.append(_ribbon(parts, run, way))
             run = []
         if parts.ribbon[i]:
             run.append(i)
@@ -96,7 +96,7 @@ def _outline(parts: _Parts, joined: NDArray[np.bool_], way: Way, tolerance: floa
             paths.append(_hull(*parts.discs[i]))
     if run:
         ring = way.closed and len(run) == len(parts.piece) and _smooth(parts, run[-1], run[0], tolerance)
-        paths += _ring(parts, run) if ring else [_ribbon(parts, run, way.cut)]
+        paths += _ring(parts, run) if ring else [_ribbon(parts, run, way)]
     return paths
 
 
@@ -106,20 +106,22 @@ def _smooth(parts: _Parts, before: int, after: int, tolerance: float) -> bool:
     return bool(gap.max() <= tolerance / 2)
 
 
-def _ribbon(parts: _Parts, run: list[int], cut: tuple[bool, bool]) -> Path:
+def _ribbon(parts: _Parts, run: list[int], way: Way) -> Path:
     """The borders of parts that go on from one another, with round ends, or straight ones where the way is cut."""
     left, right = (np.concatenate([parts.borders[run[0], s, :1], *parts.borders[run, s, 1:]]) for s in (0, 1))
     first, last = parts.discs[run[0], 0], parts.discs[run[-1], 1]
-    straight = cut[0] and run[0] == 0, cut[1] and run[-1] == len(parts.piece) - 1
-    end = _stump(left[-1], right[-1]) if straight[1] else _arc(last, left[-1], right[-1])
-    start = _stump(right[0], left[0]) if straight[0] else _arc(first, right[0], left[0])
+    straight = way.cut[0] and run[0] == 0, way.cut[1] and run[-1] == len(parts.piece) - 1
+    end = _stump(left[-1], right[-1], way.overlap) if straight[1] else _arc(last, left[-1], right[-1])
+    start = _stump(right[0], left[0], way.overlap) if straight[0] else _arc(first, right[0], left[0])
     return np.concatenate([left, end[1:], right[-2::-1], start[1:]])
 
 
-def _stump(start: NDArray[np.float64], stop: NDArray[np.float64]) -> Path:
-    """Straight across, a little farther along the way, so that nothing shines through between two parts."""
+def _stump(start: NDArray[np.float64], stop: NDArray[np.float64], overlap: float) -> Path:
+    """Straight across, a little farther along the way."""
+    if overlap == 0:
+        return _line(start, stop)
     across = stop - start
-    beyond = OVERLAP * np.array([across[1], -across[0]]) / max(float(np.linalg.norm(across)), 1e-12)
+    beyond = overlap * np.array([across[1], -across[0]]) / max(float(np.linalg.norm(across)), 1e-12)
     a, b = start - beyond, stop - beyond
     return np.concatenate([_line(start, a), _line(a, b)[1:], _line(b, stop)[1:]])
 

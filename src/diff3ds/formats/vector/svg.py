@@ -41,8 +41,8 @@ def save_svg(
     the page.
 
     SVG has no depth: paths lie over each other as `render` has the strokes where they meet. A stroke that is in front
-    of another here and behind it, or behind one that is, there, is cut in between ("stroke-0-part-2"); a translucent
-    one is not cut. Colours are clamped to [0, 1] and rounded to 8 bits.
+    of another here and behind it, or behind one that is, there, is cut in between ("stroke-0-part-2"). Colours are
+    clamped to [0, 1] and rounded to 8 bits.
 
     Args:
         background: RGB in [0, 1], or None for a transparent one.
