@@ -21,6 +21,7 @@ from diff3ds._version import __version__
 from diff3ds.command_line.interrupt import STOPPED, importing
 from diff3ds.command_line.read_options import as_typed, read_options
 from diff3ds.tasks.batch.options import BatchOptions
+from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.mesh.options import MeshOptions
@@ -84,6 +85,33 @@ class Views:
         with _progress(console) as report:
             sketch = run_views(self.source, self.out, self.fit, report, _sayer(console))
         _written(console, len(sketch), self.out)
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """Find where photographs were taken from, for "diff3ds views", which does it by itself where it must.
+
+    Takes a folder of photographs, whose cameras pycolmap finds (extra "cameras"), or a project of COLMAP, Metashape and
+    others, which is converted. Writes transforms.json and cameras.json, a report.
+    """
+
+    cameras: OmitArgPrefixes[CamerasOptions]
+    # Folder of photographs, or of a project.
+    source: Positional[Path]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("cameras")
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.cameras.run import run_cameras
+
+        console = _Console(stderr=True, quiet=self.quiet)
+        with _progress(console) as report:
+            path = run_cameras(self.source, self.out, self.cameras, report, _sayer(console))
+        _sayer(console)(f'{path}: "diff3ds views {path}" goes on from here')
 
 
 @dataclass(frozen=True)
@@ -469,7 +497,7 @@ def main(arguments: list[str] | None = None) -> None:
         return
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
-    commands = {"text": Text, "image": Image, "views": views, "mesh": Mesh}
+    commands = {"text": Text, "image": Image, "views": views, "cameras": Cameras, "mesh": Mesh}
     commands |= {
         "render": Render,
         "export": Export,

@@ -48,19 +48,23 @@ def views_of(path: Path, shots: Sequence[Shot], target: str | None = None) -> li
 
 
 def with_masks(views: Sequence[View], base: Path) -> list[View]:
-    """Views that have no mask with those of a folder 'masks' in or beside this one, if there is such a folder.
+    """Views that have no mask with those of a folder 'masks' (`masks_for`), if there is such a folder."""
+    masks = None if any(view.mask for view in views) else masks_for([view.picture for view in views], base)
+    return list(views) if masks is None else [replace(v, mask=m) for v, m in zip(views, masks, strict=True)]
+
+
+def masks_for(pictures: Sequence[Path], base: Path) -> list[Path | None] | None:
+    """The masks of a folder 'masks' in or beside this one; None without such a folder.
 
     A mask has the path of its picture in the folder of the pictures, with or without the picture's suffix.
     """
     folders = [folder for parent in (base, base.parent) for name in MASKS if (folder := parent / name).is_dir()]
-    if not folders or any(view.mask for view in views):
-        return list(views)
-    masks = [_mask(view.picture, base, folders) for view in views]
+    masks = [_mask(picture, base, folders) for picture in pictures]
     if not any(masks):
-        return list(views)
+        return None
     if lacking := sum(mask is None for mask in masks):
-        warnings.warn(f"{folders[0]}: {lacking} of {len(views)} pictures have no mask there", stacklevel=3)
-    return [replace(view, mask=mask) for view, mask in zip(views, masks, strict=True)]
+        warnings.warn(f"{folders[0]}: {lacking} of {len(pictures)} pictures have no mask there", stacklevel=3)
+    return masks
 
 
 def pictures_in(folder: Path) -> list[Path]:

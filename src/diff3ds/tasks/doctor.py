@@ -42,6 +42,7 @@ OPTIONAL = {
     "mesh": ("trimesh",),
     "usd": ("usd-core",),
     "ray": ("ray",),
+    "cameras": ("pycolmap",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }
 

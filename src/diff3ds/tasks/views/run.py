@@ -15,7 +15,7 @@ from diff3ds.formats import save_png, tile_images
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
-from diff3ds.photogrammetry.project import find_project
+from diff3ds.photogrammetry.project import NoCamerasError, find_project
 from diff3ds.pictures.content.background import color_or_path, described
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
@@ -25,6 +25,8 @@ from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.run import TRANSFORMS, run_cameras
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
 from diff3ds.tasks.run_log import logged
@@ -34,6 +36,8 @@ from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
 from diff3ds.tasks.views.random_start import plan_random_edges
 
+# Where cameras of photographs are kept.
+CAMERAS = "cameras"
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
 PREVIEWS = 8
@@ -98,7 +102,7 @@ def _run(
 ) -> Fitted:
     """Reads, fits and writes."""
     begun = time.perf_counter()
-    path = find_project(source, options.target) if source is not None else None
+    path = _cameras_of(source, out, options, report, say) if source is not None else None
     pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report)
     clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
@@ -120,6 +124,20 @@ def _run(
     )
     write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
     return fitted
+
+
+def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]) -> Path:
+    """The file with the cameras; of photographs without one they are found first, and kept in the folder `cameras`."""
+    try:
+        return find_project(source, options.target)
+    except NoCamerasError as missing:
+        if not missing.pictures:
+            raise
+        kept = out / CAMERAS / TRANSFORMS
+        if kept.is_file() and options.resume:
+            return kept
+        say(f"{source}: photographs without cameras. These are found first, and kept in {kept}")
+        return run_cameras(source, kept.parent, CamerasOptions(), report, say)
 
 
 def _pictures(path: Path, out: Path, options: ViewsOptions, report: Report) -> PosedPictures:

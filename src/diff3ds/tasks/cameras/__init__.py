@@ -1,0 +1,1 @@
+"""`diff3ds cameras`: where photographs were taken from."""

@@ -1,0 +1,114 @@
+"""Photographs, or a project of another program, to a transforms.json: what `diff3ds cameras` does."""
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._files import write_text
+from diff3ds.photogrammetry.picture_files import masks_for
+from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
+from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
+from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.register import register
+from diff3ds.tasks.progress import Report
+from diff3ds.transforms import View, of_picture_sizes, save_views
+
+TRANSFORMS, REPORT = "transforms.json", "cameras.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Views with what is said about them.
+
+    Attributes:
+        views: in their world.
+        about: for the report.
+        lines: for the user.
+    """
+
+    views: list[View]
+    about: dict[str, Any]
+    lines: list[str]
+
+
+def run_cameras(
+    source: Path,
+    out: Path,
+    options: CamerasOptions | None = None,
+    report: Report = lambda progress: None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Path:
+    """Finds where photographs were taken from, and writes transforms.json and cameras.json.
+
+    A folder that has cameras already (`find_project`) is converted; of others pycolmap finds them.
+
+    Args:
+        source: a folder of photographs, or a project.
+        out: folder of the results.
+        options: default `CamerasOptions()`.
+        report: called as it goes on.
+        say: called with what a user should know.
+
+    Returns:
+        The transforms.json.
+
+    Raises:
+        FileNotFoundError: no photographs.
+        ImportError: pycolmap is not installed.
+        ValueError: cameras that cannot be found, or as `present_views`; names of `between` that are none.
+        OSError: the folder cannot be written.
+    """
+    options = options or CamerasOptions()
+    try:
+        path = find_project(source)
+        views = of_picture_sizes(path, present_views(path))
+        count = len(sparse_points(path))
+        found = Found(views, {"source": str(path), "points": count}, [f"{path}: {len(views)} cameras"])
+        photographs = False
+    except NoCamerasError as missing:
+        if not missing.pictures:
+            raise
+        registered = register(missing.pictures, out, options, report, say)
+        pictures = [view.picture for view in registered.views]
+        masks = masks_for(pictures, pictures[0].parent) or [None] * len(pictures)
+        views = [replace(view, mask=mask) for view, mask in zip(registered.views, masks, strict=True)]
+        found, photographs = Found(views, registered.about, registered.lines), True
+    views = _placed(found.views, options, photographs)
+    out.mkdir(parents=True, exist_ok=True)
+    save_views(out / TRANSFORMS, [_relative(view, out) for view in views])
+    about = {"options": asdict(options), **found.about, "pictures": [view.picture.name for view in views]}
+    write_text(out / REPORT, json.dumps(about, indent=1))
+    for line in found.lines:
+        say(line)
+    return out / TRANSFORMS
+
+
+def _placed(views: list[View], options: CamerasOptions, photographs: bool) -> list[View]:
+    """Upright and in the user's unit. What photographs have no scale of gets that of the cameras' distance."""
+    turn, origin, scale = torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64), 1.0
+    if options.up == "auto" and photographs:
+        turn = turned_up(up_of(views))
+    if photographs:
+        origin = looked_at(views)
+        reach = torch.stack([-(v.world_to_camera[:3, :3].mT @ v.world_to_camera[:3, 3]) for v in views]) - origin
+        scale = 1 / float(reach.norm(dim=1).median())
+    if options.between is not None and options.scale is not None:
+        scale = options.scale / distance_between(views, options.between)
+    return moved(views, origin, turn, scale)
+
+
+def _relative(view: View, out: Path) -> View:
+    """Paths from the folder of the file, where there are such."""
+
+    def seen(file: Path) -> Path:
+        try:
+            return Path(os.path.relpath(file, out))
+        except ValueError:  # another drive
+            return file.absolute()
+
+    return replace(view, picture=seen(view.picture), mask=seen(view.mask) if view.mask else None)
