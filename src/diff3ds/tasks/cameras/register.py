@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -215,12 +215,14 @@ def _process(job: Path, report: Report, say: Callable[[str], None]) -> list[dict
         child = subprocess.Popen(
             [sys.executable, "-P", str(script), str(job)], stdout=subprocess.PIPE, stderr=errors, text=True
         )
+        assert child.stdout is not None
         try:
-            answer = _followed(child, report, say)
+            answer = _followed(child.stdout, report, say)
         finally:
             # After Ctrl-C: its C++ does not hear of that.
             child.kill()
             child.wait()
+            child.stdout.close()
     if "models" in answer:
         models: list[dict[str, Any]] = answer["models"]
         return models
@@ -228,12 +230,11 @@ def _process(job: Path, report: Report, say: Callable[[str], None]) -> list[dict
     raise ValueError(f"pycolmap failed: {answer.get('error') or ' '.join(last) or 'no answer'}")
 
 
-def _followed(child: "subprocess.Popen[str]", report: Report, say: Callable[[str], None]) -> dict[str, Any]:
+def _followed(lines: Iterable[str], report: Report, say: Callable[[str], None]) -> dict[str, Any]:
     """The last line, after those of the progress; an estimate after the first tenth of the comparisons."""
     begun: dict[str, float] = {}
     told = False
-    assert child.stdout is not None
-    for line in child.stdout:
+    for line in lines:
         answer: dict[str, Any] = json.loads(line)
         if "stage" not in answer:
             return answer
