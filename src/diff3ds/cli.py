@@ -184,9 +184,9 @@ class Image:
     """
 
     spec: Annotated[OmitArgPrefixes[RunSpec[Picture]], arg(name="")]
-    # Folder of the results.
-    out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
-    # Print what the picture may show, and write nothing.
+    # Folder of the results; by default "out".
+    out: Annotated[Path | None, arg(aliases=["-o"])] = None
+    # Print what the picture may show; with -o also write guesses.png, which shows it, into the folder.
     guess: bool = False
     # No progress, only errors.
     quiet: bool = False
@@ -198,23 +198,25 @@ class Image:
             self._print_guesses()
             return
         with importing():
+            from diff3ds.tasks.recognition.guess_sheet import write_guesses
             from diff3ds.tasks.recognition.recognise import NotRecognised
             from diff3ds.tasks.text_image.image import run_image
 
-        console = _Console(stderr=True, quiet=self.quiet)
+        console, out = _Console(stderr=True, quiet=self.quiet), self.out or Path("out")
 
         def drawn(spec: RunSpec[Picture]) -> int:
             with _progress(console) as report:
-                return len(run_image(spec, self.out, report, _sayer(console)))
+                return len(run_image(spec, out, report, _sayer(console)))
 
         try:
             count = drawn(self.spec)
         except NotRecognised as unsure:
+            shown = f"Their pictures: {write_guesses(out, unsure.recognition)}"
             if not (sys.stdin.isatty() and console.is_terminal):
-                raise
-            known = replace(self.spec.subject, shows=_asked(console, unsure))
+                raise ValueError(f"{unsure}\n{shown}") from unsure
+            known = replace(self.spec.subject, shows=_asked(console, unsure, shown))
             count = drawn(replace(self.spec, subject=known))
-        _written(console, count, self.out)
+        _written(console, count, out)
 
     def _print_guesses(self) -> None:
         """Prints what the picture may show."""
@@ -230,6 +232,10 @@ class Image:
         console.print(
             f"{found}\n{'the first is sure enough to be drawn' if found.taken else 'none is sure enough to be drawn'}"
         )
+        if self.out:
+            from diff3ds.tasks.recognition.guess_sheet import write_guesses
+
+            console.print(f"their pictures: {write_guesses(self.out, found)}")
 
 
 @dataclass(frozen=True)
@@ -568,8 +574,11 @@ def _fail(message: str) -> NoReturn:
     sys.exit(FAULT)
 
 
-def _asked(console: Console, unsure: "NotRecognised") -> str:
+def _asked(console: Console, unsure: "NotRecognised", shown: str) -> str:
     """What the user says that a picture shows: one of the guesses by its number, or a phrase.
+
+    Args:
+        shown: where the guesses are shown.
 
     Raises:
         NotRecognised: nothing.
@@ -577,7 +586,7 @@ def _asked(console: Console, unsure: "NotRecognised") -> str:
     guesses = unsure.recognition.guesses
     choices = [str(i) for i in range(1, len(guesses) + 1)]
     _sayer(console)(
-        f"The picture is not recognised for sure. It may be:\n{unsure.recognition}\n"
+        f"The picture is not recognised for sure. It may be:\n{unsure.recognition}\n{shown}\n"
         f"Which is it? {choices[0]} to {choices[-1]}, or a phrase; Enter stops."
     )
     answer = sys.stdin.readline().strip()

@@ -262,3 +262,16 @@ def test_chairs_around_a_table_face_it() -> None:
         center = points[:, :2].mean(0)
         outward = center / center.norm()
         assert back[:, :2].mean(0) @ outward > center @ outward + 0.02
+
+
+@pytest.mark.parametrize(
+    ("phrase", "each"),
+    [
+        ("an old wooden table with two red chairs", ["an old wooden table", "a red chair"]),
+        ("three snowmen and a dog", ["a snowman", "a dog"]),
+        ("two pairs of scissors on a table", ["a pair of scissors", "a table"]),
+        ("four big chairs with armrests and two apples", ["a big chair with armrests", "an apple"]),
+    ],
+)
+def test_each_of_several_is_said_in_words_of_its_own(phrase, each):
+    assert [thing.one for thing in parse_scene(phrase).things] == each

@@ -14,6 +14,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
+from diff3ds.tasks.recognition.guess_sheet import SIDE, WORDS
 from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS, SIZE, SOURCE, WEIGHTS, trained
 
 # By hand: a house, a mug and a table from the front, corners of lines in a box of 100.
@@ -138,7 +139,7 @@ def test_a_mask_and_a_background(tmp_path):
 def test_guesses_are_printed_and_nothing_is_written(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = pictured(tmp_path / "chair.png", "chair")
-    main(["image", str(path), "--guess", "-o", "out"])
+    main(["image", str(path), "--guess"])
     said = capsys.readouterr().out
     found = ds.recognise(path)
     assert said == f"{found}\nthe first is sure enough to be drawn\n"
@@ -148,6 +149,42 @@ def test_guesses_are_printed_and_nothing_is_written(tmp_path, capsys, monkeypatc
     main(["image", "cat.png", "--guess"])
     assert capsys.readouterr().out.endswith("none is sure enough to be drawn\n")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cat.png", "chair.png"]
+
+
+def test_guesses_are_shown_beside_each_other(tmp_path, capsys):
+    """The sheet has the three small pictures, in order, with words under them."""
+    found = ds.recognise(by_hand(CAT))
+    Image.fromarray(by_hand(CAT)).save(tmp_path / "cat.png")
+    main(["image", str(tmp_path / "cat.png"), "--guess", "-o", str(tmp_path / "out")])
+    assert capsys.readouterr().out.endswith(f"their pictures: {tmp_path / 'out' / 'guesses.png'}\n")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["guesses.png"]
+    shown = np.asarray(Image.open(tmp_path / "out" / "guesses.png"), float) / 255
+    assert shown.shape == (SIDE + WORDS, 3 * SIDE)
+    for i, guess in enumerate(found.guesses):
+        camera = ds.orbit(guess.azimuth, guess.elevation, 1.9, size=SIDE)
+        chosen = member(guess.kind, torch.Generator().manual_seed(0), guess.attributes).sketch
+        picture = ds.render(chosen, camera).color[0, ..., 0].numpy()
+        beside = shown[:, i * SIDE : (i + 1) * SIDE]
+        np.testing.assert_allclose(beside[:SIDE], picture, atol=1 / 255)
+        assert (beside[SIDE:] < 0.5).any()
+
+
+def test_a_refusal_names_the_pictures_of_the_guesses(tmp_path, capsys):
+    Image.fromarray(by_hand(CAT)).save(tmp_path / "cat.png")
+    with pytest.raises(SystemExit) as ended:
+        main(["image", str(tmp_path / "cat.png"), "-o", str(tmp_path / "out")])
+    assert ended.value.code == FAULT
+    assert f"Their pictures: {tmp_path / 'out' / 'guesses.png'}" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["guesses.png"]
+
+
+def test_a_folder_with_a_run_gets_no_pictures_of_guesses(tmp_path, capsys):
+    Image.fromarray(by_hand(CAT)).save(tmp_path / "cat.png")
+    (tmp_path / "run.json").touch()
+    with pytest.raises(SystemExit):
+        main(["image", str(tmp_path / "cat.png"), "-o", str(tmp_path)])
+    assert "holds a run" in capsys.readouterr().err
+    assert not (tmp_path / "guesses.png").exists()
 
 
 @pytest.mark.parametrize("more", [["--shows", "a mug"], ["--library", "folder"]])
@@ -177,6 +214,7 @@ def test_on_a_terminal_one_is_asked(tmp_path, monkeypatch):
     second = ds.recognise(by_hand(CAT)).guesses[1]
     shown = asked("2", tmp_path, monkeypatch)
     assert "Which is it? 1 to 3" in shown
+    assert f"Their pictures: {tmp_path / 'out' / 'guesses.png'}" in shown.replace("\n", "")
     assert shown.count("--shows") == 3
     info = json.loads((tmp_path / "out" / "run.json").read_text())["options"]
     assert info["recognised"]["kind"] == second.kind

@@ -255,6 +255,37 @@ def test_a_disk_that_fills_up_ends_in_one_line(checkpoints, tmp_path, monkeypatc
     assert "Traceback" not in said
 
 
+@pytest.mark.parametrize("prior", ["mvdream", "stable-diffusion"])
+def test_networks_draw_scenes_thing_by_thing(prior, checkpoints, drawing, tmp_path, capsys):
+    """Each thing is a prompt of its own; with --whole, or with words that the library lacks, the phrase is one."""
+    arguments = command(prior, checkpoints, drawing, tmp_path / "out", "--steps", "2")
+    arguments[1] = "an old table with a mug on it and two red chairs"
+    main([argument for argument in arguments if argument != "--quiet"])
+    said = "'an old table', 'a mug', 'a red chair': drawn one after the other, then placed"
+    assert said in " ".join(capsys.readouterr().err.split())
+    folders = sorted((tmp_path / "out/things").iterdir())
+    runs = [json.loads((folder / "run.json").read_text())["options"] for folder in folders]
+    assert [run["phrase"] for run in runs] == ["an old table", "a mug", "a red chair"]
+    assert [run["prior"] for run in runs] == [prior] * 3
+    table, mug, chair = (ds.load(folder / "sketch.json") for folder in folders)
+    whole = ds.load(tmp_path / "out/sketch.json")
+    assert len(whole) == len(table) + len(mug) + 2 * len(chair)
+    # The mug stands on the table: as high as its top, or higher.
+    placed = whole.points[len(table) : len(table) + len(mug), :, 2]
+    assert placed.mean() > whole.points[: len(table), :, 2].mean()
+    for more, phrase in ((["--whole"], arguments[1]), ([], "a corgi and a chair"), ([], "a chair and a tabel")):
+        arguments[1] = phrase
+        main([*arguments, *more, "--overwrite"])
+        assert not (tmp_path / "out/things").exists()
+        assert json.loads((tmp_path / "out/run.json").read_text())["options"]["phrase"] == phrase
+
+
+def test_a_phrase_as_a_whole_is_for_networks(tmp_path, capsys):
+    arguments = ["text", "a chair and a table", "--whole", "--prior", "exemplar", "-o", str(tmp_path / "no")]
+    assert "--whole is for networks" in fails(arguments, capsys)
+    assert not (tmp_path / "no").exists()
+
+
 def test_the_suffix_follows_the_phrase(checkpoints):
     """As MVDream's own scripts for pictures join the two."""
     options = PriorOptions("mvdream", weights=str(checkpoints["mvdream"]), device="cpu")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.phrase import Request, parse
-from diff3ds.library.vocabulary import COUNTS, OPENING, words_of
+from diff3ds.library.vocabulary import COUNTS, OPENING, singulars, words_of
 
 # Where a thing is said to be without a target: at what was named before.
 UNAIMED = {
@@ -134,12 +134,29 @@ class Thing:
     Attributes:
         request: what each is; its count is one.
         count: how many.
-        said: what each is, in words: "a red chair".
+        said: what they are, in words: "two red chairs".
     """
 
     request: Request
     count: int
     said: str
+
+    @property
+    def one(self) -> str:
+        """What each is, in words: "a red chair"."""
+        if self.count == 1:
+            return self.said
+        words = [word for word in self.said.split() if word not in COUNTS]
+        for place, word in enumerate(words):
+            for singular in singulars(word):
+                said = " ".join((*words[:place], singular, *words[place + 1 :]))
+                said = f"{'an' if said[0] in 'aeiou' else 'a'} {said}"
+                try:
+                    if replace(parse(said), corrected=()) == replace(self.request, corrected=()):
+                        return said
+                except ValueError:
+                    continue
+        return CATEGORIES[self.request.category].captions(self.request.attributes)[0]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 Points on them, with directions, are what `recognise` compares; drawn again with one width they are a reference.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,8 @@ MOST_INK, PLAIN, RIM = 0.4, 0.12, 2.0
 # Lines whose pixels lie deeper than this, by their median, are wide: over a line of half width h depths are even from
 # 0 to h.
 WIDE = 1.5
+# Pixels beside a line that may be mixed with what is beside it.
+MIXED = 2
 # Filters see no true neighbours along the border.
 PADDING = 8
 
@@ -35,11 +37,16 @@ class Lines:
         points: some hundred and more.
         tangents: along the line, of either sign; as long as the piece of line that the point stands for.
         kind: what they were found in.
+        colors: of the points, straight RGB in [0, 1]; by default black.
     """
 
     points: Float[Array, "N 2"]
     tangents: Float[Array, "N 2"]
     kind: Kind = "drawing"
+    colors: Float[Array, "N 3"] = field(default_factory=lambda: np.zeros((1, 3)))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "colors", np.broadcast_to(self.colors, (len(self.points), 3)))
 
     def ink(
         self, size: int, width: float, scale: float, middle: tuple[float, float] = (0.5, 0.5)
@@ -78,9 +85,20 @@ def lines_of(picture: ReferencePicture) -> Lines:
     along = along / np.abs(along).sum(1, keepdims=True)
     low, high = ridges.points.min(0), ridges.points.max(0)
     side = max(float((high - low).max()), 1.0)
-    return Lines(
-        (ridges.points - (low + high) / 2) / side, along / side, "drawing" if ink is not None else "photograph"
-    )
+    kind: Kind = "drawing" if ink is not None else "photograph"
+    return Lines((ridges.points - (low + high) / 2) / side, along / side, kind, _colors_at(ridges.points, rgba))
+
+
+def _colors_at(points: Float[Array, "N 2"], rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[Array, "N 3"]:
+    """The colour of the line at each point: beside it some pixels are lighter, where they are mixed with paper."""
+    over_white = rgba[..., :3] + (1 - rgba[..., 3:])
+    column, row = np.floor(points).astype(int).T
+    around = np.arange(-MIXED, MIXED + 1)
+    down, right = (a.ravel() for a in np.meshgrid(around, around))
+    near = over_white[
+        (row[:, None] + down).clip(0, len(rgba) - 1), (column[:, None] + right).clip(0, rgba.shape[1] - 1)
+    ]
+    return near[np.arange(len(near)), near.min(2).argmin(1)].astype(float)
 
 
 def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"] | None:

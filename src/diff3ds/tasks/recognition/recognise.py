@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.library.categories import CATEGORIES
+from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.network import Opinion, trained
@@ -15,6 +16,7 @@ from diff3ds.tasks.recognition.poses import (
     confidence,
     described,
     gap_to,
+    member_drawn,
     seen_from,
 )
 
@@ -52,6 +54,15 @@ class Guess:
     def camera(self) -> Cameras:
         """The camera that took the picture, as far as its lines tell."""
         return cameras_at([(self.azimuth, self.elevation)])
+
+    def picture(self, size: int = 200) -> Float[Tensor, "S S 3"]:
+        """A member of the kind as this camera sees it, black on white.
+
+        Args:
+            size: height and width, pixels.
+        """
+        sketch = member_drawn(self.kind, self.attributes, 0)
+        return render(sketch, self.camera.resize(size)).color[0]
 
     def __str__(self) -> str:
         """Says it in words."""

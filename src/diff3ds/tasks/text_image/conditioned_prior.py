@@ -10,6 +10,7 @@ from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.exact_prior.exemplars import WIDTH, Color, Exemplars
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, identity_of
 from diff3ds.tasks.small_prior.small_prior import Trained
+from diff3ds.tasks.text_image.picture_colors import PictureColors
 from diff3ds.tasks.text_image.redraw import Redrawing
 from diff3ds.tasks.text_image.reference_view import Reference
 from diff3ds.tasks.text_image.run_spec import AnyRun, PresetName
@@ -45,11 +46,13 @@ class BuiltIn:
         start_color: of the strokes at the start, which is what the prior was shown, straight RGB; None is black.
         color: of the results, straight RGB; None is black.
         redrawing: what the result is drawn again with; None for a network, which has no members.
+        picture: the colours of the picture that the results get instead; None if there are none.
     """
 
     start_color: Color | None
     color: Color | None
     redrawing: Redrawing | None = None
+    picture: PictureColors | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +93,10 @@ class ConditionedPrior:
         spec: AnyRun,
         told: Mapping[str, object] | None = None,
         reference: Reference | None = None,
+        picture: PictureColors | None = None,
     ) -> "ConditionedPrior":
         """The exact prior of a library: the built-in one, or that in a folder."""
-        built_in = BuiltIn(known.color, known.color, Redrawing(known.meant))
+        built_in = BuiltIn(known.color, known.color, Redrawing(known.meant), picture)
         denoiser = known.prior(spec.width(WIDTH))
         return cls("exemplar", denoiser, {**(told or {}), **identity_of(folder)}, None, reference, built_in)
 
@@ -104,7 +108,8 @@ class ConditionedPrior:
         color: Color | None,
         told: Mapping[str, object] | None = None,
         reference: Reference | None = None,
+        picture: PictureColors | None = None,
     ) -> "ConditionedPrior":
         """The small network, which was shown black strokes only."""
         network = Network({"weights_sha256": small.digest}, small.device, small.precision)
-        return cls("small", denoiser, told or {}, network, reference, BuiltIn(None, color))
+        return cls("small", denoiser, told or {}, network, reference, BuiltIn(None, color, None, picture))

@@ -73,6 +73,8 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
         sketch = redrawing(found, spec.values(prior.preset).strokes) if redrawing else found[:0]
         if not len(sketch):
             sketch = tidied(found, spec.cameras, spec.width_is_free)
+        if prior.built_in.picture and len(sketch):
+            sketch = prior.built_in.picture(sketch)
     around = turntable()
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)

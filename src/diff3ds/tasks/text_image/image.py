@@ -26,6 +26,7 @@ from diff3ds.tasks.small_prior.small_prior import trained
 from diff3ds.tasks.text_image.bend import bent_to
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
+from diff3ds.tasks.text_image.picture_colors import PictureColors
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PICTURES
 from diff3ds.tasks.text_image.priors import choose_prior, load_for_picture, loaded
 from diff3ds.tasks.text_image.reference_view import Reference
@@ -101,13 +102,13 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
     """A prior that is built in: what the picture shows is recognised, its lines are the reference."""
     spec.check_built_in()
     subject = spec.subject
+    check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     picture = read_reference(subject.picture, options=subject.cut)
     lines = lines_of(picture)
     folder = None if spec.prior.library is None else read_sketches(spec.prior.library, spec.prior.up)
     found, alike = _recognised(lines, folder, spec, say)
     placed = placed_over(lines, alike.members[0], found.camera)
     exemplars = _bent(alike, placed)
-    check_output_folder(out, out / CHECKPOINT, spec.output.resume, spec.output.overwrite)
     say(f"{'taken for' if subject.shows else 'recognised'}: {found}")
     weight = REFERENCE_LOSS if subject.reference_loss is None else subject.reference_loss
 
@@ -117,14 +118,16 @@ def _built_in(name: str, spec: RunSpec[Picture], out: Path, say: Callable[[str],
 
     told = {**_told(subject, weight), "recognised": found.as_json()}
     size, width, color = spec.cameras.size or SIZE, spec.width(WIDTH), exemplars.color
+    # A colour that was asked for, or those of the user's own sketches, come first.
+    colors = PictureColors.of(placed) if color is None and folder is None else None
     if name == "small":
         small = trained(spec.prior.weights, spec.prior.device)
         view = drawn(small.network.shape.size, WIDTH)
         denoiser = small.asked(Request(found.kind, found.attributes), view.picture[None], view.cameras)
-        prior = ConditionedPrior.of_small(small, denoiser, color, told, drawn(size, width) if weight else None)
+        prior = ConditionedPrior.of_small(small, denoiser, color, told, drawn(size, width) if weight else None, colors)
     else:
         reference = drawn(size, width, color) if weight else None
-        prior = ConditionedPrior.of_exemplars(exemplars, folder, spec, told, reference)
+        prior = ConditionedPrior.of_exemplars(exemplars, folder, spec, told, reference, colors)
     if not spec.output.resume:
         save_png(out / "reference.png", picture.image)
         save_png(out / "lines.png", drawn(len(picture.image), DEFAULT_WIDTH).picture)

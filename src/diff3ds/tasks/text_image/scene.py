@@ -58,7 +58,7 @@ def run_scene(
     stopped = False
     for number, thing in enumerate(scene.things):
         folder = out / THINGS / f"{number + 1}_{thing.request.category.replace(' ', '_')}"
-        one = replace(spec, subject=replace(spec.subject, phrase=thing.said))
+        one = replace(spec, subject=replace(spec.subject, phrase=thing.one))
         if spec.output.resume and _is_done(folder):
             sketches.append(load(folder / "sketch.json"))
             continue

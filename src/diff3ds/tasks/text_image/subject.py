@@ -19,6 +19,8 @@ class Phrase:
         negative: a phrase for what the sketch should not look like; by default MVDream's own, and none for others.
         suffix: appended to the phrase, such as ", 3d asset", with which MVDream was trained on things.
         perp_neg: keep stable-diffusion from drawing the front on every side, for twice the time.
+        whole: tell a network a phrase of several things at once, instead of drawing one after the other and placing
+            them.
     """
 
     # The paper's weight of classifier-free guidance for phrases.
@@ -28,6 +30,7 @@ class Phrase:
     negative: str | None = None
     suffix: str = ""
     perp_neg: bool = False
+    whole: bool = False
 
     @property
     def record(self) -> dict[str, object]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from diff3ds.library.phrase import Request
-from diff3ds.library.scene import parse_scene
+from diff3ds.library.scene import Scene, parse_scene
 from diff3ds.library.vocabulary import SIZES, STRETCHES
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
@@ -51,7 +51,7 @@ def _made(spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str],
     """Chooses the prior, tells it the phrase, and draws."""
     name = choose_prior(spec.prior, FOR_PHRASES, say)
     if name not in BUILT_IN:
-        return distill(_network(name, spec), spec, out, report)
+        return _by_network(name, spec, out, report, say)
     _check_built_in(spec)
     small = trained(spec.prior.weights, spec.prior.device) if name == "small" else None
     if spec.prior.library is not None or (small and not small.is_of_the_library):
@@ -75,6 +75,28 @@ def _made(spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str],
     return run_scene(scene, prior, spec, out, report)
 
 
+def _by_network(name: str, spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str], None]) -> Sketch:
+    """Draws a phrase by a network: as a whole, or each of the things that it names."""
+    scene = None if spec.subject.whole else _several(spec.subject.phrase)
+    if scene is None:
+        forget_scene(out)
+        return distill(_network(name, spec), spec, out, report)
+    things = ", ".join(repr(thing.one) for thing in scene.things)
+    say(f"{things}: drawn one after the other, then placed; --whole tells the network the whole phrase instead")
+    return run_scene(scene, lambda one, _: _network(name, one), spec, out, report)
+
+
+def _several(phrase: str) -> Scene | None:
+    """The scene that a phrase describes, if it is one of several kinds that the library knows by just these words."""
+    try:
+        scene = parse_scene(phrase)
+    except ValueError:
+        # A network may know what the library does not.
+        return None
+    alone = len(scene.things) == 1 and scene.things[0].count == 1
+    return None if alone or any(thing.request.corrected for thing in scene.things) else scene
+
+
 def _network(name: str, spec: RunSpec[Phrase]) -> ConditionedPrior:
     """A network with weights, told the phrase."""
     subject = spec.subject
@@ -93,6 +115,8 @@ def _check_built_in(spec: RunSpec[Phrase]) -> None:
         raise ValueError(
             "a suffix is for mvdream and stable-diffusion: the built-in priors know the words of their list"
         )
+    if spec.subject.whole:
+        raise ValueError("--whole is for networks: the built-in priors know single things")
     spec.check_built_in()
 
 
