@@ -98,7 +98,8 @@ def _colors_at(points: Float[Array, "N 2"], rgba: Float[NDArray[np.float32], "H 
     near = over_white[
         (row[:, None] + down).clip(0, len(rgba) - 1), (column[:, None] + right).clip(0, rgba.shape[1] - 1)
     ]
-    return near[np.arange(len(near)), near.min(2).argmin(1)].astype(float)
+    darkest: Float[Array, "N 3"] = near[np.arange(len(near)), near.min(2).argmin(1)].astype(float)
+    return darkest
 
 
 def _ink(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"] | None:
