@@ -22,6 +22,7 @@ from hand_drawn import Line, moved, read_drawings
 from icons import read_icons
 from PIL import Image, ImageDraw
 from report import environment, show, write_json
+from symbols_wishes import is_doodle
 
 import diff3ds as ds
 from diff3ds.tasks.recognition.network import trained
@@ -49,7 +50,7 @@ def doodles(part: str) -> Iterator[tuple[str, np.ndarray]]:
     """Names and pictures of so many doodles that are none of the recogniser's kinds."""
     chance = np.random.default_rng(SEED)
     known = trained().kinds
-    names = [name for name in (FOR_TEST if part == "test" else FOR_VALIDATION) if name.split("'")[0] not in known]
+    names = [name for name in (FOR_TEST if part == "test" else FOR_VALIDATION) if is_doodle(name, known)]
     for i in range(NOTHING):
         name = names[i % len(names)]
         yield name, drawn(moved(DOODLES[name](chance), chance))

@@ -12,6 +12,7 @@ from random import Random
 
 import numpy as np
 import torch
+from drawn_words import kind_of, nothings
 from PIL import Image, ImageDraw
 from scipy.spatial import ConvexHull, QhullError
 
@@ -20,8 +21,9 @@ from diff3ds.library import CATEGORIES, member
 from diff3ds.tasks.recognition.network import LINE, SIZE, THING
 
 Line = np.ndarray
-# Of the drawings of a kind, in an order by chance: so many are for the test, so many for validation, the rest to train.
-FOR_TEST, FOR_VALIDATION = 3, 2
+# Of the drawings of a kind, in an order by chance: so many of thirteen are for the test, so many for validation, the
+# rest to train; of more drawings more.
+OF, FOR_TEST, FOR_VALIDATION = 13, 3, 2
 # Points on a stroke of the library; seeds of the members are none of the recogniser's and of the benchmarks'.
 POINTS, FIRST_SEED = 17, 10_000
 # Pictures are drawn this much finer and averaged.
@@ -44,17 +46,34 @@ class Drawing:
 
 
 def read_drawings(folder: Path) -> dict[str, list[Drawing]]:
-    """The drawings in a folder of files KIND.json, in three parts: "train", "validation" and "test"."""
+    """The drawings of kinds in a folder of files WORD.json, in three parts: "train", "validation" and "test"."""
     parts: dict[str, list[Drawing]] = {"train": [], "validation": [], "test": []}
     for path in sorted(folder.glob("*.json")):
-        kind = path.stem.replace("_", " ")
-        entries = json.loads(path.read_text(encoding="utf-8"))
-        Random(kind).shuffle(entries)
-        for i, entry in enumerate(entries):
-            lines = [np.array(stroke, float).T for stroke in entry["strokes"]]
-            part = "test" if i < FOR_TEST else "validation" if i < FOR_TEST + FOR_VALIDATION else "train"
-            parts[part].append(Drawing(kind, lines, entry["recognized"]))
+        word = path.stem.replace("_", " ")
+        kind = kind_of(word)
+        if kind is None:
+            continue
+        drawings = _drawings_in(path, kind)
+        Random(word).shuffle(drawings)
+        test, validation = (len(drawings) * count // OF for count in (FOR_TEST, FOR_VALIDATION))
+        parts["test"] += drawings[:test]
+        parts["validation"] += drawings[test : test + validation]
+        parts["train"] += drawings[test + validation :]
     return parts
+
+
+def read_nothings(folder: Path) -> dict[str, list[Drawing]]:
+    """The drawings of what is no kind in a folder of files WORD.json, whole words in one of three parts."""
+    files = {path.stem.replace("_", " "): path for path in sorted(folder.glob("*.json"))}
+    return {
+        part: [drawing for word in words for drawing in _drawings_in(files[word], word)]
+        for part, words in nothings(list(files)).items()
+    }
+
+
+def _drawings_in(path: Path, kind: str) -> list[Drawing]:
+    entries = json.loads(path.read_text(encoding="utf-8"))
+    return [Drawing(kind, [np.array(s, float).T for s in entry["strokes"]], entry["recognized"]) for entry in entries]
 
 
 def moved(lines: Sequence[Line], chance: np.random.Generator, strength: float = 1.0) -> list[Line]:

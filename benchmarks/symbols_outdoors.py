@@ -8,9 +8,7 @@ import math
 
 import numpy as np
 from doodles import arc, closed, path, smooth
-from symbols_indoors import INDOORS, Chance, Lines, Symbol, box, rod, turned, wheels
-
-from diff3ds.library import CATEGORIES
+from symbols_indoors import Chance, Lines, Symbol, box, rod, turned, wheels
 
 
 def airplane(c: Chance) -> Lines:
@@ -363,6 +361,3 @@ OUTDOORS: dict[str, Symbol] = {
     "tree": tree,
     "windmill": windmill,
 }
-SYMBOLS = dict(sorted({**INDOORS, **OUTDOORS}.items()))
-# In the library's order.
-KINDS = tuple(name for name in CATEGORIES if name in SYMBOLS)

@@ -1,12 +1,13 @@
 """Trains the network that recognises drawings, on drawings by people and on made ones.
 
-    python benchmarks/train_recognition.py FOLDER ICONS --out tuned.safetensors
-    python benchmarks/train_recognition.py FOLDER ICONS --like tuned.safetensors --out drawings.safetensors
+    python benchmarks/train_recognition.py FOLDER MORE ICONS --out tuned.safetensors
+    python benchmarks/train_recognition.py FOLDER MORE ICONS --like tuned.safetensors --out drawings.safetensors
 
-FOLDER holds the drawings by people, KIND.json each, ICONS icons: docs/reference/recognition.md says from where. The
-first command keeps those of validation apart and chooses temperature and threshold on them; the second trains on them
-as well, and takes both from the first. Neither sees what is the test's. The kinds are those
-that there are symbols of: the network keeps their list, and nothing changes for it when the library grows.
+FOLDER and MORE hold drawings by people, WORD.json each, of kinds and of other things, ICONS icons:
+docs/reference/recognition.md says from where. The first command keeps those of validation apart and chooses temperature
+and threshold on them; the second trains on them as well, and takes both from the first. Neither sees what is the
+test's. The network keeps the list of its kinds: nothing changes for it when the library grows. Every word that is no
+kind is a class of its own while it learns: it must tell them apart, and "none of the kinds" is what they are together.
 """
 
 import argparse
@@ -18,15 +19,15 @@ from pathlib import Path
 import numpy as np
 import torch
 from doodles import DOODLES, FOR_TEST, FOR_VALIDATION
-from hand_drawn import Drawing, Pool, chimera, cluttered, moved, picture_of, read_drawings, worn
+from hand_drawn import Drawing, Pool, chimera, cluttered, moved, picture_of, read_drawings, read_nothings, worn
 from icons import icon_picture, read_icons
-from symbols_outdoors import KINDS, SYMBOLS
+from symbols_wishes import KINDS, SYMBOLS, is_doodle
 
 from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS, DrawingNetwork, Trained, read_network, write_network
 
-# Shares of a batch: drawings by people, members of the library, symbols; the rest is none of the kinds. Last: the
-# shares of doodles and of icons in that rest, which has strokes of several drawings too.
-PEOPLE, LIBRARY, SYMBOLIC, DOODLED, ICONIC = 0.36, 0.28, 0.14, 0.35, 0.45
+# Shares of a batch: drawings by people of kinds and of what is none, members of the library, symbols; the rest is none
+# of the kinds. Last: the shares of doodles and of icons in that rest, which has strokes of several drawings too.
+PEOPLE, OTHERS, LIBRARY, SYMBOLIC, DOODLED, ICONIC = 0.36, 0.2, 0.22, 0.1, 0.4, 0.4
 BATCH, RATE, DECAY, SMOOTHING, OF_POSE = 64, 3e-3, 1e-2, 0.05, 0.25
 # Members a kind; pictures of each doodle that validation counts.
 MEMBERS, EACH = 60, 10
@@ -38,8 +39,16 @@ Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
 class Examples:
     """Pictures with what they show, by a generator of chance."""
 
-    def __init__(self, drawings: list[Drawing], doodles: list[str], icons: list[np.ndarray], seed: int) -> None:
-        """Takes what is drawn from."""
+    def __init__(
+        self,
+        drawings: list[Drawing],
+        nothings: list[Drawing],
+        words: list[str],
+        doodles: list[str],
+        icons: list[np.ndarray],
+        seed: int,
+    ) -> None:
+        """Takes what is drawn from; words are the classes after the kinds and after nothing."""
         self.chance = np.random.default_rng(seed)
         self.pool = Pool(MEMBERS, KINDS)
         self.all = drawings
@@ -48,26 +57,26 @@ class Examples:
         for drawing in drawings:
             if drawing.understood is not False:
                 self.by_kind.setdefault(drawing.kind, []).append(drawing)
-        self.kinds, self.doodles, self.icons = list(self.by_kind), doodles, icons
+        self.kinds, self.doodles, self.icons, self.nothings = list(self.by_kind), doodles, icons, nothings
+        self.places = {word: len(KINDS) + 1 + i for i, word in enumerate(words)}
 
     def one(self) -> tuple[np.ndarray, int, float, float]:
-        """A picture, the place of its kind, azimuth and elevation, or NaN."""
+        """A picture, the place of its class, azimuth and elevation, or NaN."""
         chance, which = self.chance, self.chance.random()
         kind, azimuth, elevation = len(KINDS), math.nan, math.nan
         if which < PEOPLE:
             name = self.kinds[int(chance.integers(len(self.kinds)))]
             drawing = self.by_kind[name][int(chance.integers(len(self.by_kind[name])))]
-            lines = [line * (-1, 1) for line in drawing.lines] if chance.random() < 0.5 else drawing.lines
-            lines, kind = worn(moved(lines, chance), chance), KINDS.index(name)
-            lines = lines or drawing.lines
-        elif which < PEOPLE + LIBRARY:
+            lines, kind = self._by_hand(drawing.lines), KINDS.index(name)
+        elif which < PEOPLE + OTHERS:
+            drawing = self.nothings[int(chance.integers(len(self.nothings)))]
+            lines, kind = self._by_hand(drawing.lines), self.places.get(drawing.kind, kind)
+        elif which < PEOPLE + OTHERS + LIBRARY:
             seen = self.pool.drawn(chance)
             lines, kind, azimuth, elevation = seen.lines, KINDS.index(seen.kind), seen.azimuth, seen.elevation
-        elif which < PEOPLE + LIBRARY + SYMBOLIC:
+        elif which < PEOPLE + OTHERS + LIBRARY + SYMBOLIC:
             name = str(chance.choice(list(SYMBOLS)))
-            mirror = (-1 if chance.random() < 0.5 else 1, 1)
-            lines = [line * mirror for line in SYMBOLS[name](chance)]
-            lines, kind = worn(moved(lines, chance), chance), KINDS.index(name)
+            lines, kind = self._by_hand(SYMBOLS[name](chance)), KINDS.index(name)
         elif (which := chance.random()) < ICONIC:
             icon = self.icons[int(chance.integers(len(self.icons)))]
             return icon_picture(icon, chance), kind, azimuth, elevation
@@ -78,6 +87,11 @@ class Examples:
         if chance.random() < 0.08:
             lines = cluttered(lines, self.strokes, chance)
         return picture_of(lines, chance), kind, azimuth, elevation
+
+    def _by_hand(self, lines: list[np.ndarray]) -> list[np.ndarray]:
+        """The lines as another hand draws them, or mirrored."""
+        mirror = (-1 if self.chance.random() < 0.5 else 1, 1)
+        return worn(moved([line * mirror for line in lines], self.chance), self.chance) or lines
 
     def batches(self) -> Iterator[Batch]:
         """Batches without end: pictures, kinds, azimuths and elevations."""
@@ -113,24 +127,22 @@ def loss_of(network: DrawingNetwork, batch: Batch) -> torch.Tensor:
     return loss
 
 
-def validation(drawings: list[Drawing], icons: list[np.ndarray], seed: int) -> tuple[torch.Tensor, torch.Tensor]:
+def validation(
+    drawings: list[Drawing], nothings: list[Drawing], icons: list[np.ndarray], seed: int
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Pictures and places of kinds: drawings as they are, doodles, strokes of several drawings, and icons."""
     chance = np.random.default_rng(seed)
     pictures = [picture_of(drawing.lines) for drawing in drawings]
     kinds = [KINDS.index(drawing.kind) for drawing in drawings]
-    names = [name for name in FOR_VALIDATION if is_doodle(name)]
+    names = [name for name in FOR_VALIDATION if is_doodle(name, KINDS)]
     nothing = [moved(DOODLES[name](chance), chance) for name in names for _ in range(EACH)]
     nothing += [moved(chimera(drawings, chance), chance) for _ in range(len(nothing) // 3)]
     pictures += [picture_of(lines) for lines in nothing]
     pictures += [icon_picture(icon, chance) for icon in icons[:: max(1, len(icons) // len(nothing))]]
+    pictures += [picture_of(drawing.lines) for drawing in nothings[:: max(1, len(nothings) // len(nothing))]]
     return torch.from_numpy(np.stack(pictures))[:, None], torch.tensor(
         kinds + [len(KINDS)] * (len(pictures) - len(kinds))
     )
-
-
-def is_doodle(name: str) -> bool:
-    """Whether a doodle is no kind of the library: a cat's head is one if there are cats."""
-    return name.split("'")[0] not in KINDS
 
 
 def calibrated(logits: torch.Tensor, kinds: torch.Tensor) -> float:
@@ -175,18 +187,21 @@ def counted(logits: torch.Tensor, kinds: torch.Tensor, understood: torch.Tensor)
 def train(chosen: argparse.Namespace) -> None:
     """Trains and writes the network."""
     torch.manual_seed(chosen.seed)
-    parts = read_drawings(chosen.folder)
+    parts, more, nothings = read_drawings(chosen.folder), read_drawings(chosen.more), read_nothings(chosen.more)
+    parts = {part: drawings + more[part] for part, drawings in parts.items()}
     # Without validation nothing is chosen, but taken from a network that was trained with it.
-    like = read_network(chosen.like) if chosen.like else None
-    kept = () if like else FOR_VALIDATION
-    drawings = parts["train"] + (parts["validation"] if like else [])
-    doodles = [name for name in DOODLES if name not in (*FOR_TEST, *kept) and is_doodle(name)]
+    kept, used = ((), ("train", "validation")) if chosen.like else (FOR_VALIDATION, ("train",))
+    doodles = [name for name in DOODLES if name not in (*FOR_TEST, *kept) and is_doodle(name, KINDS)]
     icons = read_icons(chosen.icons, KINDS)
-    examples = Examples(drawings, doodles, icons["train"] + (icons["validation"] if like else []), chosen.seed)
-    pictures, kinds = validation(parts["validation"], icons["validation"], chosen.seed + 1)
+    drawings, others, signs = ([x for part in used for x in all_of[part]] for all_of in (parts, nothings, icons))
+    words = sorted({drawing.kind for drawing in nothings["train"]})
+    examples = Examples(drawings, others, words, doodles, signs, chosen.seed)
+    pictures, kinds = validation(parts["validation"], nothings["validation"], icons["validation"], chosen.seed + 1)
     understood = torch.zeros(len(kinds), dtype=torch.bool)
     understood[: len(parts["validation"])] = torch.tensor([d.understood is True for d in parts["validation"]])
-    network = DrawingNetwork(len(KINDS)).to(memory_format=torch.channels_last)
+    network = DrawingNetwork(len(KINDS) + 1 + len(words)).to(memory_format=torch.channels_last)
+    if chosen.start:
+        network.load_state_dict(read_network(chosen.start).network.state_dict())
     optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, total_steps=chosen.steps, pct_start=0.15)
     trained = Trained(network, KINDS, 1.0, 1.0)
@@ -205,7 +220,9 @@ def train(chosen: argparse.Namespace) -> None:
             trained = Trained(network, KINDS, temperature, chosen_threshold(thresholds(logits, kinds, understood)))
             print(f"step {step}: {time.process_time():.0f} s, loss {loss.item():.3f}, temperature {temperature:.2f}")
             counted(logits, kinds, understood)
-            if like:
+            if chosen.like:
+                # Read now: it may have been trained meanwhile.
+                like = read_network(chosen.like)
                 trained = Trained(network, KINDS, like.temperature, like.threshold)
             write_network(chosen.out, trained, {"seed": chosen.seed, "steps": step, "drawings": len(drawings)})
 
@@ -214,11 +231,13 @@ def main() -> None:
     """Reads the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("more", type=Path)
     parser.add_argument("icons", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument(
         "--like", type=Path, help="weights of the first command, whose temperature and threshold are taken"
     )
+    parser.add_argument("--start", type=Path, help="weights to go on from, instead of none")
     parser.add_argument("--steps", type=int, default=2600)
     parser.add_argument("--every", type=int, default=400, help="steps between counts")
     parser.add_argument("--seed", type=int, default=0)

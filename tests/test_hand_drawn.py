@@ -11,12 +11,13 @@ import torch
 
 import diff3ds as ds
 from diff3ds.tasks.recognition.lines import Lines
-from diff3ds.tasks.recognition.network import LINE, SIZE, THING, trained
+from diff3ds.tasks.recognition.network import LINE, SIZE, THING, DrawingNetwork, Trained, trained
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 from doodles import DOODLES, FOR_TEST, FOR_VALIDATION
-from hand_drawn import moved, picture_of, read_drawings, seen_from, without_hidden, worn
-from symbols_outdoors import KINDS, SYMBOLS
+from drawn_words import UNCERTAIN, kind_of, nothings
+from hand_drawn import moved, picture_of, read_drawings, read_nothings, seen_from, without_hidden, worn
+from symbols_wishes import KINDS, SHOWN, SYMBOLS, is_doodle
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (40.0, 20.0), (250.0, 32.0)])
@@ -62,9 +63,48 @@ def test_parts_are_apart_and_always_the_same(tmp_path):
     assert seen == [(d.kind, d.lines[0][0, 0]) for part in again.values() for d in part]
 
 
-def test_every_kind_has_a_symbol_and_every_doodle_draws():
-    assert {*KINDS} == {*SYMBOLS}
-    assert trained().kinds == KINDS
+def test_words_mean_what_phrases_mean_by_them():
+    words = {"coffee cup": "mug", "cruise ship": "ship", "alarm clock": "clock", "cat": "cat", "anvil": None}
+    assert {word: kind_of(word) for word in words} == words
+    assert all(kind_of(word) is None for word in UNCERTAIN)
+    parts = nothings(["anvil", "cat", "barn", *(f"thing {i}" for i in range(11))])
+    assert sorted(word for part in parts.values() for word in part) == [
+        "anvil",
+        *sorted(f"thing {i}" for i in range(11)),
+    ]
+    assert (len(parts["test"]), len(parts["validation"]), len(parts["train"])) == (2, 2, 8)
+
+
+def test_drawings_are_of_kinds_or_of_nothing_by_their_words(tmp_path):
+    entry = {"recognized": True, "strokes": [[[0, 9], [0, 9]]]}
+    for word in ("coffee_cup", "anvil", "barn", "ant"):
+        (tmp_path / f"{word}.json").write_text(json.dumps([entry] * 26))
+    kinds = read_drawings(tmp_path)
+    assert {part: [d.kind for d in drawings] for part, drawings in kinds.items()} == {
+        "test": ["mug"] * 6, "validation": ["mug"] * 4, "train": ["mug"] * 16,
+    }  # fmt: skip
+    others = read_nothings(tmp_path)
+    assert {part: {d.kind for d in drawings} for part, drawings in others.items()} == {
+        "test": {"ant"}, "validation": {"anvil"}, "train": set(),
+    }  # fmt: skip
+
+
+def test_classes_that_are_no_kind_count_together():
+    network = DrawingNetwork(4).eval()
+    with torch.no_grad():
+        network.kind.weight.zero_()
+        network.kind.bias.copy_(torch.tensor([0.5, 0.2, 0.1, 0.2]).log())
+    kinds, _, _ = Trained(network, ("cat", "dog"), 1.0, 0.5).logits(torch.zeros(1, 1, SIZE, SIZE))
+    torch.testing.assert_close(kinds.exp(), torch.tensor([[0.5, 0.2, 0.3]]))
+
+
+def test_kinds_symbols_and_doodles_draw():
+    assert {*SYMBOLS} <= {*KINDS}
+    assert {*trained().kinds} <= {*KINDS}
+    assert {*SHOWN} <= {*DOODLES}
+    assert {*SHOWN.values()} <= {*KINDS}
+    assert not is_doodle("cat's head", ("cat",))
+    assert is_doodle("cat's head", ("dog",))
     assert not {*FOR_TEST} & {*FOR_VALIDATION}
     chance = np.random.default_rng(0)
     for draw in (*SYMBOLS.values(), *DOODLES.values()):

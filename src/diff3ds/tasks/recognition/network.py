@@ -25,10 +25,14 @@ SOURCE = "Trained on drawings of Quick, Draw! by Google (CC BY 4.0), simplified,
 
 
 class DrawingNetwork(nn.Module):
-    """Five layers of convolutions and three heads: the kind or none of them, azimuth, elevation."""
+    """Five layers of convolutions and three heads: what it is, azimuth, elevation."""
 
-    def __init__(self, kinds: int) -> None:
-        """Makes one that is not trained."""
+    def __init__(self, classes: int) -> None:
+        """Makes one that is not trained.
+
+        Args:
+            classes: that it tells apart: kinds first, then things that are none of them.
+        """
         super().__init__()
         layers: list[nn.Module] = []
         before = 1
@@ -48,12 +52,12 @@ class DrawingNetwork(nn.Module):
         self.features = nn.Sequential(
             nn.Dropout(0.4), nn.Linear(before * side * side, FEATURES), nn.ReLU(), nn.Dropout(0.2)
         )
-        self.kind = nn.Linear(FEATURES, kinds + 1)
+        self.kind = nn.Linear(FEATURES, classes)
         self.azimuth = nn.Linear(FEATURES, len(AZIMUTHS))
         self.elevation = nn.Linear(FEATURES, len(ELEVATIONS))
 
     def forward(self, pictures: Float[Tensor, "B 1 S S"]) -> tuple[Tensor, Tensor, Tensor]:
-        """Logits of the kinds and of none of them, of azimuths, and of elevations."""
+        """Logits of the classes, of azimuths, and of elevations."""
         found = self.features(self.layers(pictures))
         return self.kind(found), self.azimuth(found), self.elevation(found)
 
@@ -98,10 +102,19 @@ class Trained:
 
     @torch.no_grad()
     def logits(self, pictures: Float[Tensor, "B 1 S S"]) -> tuple[Tensor, Tensor, Tensor]:
-        """Logits of all three; those of the kinds are means over the pictures and their mirror images."""
-        kinds, azimuths, elevations = self.network(pictures)
+        """Logits of the kinds and of none of them, of azimuths, and of elevations.
+
+        Those of the kinds are means over the pictures and their mirror images.
+        """
+        classes, azimuths, elevations = self.network(pictures)
         mirrored = self.network(pictures.flip(-1))[0]
-        return (kinds.log_softmax(1) + mirrored.log_softmax(1)) / 2, azimuths, elevations
+        return (self._kinds(classes) + self._kinds(mirrored)) / 2, azimuths, elevations
+
+    def _kinds(self, classes: Float[Tensor, "B C"]) -> Float[Tensor, "B K"]:
+        """Logarithms of the probabilities of the kinds and, last, of all other classes together."""
+        likely = classes.log_softmax(1)
+        count = len(self.kinds)
+        return torch.cat([likely[:, :count], likely[:, count:].logsumexp(1, keepdim=True)], 1)
 
 
 def write_network(path: Path, trained: Trained, about: Mapping[str, object]) -> None:
@@ -119,7 +132,7 @@ def read_network(path: Path) -> Trained:
     with safe_open(path, "pt") as file:
         said = json.loads(file.metadata()["diff3ds"])
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-    network = DrawingNetwork(len(said["kinds"]))
+    network = DrawingNetwork(len(tensors["kind.bias"]))
     network.load_state_dict(tensors)
     return Trained(network.eval(), tuple(said["kinds"]), said["temperature"], said["threshold"])
 
