@@ -413,6 +413,46 @@ class Batch:
 
 
 @dataclass(frozen=True)
+class Study:
+    """Ask people about sketches: "make" writes a page for participants, "analyse" says what they answered.
+
+    "diff3ds study make ours=out/ours theirs=out/theirs -o study" writes study/study.html, which asks two questions
+    about each sketch, in an order of each participant's own, without a network. Their files of answers go to
+    study/answers; "diff3ds study analyse study" writes means with confidence intervals, paired tests, the agreement of
+    participants, and a plot.
+    """
+
+    action: Positional[Literal["make", "analyse"]]
+    # make: METHOD=FOLDER for each method, with its runs. analyse: the folder of the study.
+    what: Positional[tuple[str, ...]]
+    # Folder of the study that is made.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("study")
+    # Of the page.
+    title: str = "3D sketches"
+    # Say nothing, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        say = _sayer(_Console(stderr=True, quiet=self.quiet))
+        if self.action == "make":
+            with importing():
+                from diff3ds.tasks.study.make_study import make_study, named_folders
+
+            count = make_study(named_folders(self.what), self.out, self.title)
+            say(f"{count} sketches: {self.out / 'study.html'}; answers go to {self.out / 'answers'}")
+            return
+        if len(self.what) != 1:
+            raise ValueError(f"analyse takes the folder of one study, got {len(self.what)}")
+        with importing():
+            from diff3ds.tasks.study.analyse_study import analyse_study
+
+        folder = Path(self.what[0])
+        _, count = analyse_study(folder)
+        say(f"{count} participants: {folder / 'analysis.md'}, .json, .svg")
+
+
+@dataclass(frozen=True)
 class Fetch:
     """Download the weights of a prior or judge, once; a download that stopped goes on where it did.
 
@@ -510,6 +550,7 @@ def main(arguments: list[str] | None = None) -> None:
         "view": View,
         "eval": Eval,
         "batch": Batch,
+        "study": Study,
         "prior": Prior,
         "fetch": Fetch,
         "doctor": Doctor,

@@ -51,7 +51,7 @@ def page_text(title: str, sketch: str, start: dict[str, Any], served: Served | N
         start = {**start, "version": served.version, "page": served.page}
     script = "\n".join(room.joinpath(name).read_text(encoding="utf-8") for name in names)
     policy = (
-        f"default-src 'none'; {asked}script-src {_digest(script)}; style-src {_digest(style)}; base-uri 'none'; "
+        f"default-src 'none'; {asked}script-src {digest(script)}; style-src {digest(style)}; base-uri 'none'; "
         "form-action 'none'"
     )
     parts = {
@@ -59,19 +59,19 @@ def page_text(title: str, sketch: str, start: dict[str, Any], served: Served | N
         "title": html.escape(title),
         "style": style,
         "script": script,
-        "sketch": _embedded(sketch),
-        "start": _embedded(json.dumps(start)),
+        "sketch": embedded(sketch),
+        "start": embedded(json.dumps(start)),
     }
     markup = room.joinpath("page.html").read_text(encoding="utf-8")
     # In one go, so that braces of a title or a sketch stay as they are.
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], markup)
 
 
-def _embedded(data: str) -> str:
+def embedded(data: str) -> str:
     """JSON that cannot end its element: in JSON `<` only stands in strings, where it may be escaped."""
     return data.replace("<", "\\u003c")
 
 
-def _digest(text: str) -> str:
+def digest(text: str) -> str:
     """How a policy names the one inline text that it lets in."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
