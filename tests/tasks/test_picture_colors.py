@@ -16,12 +16,12 @@ RED, BLUE = (220, 30, 30), (30, 60, 200)
 CAMERA = ds.orbit(0.0, 0.0, 2.0, fov=60.0, size=100)
 
 
-def pictured(roof, walls, size=300) -> torch.Tensor:
+def pictured(roof, walls, wide=5, size=300) -> torch.Tensor:
     """A house from the front, in lines of two colours."""
     image = Image.new("RGB", (size, size), "white")
     pen = ImageDraw.Draw(image)
-    pen.line(((60, 140), (60, 270), (240, 270), (240, 140)), walls, 5)
-    pen.line(((45, 140), (150, 40), (255, 140), (45, 140)), roof, 5)
+    pen.line(((60, 140), (60, 270), (240, 270), (240, 140)), walls, wide)
+    pen.line(((45, 140), (150, 40), (255, 140), (45, 140)), roof, wide)
     return torch.from_numpy(np.asarray(image, np.float32) / 255)
 
 
@@ -67,7 +67,7 @@ def test_gray_lines_are_no_colours():
 
 
 def test_lines_of_a_picture_have_its_colours():
-    lines = lines_of(read_reference(pictured(RED, BLUE)))
+    lines = lines_of(read_reference(pictured(RED, BLUE, wide=3)))
     # Away from where they meet.
     for part, color in ((lines.points[:, 1] < -0.1, RED), (lines.points[:, 1] > 0.2, BLUE)):
         assert part.sum() > 50
