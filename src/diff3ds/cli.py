@@ -71,6 +71,8 @@ class Views:
     demo: bool = False
     # 3doodle: black strokes by the losses of 3Doodle; "diff3ds views --recipe 3doodle --help" lists its options.
     recipe: Recipe | None = None
+    # Show the run in a browser, at an address that is printed, while it goes on, and then until Ctrl-C.
+    view: bool = False
     # No progress, only errors.
     quiet: bool = False
 
@@ -82,9 +84,10 @@ class Views:
             from diff3ds.tasks.views.run import run_views
 
         console = _Console(stderr=True, quiet=self.quiet)
-        with _progress(console) as report:
-            sketch = run_views(self.source, self.out, self.fit, report, _sayer(console))
-        _written(console, len(sketch), self.out)
+        with _viewed(self.view, self.out, console):
+            with _progress(console) as report:
+                sketch = run_views(self.source, self.out, self.fit, report, _sayer(console))
+            _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,8 @@ class Doodle:
     source: Positional[Path | None] = None
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # Show the run in a browser, at an address that is printed, while it goes on, and then until Ctrl-C.
+    view: bool = False
     # No progress, only errors.
     quiet: bool = False
 
@@ -139,9 +144,10 @@ class Doodle:
             from diff3ds.tasks.views.doodle import run_doodle
 
         console = _Console(stderr=True, quiet=self.quiet)
-        with _progress(console) as report:
-            sketch = run_doodle(self.source, self.out, self.fit, report)
-        _written(console, len(sketch), self.out)
+        with _viewed(self.view, self.out, console):
+            with _progress(console) as report:
+                sketch = run_doodle(self.source, self.out, self.fit, report)
+            _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -158,6 +164,8 @@ class Text:
     spec: Annotated[OmitArgPrefixes[RunSpec[Phrase]], arg(name="")]
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # Show the run in a browser, at an address that is printed, while it goes on, and then until Ctrl-C.
+    view: bool = False
     # No progress, only errors.
     quiet: bool = False
 
@@ -168,9 +176,10 @@ class Text:
             from diff3ds.tasks.text_image.text import run_text
 
         console = _Console(stderr=True, quiet=self.quiet)
-        with _progress(console) as report:
-            sketch = run_text(self.spec, self.out, report, _sayer(console))
-        _written(console, len(sketch), self.out)
+        with _viewed(self.view, self.out, console):
+            with _progress(console) as report:
+                sketch = run_text(self.spec, self.out, report, _sayer(console))
+            _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -188,6 +197,8 @@ class Image:
     out: Annotated[Path | None, arg(aliases=["-o"])] = None
     # Print what the picture may show; with -o also write guesses.png, which shows it, into the folder.
     guess: bool = False
+    # Show the run in a browser, at an address that is printed, while it goes on, and then until Ctrl-C.
+    view: bool = False
     # No progress, only errors.
     quiet: bool = False
 
@@ -208,15 +219,16 @@ class Image:
             with _progress(console) as report:
                 return len(run_image(spec, out, report, _sayer(console)))
 
-        try:
-            count = drawn(self.spec)
-        except NotRecognised as unsure:
-            shown = f"Their pictures: {write_guesses(out, unsure.recognition)}"
-            if not (sys.stdin.isatty() and console.is_terminal):
-                raise ValueError(f"{unsure}\n{shown}") from unsure
-            known = replace(self.spec.subject, shows=_asked(console, unsure, shown))
-            count = drawn(replace(self.spec, subject=known))
-        _written(console, count, out)
+        with _viewed(self.view, out, console):
+            try:
+                count = drawn(self.spec)
+            except NotRecognised as unsure:
+                shown = f"Their pictures: {write_guesses(out, unsure.recognition)}"
+                if not (sys.stdin.isatty() and console.is_terminal):
+                    raise ValueError(f"{unsure}\n{shown}") from unsure
+                known = replace(self.spec.subject, shows=_asked(console, unsure, shown))
+                count = drawn(replace(self.spec, subject=known))
+            _written(console, count, out)
 
     def _print_guesses(self) -> None:
         """Prints what the picture may show."""
@@ -252,6 +264,8 @@ class Mesh:
     source: Positional[Path]
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # Show the run in a browser, at an address that is printed, while it goes on, and then until Ctrl-C.
+    view: bool = False
     # No progress, only errors.
     quiet: bool = False
 
@@ -261,9 +275,10 @@ class Mesh:
             from diff3ds.tasks.mesh.draw_mesh import run_mesh
 
         console = _Console(stderr=True, quiet=self.quiet)
-        with _progress(console) as report:
-            sketch = run_mesh(self.source, self.out, self.mesh, report, _sayer(console))
-        _written(console, len(sketch), self.out)
+        with _viewed(self.view, self.out, console):
+            with _progress(console) as report:
+                sketch = run_mesh(self.source, self.out, self.mesh, report, _sayer(console))
+            _written(console, len(sketch), self.out)
 
 
 @dataclass(frozen=True)
@@ -642,6 +657,19 @@ def _counted(count: int) -> str:
 
 def _written(console: Console, count: int, out: Path) -> None:
     _sayer(console)(f"{_counted(count)}: {out / 'sketch.json'}, .svg, .step, preview.png")
+
+
+@contextmanager
+def _viewed(wanted: bool, out: Path, console: Console) -> Iterator[None]:
+    """Shows a run in a browser, where that is wanted."""
+    if not wanted:
+        yield
+        return
+    with importing():
+        from diff3ds.tasks.view.serve import shown_meanwhile
+
+    with shown_meanwhile(out, partial(print, flush=True), _sayer(console)):
+        yield
 
 
 def _sayer(console: Console) -> Callable[[str], None]:

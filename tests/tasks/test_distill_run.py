@@ -3,6 +3,7 @@
 import json
 import math
 from functools import partial
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -301,3 +302,65 @@ def test_priors_are_told_the_poses_as_they_were_drawn():
         assert there.world_to_camera.device.type == "meta"
         objective(None, there, step)
     assert [id(views) for views in told] == [id(views) for views in orbits]
+
+
+# The options of a run whose strokes are given.
+OWN = with_options(QUICK, strokes=None, width=None, radius=None)
+
+
+def going_on(tmp_path, *fixed: bool) -> Path:
+    """Two bars in a file, of which some are marked as fixed."""
+    sketch = ds.Sketch.concatenate([bar(0.6, 0.0), bar(0.5, -0.2)]).to(torch.float64)
+    marks = torch.tensor(fixed) if fixed else None
+    tensors = {**sketch.tensors(), "width": torch.tensor([0.01, 0.02]).double()}
+    ds.save(tmp_path / "edited.json", ds.Sketch(**tensors, fixed=marks))
+    return tmp_path / "edited.json"
+
+
+@pytest.mark.parametrize("fixed", [(True, False), (False, True), ()])
+def test_a_run_goes_on_from_a_sketch_whose_fixed_strokes_stay(prior, tmp_path, fixed):
+    path = going_on(tmp_path, *fixed)
+    given = ds.load(path)
+    sketch = run(prior, tmp_path / "out", with_options(OWN, start=path))
+    assert len(sketch) == 2
+    stays = [torch.equal(a, b) for a, b in zip(sketch.points, given.points, strict=True)]
+    assert stays == [*(fixed or (False, False))]
+    for name in ("weights", "width", "color", "opacity"):
+        assert torch.equal(getattr(sketch, name), getattr(given, name)), name
+    assert same(ds.load(tmp_path / "out/sketch.json"), sketch)
+
+
+def test_a_run_from_a_sketch_is_resumed_with_the_same_alone(prior, tmp_path):
+    path = going_on(tmp_path, True, False)
+    spec = with_options(OWN, start=path)
+    whole = run(prior, tmp_path / "whole", spec)
+
+    def stop(progress):
+        if progress.done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(prior, tmp_path / "part", spec, report=stop)
+    assert same(run(prior, tmp_path / "part", with_options(spec, resume=True)), whole)
+    going_on(tmp_path, False, True)
+    with pytest.raises(ValueError, match="had start="):
+        run(prior, tmp_path / "part", with_options(spec, resume=True))
+
+
+def test_what_a_run_cannot_go_on_from_is_said(prior, tmp_path):
+    path = going_on(tmp_path, True, True)
+    with pytest.raises(ValueError, match=r"edited\.json: all strokes are fixed"):
+        run(prior, tmp_path / "out", with_options(OWN, start=path))
+    path = going_on(tmp_path)
+    with pytest.raises(ValueError, match="would take its place: give another folder"):
+        run(prior, tmp_path, with_options(OWN, start=path))
+    ds.save(path, bar(40.0, 0.4))
+    with pytest.raises(ValueError, match="its strokes reach 40 from the origin, and the cameras stand"):
+        run(prior, tmp_path / "out", with_options(OWN, start=path))
+    ds.save(path, bar(0.001, 0.001))
+    with pytest.raises(ValueError, match=r"its strokes reach 0\.00141"):
+        run(prior, tmp_path / "out", with_options(OWN, start=path))
+    for name, value in (("strokes", 5), ("width", 0.1), ("radius", 1.0)):
+        with pytest.raises(ValueError, match=f"leave --{name} out"):
+            with_options(PLAIN, start=path, **{name: value})
+    assert not (tmp_path / "out").exists()

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -358,3 +359,47 @@ def test_other_formats_are_saved_beside_as_json(tmp_path):
     assert (tmp_path / "part.json").read_bytes() == before
     assert len(ds.load(tmp_path / "part.step")) == 3
     assert said == [f"saved {tmp_path / 'part-2.json'}"] * 2
+
+
+def test_a_run_that_is_viewed_shows_its_page_and_waits_for_ctrl_c(tmp_path):
+    """The page is there before there are strokes, has them at the end, and the files are those of any run."""
+    options = ["--strokes", "6", "--steps", "30", "--init", "random", "--size", "64", "--quiet"]
+    main(["views", "--demo", "-o", str(tmp_path / "plain"), *options])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "diff3ds.cli", "views", "--demo", "-o", str(tmp_path / "run"), "--view", *options],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    try:
+        address = process.stdout.readline().strip()
+        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/([\w-]{20,})/", address)
+        assert found, process.stderr.read() if process.poll() is not None else address
+
+        def get(name):
+            connection = http.client.HTTPConnection("127.0.0.1", int(found[1]), timeout=10)
+            connection.request("GET", f"/{found[2]}/{name}")
+            return connection.getresponse().read().decode()
+
+        assert count_in(get("")) >= 0
+        end = time.monotonic() + 60
+        while json.loads(get("run"))["ended"] != "done":
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        assert [p["name"] for p in json.loads(get("run"))["pictures"]] == ["targets.png", "preview.png"]
+        # Done, and still there; what the command does after its run may take a moment.
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+        process.communicate()
+    for name in ("sketch.json", "sketch.svg", "preview.png"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
+
+
+def test_a_run_that_fails_takes_its_page_with_it(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["mesh", str(tmp_path / "none.obj"), "-o", str(tmp_path / "out"), "--view"])
+    said = capsys.readouterr()
+    assert said.out.startswith("http://127.0.0.1:")
+    assert "none.obj" in said.err
+    assert not (tmp_path / "out").exists()

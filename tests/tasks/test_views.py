@@ -478,3 +478,34 @@ def _sampled(polyline):
     points = torch.tensor(polyline)
     t = torch.linspace(0, 1, 60)[:, None, None]
     return ((1 - t) * points[:-1] + t * points[1:]).reshape(-1, 3)
+
+
+def test_drawings_are_followed_from_an_edited_sketch(tmp_path):
+    """Strokes that were moved aside come back, but for the one that is fixed; the rest is as it was given."""
+    truth = demo_sketch()
+    aside = truth.transform(torch.eye(4) + torch.tensor([[0.0, 0, 0, 0.04], [0] * 4, [0] * 4, [0] * 4]))
+    fixed = torch.arange(len(truth)) == len(truth) - 1
+    ds.save(tmp_path / "edited.json", ds.Sketch(**aside.tensors(), chains=aside.chains, fixed=fixed))
+    given = ds.load(tmp_path / "edited.json")
+    found = run_views(None, tmp_path / "out", ViewsOptions(start=tmp_path / "edited.json", steps=100, size=128))
+    segments = fixed if truth.chains is None else fixed[truth.chains.stroke]
+    assert torch.equal(found.points[segments], given.points[segments])
+    assert torch.equal(found.weights, given.weights)
+    assert torch.equal(found.width, given.width)
+    assert not torch.equal(found.points[~segments], given.points[~segments])
+    assert distances(found[~fixed].segments(), truth).mean() < 0.6 * distances(given[~fixed].segments(), truth).mean()
+    cameras = demo_cameras(size=96)
+    wanted, before, after = (ds.render(sketch[~fixed], cameras).alpha for sketch in (truth, given, found))
+    assert (after - wanted).square().mean() < 0.5 * (before - wanted).square().mean()
+    assert torch.equal(ds.load(tmp_path / "out/sketch.json").fixed, fixed)
+
+
+def test_what_views_cannot_go_on_from_is_said(tmp_path):
+    ds.save(tmp_path / "far.json", ds.Sketch(torch.full((1, 4, 3), 100.0)))
+    with pytest.raises(ValueError, match=r"far\.json: its strokes reach .* is it in the world of their cameras"):
+        run_views(None, tmp_path / "out", ViewsOptions(start=tmp_path / "far.json", size=96))
+    with pytest.raises(ValueError, match="leave --strokes out"):
+        ViewsOptions(start=tmp_path / "far.json", strokes=5)
+    with pytest.raises(ValueError, match="leave --init random out"):
+        ViewsOptions(start=tmp_path / "far.json", init="random")
+    assert not (tmp_path / "out").exists()

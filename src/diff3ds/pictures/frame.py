@@ -48,6 +48,13 @@ class Frame:
         step = torch.finfo(torch.float32).eps / 2 * float(self.center.abs().max() + self.radius)
         return (sketch.to(torch.float64) if step > LEAST_MOVED * self.radius else sketch).transform(matrix)
 
+    def from_world(self, sketch: Sketch) -> Sketch:
+        """A sketch of the world in the frame, in float32."""
+        matrix = torch.eye(4, dtype=torch.float64)
+        matrix[:3, :3] /= self.radius
+        matrix[:3, 3] = -self.center / self.radius
+        return sketch.to(torch.float64).transform(matrix).to(torch.float32)
+
 
 def frame_of(cameras: Cameras, store: Store) -> Frame:
     """The ball that holds what the views show.

@@ -25,11 +25,14 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import painted
 from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.start_sketch import digest_of, finished, held, load_start
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
 from diff3ds.tasks.text_image.reference_view import followed
 from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions
 from diff3ds.tasks.text_image.tidy import tidied
 
+# A sketch that reaches less than this fraction of the cameras' distance is too small to be seen. Empirical.
+SMALLEST = 0.05
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
 # What a preview shows: all around, seen a little from above.
 PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
@@ -51,6 +54,8 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
         FloatingPointError: the prior predicts no numbers; says what to do.
     """
     begun = time.perf_counter()
+    source = spec.strokes.start
+    given = None if source is None else load_start(source, out)
     config = _config(prior, spec, out)
     score = ScoreDistillation(prior.denoiser, _recipe(prior, spec), config.steps, spec.descent.seed)
     place = _place(prior.network)
@@ -60,14 +65,20 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
         # Of a run that is overwritten.
         for sheet in (out / SHEETS).glob("step_*.png"):
             sheet.unlink()
-    steps = fit(start_of(prior, spec).to(place), objective, cameras, replace(config, stateful=score.particles))
+    start = (start_of(prior, spec) if given is None else shown_to(prior, spec, given)).to(place)
+    if given is not None:
+        # Refinements would drop strokes of the user.
+        config = replace(config, refinements=(), constraints=held(start))
+    steps = fit(start, objective, cameras, replace(config, stateful=score.particles))
     try:
         stopped = _stopped(steps, score, spec.output, out, report)
     except FloatingPointError as error:
         raise FloatingPointError(f"{error}: {_advice(prior.network)}") from error
     state = read_checkpoint(out / CHECKPOINT)
     sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
-    if prior.built_in:
+    if given is not None:
+        sketch = finished(sketch, given, config.rates)
+    elif prior.built_in:
         found = painted(sketch, prior.built_in.color)
         redrawing = prior.built_in.redrawing if spec.redraws and not stopped else None
         sketch = redrawing(found, spec.values(prior.preset).strokes) if redrawing else found[:0]
@@ -157,6 +168,30 @@ def start_of(prior: ConditionedPrior, spec: AnyRun) -> Sketch:
     return painted(sketch, prior.built_in.start_color if prior.built_in else None)
 
 
+def shown_to(prior: ConditionedPrior, spec: AnyRun, given: Sketch) -> Sketch:
+    """The strokes of the user that the descent starts with, as wide as the prior knows them.
+
+    Raises:
+        ValueError: they are out of the cameras' sight, or too small; widths outside their range.
+    """
+    source, sketch = spec.strokes.start, given.to(torch.float32)
+    reach, (near, _) = float(sketch.points.norm(dim=-1).max()), spec.cameras.distance
+    if not SMALLEST * near <= reach < near:
+        raise ValueError(
+            f"{source}: its strokes reach {reach:.3g} from the origin, and the cameras stand {near:g} from there: "
+            "things fill a ball of radius 1; scale it (diff3ds export FILE scaled.json --scale)"
+        )
+    if "width" in spec.descent.optimize:
+        least, most = spec.strokes.width_range
+        if not least <= float(sketch.width.min()) <= float(sketch.width.max()) <= most:
+            raise ValueError(f"{source}: its widths leave width_range {least} to {most}: give another one")
+    if not prior.built_in:
+        return sketch
+    if spec.width_is_free:
+        sketch = replace(sketch, width=torch.full_like(sketch.opacity, prior.width), width_space="image")
+    return painted(sketch, prior.built_in.start_color)
+
+
 def _orbits(denoiser: Denoiser, cameras: CameraOptions) -> Orbits:
     size = cameras.size or denoiser.size
     return Orbits(cameras.batch, denoiser.group, size, cameras.distance, cameras.elevation, cameras.fov)
@@ -217,4 +252,6 @@ def _identity(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
     }
     options = {**option_values(spec.cameras), **option_values(spec.strokes), "optimize": spec.descent.optimize}
     shared = {name: list(value) if isinstance(value, tuple) else value for name, value in options.items()}
+    source = spec.strokes.start
+    shared |= {"start": None if source is None else digest_of(source)}
     return {**_told(prior, spec), **network, **shared, **_filled_in(prior, spec)}

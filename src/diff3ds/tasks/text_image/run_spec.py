@@ -4,6 +4,7 @@ Its options lie in groups, by their subject; each has one name, whatever its gro
 """
 
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from tyro.conf import arg
@@ -115,6 +116,8 @@ class StrokeOptions:
         delete_length: strokes shorter than this are deleted, world units; 0 deletes none.
         delete_from: fraction of the steps before the first deletion.
         delete_every: fraction of the steps between deletions.
+        start: a sketch to go on from (a file, or the folder of a run) instead of random strokes. They keep their
+            number and widths; those that are marked as fixed stay as they are.
     """
 
     strokes: int | None = None
@@ -124,9 +127,14 @@ class StrokeOptions:
     delete_length: float = 0.1
     delete_from: float = 0.5
     delete_every: float = 0.025
+    start: Annotated[Path | None, arg(name="from")] = None
 
     def __post_init__(self) -> None:
         require_finite(self)
+        if self.start is not None:
+            for name in ("strokes", "width", "radius"):
+                if getattr(self, name) is not None:
+                    raise ValueError(f"--from gives the strokes, as they are: leave --{name} out")
         _require_positive(self, "strokes", "width", "radius")
         if self.delete_length < 0:
             raise ValueError("delete_length must not be negative; 0 turns the deletion off")
@@ -257,8 +265,9 @@ class RunSpec(Generic[Subject]):
 
     @property
     def redraws(self) -> bool:
-        """Whether the end may move strokes and change widths: not widths that are chosen or optimised."""
-        return self.descent.redraw and self.width_is_free and "position" in self.descent.optimize
+        """Whether the end may replace strokes: not those of the user, nor where widths are chosen or optimised."""
+        own = self.strokes.start is None and self.width_is_free
+        return own and self.descent.redraw and "position" in self.descent.optimize
 
     @property
     def width_is_free(self) -> bool:

@@ -69,6 +69,8 @@ def _made(spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str],
             return ConditionedPrior.of_small(small, small.asked(request), request.color)
         return ConditionedPrior.of_exemplars(exemplars_of(request, one.descent.seed), None, one)
 
+    if spec.strokes.start is not None and not alone:
+        raise ValueError("--from goes on with one thing, and this phrase asks for several: ask for one")
     if alone:
         forget_scene(out)
         return distill(prior(spec, scene.things[0].request), spec, out, report)

@@ -8,12 +8,15 @@ import json
 import re
 import secrets
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Lock
+from threading import Lock, Thread
 from typing import Any
+
+import torch
 
 from diff3ds.formats.scenes.html import sketch_page, start_of
 from diff3ds.formats.sketch_json import json_text
@@ -89,8 +92,38 @@ class PageServer(ThreadingHTTPServer):
         """A browser that goes away is no fault."""
 
 
-def server_of(source: Path, port: int, say: Callable[[str], None]) -> PageServer:
+@contextmanager
+def shown_meanwhile(out: Path, show: Callable[[str], None], say: Callable[[str], None]) -> Iterator[None]:
+    """Serves the page of a run while it goes on, by a thread beside it; when it is done, until Ctrl-C.
+
+    A run that fails, or that Ctrl-C stops, takes the page with it.
+
+    Args:
+        out: the folder of the run, which need not be there yet.
+        show: told the address.
+        say: told how to end, when the run is done.
+    """
+    with server_of(out, 0, say, waits=True) as server:
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True)
+        thread.start()
+        try:
+            show(server.address)
+            yield
+            say(f"the page stays at {server.address} until Ctrl-C")
+            with suppress(KeyboardInterrupt):
+                # In parts, between which Ctrl-C is seen on every system.
+                while thread.is_alive():
+                    thread.join(0.5)
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def server_of(source: Path, port: int, say: Callable[[str], None], waits: bool = False) -> PageServer:
     """The server of a sketch, which listens but does not answer yet.
+
+    Args:
+        waits: `source` is the folder of a run that has not begun: its page is empty before there are strokes.
 
     Raises:
         ValueError, OSError, ImportError: as `run_view`.
@@ -98,8 +131,7 @@ def server_of(source: Path, port: int, say: Callable[[str], None]) -> PageServer
     if not 0 <= port <= 65535:
         raise ValueError(f"port must be from 0 to 65535, got {port}")
     # What cannot be shown is said before anything listens.
-    load_sketch(source)
-    page = _Page(source, say)
+    page = _Page(source, say, waits)
     page.now()
     try:
         return PageServer(page, port)
@@ -110,9 +142,9 @@ def server_of(source: Path, port: int, say: Callable[[str], None]) -> PageServer
 class _Page:
     """The page of a file, made anew when that changes; of a file that has become no sketch, the one before."""
 
-    def __init__(self, source: Path, say: Callable[[str], None]) -> None:
-        self.source, self.say = source, say
-        self.is_run = source.is_dir()
+    def __init__(self, source: Path, say: Callable[[str], None], waits: bool) -> None:
+        self.source, self.say, self.waits = source, say, waits
+        self.is_run = waits or source.is_dir()
         self.lock = Lock()
         self.read: tuple[str, Sketch] | None = None
         self.seen = ""
@@ -167,6 +199,8 @@ class _Page:
             ValueError, OSError, ImportError: as `load_sketch`, where there is none from before.
         """
         with self.lock:
+            if self.waits and self.read is None and not (self.source / "sketch.json").is_file():
+                return "nothing", Sketch(torch.zeros(0, 4, 3))
             try:
                 state = self._state()
                 if state not in (self.seen, self.refused):

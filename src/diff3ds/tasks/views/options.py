@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+from tyro.conf import arg
 
 from diff3ds._settings import check_seed, require_finite
 from diff3ds.pictures.options import Masks, Target, parse_color, parse_color_or_path
@@ -30,6 +32,8 @@ class ViewsOptions:
         masks: what the black pixels of a mask_path are: ignore leaves them out of the loss and the scores, as
             nerfstudio does; object takes them for background, so that masks cut the object out.
         size: larger pictures are reduced to this many pixels along the longer side.
+        start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
+            descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
         seed: of all random draws.
         resume: go on from the checkpoint in the output folder, if there is one.
         overwrite: the run in the output folder may be lost.
@@ -43,11 +47,15 @@ class ViewsOptions:
     background: str | None = None
     masks: Masks = "ignore"
     size: int = 512
+    start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0
     resume: bool = False
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        if self.start is not None and (self.strokes is not None or self.init == "random"):
+            given = "--init random" if self.strokes is None else "--strokes"
+            raise ValueError(f"--from gives the strokes, as they are: leave {given} out")
         for name in ("strokes", "steps", "batch", "size"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -60,7 +68,8 @@ class ViewsOptions:
         """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""
         if target == "color":
             return ["--init random"] if self.init == "random" else []
-        without = ["background", *(["strokes", "steps", "batch"] if self.init == "carve" else [])]
+        descends = self.init == "random" or self.start is not None
+        without = ["background", *([] if descends else ["strokes", "steps", "batch"])]
         return [f"--{name} {getattr(self, name)}" for name in without if getattr(self, name) is not None]
 
 

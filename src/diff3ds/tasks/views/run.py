@@ -30,6 +30,7 @@ from diff3ds.tasks.cameras.run import TRANSFORMS, run_cameras
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
 from diff3ds.tasks.run_log import logged
+from diff3ds.tasks.start_sketch import digest_of, finished, held, load_start
 from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
 from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
@@ -43,6 +44,8 @@ CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
 PREVIEWS = 8
 # A picture of some of the pictures, there as soon as there are strokes beside which to see it.
 TARGETS = "targets.png"
+# A sketch that reaches farther, in radii of what the pictures show, is of another world. Empirical.
+FARTHEST = 10.0
 # Gray of what masks leave out, lens distortion takes away, or smaller pictures do not have.
 UNKNOWN = 0.5
 
@@ -79,6 +82,7 @@ def run_views(
             check_output_folder(out, out / checkpoint, resume=False, overwrite=options.overwrite)
     if source is None and options.target not in (None, "edges"):
         raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
+    given = None if options.start is None else load_start(options.start, out)
     times = StageTimes()
 
     def timed(progress: Progress) -> None:
@@ -86,7 +90,7 @@ def run_views(
         report(progress)
 
     with output_folder(out), logged(out, timed, say) as (told, said):
-        fitted = _run(source, out, options, told, said, times)
+        fitted = _run(source, out, options, given, told, said, times)
     if fitted.stopped:
         raise Stopped
     return fitted.sketch
@@ -96,6 +100,7 @@ def _run(
     source: Path | None,
     out: Path,
     options: ViewsOptions,
+    given: Sketch | None,
     report: Report,
     say: Callable[[str], None],
     times: StageTimes,
@@ -112,7 +117,7 @@ def _run(
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
     report = after_targets(pictures, out, report)
-    fitted = _fitted(pictures, clean_plates, path, options, out, report, say)
+    fitted = _fitted(pictures, clean_plates, path, options, given, out, report, say)
     shown = preview(fitted.sketch, fitted.pictures)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
@@ -170,13 +175,16 @@ def _fitted(
     clean_plates: CleanPlates | None,
     path: Path | None,
     options: ViewsOptions,
+    given: Sketch | None,
     out: Path,
     report: Report,
     say: Callable[[str], None],
 ) -> Fitted:
     """Fits a sketch in the way that suits the pictures."""
     if pictures.target == "color":
-        return _fit_color(pictures, clean_plates, path, options, out, report)
+        return _fit_color(pictures, clean_plates, path, options, given, out, report)
+    if given is not None:
+        return _fit_given_edges(pictures, options, given, out, report)
     if options.init == "random":
         return _fit_random_edges(pictures, options, out, report, say)
     return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
@@ -232,15 +240,16 @@ def _fit_color(
     clean_plates: CleanPlates | None,
     path: Path | None,
     options: ViewsOptions,
+    given: Sketch | None,
     out: Path,
     report: Report,
 ) -> Fitted:
     held_out_views(path)
     # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.
     with torch_on_one_thread():
-        plan = plan_color(pictures, options, out / CHECKPOINT, clean_plates, report)
+        plan = _going_on(plan_color(pictures, options, out / CHECKPOINT, clean_plates, report), given, options)
     sketch, losses, stopped = _descended(plan, "fit", report)
-    world = plan.frame.to_world(sketch)
+    world = _in_world(sketch, plan, given)
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
     scores: dict[str, float] = {}
     try:
@@ -250,6 +259,39 @@ def _fit_color(
         # The sketch is there, and is written without them.
         stopped = True
     return Fitted(world, plan.pictures, chosen, losses, scores, stopped)
+
+
+def _fit_given_edges(
+    pictures: PosedPictures, options: ViewsOptions, given: Sketch, out: Path, report: Report
+) -> Fitted:
+    """The strokes of the user, pulled onto the lines of edge maps or drawings."""
+    if pictures.target != "edges":
+        raise ValueError("--from follows edge maps, drawings and colours: give --target edges or color")
+    plan = _going_on(plan_random_edges(pictures, options, out / CHECKPOINT), given, options)
+    sketch, losses, stopped = _descended(plan, "fit", report)
+    chosen = {"steps": plan.config.steps, "strokes": len(plan.start)}
+    return Fitted(_in_world(sketch, plan, given), pictures, chosen, losses, {}, stopped)
+
+
+def _going_on(plan: Plan, given: Sketch | None, options: ViewsOptions) -> Plan:
+    """The plan with the strokes of the user, which keep their number, where there are some."""
+    if given is None or options.start is None:
+        return plan
+    start = plan.frame.from_world(given)
+    reach = float(start.points.norm(dim=-1).max())
+    if reach > FARTHEST:
+        raise ValueError(
+            f"{options.start}: its strokes reach {reach:.3g} times as far as what the pictures show: is it in the "
+            "world of their cameras?"
+        )
+    identity = {**plan.config.identity, "start": digest_of(options.start)}
+    config = dataclasses.replace(plan.config, refinements=(), constraints=held(start), identity=identity)
+    return dataclasses.replace(plan, start=start, config=config)
+
+
+def _in_world(sketch: Sketch, plan: Plan, given: Sketch | None) -> Sketch:
+    world = plan.frame.to_world(sketch)
+    return world if given is None else finished(world, given, plan.config.rates)
 
 
 def _fit_random_edges(
