@@ -59,8 +59,8 @@ ALLOWED = {
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "render", "project",
                 "styles", "surfaces", "transforms"} | SCENE,
-    "tasks": {"edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses", "formats",
-              "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
+    "tasks": {"constraints", "edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses",
+              "formats", "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
               "viewer"} | SCENE,
     "cli": {"tasks", "weights", "pictures", "command_line", "_version"},
 }  # fmt: skip

@@ -346,6 +346,8 @@ class View:
 
     # sketch.json or another file with a sketch, or the folder of a run.
     source: Positional[Path]
+    # A second one, which stands beside it and is seen by the same camera.
+    beside: Positional[Path | None] = None
     # Of the address; by default any that is free.
     port: int = 0
     # Open the address in the browser of this machine.
@@ -359,7 +361,8 @@ class View:
             from diff3ds.tasks.view.serve import run_view
 
         show = partial(print, flush=True)
-        run_view(self.source, self.port, self.open, show, _sayer(_Console(stderr=True, quiet=self.quiet)))
+        say = _sayer(_Console(stderr=True, quiet=self.quiet))
+        run_view(self.source, self.port, self.open, show, say, self.beside)
 
 
 @dataclass(frozen=True)

@@ -44,11 +44,11 @@ def browser():
     browser.close()
 
 
-def seen(browser):
-    """The canvas as it is on the screen: (H, W, 3) in [0, 1]."""
+def seen(browser, whole=False):
+    """The canvas as it is on the screen, or the whole page: (H, W, 3) in [0, 1]."""
     from PIL import Image
 
-    picture = Image.open(io.BytesIO(browser.picture())).convert("RGB")
+    picture = Image.open(io.BytesIO(browser.picture(whole))).convert("RGB")
     return torch.tensor(list(picture.tobytes()), dtype=torch.float32).reshape(picture.height, picture.width, 3) / 255
 
 
@@ -89,6 +89,7 @@ def far(sketch, scale, place):
 
 LETTER = ds.Sketch(torch.tensor([[[-1.0, 0, 0], [0, 0, 1]], [[0, 0, 1], [1, 0, 0]]]), width=0.1, opacity=0.4,
                    chains=ds.Chains.of([2]))  # fmt: skip
+MOVED = torch.tensor([[1.0, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, 0.3], [0, 0, 0, 1]])
 SCENES = {
     "cubics": random(),
     "lines": random(controls=2, width=0.03, color=numbers(40, 3)),
@@ -106,6 +107,9 @@ SCENES = {
     "a point": ds.Sketch(torch.zeros(1, 4, 3), width=0.2),
     "map coordinates": far(random(width=0.02), 30.0, [4e6, 5e6, 300.0]),
     "minute": far(random(width=2e-6, width_space="world"), 1e-5, [0.0, 0.0, 0.0]),
+    "quadratics along": random(controls=3, width=0.05 * numbers(40, 3), opacity=numbers(40)),
+    "wide and narrow": random(12, width=0.2 * numbers(12), color=numbers(12, 3), opacity=0.9),
+    "flat": ds.Sketch((2 * numbers(40, 4, 3) - 1) * torch.tensor([1.0, 1.0, 0.0]), width=0.02, color=numbers(40, 3)),
     "nothing": ds.Sketch(torch.zeros(0, 4, 3)),
 }
 
@@ -274,6 +278,43 @@ def test_a_served_page_follows_its_file_and_says_when_the_server_is_gone(browser
         again.shutdown()
         thread.join()
         again.server_close()
+
+
+def test_two_sketches_are_seen_by_one_camera(browser, tmp_path):
+    """On a page of the disk and on one of a server; what is dragged on the right turns both."""
+    from diff3ds.formats.scenes.html import save_html
+
+    one, other = random(20, width=0.02), random(20, seed=3, width=0.02, color=numbers(20, 3)).transform(MOVED)
+    both = ds.Sketch.concatenate([one, other])
+    ds.save(tmp_path / "one.json", one)
+    ds.save(tmp_path / "other.json", other)
+    save_html(tmp_path / "a.html", one, ("other", other))
+
+    def check(azimuth, elevation):
+        image = seen(browser, whole=True)
+        half = browser.value("document.querySelector('main').clientWidth") // 2
+        for part, sketch in ((image[:, :half], one), (image[:, half : 2 * half], other)):
+            size = part.shape[0], half
+            cameras = framed(both, azimuth, elevation, size=size)
+            drawn = ds.render(sketch.to(torch.float64), cameras).color[0].float()
+            # The captions lie over the lower edge.
+            assert float((part - drawn)[4:-30, 4:-4].abs().mean()) < CLOSE
+
+    with served(tmp_path / "one.json", beside=tmp_path / "other.json") as server:
+        for address in ((tmp_path / "a.html").as_uri(), server.address):
+            browser.open(address, width=1000)
+            check(30, 20)
+            browser.key("ArrowRight")
+            check(25, 20)
+            assert not browser.errors
+        box = browser.value("(b => [b.x, b.y])(document.querySelector('#other').getBoundingClientRect())")
+        start = (box[0] + 100, box[1] + 100)
+        browser.drag(start, (start[0] + 50, start[1]))
+        check(5, 20)
+        ds.save(tmp_path / "one.json", both)
+        browser.settle("document.querySelectorAll('#strokes li').length === 40")
+        browser.settle()
+        assert not browser.errors
 
 
 def test_a_run_under_way_is_followed(browser, tmp_path):

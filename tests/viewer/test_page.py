@@ -122,6 +122,13 @@ def test_pages_have_z_up_and_no_unit(tmp_path):
     ds.save(tmp_path / "a.json", SKETCH)
     with pytest.raises(ValueError, match="pages show sketches with z up: leave --up out"):
         run_export(tmp_path / "a.json", tmp_path / "a.html", ExportOptions(up="y"), StyleOptions())
+    for beside in (None, tmp_path / "a.json"):
+        with pytest.raises(ValueError, match=r"a \.html file says no unit of length"):
+            run_export(
+                tmp_path / "a.json", tmp_path / "a.html", ExportOptions(unit="mm", beside=beside), StyleOptions()
+            )
+    with pytest.raises(ValueError, match=r"--beside is for \.html files"):
+        run_export(tmp_path / "a.json", tmp_path / "a.obj", ExportOptions(beside=tmp_path / "a.json"), StyleOptions())
     with pytest.raises(ValueError, match=r"a \.html file says no unit of length"):
         run_export(tmp_path / "a.json", tmp_path / "a.html", ExportOptions(unit="mm"), StyleOptions())
     assert not (tmp_path / "a.html").exists()

@@ -15,9 +15,9 @@ FILLED = 0.9
 FOV = 40.0
 
 
-def ball_of(sketch: Sketch) -> tuple[Float[Tensor, " 3"], float]:
+def ball_of(*sketches: Sketch) -> tuple[Float[Tensor, " 3"], float]:
     """Middle and radius, float64, of a ball that holds all control points, and so the strokes; of nothing, 1."""
-    points = sketch.points.detach().to("cpu").flatten(0, 1).double()
+    points = torch.cat([sketch.points.detach().to("cpu").flatten(0, 1).double() for sketch in sketches])
     if not len(points):
         return torch.zeros(3, dtype=torch.float64), 1.0
     middle = (points.amin(0) + points.amax(0)) / 2

@@ -6,6 +6,11 @@ from diff3ds.formats import load
 from diff3ds.sketch import Sketch
 
 
+def name_of(source: Path) -> str:
+    """What a sketch is called: by its file, or by the folder of its run."""
+    return source.resolve().name if source.is_dir() else source.stem
+
+
 def load_sketch(source: Path) -> Sketch:
     """The sketch in a file that `load` reads, or in the sketch.json of a folder that a run wrote.
 

@@ -49,9 +49,14 @@ function refreshChords() {
   const moved = madeFor ? distance(zoom.target, madeFor.target) > 0.2 * camera.distance : true;
   if (!moved && ratio < SPARE && ratio > 1 / SPARE ** 2 && zoom.orthographic === madeFor.orthographic) return;
   madeFor = zoom;
-  const pixels = (middle, radius) => SPARE * pixelsAtMost(camera, size()[1], middle, radius + 0.2 * camera.distance);
-  sketch.chords = chordsOf(sketch, pixels, size()[1]);
+  sketch.chords = chordsFor(sketch);
   drawing.setChords(sketch.chords);
+}
+
+// The chords of a sketch for the present zoom.
+function chordsFor(some) {
+  const pixels = (middle, radius) => SPARE * pixelsAtMost(camera, size()[1], middle, radius + 0.2 * camera.distance);
+  return chordsOf(some, pixels, size()[1]);
 }
 
 // Draws the view anew, more finely with every frame until nothing changes any more.

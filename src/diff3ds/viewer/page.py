@@ -12,8 +12,8 @@ from typing import Any
 # In this order they make one module.
 _EDIT = ("edit_document.js", "edit_strokes.js", "edit_shapes.js", "edit_handles.js", "edit.js", "edit_save.js")
 _SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js", *_EDIT)
-# Behind these, on a page that a server shows, and on one that shows a run.
-_LIVE, _RUN = "live.js", "run.js"
+# Behind these, on a page with two sketches, on one that a server shows, and on one that shows a run.
+_BESIDE, _LIVE, _RUN = "beside.js", "live.js", "run.js"
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,13 @@ class Served:
     run: bool = False
 
 
-def page_text(title: str, sketch: str, start: dict[str, Any], served: Served | None = None) -> str:
+def page_text(
+    title: str,
+    sketch: str,
+    start: dict[str, Any],
+    served: Served | None = None,
+    beside: tuple[str, str] | None = None,
+) -> str:
     """A page that shows a sketch, on its own: it asks for nothing, and scripts that are not its own do not run in it.
 
     Args:
@@ -41,10 +47,11 @@ def page_text(title: str, sketch: str, start: dict[str, Any], served: Served | N
         start: `middle` (3 numbers) and `radius` of a ball around the sketch, world units, and from where it is seen at
             first: `azimuth`, `elevation` and `fov`, degrees, and `filled`, the ball's share of the picture.
         served: of a page that a server shows.
+        beside: title and sketch.json of a second sketch, which is seen by the same camera.
     """
     room = files("diff3ds.viewer")
     style = room.joinpath("page.css").read_text(encoding="utf-8")
-    names, asked = [*_SCRIPTS], ""
+    names, asked = [*_SCRIPTS, *([_BESIDE] if beside else [])], ""
     if served is not None:
         names += [_LIVE, *([_RUN] if served.run else [])]
         asked = "connect-src 'self'; img-src 'self'; " if served.run else "connect-src 'self'; "
@@ -60,11 +67,18 @@ def page_text(title: str, sketch: str, start: dict[str, Any], served: Served | N
         "style": style,
         "script": script,
         "sketch": embedded(sketch),
+        "beside": _second(*beside) if beside else "",
         "start": embedded(json.dumps(start)),
     }
     markup = room.joinpath("page.html").read_text(encoding="utf-8")
     # In one go, so that braces of a title or a sketch stay as they are.
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], markup)
+
+
+def _second(title: str, sketch: str) -> str:
+    """The element with the second sketch."""
+    data = f'{{"title": {json.dumps(title)}, "sketch": {sketch}}}'
+    return f'<script type="application/json" id="beside">{embedded(data)}</script>\n'
 
 
 def embedded(data: str) -> str:

@@ -17,31 +17,42 @@ from diff3ds.viewer.page import Served, page_text
 AZIMUTH, ELEVATION = 30.0, 20.0
 
 
-def save_html(path: str | Path, sketch: Sketch) -> None:
+def save_html(path: str | Path, sketch: Sketch, beside: tuple[str, Sketch] | None = None) -> None:
     """Writes a page that shows the sketch in any browser with WebGL 2, whole or not at all.
+
+    Args:
+        path: the file.
+        sketch: what it shows.
+        beside: title and strokes of a second sketch, which stands beside it and is seen by the same camera.
 
     Raises:
         ValueError: values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
-    write_text(path, sketch_page(path.stem, sketch))
+    write_text(path, sketch_page(path.stem, sketch, beside=beside))
 
 
-def sketch_page(title: str, sketch: Sketch, served: Served | None = None) -> str:
+def sketch_page(
+    title: str, sketch: Sketch, served: Served | None = None, beside: tuple[str, Sketch] | None = None
+) -> str:
     """The text of such a page.
 
     Args:
         title: of the page.
         sketch: what it shows.
         served: of a page that a server shows.
+        beside: title and strokes of a second sketch.
     """
-    return page_text(title, json_text(sketch), start_of(sketch), served)
+    if beside is None:
+        return page_text(title, json_text(sketch), start_of(sketch), served)
+    other = beside[0], json_text(beside[1])
+    return page_text(title, json_text(sketch), start_of(sketch, beside[1]), served, other)
 
 
-def start_of(sketch: Sketch) -> dict[str, Any]:
-    """From where such a page shows a sketch at first, as `page_text` wants it."""
-    middle, radius = ball_of(sketch)
+def start_of(*sketches: Sketch) -> dict[str, Any]:
+    """From where such a page shows sketches at first, as `page_text` wants it."""
+    middle, radius = ball_of(*sketches)
     return {
         "middle": middle.tolist(),
         "radius": radius,

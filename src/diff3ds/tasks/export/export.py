@@ -5,12 +5,12 @@ from pathlib import Path
 import torch
 
 from diff3ds._files import write_text
-from diff3ds.formats import PICTURES, save, save_dxf, save_glb
+from diff3ds.formats import PICTURES, save, save_dxf, save_glb, save_html
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.render.options import PictureOptions, ViewOptions
 from diff3ds.tasks.render.render_views import views_of
-from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 
@@ -39,11 +39,15 @@ def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOp
         raise ValueError(f"{file}: GLB files have y up by themselves: leave --up out")
     if options.up == "y" and file.suffix.lower() == ".html":
         raise ValueError(f"{file}: pages show sketches with z up: leave --up out")
-    sketch = load_sketch(source)
-    if options.scale != 1 or options.up != "z":
-        sketch = sketch.transform(_placement(options).to(sketch.points))
+    if options.beside is not None and file.suffix.lower() != ".html":
+        raise ValueError(f"{file}: --beside is for .html files")
+    sketch = _placed(load_sketch(source), options)
     if styles.style is not None:
         write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
+    elif options.beside is not None:
+        if options.unit is not None:
+            raise ValueError(f"{file}: a .html file says no unit of length: leave --unit out")
+        save_html(file, sketch, (name_of(options.beside), _placed(load_sketch(options.beside), options)))
     elif options.dxf_polylines:
         save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
     elif options.lines:
@@ -51,6 +55,12 @@ def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOp
     else:
         save(file, sketch, unit=options.unit)
     return sketch
+
+
+def _placed(sketch: Sketch, options: ExportOptions) -> Sketch:
+    if options.scale == 1 and options.up == "z":
+        return sketch
+    return sketch.transform(_placement(options).to(sketch.points))
 
 
 def _placement(options: ExportOptions) -> torch.Tensor:

@@ -1,6 +1,7 @@
 """Options of `diff3ds export`."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from diff3ds._settings import require_finite
@@ -16,6 +17,7 @@ class ExportOptions:
             in STEP, DXF and 3DM, m in GLB and USD.
         scale: how many of these units a world unit of the sketch becomes.
         up: the axis of the file that points up; sketches have z up. GLB files have y up by themselves.
+        beside: a second sketch (a file, or the folder of a run) on an .html page, seen by the same camera.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
         lines: strokes of a GLB file as lines in place of tubes.
     """
@@ -23,6 +25,7 @@ class ExportOptions:
     unit: Unit | None = None
     scale: float = 1.0
     up: Literal["z", "y"] = "z"
+    beside: Path | None = None
     dxf_polylines: bool = False
     lines: bool = False
 

@@ -21,7 +21,7 @@ import torch
 from diff3ds.formats.scenes.html import sketch_page, start_of
 from diff3ds.formats.sketch_json import json_text
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.view import saving
 from diff3ds.tasks.view.run_folder import picture_in, told_by
 from diff3ds.viewer.page import Served
@@ -46,7 +46,12 @@ HEADERS = {
 
 
 def run_view(
-    source: Path, port: int, opened: bool, show: Callable[[str], None], say: Callable[[str], None] = lambda line: None
+    source: Path,
+    port: int,
+    opened: bool,
+    show: Callable[[str], None],
+    say: Callable[[str], None] = lambda line: None,
+    beside: Path | None = None,
 ) -> None:
     """Shows a sketch until Ctrl-C.
 
@@ -56,11 +61,12 @@ def run_view(
         opened: whether the browser of this machine is told to open it.
         show: told the address.
         say: told how to end, and what is wrong with a file that has changed.
+        beside: a file with a second sketch, or the folder of a run, which is seen by the same camera.
 
     Raises:
         ValueError, OSError, ImportError: as `load_sketch`; a port that is taken or none.
     """
-    with server_of(source, port, say) as server:
+    with server_of(source, port, say, beside=beside) as server:
         show(server.address)
         say("Ctrl-C ends it")
         if opened:
@@ -119,11 +125,14 @@ def shown_meanwhile(out: Path, show: Callable[[str], None], say: Callable[[str],
             thread.join()
 
 
-def server_of(source: Path, port: int, say: Callable[[str], None], waits: bool = False) -> PageServer:
+def server_of(
+    source: Path, port: int, say: Callable[[str], None], waits: bool = False, beside: Path | None = None
+) -> PageServer:
     """The server of a sketch, which listens but does not answer yet.
 
     Args:
         waits: `source` is the folder of a run that has not begun: its page is empty before there are strokes.
+        beside: as of `run_view`.
 
     Raises:
         ValueError, OSError, ImportError: as `run_view`.
@@ -131,8 +140,10 @@ def server_of(source: Path, port: int, say: Callable[[str], None], waits: bool =
     if not 0 <= port <= 65535:
         raise ValueError(f"port must be from 0 to 65535, got {port}")
     # What cannot be shown is said before anything listens.
-    page = _Page(source, say, waits)
-    page.now()
+    for path in [] if waits else [source, *([] if beside is None else [beside])]:
+        load_sketch(path)
+    page = _Page(source, say, waits, None if beside is None else _Page(beside, say))
+    page.text()
     try:
         return PageServer(page, port)
     except OSError as error:
@@ -142,13 +153,20 @@ def server_of(source: Path, port: int, say: Callable[[str], None], waits: bool =
 class _Page:
     """The page of a file, made anew when that changes; of a file that has become no sketch, the one before."""
 
-    def __init__(self, source: Path, say: Callable[[str], None], waits: bool) -> None:
-        self.source, self.say, self.waits = source, say, waits
+    def __init__(
+        self, source: Path, say: Callable[[str], None], waits: bool = False, beside: "_Page | None" = None
+    ) -> None:
+        self.source, self.say, self.waits, self.beside = source, say, waits, beside
         self.is_run = waits or source.is_dir()
         self.lock = Lock()
         self.read: tuple[str, Sketch] | None = None
         self.seen = ""
         self.refused = ""
+
+    @property
+    def title(self) -> str:
+        """What the page calls the sketch."""
+        return self.source.resolve().name if self.is_run else name_of(self.source)
 
     def version(self) -> str:
         """Says which state of the file the page shows, after a look at it."""
@@ -161,13 +179,14 @@ class _Page:
             ValueError, OSError, ImportError: as `now`.
         """
         version, sketch = self.now()
-        title = self.source.resolve().name if self.is_run else self.source.stem
-        return sketch_page(title, sketch, Served(version, run=self.is_run))
+        other = None if self.beside is None else (self.beside.title, self.beside.now()[1])
+        return sketch_page(self.title, sketch, Served(version, run=self.is_run), other)
 
     def sketch(self) -> str:
         """What a page shows another state of the file by, as JSON."""
         version, sketch = self.now()
-        start = {**start_of(sketch), "version": version, "page": ""}
+        sketches = [sketch] if self.beside is None else [sketch, self.beside.now()[1]]
+        start = {**start_of(*sketches), "version": version, "page": ""}
         return f'{{"page": "", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}}}'
 
     @property
