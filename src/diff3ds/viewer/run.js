@@ -16,7 +16,7 @@ function made(tag, attributes = {}, ...children) {
 const panel = {
   state: made("p"),
   bar: made("progress", { "aria-label": "Steps of this stage" }),
-  curve: document.createElementNS("http://www.w3.org/2000/svg", "svg"),
+  curve: svgElement("svg", { role: "img", viewBox: `0 0 ${CURVE_WIDTH} ${CURVE_HEIGHT}` }),
   loss: made("p"),
   pictures: made("div", { id: "pictures", role: "group", "aria-label": "Pictures of the run" }),
   log: made("pre", { tabindex: "0", "aria-label": "Log" }),
@@ -25,9 +25,7 @@ const panel = {
 
 function layOut() {
   const { state, bar, curve, loss, pictures, log, large } = panel;
-  curve.setAttribute("viewBox", `0 0 ${CURVE_WIDTH} ${CURVE_HEIGHT}`);
-  curve.setAttribute("role", "img");
-  curve.append(document.createElementNS(curve.namespaceURI, "polyline"));
+  curve.append(svgElement("polyline", {}));
   const told = made("details", {}, made("summary", {}, "Log"), log);
   const run = made("section", { id: "run", "aria-label": "Run" }, state, bar, curve, loss, pictures, told);
   document.getElementById("head").before(run);
