@@ -83,7 +83,8 @@ def runs(kind: str, seed: int) -> dict[str, ds.Sketch]:
         with tempfile.TemporaryDirectory() as folder:
             spec = with_options(RunSpec(Phrase(phrase)), prior="exemplar", seed=seed, sheet_every=0, redraw=redraw)
             found[name] = run_text(spec, Path(folder) / "run")
-    found["member"] = join_smooth(nearest_member(found["descent"], exemplars_of(phrase, seed).meant))
+    meant = exemplars_of(phrase, seed).meant
+    found["member"] = join_smooth(meant[nearest_member(found["descent"], meant)])
     return found
 
 

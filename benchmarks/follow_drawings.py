@@ -62,7 +62,7 @@ def main() -> None:
         picture = drawn(drawing.lines)
         lines = lines_of(read_reference(picture_of_array(picture)))
         found = seen_as(lines, drawing.kind)
-        members = alike(lines, found.kind, found.attributes, found.camera, FITTING)
+        members = [m.sketch for m in alike(lines, found.kind, found.attributes, found.camera, FITTING)]
         placed = placed_over(lines, members[0], found.camera)
         bent = [bent_to(member, placed, CATEGORIES[drawing.kind].mirror == "y") for member in members]
         best = min(bent, key=lambda member: gap(lines, member, found.camera))

@@ -18,7 +18,7 @@ from other_drawings import SHAPES, SIZE, depth_behind, shape_drawing, slabs_of, 
 @pytest.fixture(scope="module")
 def cube() -> Sketch:
     """The edges of a cube of side 1."""
-    strokes = box((0, 0, 0), (1, 1, 1))
+    strokes = box((0, 0, 0), (1, 1, 1)).strokes
     return Sketch((strokes[..., :3] / strokes[..., 3:]).float(), strokes[..., 3].float())
 
 

@@ -53,6 +53,22 @@ def test_no_file_is_left_off_the_list():
     assert found == {id(category) for category in CATEGORIES.values()}
 
 
+def test_faces_lie_in_the_frame_of_the_strokes():
+    """Of a house all corners of the body are ends of strokes; of most kinds something is solid."""
+    one = drawn("house")
+    ends = one.sketch.points[:, [0, 3]].double().reshape(-1, 3)
+    assert float(torch.cdist(one.faces.reshape(-1, 3), ends).amin(1).max()) < 1e-6
+    assert sum(len(drawn(name).solids) > 0 for name in CATEGORIES) >= 45
+    assert not len(drawn("scissors").faces)
+
+
+@sweep(("name", "attributes"), ONE_EACH)
+def test_faces_are_no_larger_than_the_thing(name, attributes):
+    faces = drawn(name, attributes).faces
+    assert bool(faces.isfinite().all())
+    assert not len(faces) or float(faces.norm(dim=-1).max()) < 1.0
+
+
 @sweep(("name", "attributes"), ONE_EACH)
 def test_members_fill_the_unit_ball(name, attributes):
     for seed in SEEDS:

@@ -16,11 +16,13 @@ ANGLES = st.floats(-720, 720)
 
 def on(strokes):
     """Points along the strokes, (N, 21, 3)."""
+    strokes = strokes.strokes
     return evaluate(strokes[..., :3] / strokes[..., 3:], strokes[..., 3].contiguous(), T)
 
 
 def ends(strokes):
     """Start and end points, (N, 2, 3)."""
+    strokes = strokes.strokes
     points = strokes[..., :3] / strokes[..., 3:]
     return points[:, [0, 3]]
 
@@ -29,7 +31,7 @@ def ends(strokes):
 def test_arcs_of_circles_are_exact(start, span, radius):
     arc = shapes.ring((0.5, -1.0, 2.0), radius, "z", start, start + span)
     assert len(arc) == math.ceil((start + span - start) / 180)
-    assert bool((arc[..., 3] > 0).all())
+    assert bool((arc.strokes[..., 3] > 0).all())
     center = torch.tensor([0.5, -1.0, 2.0], dtype=torch.float64)
     torch.testing.assert_close(
         (on(arc) - center).norm(dim=-1), torch.full((len(arc), 21), radius, dtype=torch.float64), rtol=1e-12, atol=1e-12
@@ -86,7 +88,7 @@ def test_smooth_passes_through_its_points_without_a_kink(closed):
     strokes = shapes.smooth(*through.tolist(), closed=closed)
     assert len(strokes) == (4 if closed else 3)
     torch.testing.assert_close(ends(strokes)[:, 0], through[: len(strokes)])
-    points = strokes[..., :3]
+    points = strokes.strokes[..., :3]
     leaving, arriving = points[:, 1] - points[:, 0], points[:, 3] - points[:, 2]
     torch.testing.assert_close(leaving[1:], arriving[:-1])
     if closed:
@@ -121,3 +123,68 @@ def test_circles_stay_exact_when_stretched_and_moved():
     equation = (points[..., 0] / 2) ** 2 + points[..., 1] ** 2
     torch.testing.assert_close(equation, torch.ones_like(equation), rtol=0, atol=1e-12)
     torch.testing.assert_close(points[..., 2], torch.full((2, 21), 4).double())
+
+
+def volume(part):
+    """What the faces enclose: negative if they are clockwise seen from outside."""
+    a, b, c = part.faces.unbind(1)
+    return float((a * torch.linalg.cross(b, c)).sum() / 6)
+
+
+def test_boxes_lathes_and_prisms_are_solid_and_wires_are_not():
+    square = shapes.rectangle((0, 0, 0), (2, 3))
+    assert volume(shapes.box((1, 2, 3), (2, 4, 6))) == pytest.approx(48)
+    assert volume(shapes.extrude(square, (0, 0, 5))) == pytest.approx(30)
+    cylinder = shapes.lathe(shapes.line((2, 0, 0), (2, 0, 3)), [(2, 0), (2, 3)])
+    # A polygon of 48 sides instead of a circle.
+    assert volume(cylinder) == pytest.approx(48 / 2 * math.sin(math.tau / 48) * 4 * 3)
+    cone = shapes.lathe(shapes.join(shapes.line((2, 0, 0), (1, 0, 1)), shapes.line((1, 0, 1), (0, 0, 2))), [])
+    assert volume(cone) == pytest.approx(48 / 2 * math.sin(math.tau / 48) * (7 / 3 + 1 / 3), rel=1e-12)
+    assert volume(shapes.ball((1, 0, 0), (1, 2, 3))) == pytest.approx(8 * math.pi, rel=0.01)
+    for wire in (square, shapes.polyline((0, 0, 0), (1, 0, 0)), shapes.ring((0, 0, 0), 1.0)):
+        assert not len(wire.faces)
+
+
+def test_open_lathes_have_no_lids():
+    wall = shapes.line((2, 0, 0), (2, 0, 3))
+    closed, looked_into = shapes.lathe(wall, []), shapes.lathe(wall, [], open=True)
+    assert len(closed.faces) - len(looked_into.faces) == 2 * 48
+    assert bool((looked_into.faces[..., :2].norm(dim=-1) > 1.9).all())
+
+
+def test_faces_go_where_strokes_go_and_stay_turned_outwards():
+    box = shapes.box((1, 2, 3), (2, 4, 6))
+    for moved, size in (
+        (shapes.move(box, (5, 0, 0)), 48),
+        (shapes.stretch(box, (2, 1, 0.5)), 48),
+        (shapes.stretch(box, (2, 3, 1)), 288),
+        (shapes.turn(box, 33, "x", (1, 0, 0)), 48),
+        (shapes.reflect(box), 48),
+        (shapes.mirror(box, "x", "y"), 192),
+        (shapes.around(box, 3), 144),
+    ):
+        assert volume(moved) == pytest.approx(size)
+        corners = ends(moved).reshape(-1, 3)
+        torch.testing.assert_close(moved.faces.reshape(-1, 3).amin(0), corners.amin(0))
+        torch.testing.assert_close(moved.faces.reshape(-1, 3).amax(0), corners.amax(0))
+    assert not len(box[:4].faces)
+
+
+@pytest.mark.parametrize("turned", [0, 40, 90])
+def test_outlines_that_are_not_convex_are_filled(turned):
+    """An L of area 3 in any plane, in either sense."""
+    corners = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (1, 2, 0), (0, 2, 0)]
+    for points in (corners, corners[::-1]):
+        face = shapes.turn(shapes.filled(shapes.polyline(*points, closed=True)), turned, "x").faces
+        a, b, c = face.unbind(1)
+        assert float(torch.linalg.cross(b - a, c - a).norm(dim=1).sum() / 2) == pytest.approx(3)
+        assert len(face) == 4
+
+
+def test_flesh_reaches_from_one_side_to_the_other():
+    """Between two parallel lines, as wide as they are apart: a cylinder."""
+    body = shapes.flesh(shapes.line((0, 0, 1), (5, 0, 1)), shapes.line((0, 0, -1), (5, 0, -1)), 1.0)
+    assert volume(body) == pytest.approx(48 / 2 * math.sin(math.tau / 48) * 5)
+    thin = shapes.flesh(shapes.line((0, 0, 1), (5, 0, 1)), shapes.line((0, 0, -1), (5, 0, -1)), 0.5, 0.5)
+    assert volume(thin) == pytest.approx(volume(body) / 2)
+    assert not len(body)

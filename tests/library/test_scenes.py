@@ -275,3 +275,14 @@ def test_chairs_around_a_table_face_it() -> None:
 )
 def test_each_of_several_is_said_in_words_of_its_own(phrase, each):
     assert [thing.one for thing in parse_scene(phrase).things] == each
+
+
+def test_faces_stand_where_the_things_stand() -> None:
+    """A box of faces around each thing lies around its strokes, wherever that is placed, as large and as turned."""
+    scene = parse_scene("two chairs around a table")
+    generator = torch.Generator().manual_seed(0)
+    sketches = [member(thing.request.category, generator).sketch for thing in scene.things]
+    ends = [sketch.points[:, [0, 1, 3]].double() for sketch in sketches]
+    whole, faces = arranged_solids(scene, sketches, ends)
+    torch.testing.assert_close(faces.float(), whole.points[:, [0, 1, 3]], atol=1e-5, rtol=0)
+    torch.testing.assert_close(whole.points, arranged(scene, sketches).points)

@@ -11,7 +11,7 @@ import diff3ds as ds
 from diff3ds.library import member
 from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.poses import PlacedLines, cameras_at
-from diff3ds.tasks.text_image.bend import bent_to, seen_by
+from diff3ds.tasks.text_image.bend import bend_to, bent_to, seen_by
 
 CAMERA = cameras_at([(35.0, 15.0)])
 
@@ -83,3 +83,12 @@ def test_both_sides_stay_alike_straight_lines_straight_and_ends_together():
     meet = torch.cdist(before, before) < 1e-6
     assert int(meet.sum()) > len(ends)
     assert float(torch.cdist(ends, ends)[meet].max()) < 1e-5
+
+
+def test_a_bend_takes_points_where_it_takes_the_control_points_of_strokes():
+    sketch = drawn("mug")
+    bend = bend_to(sketch, lines_of(replace(sketch, points=sketch.points * torch.tensor([1.0, 0.85, 1.2]))), True)
+    bent = bend.sketch(sketch)
+    assert float((bent.points - sketch.points).abs().max()) > 0.05
+    # Ends of strokes are control points, of straight ones too.
+    torch.testing.assert_close(bend.places(sketch.points[:, [0, 3]]).float(), bent.points[:, [0, 3]])

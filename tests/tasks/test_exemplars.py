@@ -48,6 +48,18 @@ def test_what_is_asked_for_fills_the_unit_ball(asked):
     assert 0.93 < float(points.norm(dim=1).max()) < 0.97
 
 
+def test_faces_go_with_the_strokes_of_what_is_asked_for():
+    """A box has its corners where the strokes of its edges end, however it is stretched and repeated."""
+    known = exemplars_of(Request("present", count=2, stretch=(1.0, 1.0, 1.5)), seed=0)
+    for sketch, made in zip(known.meant, known.faces, strict=True):
+        corners = {tuple(round(x, 3) for x in point) for point in made().reshape(-1, 3).tolist()}
+        ends = {
+            tuple(round(x, 3) for x in point) for point in sketch.points[:, [0, 3]].double().reshape(-1, 3).tolist()
+        }
+        assert len(corners) >= 16
+        assert corners <= ends
+
+
 def test_several_things_stand_in_a_row_apart():
     generator = torch.Generator
     one = requested(Request("bottle"), generator().manual_seed(2))

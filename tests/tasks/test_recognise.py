@@ -161,7 +161,7 @@ def test_members_like_the_picture_are_of_its_proportions(tmp_path):
     sketch = drawn("table", seed=17)
     lines = lines_in(pictured(tmp_path / "a.png", sketch, 30.0, 15.0))
     found = seen_as(lines, "table")
-    assert any(torch.equal(one.points, sketch.points) for one in alike(lines, "table", (), found.camera, 3))
+    assert any(torch.equal(one.sketch.points, sketch.points) for one in alike(lines, "table", (), found.camera, 3))
 
 
 def test_lines_are_drawn_where_the_camera_sees_them(tmp_path):

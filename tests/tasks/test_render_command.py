@@ -11,6 +11,7 @@ from PIL import Image
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.formats.framing import ball_of, framed
+from diff3ds.formats.mesh import save_surface
 from diff3ds.tasks.render import blender_engine
 from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions, parse_size
 from diff3ds.tasks.render.render_views import run_render
@@ -222,11 +223,32 @@ def test_double_precision_is_drawn_over_any_background(tmp_path):
     assert drawn(tmp_path / "double.json", tmp_path / "a.png", "--background", "1,0,0")[0, 0].tolist() == [255, 0, 0]
 
 
+@needs("trimesh")
+def test_the_surface_of_a_run_hides_lines_when_asked(source, tmp_path, capsys):
+    """A folder with the wall as its surface: without --hidden it hides nothing, from the other side neither."""
+    with pytest.raises(SystemExit):
+        drawn(tmp_path, tmp_path / "a.png", "--hidden", "drop")
+    assert "has no surface.glb" in capsys.readouterr().err
+    corners = np.array([[0.5, -2, -2], [0.5, 2, -2], [0.5, 2, 2], [0.5, -2, 2]])
+    save_surface(tmp_path / "surface.glb", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    view = ("--azimuth", 10, "--elevation", 0)
+    whole, seen, behind = (
+        (drawn(tmp_path, tmp_path / "b.png", *options) < 128).any(2).sum()
+        for options in (
+            view,
+            (*view, "--hidden", "drop", "--no-contours"),
+            ("--azimuth", 190, "--elevation", 0, "--hidden", "drop", "--no-contours"),
+        )
+    )
+    assert 0 < seen < 0.3 * whole and behind > 0.8 * whole
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (["--hidden", "faint"], "give a --surface with --hidden"),
-        (["--no-contours"], "give a --surface with --no-contours"),
+        (["--no-contours"], "give a --surface, or --hidden for that of a run, with --no-contours"),
+        (["--surface-up", "y"], "give a --surface with --surface-up"),
         (["--surface", "none.obj", "--engine", "blender"], "in pictures by the kernels"),
     ],
 )

@@ -37,6 +37,22 @@ def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     assert info["options"]["phrase"] == PHRASE
     assert len(info["things"]) == 3
     assert torch.equal(load(tmp_path / "run/sketch.json").points, sketch.points)
+    # What is not drawn again as a member has no surface.
+    assert not (tmp_path / "run/surface.glb").exists()
+
+
+@needs("trimesh")
+def test_what_is_drawn_again_as_members_has_their_surface(tmp_path) -> None:
+    """Boxes have corners where their strokes end, in the scene as in the things; a run over it leaves none."""
+    drawn_again = replace(spec("a present on a house"), descent=DescentOptions(steps=30))
+    sketch = run_text(drawn_again, tmp_path / "run")
+    for folder in (tmp_path / "run", *(tmp_path / "run/things").iterdir()):
+        surface, ends = load_surface(folder / "surface.glb"), load(folder / "sketch.json").points[:, [0, 3]]
+        away = torch.cdist(torch.from_numpy(surface.vertices).float(), ends.reshape(-1, 3)).amin(1)
+        assert float(away.median()) < 1e-3
+    assert float(sketch.points.norm(dim=-1).max()) < 1
+    run_text(replace(spec("a house"), output=OutputOptions(sheet_every=0, overwrite=True)), tmp_path / "run")
+    assert not (tmp_path / "run/surface.glb").exists()
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Int
+from diff3ds.formats.gltf import FLOAT, INDICES, UINT32, VERTICES, one_scene, packed
 
 MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
 # Formats that define which axis points up: their meshes come with z up.
@@ -108,12 +109,19 @@ def save_surface(
     """Writes a mesh with z up and x in front as a GLB file, whole or not at all; numbers become float32.
 
     Raises:
-        ImportError: the extra `mesh` is not installed.
         OSError: the file cannot be written.
     """
-    if importlib.util.find_spec("trimesh") is None:
-        raise ImportError(f"{path}: writing meshes takes trimesh: install it with pip install 'diff3ds[mesh]'")
-    import trimesh
-
-    mesh = trimesh.Trimesh(vertices[:, [1, 2, 0]], faces, process=False)
-    write_bytes(Path(path), mesh.export(file_type="glb"))
+    points, corners = vertices[:, [1, 2, 0]].astype("<f4"), faces.astype("<u4")
+    views = [
+        {"buffer": 0, "byteOffset": 0, "byteLength": points.nbytes, "target": VERTICES},
+        {"buffer": 0, "byteOffset": points.nbytes, "byteLength": corners.nbytes, "target": INDICES},
+    ]
+    bounds = {"min": points.min(0).tolist(), "max": points.max(0).tolist()}
+    accessors = [
+        {"bufferView": 0, "componentType": FLOAT, "count": len(points), "type": "VEC3", **bounds},
+        {"bufferView": 1, "componentType": UINT32, "count": corners.size, "type": "SCALAR"},
+    ]
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1}
+    scene = one_scene([{"name": "surface", "mesh": 0}], [{"name": "surface", "primitives": [primitive]}])
+    buffer = points.tobytes() + corners.tobytes()
+    write_bytes(Path(path), packed({**scene, "accessors": accessors, "bufferViews": views}, buffer))

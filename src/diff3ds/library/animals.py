@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 
-from diff3ds.library.shapes import Strokes, curve, ellipse, join, line, mirror, ring
+from diff3ds.library.shapes import Part, curve, ellipse, join, line, mirror, ring
 
 # (x, z), as one sees it from the side.
 Point = Sequence[float]
 
 
-def legs(
-    front: Point, back: Point, foot: float, half: float, y: float, bend: float = 0.0, thick: float = 0.05
-) -> Strokes:
+def legs(front: Point, back: Point, foot: float, half: float, y: float, bend: float = 0.0, thick: float = 0.05) -> Part:
     """A pair of legs, left and right: two edges from the body down to a foot on the ground z = 0.
 
     Args:
@@ -23,7 +21,7 @@ def legs(
         thick: the front edge lies farther outside by this, the back edge farther inside, to be seen apart from ahead.
     """
 
-    def edge(top: Point, end: float, side: float) -> Strokes:
+    def edge(top: Point, end: float, side: float) -> Part:
         x, z = top
         return curve((x, side, z), ((x + end) / 2 + bend, side, 0.6 * z), (end - bend, side, 0.4 * z), (end, side, 0))
 
@@ -32,11 +30,11 @@ def legs(
     return mirror(join(edges, line((toe, y + thick, 0), (heel, y - thick, 0))))
 
 
-def girth(middle: Point, wide: float, high: float) -> Strokes:
+def girth(middle: Point, wide: float, high: float) -> Part:
     """A body's section across: an ellipse with these half axes."""
     return ellipse((middle[0], 0, middle[1]), (0, wide, 0), (0, 0, high))
 
 
-def eyes(x: float, y: float, z: float, radius: float, axis: str = "y") -> Strokes:
+def eyes(x: float, y: float, z: float, radius: float, axis: str = "y") -> Part:
     """One on each side of the head, facing along an axis."""
     return mirror(ring((x, y, z), radius, axis))

@@ -5,12 +5,12 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from diff3ds.library.shapes import Strokes
+from diff3ds.library.shapes import Part
 
 # From a source of proportions, `vary(low, high)`, and the names of the member's attributes to its strokes, of any size
 # and anywhere; x points to the front, z up.
 Vary = Callable[[float, float], float]
-Make = Callable[[Vary, Collection[str]], Sequence[Strokes]]
+Make = Callable[[Vary, Collection[str]], Sequence[Part]]
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from diff3ds._shapes import Tensor
+from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.faces import Faces
 from diff3ds.library.members import RADIUS
 from diff3ds.library.scene import Relation, Scene
 from diff3ds.sketch import Sketch
@@ -33,10 +34,11 @@ SIDES = {"in front of": (1, 0), "behind": (-1, 0), "right of": (0, 1), "left of"
 
 @dataclass
 class _Placed:
-    """A sketch of a category at its place."""
+    """A sketch of a category at its place, with the faces of its solid parts."""
 
     sketch: Sketch
     category: str
+    faces: Faces
 
     def __post_init__(self) -> None:
         points = evaluate(self.sketch.points, self.sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
@@ -60,17 +62,22 @@ class _Placed:
     def at(self, x: float, y: float, bottom: float) -> "_Placed":
         """The same with the middle of its footprint there."""
         offset = torch.tensor([x - float(self.middle[0]), y - float(self.middle[1]), bottom - float(self.low[2])])
-        return _Placed(replace(self.sketch, points=self.sketch.points + offset.to(self.sketch.points)), self.category)
+        return self._mapped(lambda points: points + offset.to(points))
 
     def scaled(self, factor: float) -> "_Placed":
         """Larger or smaller."""
-        return _Placed(replace(self.sketch, points=self.sketch.points * factor), self.category)
+        return self._mapped(lambda points: points * factor)
 
     def turned(self, degrees: float) -> "_Placed":
         """About the vertical."""
         c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        turn = torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).to(self.sketch.points)
-        return _Placed(replace(self.sketch, points=self.sketch.points @ turn.T), self.category)
+        turn = torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return self._mapped(lambda points: points @ turn.to(points).T)
+
+    def _mapped(self, place: Callable[[Tensor], Tensor]) -> "_Placed":
+        """All of it after an affine map."""
+        moved = replace(self.sketch, points=place(self.sketch.points))
+        return _Placed(moved, self.category, place(self.faces))
 
 
 def arranged(scene: Scene, sketches: Sequence[Sketch]) -> Sketch:
@@ -79,7 +86,17 @@ def arranged(scene: Scene, sketches: Sequence[Sketch]) -> Sketch:
     Args:
         sketches: of each of its things one, the front on +x, of any size.
     """
-    parts = _real_sizes(scene, sketches)
+    return arranged_solids(scene, sketches, [torch.zeros(0, 3, 3, dtype=torch.float64)] * len(sketches))[0]
+
+
+def arranged_solids(scene: Scene, sketches: Sequence[Sketch], faces: Sequence[Faces]) -> tuple[Sketch, Faces]:
+    """The scene as one sketch in the unit ball, as members are, and the faces of all things in it.
+
+    Args:
+        sketches: of each of its things one, the front on +x, of any size.
+        faces: of each of its things, in the frame of its sketch.
+    """
+    parts = _real_sizes(scene, sketches, faces)
     standing: list[list[_Placed]] = [[] for _ in scene.things]
     for number in _free(scene):
         _beside(standing, number, [parts[number]] * scene.things[number].count)
@@ -90,26 +107,29 @@ def arranged(scene: Scene, sketches: Sequence[Sketch]) -> Sketch:
             together = [number for number in alike if not standing[number]]
             copies = {number: [parts[number]] * scene.things[number].count for number in together}
             _place(standing, relation, copies)
-    return in_ball(Sketch.concatenate([one.sketch for group in standing for one in group]))
+    there = [one for group in standing for one in group]
+    whole = Sketch.concatenate([one.sketch for one in there])
+    middle, scale = frame_of(whole)
+    solid = torch.cat([one.faces for one in there])
+    return replace(whole, points=(whole.points - middle) * scale), (solid - middle) * scale
 
 
-def in_ball(sketch: Sketch) -> Sketch:
-    """Moves a sketch to the middle of the unit ball and makes it as large as that allows."""
+def frame_of(sketch: Sketch) -> tuple[Float[Tensor, " 3"], Float[Tensor, ""]]:
+    """What of a sketch's points is subtracted, and the rest multiplied by, that it fills the unit ball."""
     points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES)).reshape(-1, 3)
     middle = (points.amin(0) + points.amax(0)) / 2
-    scale = RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
-    return replace(sketch, points=(sketch.points - middle) * scale)
+    return middle, RADIUS / torch.linalg.vector_norm(points - middle, dim=1).max()
 
 
-def _real_sizes(scene: Scene, sketches: Sequence[Sketch]) -> list[_Placed]:
+def _real_sizes(scene: Scene, sketches: Sequence[Sketch], faces: Sequence[Faces]) -> list[_Placed]:
     """Each thing as large as it is, in metres, but none too small to be seen."""
     metres = []
     for thing in scene.things:
         said = [SAID_SIZES[word] for word in thing.request.ignored if word in SAID_SIZES]
         metres.append(CATEGORIES[thing.request.category].metres * math.prod(said))
     found = []
-    for thing, sketch, size in zip(scene.things, sketches, metres, strict=True):
-        placed = _Placed(sketch, thing.request.category)
+    for thing, sketch, solid, size in zip(scene.things, sketches, faces, metres, strict=True):
+        placed = _Placed(sketch, thing.request.category, solid)
         found.append(placed.scaled(max(size, LEAST * max(metres)) / float(placed.size.max())))
     return found
 

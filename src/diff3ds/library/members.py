@@ -3,13 +3,16 @@
 import difflib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 
 from diff3ds._checks import check_generator
+from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
+from diff3ds.library.faces import Faces, Solid
 from diff3ds.library.shapes import Strokes, join
 from diff3ds.sketch import Sketch
 
@@ -30,12 +33,19 @@ class Member:
         category: name of what it is.
         attributes: names of what it has, in the category's order.
         captions: ways to call it, the usual one first.
+        solids: what of it hides things that lie behind it.
     """
 
     sketch: Sketch
     category: str
     attributes: tuple[str, ...]
     captions: tuple[str, ...]
+    solids: tuple[Solid, ...] = ()
+
+    @cached_property
+    def faces(self) -> Faces:
+        """The triangles of its solid parts, in the frame of the sketch; none if all of it is wires."""
+        return torch.cat([torch.zeros(0, 3, 3, dtype=torch.float64), *(solid.faces for solid in self.solids)])
 
     @property
     def caption(self) -> str:
@@ -58,7 +68,13 @@ def member(category: str, generator: torch.Generator, attributes: Collection[str
     def vary(low: float, high: float) -> float:
         return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
 
-    return Member(fill_ball(join(*kind.make(vary, names))), kind.name, names, kind.captions(names))
+    made = join(*kind.make(vary, names))
+    center, scale = _ball_around(made.strokes)
+    matrix = torch.eye(4, dtype=torch.float64) * scale
+    matrix[:3, 3] = -scale * center
+    matrix[3, 3] = 1
+    solids = tuple(solid.moved(matrix) for solid in made.solids)
+    return Member(fill_ball(made.strokes), kind.name, names, kind.captions(names), solids)
 
 
 def _find(category: str) -> Category:
@@ -94,8 +110,14 @@ def fill_ball(strokes: Strokes) -> Sketch:
         ValueError: they have no size.
     """
     weights = strokes[..., 3]
+    center, scale = _ball_around(strokes)
+    return Sketch(((strokes[..., :3] / weights[..., None] - center) * scale).float(), weights.float())
+
+
+def _ball_around(strokes: Strokes) -> tuple[Float[Tensor, " 3"], Tensor]:
+    """The middle of the bounding box, and what makes the farthest point lie `RADIUS` away from it."""
+    weights = strokes[..., 3]
     points = strokes[..., :3] / weights[..., None]
     on = evaluate(points, weights, torch.linspace(0, 1, _SAMPLES, dtype=torch.float64)).flatten(0, 1)
     center = (on.amin(0) + on.amax(0)) / 2
-    scale = RADIUS / torch.linalg.vector_norm(on - center, dim=1).max()
-    return Sketch(((points - center) * scale).float(), weights.float())
+    return center, RADIUS / torch.linalg.vector_norm(on - center, dim=1).max()

@@ -1,19 +1,22 @@
-"""Lines, circles, boxes and turned profiles: the strokes that the categories are put together from.
+"""Lines, circles, boxes and turned profiles: the parts that the categories are put together from.
 
-Strokes here are float64 tensors (N, 4, 4): N cubics of four homogeneous control points (w x, w y, w z, w), so that one
-matrix moves, turns, stretches or mirrors them and circles stay exact. Axes: x to the front, y to the right of someone
-who looks at the front, z up. Angles are in degrees.
+A part is strokes, and the faces between them where it is solid. One matrix moves, turns, stretches or mirrors both, and
+circles stay exact. Axes: x to the front, y to the right of someone who looks at the front, z up. Angles are in degrees.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import catmull_rom
+from diff3ds.library import faces
+from diff3ds.library.faces import Faces, Solid
 
-# Any number of strokes.
+# Any number of cubics, float64: four homogeneous control points (w x, w y, w z, w) each.
 Strokes = Float[Tensor, "_ 4 4"]
 Vector = Sequence[float]
 
@@ -24,46 +27,75 @@ _AXES = {"x": 0, "y": 1, "z": 2}
 _THIRDS = torch.linspace(0, 1, 4, dtype=torch.float64)[:, None]
 
 
-def join(*parts: Strokes) -> Strokes:
-    """The strokes of all parts."""
-    return torch.cat(parts)
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a thing.
+
+    Attributes:
+        strokes: that draw it.
+        solids: what of it hides things that lie behind it; wires have none.
+    """
+
+    strokes: Strokes
+    solids: tuple[Solid, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.strokes)
+
+    def __getitem__(self, which: slice) -> "Part":
+        """Some of the strokes, as wires."""
+        return Part(self.strokes[which])
+
+    @property
+    def faces(self) -> Faces:
+        """The triangles of all solids."""
+        return torch.cat([torch.zeros(0, 3, 3, dtype=torch.float64), *(solid.faces for solid in self.solids)])
+
+    def mapped(self, matrix: Float[Tensor, "4 4"]) -> "Part":
+        """The part after an affine map of homogeneous points."""
+        return Part(self.strokes @ matrix.T, tuple(solid.moved(matrix) for solid in self.solids))
 
 
-def curve(*points: Vector) -> Strokes:
+def join(*parts: Part) -> Part:
+    """All parts as one."""
+    return Part(torch.cat([part.strokes for part in parts]), tuple(solid for part in parts for solid in part.solids))
+
+
+def curve(*points: Vector) -> Part:
     """One polynomial cubic with these four control points."""
-    return _homogeneous(_tensor(points)[None])
+    return _wire(_tensor(points)[None])
 
 
-def line(a: Vector, b: Vector) -> Strokes:
+def line(a: Vector, b: Vector) -> Part:
     """A straight stroke from a to b."""
     return polyline(a, b)
 
 
-def polyline(*points: Vector, closed: bool = False) -> Strokes:
+def polyline(*points: Vector, closed: bool = False) -> Part:
     """Straight strokes from point to point, and back to the first if closed."""
     p = _tensor((*points, points[0]) if closed else points)
-    return _homogeneous(p[:-1, None] + _THIRDS * (p[1:] - p[:-1])[:, None])
+    return _wire(p[:-1, None] + _THIRDS * (p[1:] - p[:-1])[:, None])
 
 
-def smooth(*points: Vector, closed: bool = False) -> Strokes:
+def smooth(*points: Vector, closed: bool = False) -> Part:
     """Cubics from point to point with common tangents (Catmull and Rom 1974); closed: smooth at the first too."""
     p = _tensor((points[-1], *points, points[0], points[1]) if closed else (points[0], *points, points[-1]))
     tangents = (p[2:] - p[:-2]) / 2
     a, b = p[1:-2], p[2:-1]
-    return _homogeneous(torch.stack([a, a + tangents[:-1] / 3, b - tangents[1:] / 3, b], 1))
+    return _wire(torch.stack([a, a + tangents[:-1] / 3, b - tangents[1:] / 3, b], 1))
 
 
-def spline(*points: Vector, closed: bool = False) -> Strokes:
+def spline(*points: Vector, closed: bool = False) -> Part:
     """Cubics through the points, smooth however far apart these are (centripetal, where `smooth` is uniform)."""
-    return _homogeneous(catmull_rom(_tensor(points), closed))
+    return _wire(catmull_rom(_tensor(points), closed))
 
 
-def side(*points: Sequence[float], y: float = 0.0, closed: bool = False) -> Strokes:
+def side(*points: Sequence[float], y: float = 0.0, closed: bool = False) -> Part:
     """`spline` through points (x, z), as one sees them from the side."""
     return spline(*((x, y, z) for x, z in points), closed=closed)
 
 
-def ellipse(center: Vector, u: Vector, v: Vector, start: float = 0.0, stop: float = 360.0) -> Strokes:
+def ellipse(center: Vector, u: Vector, v: Vector, start: float = 0.0, stop: float = 360.0) -> Part:
     """The arc center + u cos(angle) + v sin(angle), exact, as rational cubics of at most 180 degrees.
 
     A quadratic of half angle h has the middle weight cos h, which is 0 for a half circle; raised to a cubic its inner
@@ -83,10 +115,10 @@ def ellipse(center: Vector, u: Vector, v: Vector, start: float = 0.0, stop: floa
         [cosine * _tensor(center) + directions((angles[:-1] + angles[1:]) / 2), cosine.expand(pieces, 1)], 1
     )
     a, b = on[:-1], on[1:]
-    return torch.stack([a, (a + 2 * middle) / 3, (b + 2 * middle) / 3, b], 1)
+    return Part(torch.stack([a, (a + 2 * middle) / 3, (b + 2 * middle) / 3, b], 1))
 
 
-def ring(center: Vector, radius: float, axis: str = "z", start: float = 0.0, stop: float = 360.0) -> Strokes:
+def ring(center: Vector, radius: float, axis: str = "z", start: float = 0.0, stop: float = 360.0) -> Part:
     """A circle, or an arc of it, around an axis: two strokes if whole.
 
     Angle 0 and angle 90 lie to +x and +y around z, to +x and +z around y (a wheel), to +y and +z around x (a clock).
@@ -95,81 +127,114 @@ def ring(center: Vector, radius: float, axis: str = "z", start: float = 0.0, sto
     return ellipse(center, u.tolist(), v.tolist(), start, stop)
 
 
-def rectangle(center: Vector, size: Sequence[float], axis: str = "z") -> Strokes:
+def rectangle(center: Vector, size: Sequence[float], axis: str = "z") -> Part:
     """Four lines; `size` is along the two axes of angle 0 and 90 of `ring`."""
     u, v = (_tensor(side) * length / 2 for side, length in zip(_PLANES[axis], size, strict=True))
     c = _tensor(center)
     return polyline(*(p.tolist() for p in (c - u - v, c + u - v, c + u + v, c - u + v)), closed=True)
 
 
-def box(center: Vector, size: Vector) -> Strokes:
-    """The twelve edges of a box with sides along the axes."""
+def box(center: Vector, size: Vector) -> Part:
+    """A box with sides along the axes, by its twelve edges."""
     x, y, z = center
     return between(rectangle((x, y, z - size[2] / 2), size[:2]), rectangle((x, y, z + size[2] / 2), size[:2]))
 
 
-def between(a: Strokes, b: Strokes) -> Strokes:
-    """Two chains of equally many strokes, and lines that join where their strokes start."""
-    starts = torch.stack([a[:, 0], b[:, 0]], 1)
+def between(a: Part, b: Part) -> Part:
+    """Two chains of equally many strokes and lines that join where their strokes start; solid if they are closed."""
+    starts = torch.stack([a.strokes[:, 0], b.strokes[:, 0]], 1)
     points = starts[..., :3] / starts[..., 3:]
-    return join(a, b, _homogeneous(points[:, :1] + _THIRDS * (points[:, 1:] - points[:, :1])))
+    posts = _wire(points[:, :1] + _THIRDS * (points[:, 1:] - points[:, :1]))
+    return join(a, b, posts, _solid(partial(faces.stretched_between, a.strokes, b.strokes)))
 
 
-def extrude(outline: Strokes, offset: Vector) -> Strokes:
+def extrude(outline: Part, offset: Vector) -> Part:
     """The outline, its copy moved by `offset`, and lines between them where the outline's strokes start."""
     return between(outline, move(outline, offset))
 
 
-def lathe(profile: Strokes, rings: Sequence[tuple[float, float]], meridians: int = 4, start: float = 0.0) -> Strokes:
+def lathe(
+    profile: Part,
+    rings: Sequence[tuple[float, float]],
+    meridians: int = 4,
+    start: float = 0.0,
+    open: bool = False,
+) -> Part:
     """A surface of revolution around z: copies of a profile drawn in the half plane y = 0, x > 0, and circles.
 
     Args:
+        profile: the strokes that are turned.
         rings: (radius, height) of the circles.
+        meridians: so many copies of the profile.
         start: angle of the first meridian.
+        open: whether one looks into it where the profile ends away from the axis, as into a mug.
     """
     circles = [ring((0, 0, height), radius) for radius, height in rings]
-    return join(around(turn(profile, start), meridians), *circles)
+    solid = _solid(partial(faces.turned, profile.strokes, not open))
+    return join(around(turn(profile, start), meridians), *circles, solid)
 
 
-def move(strokes: Strokes, offset: Vector) -> Strokes:
-    """The strokes moved by a vector."""
+def ball(center: Vector, radii: float | Vector) -> Part:
+    """An ellipsoid with axes along those of the frame: no stroke, but it hides what lies behind it."""
+    sizes = (radii,) * 3 if isinstance(radii, int | float) else radii
+    return _solid(partial(faces.ball, _tensor(center), _tensor(sizes)))
+
+
+def filled(outline: Part) -> Part:
+    """A closed outline, nearly in a plane, with the face within."""
+    return join(outline, _solid(partial(faces.within, outline.strokes)))
+
+
+def flesh(a: Part, b: Part, *half: float) -> Part:
+    """A round body from one chain of strokes to another: no stroke, but it hides what lies behind it.
+
+    Args:
+        a: along one side of the body, from its start to its end.
+        b: along the other side, in the same direction.
+        half: half of its width across, at evenly spaced places from the start to the end.
+    """
+    return _solid(partial(faces.lofted, a.strokes, b.strokes, _tensor(half)))
+
+
+def move(part: Part, offset: Vector) -> Part:
+    """The part moved by a vector."""
     matrix = torch.eye(4, dtype=torch.float64)
     matrix[:3, 3] = _tensor(offset)
-    return strokes @ matrix.T
+    return part.mapped(matrix)
 
 
-def stretch(strokes: Strokes, factors: Vector) -> Strokes:
-    """The strokes scaled along x, y and z, about the origin."""
-    return strokes * _tensor((*factors, 1.0))
+def stretch(part: Part, factors: Vector) -> Part:
+    """The part scaled along x, y and z, about the origin."""
+    return part.mapped(torch.diag(_tensor((*factors, 1.0))))
 
 
-def turn(strokes: Strokes, angle: float, axis: str = "z", about: Vector = (0.0, 0.0, 0.0)) -> Strokes:
-    """The strokes turned in the sense in which the angles of `ring` grow, around an axis through a point."""
+def turn(part: Part, angle: float, axis: str = "z", about: Vector = (0.0, 0.0, 0.0)) -> Part:
+    """The part turned in the sense in which the angles of `ring` grow, around an axis through a point."""
     u, v = _tensor(_PLANES[axis])
     cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     matrix = torch.eye(4, dtype=torch.float64)
     matrix[:3, :3] += (cosine - 1) * (torch.outer(u, u) + torch.outer(v, v))
     matrix[:3, :3] += sine * (torch.outer(v, u) - torch.outer(u, v))
-    return move(move(strokes, [-x for x in about]) @ matrix.T, about)
+    return move(move(part, [-x for x in about]).mapped(matrix), about)
 
 
-def around(strokes: Strokes, count: int, axis: str = "z", about: Vector = (0.0, 0.0, 0.0)) -> Strokes:
+def around(part: Part, count: int, axis: str = "z", about: Vector = (0.0, 0.0, 0.0)) -> Part:
     """`count` copies, evenly turned around an axis through a point; the first is the original."""
-    return join(*(turn(strokes, 360 * i / count, axis, about) for i in range(count)))
+    return join(*(turn(part, 360 * i / count, axis, about) for i in range(count)))
 
 
-def reflect(strokes: Strokes, axis: str = "y") -> Strokes:
+def reflect(part: Part, axis: str = "y") -> Part:
     """The mirror image, with the sign of one coordinate changed."""
     factors = [1.0, 1.0, 1.0]
     factors[_AXES[axis]] = -1.0
-    return stretch(strokes, factors)
+    return stretch(part, factors)
 
 
-def mirror(strokes: Strokes, *axes: str) -> Strokes:
-    """The strokes and their mirror image; for several axes, those of both mirrored again (default: y)."""
+def mirror(part: Part, *axes: str) -> Part:
+    """The part and its mirror image; for several axes, both mirrored again (default: y)."""
     for axis in axes or ("y",):
-        strokes = join(strokes, reflect(strokes, axis))
-    return strokes
+        part = join(part, reflect(part, axis))
+    return part
 
 
 def _tensor(values: Sequence[float] | Sequence[Vector]) -> Tensor:
@@ -178,3 +243,12 @@ def _tensor(values: Sequence[float] | Sequence[Vector]) -> Tensor:
 
 def _homogeneous(points: Tensor) -> Tensor:
     return torch.cat([points, torch.ones_like(points[..., :1])], -1)
+
+
+def _wire(points: Float[Tensor, "N 4 3"]) -> Part:
+    return Part(_homogeneous(points))
+
+
+def _solid(make: Callable[[], Faces]) -> Part:
+    """A part without strokes."""
+    return Part(torch.zeros(0, 4, 4, dtype=torch.float64), (Solid(make, torch.eye(4, dtype=torch.float64)),))

@@ -76,6 +76,18 @@ class TriangleMesh:
         if not (self.face_areas > 0).any():
             raise ValueError(f"a mesh needs a face with an area: {len(corners)} faces have none")
 
+    @classmethod
+    def of_triangles(cls, corners: ArrayLike, crease: float = CREASE) -> "TriangleMesh":
+        """The mesh of triangles that are given by their corners, shape (F, 3, 3).
+
+        Raises:
+            TypeError, ValueError: as the constructor.
+        """
+        points = np.asarray(corners, np.float64)
+        if points.ndim != 3 or points.shape[1:] != (3, 3):
+            raise ValueError(f"corners must have shape (F, 3, 3), got {points.shape}")
+        return cls(points.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3), crease=crease)
+
     def __len__(self) -> int:
         return len(self.faces)
 

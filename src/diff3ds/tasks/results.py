@@ -1,4 +1,4 @@
-"""The folder that a run writes: sketch.json, sketch.svg, sketch.step, preview.png, run.json."""
+"""The folder that a run writes: sketch.json, .svg, .step, preview.png, run.json, and surface.glb if one is known."""
 
 import json
 import platform
@@ -16,10 +16,14 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras
 from diff3ds.formats import save, save_png
+from diff3ds.formats.mesh import save_surface
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.mesh import TriangleMesh
 
 SVG_VIEWS = 4
+# What hides lines of the sketch, in its frame.
+SURFACE = "surface.glb"
 # Bytes that a run writes at most: checkpoints and results of some thousand strokes, pictures of the progress; and with
 # a checkpoint of a network, twice while one takes the place of another.
 ROOM, ROOM_FOR_NETWORKS = 1 << 26, 1 << 28
@@ -48,13 +52,25 @@ class RunInfo:
     stopped: bool
 
 
-def write_results(out: Path, sketch: Sketch, cameras: Cameras, preview: Float[Tensor, "H W 3"], info: RunInfo) -> None:
+def write_results(
+    out: Path,
+    sketch: Sketch,
+    cameras: Cameras,
+    preview: Float[Tensor, "H W 3"],
+    info: RunInfo,
+    surface: TriangleMesh | None = None,
+) -> None:
     """Writes all files of a run, each whole or not at all.
 
     Args:
         cameras: some of which the SVG file shows.
         preview: the picture in preview.png.
+        surface: what hides lines of the sketch; of a run before this one nothing is left.
     """
+    if surface is None:
+        (out / SURFACE).unlink(missing_ok=True)
+    else:
+        save_surface(out / SURFACE, surface.vertices, surface.faces)
     save(out / "sketch.json", sketch)
     save(out / "sketch.step", sketch)
     save(out / "sketch.svg", sketch, cameras[evenly_spaced(len(cameras), SVG_VIEWS)])

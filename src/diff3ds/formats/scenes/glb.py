@@ -5,8 +5,6 @@ with y up and z in front: x, y and z of a sketch become z, x and y, as `formats.
 float32, relative to the middle of the sketch, whose place is that of the root node.
 """
 
-import json
-import struct
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,16 +14,11 @@ from numpy.typing import NDArray
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Int
 from diff3ds._units import MILLIMETRES, Unit, check_unit
-from diff3ds._version import __version__
 from diff3ds.formats.framing import ball_of
+from diff3ds.formats.gltf import FLOAT, INDICES, LINES, MOST_BYTES, TRIANGLES, UINT32, VERTICES, one_scene, packed
 from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.formats.scenes.tubes import tubes_of
 from diff3ds.sketch import Sketch
-
-# Of the glTF standard: numbers for float, unsigned int, vertices, indices; for primitives of lines, of triangles.
-_FLOAT, _UINT32, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
-_LINES, _TRIANGLES = 1, 4
-_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 
 
 class _Shape(NamedTuple):
@@ -60,13 +53,10 @@ def save_glb(path: str | Path, sketch: Sketch, *, unit: Unit = "m", lines: bool 
     metres = MILLIMETRES[unit] / 1000
     buffer = bytearray()
     content = _scene(sketch, shapes, middle.numpy(), metres, buffer)
-    text = json.dumps(content, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    length = 12 + 8 + len(text) + 8 + len(buffer)
-    if length >= 1 << 32:
-        raise ValueError(f"{path}: {length} bytes are more than the 4 GiB of a GLB file: export parts of the sketch")
-    header = _MAGIC + struct.pack("<II", 2, length) + struct.pack("<I", len(text)) + _JSON
-    write_bytes(path, b"".join([header, text, struct.pack("<I", len(buffer)) + _BINARY, bytes(buffer)]))
+    file = packed(content, bytes(buffer))
+    if len(file) > MOST_BYTES:
+        raise ValueError(f"{path}: {len(file)} bytes are more than the 4 GiB of a GLB file: export parts of the sketch")
+    write_bytes(path, file)
 
 
 def _tubes(sketch: Sketch) -> dict[int, _Shape]:
@@ -111,31 +101,26 @@ def _scene(sketch: Sketch, shapes: dict[int, _Shape], middle: Any, metres: float
     for stroke, (places, normals, indices) in shapes.items():
         vertices = ((places - middle) * metres)[:, [1, 2, 0]].astype("<f4")
         bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}
-        attributes = {"POSITION": stored(vertices, "VEC3", _FLOAT, _VERTICES, **bounds)}
+        attributes = {"POSITION": stored(vertices, "VEC3", FLOAT, VERTICES, **bounds)}
         if normals is not None:
-            attributes["NORMAL"] = stored(normals[:, [1, 2, 0]].astype("<f4"), "VEC3", _FLOAT, _VERTICES)
+            attributes["NORMAL"] = stored(normals[:, [1, 2, 0]].astype("<f4"), "VEC3", FLOAT, VERTICES)
         look = (*sketch.color[stroke].tolist(), float(sketch.opacity[stroke]))
         material = materials.setdefault(look, len(materials))
         primitive = {
             "attributes": attributes,
-            "indices": stored(indices.astype("<u4"), "SCALAR", _UINT32, _INDICES),
+            "indices": stored(indices.astype("<u4"), "SCALAR", UINT32, INDICES),
             "material": material,
-            "mode": _LINES if indices.shape[1] == 2 else _TRIANGLES,
+            "mode": LINES if indices.shape[1] == 2 else TRIANGLES,
         }
         meshes.append({"name": f"stroke {stroke}", "primitives": [primitive]})
         nodes.append({"name": f"stroke {stroke}", "mesh": len(meshes) - 1})
     place = (np.asarray(middle)[[1, 2, 0]] * metres).tolist()
     root = {"name": "sketch", "translation": place, "children": list(range(len(nodes)))}
     return {
-        "asset": {"version": "2.0", "generator": f"diff3ds {__version__}"},
-        "scene": 0,
-        "scenes": [{"nodes": [len(nodes)]}],
-        "nodes": [*nodes, root],
-        "meshes": meshes,
+        **one_scene([*nodes, root], meshes),
         "materials": [_material(*look) for look in materials],
         "accessors": accessors,
         "bufferViews": views,
-        "buffers": [{"byteLength": len(buffer)}],
     }
 
 

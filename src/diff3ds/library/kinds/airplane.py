@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     join,
@@ -18,7 +18,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, body = vary(1.44, 1.76), vary(0.17, 0.26)
     span, chord, sweep = vary(1.44, 1.76), vary(0.47, 0.63), vary(0.45, 0.75)
     small = "propeller" in attributes or "two wings" in attributes
@@ -31,7 +31,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     # The fuselage is turned around z, then laid down with its nose to the front.
     parts = [turn(lathe(join(hull, tail), rings), -90, "y")]
 
-    def wing(x: float, z: float, size: float) -> Strokes:
+    def wing(x: float, z: float, size: float) -> Part:
         tip = x - sweep * size
         outline = polyline(
             (x, 0.1, z), (tip, span * size, z), (tip - 0.5 * chord * size, span * size, z), (x - chord * size, 0.1, z)

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, join, mirror, ring, spline
+from diff3ds.library.shapes import Part, around, curve, join, mirror, ring, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, high, foot, dent = vary(0.74, 0.84), vary(0.72, 0.86), vary(0.24, 0.32), vary(0.14, 0.22)
     if "pear-shaped" in attributes:
         half = join(

@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, polyline, ring, spline
+from diff3ds.library.shapes import Part, around, polyline, ring, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     seam, tilt = vary(0.36, 0.5), vary(0.5, 0.62)
     parts = [ring((0, 0, 0), 1, axis) for axis in ("x", "y", "z")]
     if "panels" in attributes:

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     between,
     curve,
@@ -19,7 +19,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, tall, mouth = vary(0.74, 0.94), vary(1.62, 2.02), vary(0.18, 0.28)
     side = join(
         curve((mouth, 0, 0), (0.5 * wide, 0, 0.3 * tall), (wide, 0, 0.4 * tall), (wide, 0, 0.62 * tall)),

@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, curve, ellipse, line, mirror, polyline, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, belly, leg = vary(0.36, 0.42), vary(0.42, 0.5), vary(0.55, 0.7)
     high = 1.05 * belly
     z = high + belly + 0.7 * r

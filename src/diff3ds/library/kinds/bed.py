@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     box,
     join,
     line,
@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, long, low, high = vary(0.52, 0.68), vary(0.9, 1.15), vary(0.26, 0.38), vary(0.48, 0.58)
     board = high + vary(0.32, 0.53)
     parts = [box((0, 0, (low + high) / 2), (2 * long, 2 * half, high - low))]

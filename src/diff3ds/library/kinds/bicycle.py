@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     between,
     curve,
@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wheel, base = vary(0.48, 0.58), vary(0.78, 0.9)
     rear, front = (-base, 0, wheel), (base, 0, wheel)
     crank, seat, head = (-0.12, 0, wheel - 0.06), (-0.35, 0, vary(1.1, 1.22)), (0.6, 0, vary(1.1, 1.22))

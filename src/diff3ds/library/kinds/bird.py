@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, line, mirror, polyline, side, spline
+from diff3ds.library.shapes import Part, curve, line, mirror, polyline, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     tail, plump, beak = vary(0.45, 0.7), vary(0.9, 1.1), vary(0.16, 0.26)
     wide = 0.3 * plump
     crown = ((0.82, 0.6), (0.74, 0.78), (0.5, 0.86), (0.28, 0.68), (-0.1, 0.44), (-0.6, 0.12))

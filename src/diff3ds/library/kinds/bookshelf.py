@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     box,
     line,
     mirror,
@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, shelves = vary(0.47, 0.63), vary(0.18, 0.28), 4
     gap = vary(0.42, 0.52)
     if "low" in attributes:

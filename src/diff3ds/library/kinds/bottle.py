@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, between, curve, join, lathe, line, ring
+from diff3ds.library.shapes import Part, between, curve, join, lathe, line, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     body, neck = vary(0.32, 0.44), vary(0.1, 0.15)
     shoulder, rise, top = vary(1.04, 1.36), vary(0.29, 0.48), vary(2.04, 2.36)
     throat = shoulder + rise

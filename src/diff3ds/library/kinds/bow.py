@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     line,
     mirror,
@@ -13,7 +13,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, bend, thick = vary(1.04, 1.36), vary(0.51, 0.74), vary(0.045, 0.075)
     if "recurve" in attributes:
         tip = 0.7 * bend

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, lathe, line, ring
+from diff3ds.library.shapes import Part, curve, ellipse, lathe, line, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     foot, rim, deep = vary(0.34, 0.44), vary(0.9, 1.05), vary(0.55, 0.72)
     if "round" in attributes:
         wall = curve((foot, 0, 0.06), (1.05, 0, 0.1), (1.15, 0, 1.1), (0.66, 0, 1.3))

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     ellipse,
     line,
@@ -13,7 +13,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, rise = vary(1.61, 2.09), vary(0.27, 0.43), vary(0.54, 0.86)
     parts = [rectangle((0, 0, z), (2 * deep, 2 * half)) for z in (rise, rise + 0.1)]
     deck = rise + 0.1

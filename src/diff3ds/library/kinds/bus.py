@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     box,
     join,
     line,
@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, half, low = vary(1.84, 2.16), vary(0.46, 0.57), 0.22
     sill, head, roof, wheel = 0.85, 1.3, vary(1.46, 1.66), 0.27
     if "two floors" in attributes:

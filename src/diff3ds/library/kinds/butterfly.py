@@ -3,15 +3,15 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, ellipse, mirror, ring, spline, turn
+from diff3ds.library.shapes import Part, ellipse, mirror, ring, spline, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     span, rear, rise = vary(0.95, 1.1), vary(0.85, 1.05), vary(28, 46)
     fore = ((0.12, 0.06), (0.42, 0.3), (0.72, 0.72), (0.7, 1.06), (0.34, 1.04), (0.06, 0.72), (0.02, 0.06))
     hind = ((0.0, 0.06), (0.02, 0.5), (-0.08, 0.84), (-0.42, 0.86), (-0.66, 0.5), (-0.44, 0.2), (-0.1, 0.06))
 
-    def raised(strokes: Strokes) -> Strokes:
+    def raised(strokes: Part) -> Part:
         # Right wings turn up around the body's axis, and have mirror images.
         return mirror(turn(strokes, rise, "x"))
 

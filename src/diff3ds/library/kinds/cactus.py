@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     ellipse,
@@ -19,7 +19,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     tall, thick = vary(1.62, 2.02), vary(0.23, 0.3)
     if "pads" in attributes:
         size, left, right = 1.6 * thick, vary(28, 47), vary(28, 47)
@@ -45,7 +45,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     return parts
 
 
-def _pad(half: float, y: float, z: float, lean: float, twist: float) -> Strokes:
+def _pad(half: float, y: float, z: float, lean: float, twist: float) -> Part:
     """An upright oval with spines that stands on (0, y, z), leaning to the right and turned around its length."""
     oval = ellipse((0, 0, 1.35 * half), (0, half, 0), (0, 0, 1.35 * half))
     spine = line((0, 0, 1.25), (0, 0, 1.5))
@@ -53,7 +53,7 @@ def _pad(half: float, y: float, z: float, lean: float, twist: float) -> Strokes:
     return move(turn(turn(join(oval, move(spines, (0, 0, 1.35 * half))), twist), -lean, "x"), (0, y, z))
 
 
-def _arm(thick: float, low: float, high: float) -> Strokes:
+def _arm(thick: float, low: float, high: float) -> Part:
     """An arm to the right: an elbow and a column with a round top."""
     radius, y = 0.14, thick + 0.34
     outer = curve((0, thick, low - radius), (0, y, low - radius), (0, y + radius, low), (0, y + radius, low + 0.3))

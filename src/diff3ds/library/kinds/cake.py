@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, join, lathe, line, mirror, move, ring
+from diff3ds.library.shapes import Part, around, curve, join, lathe, line, mirror, move, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, high = vary(0.8, 0.95), vary(0.5, 0.64)
     parts = [ring((0, 0, 0), 1.25 * r), lathe(line((r, 0, 0.04), (r, 0, high)), [(r, 0.04), (r, high)])]
     drip = high - 0.16

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, ellipse, join, line, mirror, ring, turn
+from diff3ds.library.shapes import Part, around, curve, ellipse, join, line, mirror, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     reach, high, wide = vary(0.62, 0.75), vary(1.0, 1.25), vary(0.26, 0.34)
     log = join(line((reach, -0.07, 0), (0.05, -0.04, 0.34)), line((reach, 0.07, 0), (0.05, 0.04, 0.34)))
     log = join(log, ring((reach, 0, 0), 0.07, "x"))

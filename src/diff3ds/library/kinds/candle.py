@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     join,
@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     radius, tall = vary(0.18, 0.27), vary(1.04, 1.36)
     wick = [line((0, 0, tall), (0, 0, tall + 0.14))]
     if "unlit" not in attributes:

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, curve, line, mirror, polyline, rectangle, ring
+from diff3ds.library.shapes import Part, box, curve, line, mirror, polyline, rectangle, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, half, low, belt = vary(1.79, 2.11), vary(0.69, 0.85), 0.28, vary(0.77, 0.93)
     roof, wheel, top = belt + vary(0.46, 0.66), vary(0.32, 0.42), 0.8 * half
     cowl, nose = 0.85, 0.62

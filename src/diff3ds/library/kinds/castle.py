@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, ellipse, join, lathe, line, mirror, move, polyline
+from diff3ds.library.shapes import Part, ellipse, join, lathe, line, mirror, move, polyline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, half, wall, tall = vary(0.2, 0.26), vary(0.75, 0.9), vary(0.55, 0.7), vary(0.95, 1.15)
     roof = tall + 3.2 * r
     if "flat towers" in attributes:

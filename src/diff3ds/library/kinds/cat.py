@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, line, mirror, polyline, ring, side, spline
+from diff3ds.library.shapes import Part, curve, line, mirror, polyline, ring, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, high, wide = vary(0.27, 0.32), vary(0.95, 1.12), vary(0.33, 0.42)
     top = high + 0.72 * r
     x = 0.14

@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, between, box, curve, line, mirror, ring, turn
+from diff3ds.library.shapes import Part, around, between, box, curve, line, mirror, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, seat = vary(0.41, 0.57), vary(0.41, 0.57), vary(0.79, 1.11)
     top = seat + (vary(1.51, 1.99) if "high back" in attributes else vary(0.78, 1.18))
     lean = vary(0.08, 0.18)

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, ellipse, join, line, mirror, move, rectangle, ring, turn
+from diff3ds.library.shapes import Part, box, ellipse, join, line, mirror, move, rectangle, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, deep, high, vault = vary(0.85, 1.0), vary(0.5, 0.62), vary(0.6, 0.72), vary(0.34, 0.46)
     parts = [box((0, 0, high / 2), (2 * deep, 2 * wide, high))]
     arc = ellipse((0, 0, high), (deep, 0, 0), (0, 0, vault), 0, 180)

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     box,
     ellipse,
     extrude,
@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, long, eaves, ridge = vary(0.47, 0.63), vary(1.21, 1.69), vary(0.7, 0.94), vary(1.19, 1.51)
     wide, tower, spire = vary(0.22, 0.32), vary(1.53, 1.93), vary(0.81, 1.29)
     gable = polyline((0, -half, 0), (0, half, 0), (0, half, eaves), (0, 0, ridge), (0, -half, eaves), closed=True)

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     box,
     ellipse,
@@ -19,7 +19,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     rim, deep = vary(0.77, 0.93), vary(0.1, 0.16)
     # About ten past ten, as in advertisements: the hands stay apart.
     minute = vary(4, 15)

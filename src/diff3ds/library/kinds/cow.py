@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import Point, eyes, girth, legs
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, mirror, ring, side, spline
+from diff3ds.library.shapes import Part, curve, ellipse, mirror, ring, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, lift, big = vary(0.95, 1.12), vary(-0.05, 0.06), vary(0.95, 1.08)
     neck = (0.62 * long, 1.1 + lift)
 

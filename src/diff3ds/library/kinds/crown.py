@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, polyline, ring, turn
+from diff3ds.library.shapes import Part, around, curve, polyline, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, flare, band, high = vary(0.72, 0.82), vary(1.1, 1.25), vary(0.2, 0.28), vary(0.75, 0.95)
     count = 8
     parts = [ring((0, 0, 0), r), ring((0, 0, band), 1.03 * r)]

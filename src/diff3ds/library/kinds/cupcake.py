@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, line, ring
+from diff3ds.library.shapes import Part, around, curve, line, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     base, rim, cup, tier = vary(0.42, 0.5), vary(0.62, 0.72), vary(0.5, 0.6), vary(0.24, 0.3)
     parts = [ring((0, 0, 0), base), ring((0, 0, cup), rim), around(line((base, 0, 0), (rim, 0, cup)), 10)]
     low, wide = cup, 1.12 * rim

@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth, legs
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, line, mirror, polyline, side
+from diff3ds.library.shapes import Part, curve, line, mirror, polyline, side
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     tail, neck, high = vary(0.9, 1.15), vary(0.9, 1.15), vary(0.92, 1.08)
     if "big teeth" in attributes:
         return _hunter(tail, high)
@@ -60,7 +60,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     return parts
 
 
-def _hunter(tail: float, high: float) -> list[Strokes]:
+def _hunter(tail: float, high: float) -> list[Part]:
     """On two strong legs, with small arms: Tyrannosaurus."""
     up = high - 0.1
     tip = (-0.5 - tail, up - 0.1)

@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import Point, eyes, girth, legs
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, mirror, ring, side, spline
+from diff3ds.library.shapes import Part, curve, mirror, ring, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, lift, big = vary(0.9, 1.15), vary(-0.08, 0.12), vary(0.92, 1.1)
     if "short legs" in attributes:
         long, lift = 1.35, -0.3

@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth, legs
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, mirror, polyline, side
+from diff3ds.library.shapes import Part, curve, mirror, polyline, side
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     tail, neck, span = vary(0.9, 1.15), vary(0.92, 1.1), vary(0.95, 1.15)
     x, z = 0.6 + 0.4 * neck, 0.95 + 0.5 * neck
     tip = (-0.7 - 0.75 * tail, 0.5)

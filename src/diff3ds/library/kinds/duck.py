@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, mirror, side, spline
+from diff3ds.library.shapes import Part, curve, ellipse, mirror, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, neck, wide = vary(0.24, 0.3), vary(0.78, 0.95), vary(0.36, 0.46)
     x = 0.62
     if "long neck" in attributes:

@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth, legs
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, mirror, side, spline
+from diff3ds.library.shapes import Part, curve, mirror, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, high, ear = vary(0.92, 1.1), vary(1.24, 1.4), vary(0.9, 1.15)
     x, z = 0.78 * long, high - 0.08
     back = (

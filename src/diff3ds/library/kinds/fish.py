@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     ellipse,
     mirror,
@@ -14,7 +14,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, high, wide = vary(0.96, 1.19), vary(0.37, 0.53), vary(0.16, 0.26)
     if "slender" in attributes:
         high, wide = 0.55 * high, 0.7 * wide

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     join,
@@ -18,7 +18,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     tall, petal, disc, tilt = vary(1.14, 1.46), vary(0.43, 0.59), vary(0.13, 0.21), vary(38, 62)
     top = (0.1, 0, tall)
     parts = [curve((0, 0, 0), (-0.1, 0, 0.4), (-0.1, 0, 0.9), top)]

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     join,
     line,
@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     lens, apart, long = vary(0.36, 0.46), vary(0.09, 0.16), vary(1.09, 1.41)
     y, tall = lens + apart, vary(0.22, 0.32)
     if "round" in attributes:

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     line,
     mirror,
@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     low, waist, high = vary(0.48, 0.6), vary(0.28, 0.36), vary(0.36, 0.46)
     neck, deep = vary(1.19, 1.51), 0.11
     half = [(0, 0), (0.75 * low, 0.08), (low, 0.42), (waist, 0.85), (high, 1.2), (0.6 * high, 1.42), (0, 1.45)]

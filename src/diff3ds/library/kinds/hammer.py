@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     join,
@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, grip, head, face = vary(1.43, 1.82), vary(0.064, 0.096), vary(0.28, 0.38), vary(0.11, 0.15)
     if "two-faced" in attributes:
         long, head, face = 1.2 * long, 1.2 * head, 1.5 * face
@@ -38,7 +38,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     return [*parts, move(_claw(face, 0.3 * head, 1.5 * head), (0, 0, middle))]
 
 
-def _claw(face: float, start: float, reach: float) -> Strokes:
+def _claw(face: float, start: float, reach: float) -> Part:
     """Two prongs that bend down to the right."""
     upper = curve(
         (0.6 * face, start, 0.6 * face),

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, lathe, ring, spline
+from diff3ds.library.shapes import Part, curve, lathe, ring, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, high, brim = vary(0.5, 0.6), vary(0.42, 0.55), vary(0.95, 1.15)
     if "tall" in attributes:
         high, brim = vary(0.95, 1.1), 0.85

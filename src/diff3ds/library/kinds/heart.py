@@ -3,14 +3,14 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, join, line, mirror, move, polyline, stretch
+from diff3ds.library.shapes import Part, curve, join, line, mirror, move, polyline, stretch
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, low, notch, deep = vary(0.85, 1.02), vary(0.9, 1.1), vary(0.36, 0.48), vary(0.16, 0.26)
     top = 0.62
 
-    def outline(x: float, size: float) -> Strokes:
+    def outline(x: float, size: float) -> Part:
         """Half of it, from the notch over the bump to the point."""
         bump = curve((0, 0, notch), (0, 0.16 * wide, top + 0.26), (0, 0.94 * wide, top + 0.3), (0, wide, 0.3))
         flank = curve((0, wide, 0.3), (0, 1.04 * wide, -0.12), (0, 0.4 * wide, -0.55 * low), (0, 0, -low))

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, ellipse, line, mirror, polyline, rectangle, ring, side
+from diff3ds.library.shapes import Part, around, curve, ellipse, line, mirror, polyline, rectangle, ring, side
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     high, wide, blade, boom = vary(0.4, 0.48), vary(0.34, 0.42), vary(1.05, 1.25), vary(1.2, 1.45)
     parts = [side((0.72, -0.08), (0.5, 0.26), (0.16, high), (-0.2, 0.34), (-0.5, 0.14), (-boom, 0.16))]
     parts.append(side((0.72, -0.08), (0.5, -0.34), (0.1, -high), (-0.3, -0.24), (-0.5, -0.02), (-boom, 0.08)))

@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import Point, eyes, girth, legs
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, join, line, mirror, polyline, side, spline
+from diff3ds.library.shapes import Part, curve, join, line, mirror, polyline, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, lift, big = vary(0.92, 1.12), vary(-0.06, 0.1), vary(0.94, 1.08)
     neck = (0.5 * long, 1.2 + lift)
 

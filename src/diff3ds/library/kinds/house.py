@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, extrude, mirror, polyline, rectangle
+from diff3ds.library.shapes import Part, box, extrude, mirror, polyline, rectangle
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, walls = vary(0.65, 0.89), vary(0.68, 1.07), vary(0.76, 0.99)
     roof, door = vary(0.47, 0.78), vary(0.13, 0.19)
     floors = 2 if "two floors" in attributes else 1

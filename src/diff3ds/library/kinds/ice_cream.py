@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, around, curve, line, mirror, polyline, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, long, scoop = vary(0.36, 0.44), vary(1.0, 1.2), vary(1.12, 1.25)
     parts = [ring((0, 0, long), r), ring((0, 0, long - 0.14), r * (long - 0.14) / long)]
     parts.append(around(line((0, 0, 0), (r, 0, long)), 6))

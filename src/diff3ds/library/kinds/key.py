@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     join,
     lathe,
     line,
@@ -16,7 +16,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     bow, long, thick, bit = vary(0.28, 0.38), vary(1.24, 1.56), vary(0.045, 0.07), vary(0.26, 0.36)
     top = bow + long
     parts = []

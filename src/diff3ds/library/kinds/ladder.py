@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     line,
     mirror,
     polyline,
@@ -14,7 +14,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     foot, head, tall = vary(0.32, 0.42), vary(0.25, 0.31), vary(2.28, 2.92)
     rungs = 7
     if "folding" in attributes:

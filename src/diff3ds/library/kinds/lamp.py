@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, between, curve, lathe, line, move, polyline, ring, turn
+from diff3ds.library.shapes import Part, between, curve, lathe, line, move, polyline, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, narrow, tall = vary(0.46, 0.66), vary(0.23, 0.39), vary(0.45, 0.69)
     belly, foot = vary(0.22, 0.36), vary(0.24, 0.36)
     shade = lathe(line((wide, 0, 0), (narrow, 0, tall)), [(wide, 0), (narrow, tall)], meridians=6)

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, lathe, line, move, ring
+from diff3ds.library.shapes import Part, curve, lathe, line, move, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     radius, height, handle = vary(0.48, 0.58), vary(1.01, 1.24), vary(0.38, 0.5)
     foot = radius * vary(0.81, 1.05)
     if "tall" in attributes:

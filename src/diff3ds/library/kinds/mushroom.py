@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     ellipse,
@@ -18,7 +18,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     stem, tall, cap, high = vary(0.15, 0.21), vary(0.7, 0.94), vary(0.64, 0.84), vary(0.45, 0.61)
     foot = vary(1.21, 1.69) * stem
     leg = curve((foot, 0, 0), (0.9 * foot, 0, 0.3 * tall), (stem, 0, 0.5 * tall), (stem, 0, tall))

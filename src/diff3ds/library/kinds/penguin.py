@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, line, mirror, polyline, ring, side, spline
+from diff3ds.library.shapes import Part, curve, line, mirror, polyline, ring, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     high, wide, head = vary(1.5, 1.75), vary(0.4, 0.5), vary(0.21, 0.26)
     z = high - head
     # A ball of a head, and the body from where it widens below.

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, join, line, mirror, move, polyline, ring, spline
+from diff3ds.library.shapes import Part, curve, ellipse, join, line, mirror, move, polyline, ring, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, shoulder, leg, arm = vary(0.2, 0.25), vary(0.28, 0.34), vary(0.95, 1.1), vary(8, 30)
     hip, chest, deep = leg, leg + 0.68, 0.15
     head = chest + 0.12 + 1.1 * r

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, curve, line, mirror, rectangle
+from diff3ds.library.shapes import Part, box, curve, line, mirror, rectangle
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     x, y, z = vary(0.6, 0.75), vary(0.6, 0.8), vary(0.45, 0.65)
     if "tall" in attributes:
         x, y, z = 0.5 * x, 0.5 * y, 1.2

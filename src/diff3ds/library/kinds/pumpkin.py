@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, join, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, around, curve, join, line, mirror, polyline, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, high, stalk = vary(0.85, 1.0), vary(0.6, 0.72), vary(0.26, 0.4)
     rib = join(
         curve((0.1, 0, 0.86 * high), (0.3, 0, 1.25 * high), (wide, 0, 1.1 * high), (wide, 0, 0)),

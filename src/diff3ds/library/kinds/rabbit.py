@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, line, mirror, ring, side, spline
+from diff3ds.library.shapes import Part, curve, ellipse, line, mirror, ring, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, ear, long = vary(0.25, 0.3), vary(0.55, 0.75), vary(0.92, 1.1)
     x, top = 0.46 * long, 0.92
     parts = [ellipse((x, 0, top), (1.12 * r, 0, 0), (0, 0, r)), girth((x, top), 0.85 * r, r)]

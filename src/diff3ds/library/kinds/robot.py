@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, curve, line, mirror, rectangle, ring
+from diff3ds.library.shapes import Part, box, curve, line, mirror, rectangle, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, high, head, leg = vary(0.6, 0.75), vary(0.68, 0.85), vary(0.42, 0.52), vary(0.4, 0.6)
     deep = 0.42
     chest, top = leg + high, leg + high + 0.1

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, curve, join, lathe, line, mirror, move, polyline, ring, turn
+from diff3ds.library.shapes import Part, around, curve, join, lathe, line, mirror, move, polyline, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     body, base, waist, top = vary(0.3, 0.42), vary(0.18, 0.28), vary(1.04, 1.36), vary(2.01, 2.49)
     span, sweep = vary(0.38, 0.59), vary(0.15, 0.3)
     tail = curve((base, 0, 0), (body, 0, 0.3), (body, 0, 0.8), (body, 0, waist))

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     line,
     mirror,
@@ -13,7 +13,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, half, deep, top = vary(1.09, 1.41), vary(0.36, 0.47), vary(0.34, 0.46), vary(1.81, 2.29)
     mast = 0.0 if "square sail" in attributes else 0.2 * long
     parts = [*_hull(long, half, deep), line((mast, 0, -deep / 2), (mast, 0, top))]
@@ -39,7 +39,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     return parts
 
 
-def _hull(long: float, half: float, deep: float) -> list[Strokes]:
+def _hull(long: float, half: float, deep: float) -> list[Part]:
     bow, deck, keel = (long, 0, 0.16), (-long, 0.7 * half, 0), (-0.85 * long, 0.45 * half, -deep)
     return [
         mirror(curve(bow, (0.5 * long, 1.1 * half, 0), (-0.3 * long, 1.2 * half, -0.02), deck)),

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     ellipse,
     join,
@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     blade, shank, finger = vary(1.04, 1.36), vary(0.47, 0.63), vary(0.23, 0.3)
     opened = vary(22, 34) if "open" in attributes else vary(8, 14)
     if "long blades" in attributes:

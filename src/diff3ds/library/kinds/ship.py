@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, curve, lathe, line, mirror, move, ring, side
+from diff3ds.library.shapes import Part, box, curve, lathe, line, mirror, move, ring, side
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, deep, deck = vary(0.26, 0.34), vary(0.32, 0.42), vary(0.72, 0.88)
     bow, stern = (1.3, 0, deep + 0.14), (-1.15, 0, deep)
     parts = [mirror(curve(bow, (0.9, wide, deep + 0.02), (0.6, 1.1 * wide, deep), (0.2, wide, deep)))]

@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, mirror, ring, side, spline
+from diff3ds.library.shapes import Part, curve, ellipse, mirror, ring, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     size, turns, wide = vary(0.56, 0.66), vary(2.1, 2.5), vary(0.26, 0.34)
     middle = (-0.2, 0, 0.2 + size)
     spiral = []

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     lathe,
     line,
@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     sizes = (vary(0.52, 0.64), vary(0.39, 0.47), vary(0.26, 0.32))
     parts, top = [], 0.0
     middles = []

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     box,
     line,
     mirror,
@@ -13,7 +13,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, arm = vary(0.9, 1.15), vary(0.4, 0.52), vary(0.14, 0.24)
     seat, rest, top = vary(0.38, 0.48), vary(0.62, 0.74), vary(0.9, 1.15)
     if "three seats" in attributes:

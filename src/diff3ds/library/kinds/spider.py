@@ -4,10 +4,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, ellipse, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, ellipse, line, mirror, polyline, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, knee, reach = vary(0.32, 0.42), vary(0.5, 0.68), vary(0.95, 1.15)
     high = 0.36
     parts = [

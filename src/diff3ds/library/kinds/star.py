@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, line, polyline
+from diff3ds.library.shapes import Part, curve, line, polyline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     inner, deep = vary(0.38, 0.46), vary(0.2, 0.32)
     count = 6 if "six points" in attributes else 5
     corners = []

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, around, ellipse, line, mirror, polyline, ring, turn
+from diff3ds.library.shapes import Part, around, ellipse, line, mirror, polyline, ring, turn
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, near, far = vary(0.46, 0.56), vary(0.62, 0.7), vary(0.95, 1.1)
     parts = [ring((0, 0, 0), r, axis) for axis in ("x", "y", "z")]
     if "pointed rays" in attributes:

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     lathe,
     line,
@@ -15,7 +15,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, long, guard, grip = vary(0.09, 0.14), vary(1.51, 1.99), vary(0.27, 0.43), vary(0.34, 0.46)
     if "two-handed" in attributes:
         long, grip, wide, guard = 1.1 * long, 2.2 * grip, 1.5 * wide, 1.6 * guard

@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, between, box, line, mirror, ring
+from diff3ds.library.shapes import Part, between, box, line, mirror, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, height = vary(0.89, 1.21), vary(0.46, 0.66), vary(0.79, 1.11)
     thick, inset = 0.09, 0.07
     if "square" in attributes:

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     ellipse,
     join,
@@ -14,7 +14,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     belly, height, mouth = vary(0.69, 0.85), vary(0.9, 1.15), vary(0.28, 0.38)
     if "tall" in attributes:
         belly, height = 0.58, 1.7

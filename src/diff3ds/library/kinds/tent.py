@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     ellipse,
@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, long, height = vary(0.76, 0.99), vary(0.84, 1.16), vary(0.94, 1.26)
     if "tipi" in attributes:
         foot, top = 0.9 * half, 1.7 * height

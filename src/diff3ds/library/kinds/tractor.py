@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, curve, line, mirror, polyline, rectangle, ring
+from diff3ds.library.shapes import Part, box, curve, line, mirror, polyline, rectangle, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     big, small, long = vary(0.5, 0.6), vary(0.24, 0.3), vary(0.85, 1.0)
     half, bonnet = 0.24, 0.4
     floor = big

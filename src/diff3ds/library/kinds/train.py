@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, curve, line, mirror, polyline, rectangle, ring
+from diff3ds.library.shapes import Part, box, curve, line, mirror, polyline, rectangle, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, long, wheel, cab = vary(0.28, 0.33), vary(1.0, 1.2), vary(0.22, 0.27), vary(0.42, 0.52)
     half, floor = 0.36, 1.7 * wheel
     axis = floor + r

@@ -5,7 +5,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     join,
@@ -22,7 +22,7 @@ from diff3ds.library.shapes import (
 BUMPS = 7
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     trunk, tall, crown = vary(0.1, 0.16), vary(0.84, 1.16), vary(0.61, 0.82)
     if "palm" in attributes:
         return _palm(1.4 + tall / 3, vary(0.45, 0.75), vary(0.25, 0.45))
@@ -45,14 +45,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
     return parts
 
 
-def _palm(top: float, rise: float, droop: float) -> list[Strokes]:
+def _palm(top: float, rise: float, droop: float) -> list[Part]:
     side = curve((0.15, 0, 0), (0.08, 0, 0.5), (0.08, 0, 1.2), (0.07, 0, top))
     rib = curve((0.05, 0, top), (0.4, 0, top + rise), (0.9, 0, top + 0.4), (1.1, 0, top - droop))
     edge = curve((0.05, 0, top), (0.4, 0.2, top + rise - 0.2), (0.9, 0.2, top + 0.1), (1.1, 0, top - droop))
     return [lathe(side, [(0.15, 0), (0.11, 0.6), (0.08, 1.2)]), around(join(rib, mirror(edge)), 6)]
 
 
-def _fir(trunk: float, tall: float, crown: float) -> list[Strokes]:
+def _fir(trunk: float, tall: float, crown: float) -> list[Part]:
     parts = [lathe(line((trunk, 0, 0), (trunk, 0, 0.35)), [(trunk, 0)])]
     for low, high, wide in ((0.0, 0.8, 1.15), (0.5, 1.25, 0.88), (1.0, 1.75, 0.62)):
         side = line((wide * crown, 0, 0.35 + low * tall), (0, 0, 0.35 + high * tall))
@@ -60,7 +60,7 @@ def _fir(trunk: float, tall: float, crown: float) -> list[Strokes]:
     return parts
 
 
-def _boughs(tall: float, reach: float) -> list[Strokes]:
+def _boughs(tall: float, reach: float) -> list[Part]:
     bough = curve((0.05, 0, -0.1), (0.2, 0, 0.1), (0.4, 0, 0.3), (0.5, 0, 0.85))
     twigs = join(line((0.3, 0, 0.3), (0.75, 0, 0.55)), line((0.42, 0, 0.55), (0.2, 0, 0.9)))
     branch = stretch(join(bough, twigs), (1.4 * reach, 1, 1))

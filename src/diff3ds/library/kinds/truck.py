@@ -3,10 +3,10 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, box, extrude, line, mirror, polyline, rectangle, ring
+from diff3ds.library.shapes import Part, box, extrude, line, mirror, polyline, rectangle, ring
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, cab, load, high, wheel = vary(0.36, 0.42), vary(0.46, 0.56), vary(1.2, 1.5), vary(0.72, 0.9), vary(0.17, 0.2)
     floor, front = 0.3, cab
     roof = floor + 0.72

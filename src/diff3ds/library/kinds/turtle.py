@@ -5,10 +5,10 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Strokes, curve, ellipse, line, mirror, polyline, side, spline
+from diff3ds.library.shapes import Part, curve, ellipse, line, mirror, polyline, side, spline
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     long, wide, high = vary(0.8, 0.92), vary(0.6, 0.72), vary(0.46, 0.58)
     rim = 0.2
     parts = [ellipse((0, 0, rim), (long, 0, 0), (0, wide, 0))]

@@ -5,7 +5,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     curve,
     ellipse,
@@ -17,7 +17,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, rise, tall, crook = vary(0.87, 1.03), vary(0.46, 0.66), vary(1.44, 1.76), vary(0.11, 0.17)
     rim = tall - rise
     shaft = [line((0, 0, 0), (0, 0, tall + 0.12)), ring((crook, 0, 0), crook, "y", 180, 360)]

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     around,
     box,
     curve,
@@ -18,7 +18,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     foot, head, height = vary(0.44, 0.56), vary(0.29, 0.35), vary(1.43, 1.82)
     sail, hub = vary(0.9, 1.15), height + 0.1
     if "turbine" in attributes:

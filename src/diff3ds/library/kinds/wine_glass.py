@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
-    Strokes,
+    Part,
     curve,
     lathe,
     line,
@@ -12,7 +12,7 @@ from diff3ds.library.shapes import (
 )
 
 
-def _make(vary: Vary, attributes: Collection[str]) -> list[Strokes]:
+def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     foot, stem, bowl = vary(0.34, 0.44), vary(0.79, 1.11), vary(0.81, 1.05)
     rim, belly = vary(0.3, 0.4), vary(0.53, 0.69)
     top = stem + bowl

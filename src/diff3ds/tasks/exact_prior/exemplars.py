@@ -1,7 +1,8 @@
 """The built-in prior: it has seen members of a library, and knows which of them the phrase or picture means."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
 
@@ -10,8 +11,9 @@ from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.layout import in_ball
-from diff3ds.library.members import member
+from diff3ds.library.faces import Faces
+from diff3ds.library.layout import frame_of
+from diff3ds.library.members import Member, member
 from diff3ds.library.phrase import Request, parse
 from diff3ds.render import render_batch
 from diff3ds.sketch import Sketch
@@ -47,6 +49,8 @@ class Exemplars:
         color: straight RGB of what it means, or None.
         ignored: words of the phrase without effect, as `Request`.
         mirrored: whether the left and the right side of what it means are alike.
+        faces: of each member that the phrase means, the triangles of its solid parts in its frame, made when they are
+            asked for; empty if nothing is known of any.
     """
 
     members: tuple[Sketch, ...]
@@ -54,6 +58,7 @@ class Exemplars:
     color: Color | None
     ignored: tuple[str, ...] = ()
     mirrored: bool = False
+    faces: tuple[Callable[[], Faces], ...] = ()
 
     @property
     def meant(self) -> list[Sketch]:
@@ -82,21 +87,23 @@ def exemplars_of(phrase: str | Request, seed: int) -> Exemplars:
     """
     request = parse(phrase) if isinstance(phrase, str) else phrase
     generator = torch.Generator().manual_seed(seed)
-    wanted = [requested(request, generator) for _ in range(FITTING)]
-    known = _among_others(wanted, request.category, generator, request.color)
-    return replace(known, ignored=request.ignored)
+    known = [member(request.category, generator, request.attributes) for _ in range(FITTING)]
+    wanted = [arranged(one.sketch, request) for one in known]
+    faces = tuple(partial(_arranged_faces, one, request) for one in known)
+    found = _among_others(wanted, request.category, generator, request.color)
+    return replace(found, ignored=request.ignored, faces=faces)
 
 
-def exemplars_like(wanted: Sequence[Sketch], category: str, seed: int, color: Color | None = None) -> Exemplars:
+def exemplars_like(wanted: Sequence[Member], category: str, seed: int, color: Color | None = None) -> Exemplars:
     """Members that are given, of one category, and some of everything else.
 
     Args:
         seed: of the others' proportions.
         color: straight RGB of what is given, or None.
     """
-    return _among_others(
-        [painted(sketch, color) for sketch in wanted], category, torch.Generator().manual_seed(seed), color
-    )
+    sketches = [painted(one.sketch, color) for one in wanted]
+    found = _among_others(sketches, category, torch.Generator().manual_seed(seed), color)
+    return replace(found, faces=tuple(partial(getattr, one, "faces") for one in wanted))
 
 
 def exemplars_in(folder: SketchFolder, phrase: str) -> Exemplars:
@@ -137,8 +144,13 @@ def requested(request: Request, generator: torch.Generator) -> Sketch:
 
 def arranged(sketch: Sketch, request: Request) -> Sketch:
     """A member in the proportions, number and colour that a phrase asks for, in the unit ball."""
-    several = _in_a_row(_stretched(sketch, request.stretch), request.count)
-    return painted(in_ball(Sketch.concatenate(several)), request.color)
+    several = [replace(sketch, points=placed(sketch.points)) for placed in _places(sketch, request)]
+    return painted(Sketch.concatenate(several), request.color)
+
+
+def _arranged_faces(one: Member, request: Request) -> Faces:
+    """The faces of a member where `arranged` has its strokes."""
+    return torch.cat([placed(one.faces) for placed in _places(one.sketch, request)])
 
 
 def painted(sketch: Sketch, color: Color | None) -> Sketch:
@@ -148,15 +160,22 @@ def painted(sketch: Sketch, color: Color | None) -> Sketch:
     return replace(sketch, color=sketch.color.new_tensor(color).expand(len(sketch), 3).contiguous())
 
 
-def _stretched(sketch: Sketch, factors: tuple[float, float, float]) -> Sketch:
-    """Affine maps of control points are those of the curves."""
-    return replace(sketch, points=sketch.points * sketch.points.new_tensor(factors))
+def _places(sketch: Sketch, request: Request) -> list[Callable[[Tensor], Tensor]]:
+    """The affine map of each of the things that a phrase asks for: stretched, from left to right, in the unit ball."""
+    stretched = replace(sketch, points=sketch.points * sketch.points.new_tensor(request.stretch))
+    offsets = _in_a_row(stretched, request.count)
+    several = [replace(stretched, points=stretched.points + offset) for offset in offsets]
+    middle, scale = frame_of(Sketch.concatenate(several))
+
+    def place(offset: Tensor, points: Tensor) -> Tensor:
+        return (points * points.new_tensor(request.stretch) + offset - middle) * scale
+
+    return [partial(place, offset) for offset in offsets]
 
 
-def _in_a_row(sketch: Sketch, count: int) -> list[Sketch]:
-    """Copies from left to right."""
+def _in_a_row(sketch: Sketch, count: int) -> list[Float[Tensor, " 3"]]:
+    """Where copies go from left to right."""
     across = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES))[..., 1]
     low, high = across.min(), across.max()
     step = (1 + GAP) * (high - low).clamp(min=GAP)
-    offsets = [(i - (count - 1) / 2) * step * sketch.points.new_tensor([0.0, 1.0, 0.0]) for i in range(count)]
-    return [replace(sketch, points=sketch.points + offset) for offset in offsets]
+    return [(i - (count - 1) / 2) * step * sketch.points.new_tensor([0.0, 1.0, 0.0]) for i in range(count)]

@@ -14,7 +14,6 @@ from diff3ds.chains import Chains
 from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.formats import save_png, save_svg, tile_images
 from diff3ds.formats.framing import framed
-from diff3ds.formats.mesh import save_surface
 from diff3ds.formats.movie import save_movie
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
@@ -113,7 +112,6 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     # Of a run that is overwritten.
     for old in (*out.glob("drawing-*.svg"), *out.glob("drawing-*.png"), *out.glob("turntable.webp")):
         old.unlink()
-    save_surface(out / "surface.glb", mesh.vertices, mesh.faces)
     for view, drawing in enumerate(drawings):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
         save_svg(out / f"{name}.svg", drawing, cameras[view], layers=views[view].layers(options.hidden))
@@ -122,7 +120,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         frames = _frames(features, mesh, options, report)
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
-    write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
+    write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info, mesh)
     return made.sketch
 
 

@@ -13,7 +13,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras, orbit
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.members import member
+from diff3ds.library.members import Member, member
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
@@ -142,11 +142,11 @@ def confidence(best: float, next_best: float, gap: float) -> float:
     return 1 / (1 + math.exp(-(OF_SCORE * best + OF_LEAD * (best - next_best) + OF_SQUARED_GAP * gap**2 + OFFSET)))
 
 
-def alike(lines: Lines, kind: str, attributes: tuple[str, ...], camera: Cameras, count: int) -> list[Sketch]:
+def alike(lines: Lines, kind: str, attributes: tuple[str, ...], camera: Cameras, count: int) -> list[Member]:
     """The members of a kind that are most like a picture, from where it was taken; the best first."""
     wanted = described(lines)
-    pool = [member_drawn(kind, attributes, seed) for seed in range(POOL)]
-    scores = torch.stack([descriptors(*pieces(sketch, camera))[0] for sketch in pool]) @ wanted
+    pool = [_known(kind, attributes, seed) for seed in range(POOL)]
+    scores = torch.stack([descriptors(*pieces(one.sketch, camera))[0] for one in pool]) @ wanted
     return [pool[int(i)] for i in scores.topk(count).indices]
 
 
@@ -199,10 +199,14 @@ def cameras_at(poses: Sequence[tuple[float, float]]) -> Cameras:
     return orbit([a for a, _ in poses], [e for _, e in poses], DISTANCE, fov=FOV, size=1)
 
 
-@cache
 def member_drawn(category: str, attributes: tuple[str, ...], seed: int) -> Sketch:
-    """A member of a category; kept while the program runs."""
-    return member(category, torch.Generator().manual_seed(seed), attributes).sketch
+    """The sketch of a member of a category; kept while the program runs."""
+    return _known(category, attributes, seed).sketch
+
+
+@cache
+def _known(category: str, attributes: tuple[str, ...], seed: int) -> Member:
+    return member(category, torch.Generator().manual_seed(seed), attributes)
 
 
 def described(lines: Lines) -> Float[Tensor, " D"]:

@@ -113,22 +113,29 @@ class SurfaceOptions:
     """What hides lines.
 
     Attributes:
-        surface: a mesh, in the sketch's frame, that hides what lies behind it: .obj, .stl, .ply, .off or .glb.
+        surface: a mesh, in the sketch's frame, that hides what lies behind it: .obj, .stl, .ply, .off or .glb; with
+            --hidden the surface.glb of the run by default.
         surface_up: the axis that points up in its file, y or z; a .glb file says it itself.
-        hidden: what becomes of hidden lines: drop, faint (a quarter of the opacity), dashed, or show.
+        hidden: what becomes of hidden lines: drop (the default with a surface), faint (a quarter of the opacity),
+            dashed, or show.
         contours: the outlines of the mesh's smooth parts, which depend on the view, are drawn as well.
     """
 
     surface: Path | None = None
     surface_up: Literal["z", "y"] = "z"
-    hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
+    hidden: Literal["drop", "faint", "dashed", "show"] | None = None
     contours: bool = True
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if self.surface is None and getattr(self, field.name) != field.default:
-                name = field.name.replace("_", "-")
-                raise ValueError(f"give a --surface with --{'no-' if field.default is True else ''}{name}")
+        if self.surface is None and self.surface_up != SurfaceOptions.surface_up:
+            raise ValueError("give a --surface with --surface-up")
+        if not self.hides and not self.contours:
+            raise ValueError("give a --surface, or --hidden for that of a run, with --no-contours")
+
+    @property
+    def hides(self) -> bool:
+        """Whether there is a surface: a file that is named, or that of the run."""
+        return self.surface is not None or self.hidden is not None
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -28,6 +28,7 @@ from diff3ds.tasks.render.options import (
     check_file,
     parse_size,
 )
+from diff3ds.tasks.results import SURFACE
 from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
@@ -48,7 +49,7 @@ class _Scene:
 
     def render(self, cameras: Cameras, background: Tensor) -> Rendering:
         """Pictures of it."""
-        hidden, contours = self.hiding.hidden, self.hiding.contours
+        hidden, contours = self.hiding.hidden or "drop", self.hiding.contours
         return render(
             self.sketch, cameras, background=background, surface=self.surface, hidden=hidden, contours=contours
         )
@@ -58,7 +59,7 @@ class _Scene:
         if self.surface is None:
             return self.sketch
         (lines,) = visible_lines(self.sketch, cameras, self.surface, contours=self.hiding.contours)
-        return lines.drawn(self.hiding.hidden)
+        return lines.drawn(self.hiding.hidden or "drop")
 
 
 def run_render(
@@ -82,14 +83,12 @@ def run_render(
     check_file(file, picture)
     if picture.turntable is not None and (view.cameras is not None or len(view.azimuth) > 1):
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
-    if hiding.surface is not None and (picture.engine == "blender" or (picture.sheet and _is_vector(file))):
+    if hiding.hides and (picture.engine == "blender" or (picture.sheet and _is_vector(file))):
         raise ValueError("a --surface hides lines in pictures by the kernels, and in .svg and .pdf files of one view")
     if styles.style is not None:
         _check_styled(file, picture, styles.style)
     sketch = load_sketch(source).detach()
-    surface = None
-    if hiding.surface is not None:
-        surface = load_surface(hiding.surface, up=hiding.surface_up)
+    surface = _surface(source, hiding)
     scene = _Scene(sketch, surface, hiding, None if styles.style is None else Styling(styles))
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
@@ -110,6 +109,25 @@ def run_render(
         _save(name, scene, cameras[i], picture, lambda _: None)
         report(Progress("views", i + 1, len(files), None, 0))
     return files
+
+
+def _surface(source: Path, hiding: SurfaceOptions) -> TriangleMesh | None:
+    """What hides lines: the surface in a file that is named, or in the folder of the run.
+
+    Raises:
+        ValueError, OSError, ImportError: as `load_surface`; there is none.
+    """
+    if not hiding.hides:
+        return None
+    if hiding.surface is not None:
+        return load_surface(hiding.surface, up=hiding.surface_up)
+    if not source.is_dir():
+        raise ValueError(f"{source} is no folder of a run, which has a surface: give a --surface with --hidden")
+    if not (source / SURFACE).exists():
+        raise ValueError(
+            f"{source} has no {SURFACE}: nothing is known that hides lines of this run; give a --surface with --hidden"
+        )
+    return load_surface(source / SURFACE)
 
 
 def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Cameras:

@@ -8,7 +8,7 @@ polynomial map; Amberg, Romdhani and Vetter 2007 do the same with affine maps).
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -40,7 +40,12 @@ STRAIGHT = 1e-3
 
 
 def bent_to(sketch: Sketch, lines: PlacedLines, mirrored: bool) -> Sketch:
-    """Bends a sketch towards lines.
+    """Bends a sketch towards lines, as `bend_to` finds it."""
+    return bend_to(sketch, lines, mirrored).sketch(sketch)
+
+
+def bend_to(sketch: Sketch, lines: PlacedLines, mirrored: bool) -> "Bend":
+    """Finds how a sketch is bent towards lines.
 
     Args:
         sketch: in the unit ball, in front of the lines' camera.
@@ -67,7 +72,7 @@ def bent_to(sketch: Sketch, lines: PlacedLines, mirrored: bool) -> Sketch:
         weight = pairs.weight / (1 + gap.square().sum(1) / reach**2) ** 2
         weighed = pull.T * weight
         bend = torch.linalg.solve(weighed @ pull + torch.diag(hold * stiffness), weighed @ wanted)
-    return _bent(sketch, terms, bend)
+    return Bend(tuple(terms), bend)
 
 
 class _Term(NamedTuple):
@@ -75,6 +80,36 @@ class _Term(NamedTuple):
 
     coordinate: int
     powers: tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Bend:
+    """A smooth map of space: a displacement by a sum of terms.
+
+    Attributes:
+        terms: of the sum.
+        amounts: of each term.
+    """
+
+    terms: tuple[_Term, ...]
+    amounts: Float[Tensor, " T"]
+
+    def places(self, points: Float[Tensor, "*N 3"]) -> Float[Tensor, "*N 3"]:
+        """Points where the bend brings them, in float64."""
+        points = points.detach().double()
+        return points + (_basis(points.reshape(-1, 3), self.terms) @ self.amounts).reshape(points.shape)
+
+    def sketch(self, sketch: Sketch) -> Sketch:
+        """The sketch with its control points displaced; straight strokes stay straight."""
+        points = sketch.points.detach().double()
+        moved = self.places(points)
+        chord = points[:, -1:] - points[:, :1]
+        length = torch.linalg.vector_norm(chord, dim=-1).clamp(min=1e-12)
+        along = ((points - points[:, :1]) * chord).sum(-1) / length.square()
+        aside = torch.linalg.vector_norm(points - points[:, :1] - along[..., None] * chord, dim=-1).amax(1)
+        level = moved[:, :1] + along[..., None] * (moved[:, -1:] - moved[:, :1])
+        straight = (aside < STRAIGHT * length[:, 0])[:, None, None]
+        return replace(sketch, points=torch.where(straight, level, moved).to(sketch.points))
 
 
 class _Matches(NamedTuple):
@@ -134,16 +169,3 @@ def _direction(tangents: Float[Tensor, "N 2"]) -> Float[Tensor, "N 2"]:
 
 def _unit(vectors: Float[Tensor, "*N 2"]) -> Float[Tensor, "*N 2"]:
     return torch.nn.functional.normalize(vectors, dim=-1)
-
-
-def _bent(sketch: Sketch, terms: Sequence[_Term], bend: Float[Tensor, " T"]) -> Sketch:
-    """The sketch with its control points displaced; straight strokes stay straight."""
-    points = sketch.points.detach().double()
-    moved = points + (_basis(points.flatten(0, 1), terms) @ bend).reshape(points.shape)
-    chord = points[:, -1:] - points[:, :1]
-    length = torch.linalg.vector_norm(chord, dim=-1).clamp(min=1e-12)
-    along = ((points - points[:, :1]) * chord).sum(-1) / length.square()
-    aside = torch.linalg.vector_norm(points - points[:, :1] - along[..., None] * chord, dim=-1).amax(1)
-    level = moved[:, :1] + along[..., None] * (moved[:, -1:] - moved[:, :1])
-    straight = (aside < STRAIGHT * length[:, 0])[:, None, None]
-    return replace(sketch, points=torch.where(straight, level, moved).to(sketch.points))

@@ -96,7 +96,7 @@ class ConditionedPrior:
         picture: PictureColors | None = None,
     ) -> "ConditionedPrior":
         """The exact prior of a library: the built-in one, or that in a folder."""
-        built_in = BuiltIn(known.color, known.color, Redrawing(known.meant), picture)
+        built_in = BuiltIn(known.color, known.color, Redrawing(known.meant, known.faces), picture)
         denoiser = known.prior(spec.width(WIDTH))
         return cls("exemplar", denoiser, {**(told or {}), **identity_of(folder)}, None, reference, built_in)
 

@@ -22,6 +22,7 @@ from diff3ds.optimize.fit import CameraSampler, FitConfig, Objective, Rates, Ste
 from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.exact_prior.exemplars import painted
 from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
@@ -75,20 +76,22 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     except FloatingPointError as error:
         raise FloatingPointError(f"{error}: {_advice(prior.network)}") from error
     state = read_checkpoint(out / CHECKPOINT)
-    sketch, seconds = state.sketch, {"distill": time.perf_counter() - begun}
+    sketch, seconds, faces = state.sketch, {"distill": time.perf_counter() - begun}, None
     if given is not None:
         sketch = finished(sketch, given, config.rates)
     elif prior.built_in:
         found = painted(sketch, prior.built_in.color)
         redrawing = prior.built_in.redrawing if spec.redraws and not stopped else None
         sketch = redrawing(found, spec.values(prior.preset).strokes) if redrawing else found[:0]
+        faces = redrawing.faces_of(found) if redrawing and len(sketch) else None
         if not len(sketch):
             sketch = tidied(found, spec.cameras, spec.width_is_free)
         if prior.built_in.picture and len(sketch):
             sketch = prior.built_in.picture(sketch)
     around = turntable()
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
-    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
+    surface = None if faces is None else TriangleMesh.of_triangles(faces.numpy())
+    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
     if stopped:
         raise Stopped
     return sketch

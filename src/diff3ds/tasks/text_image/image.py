@@ -3,12 +3,14 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats import save_png
 from diff3ds.guidance.networks.zero123 import ReferencePose
+from diff3ds.library.faces import Faces
 from diff3ds.library.phrase import Request, parse
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.render.backends import torch_on_one_thread
@@ -23,7 +25,7 @@ from diff3ds.tasks.recognition.recognise import Guess, recognised, seen_as
 from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.small_prior.small_prior import trained
-from diff3ds.tasks.text_image.bend import bent_to
+from diff3ds.tasks.text_image.bend import Bend, bend_to
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
 from diff3ds.tasks.text_image.picture_colors import PictureColors
@@ -148,10 +150,21 @@ def _recognised(
 
 def _bent(exemplars: Exemplars, lines: PlacedLines) -> Exemplars:
     """What a picture shows, bent towards its lines, the nearest to them first."""
-    members = [bent_to(member, lines, exemplars.mirrored) for member in exemplars.meant]
+    bends = [bend_to(member, lines, exemplars.mirrored) for member in exemplars.meant]
+    members = [bend.sketch(member) for bend, member in zip(bends, exemplars.meant, strict=True)]
     others = [m for m, fits in zip(exemplars.members, exemplars.fitting, strict=True) if not fits]
-    members.sort(key=lambda member: gap(lines.lines, member, lines.camera))
-    return replace(exemplars, members=(*members, *others), fitting=(True,) * len(members) + (False,) * len(others))
+    order = sorted(range(len(members)), key=lambda i: gap(lines.lines, members[i], lines.camera))
+    faces = [partial(_bent_faces, bends[i], exemplars.faces[i]) for i in order] if exemplars.faces else []
+    return replace(
+        exemplars,
+        members=(*(members[i] for i in order), *others),
+        fitting=(True,) * len(members) + (False,) * len(others),
+        faces=tuple(faces),
+    )
+
+
+def _bent_faces(bend: Bend, faces: Callable[[], Faces]) -> Faces:
+    return bend.places(faces())
 
 
 def inked(picture: Float[Tensor, "H W 3"], color: Color | None) -> Float[Tensor, "H W 3"]:

@@ -5,7 +5,7 @@ thick. The prior knows drawings of what was found, so the strokes of the one tha
 shows, in its colours.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import torch
 from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import orbit
+from diff3ds.library.faces import Faces
 from diff3ds.optimize.join import join_smooth
 from diff3ds.optimize.strokes import chord_lengths
 from diff3ds.render import render
@@ -36,9 +37,16 @@ class Redrawing:
 
     Attributes:
         members: that the phrase or picture means, any strokes.
+        faces: of the solid parts of each, made when they are asked for; empty if nothing is known of any.
     """
 
     members: Sequence[Sketch]
+    faces: Sequence[Callable[[], Faces]] = ()
+
+    def faces_of(self, sketch: Sketch) -> Faces | None:
+        """The faces of the member that a sketch is most like; None if it is not known to have any."""
+        found = self.faces[nearest_member(sketch, self.members)]() if self.faces else None
+        return found if found is not None and len(found) else None
 
     def __call__(self, sketch: Sketch, most: int) -> Sketch:
         """The sketch in the strokes of the member that it is most like, thin ones.
@@ -50,15 +58,15 @@ class Redrawing:
         Returns:
             A sketch without strokes if what was found shows none of the member's.
         """
-        alike = nearest_member(sketch, self.members)
+        alike = self.members[nearest_member(sketch, self.members)]
         strokes = alike[shown_by(sketch, alike).nonzero()[:, 0]]
         if len(strokes) > most:
             strokes = strokes[chord_lengths(strokes).argsort(descending=True, stable=True)[:most].sort().values]
         return join_smooth(dressed_as(sketch, strokes))
 
 
-def nearest_member(sketch: Sketch, members: Sequence[Sketch]) -> Sketch:
-    """The member that looks most like a sketch, from all around."""
+def nearest_member(sketch: Sketch, members: Sequence[Sketch]) -> int:
+    """Which member looks most like a sketch, from all around."""
     cameras = orbit([360 * i / VIEWS for i in range(VIEWS)], ELEVATION, DISTANCE, size=SIZE)
     with torch.no_grad():
         # With its own, thicker strokes: near lines overlap.
@@ -66,7 +74,7 @@ def nearest_member(sketch: Sketch, members: Sequence[Sketch]) -> Sketch:
         width = float(sketch.width.detach().median())
         drawn = (render(replace(_black(m), width=torch.full_like(m.opacity, width)), cameras).color for m in members)
         away = [float((other - seen).square().mean()) for other in drawn]
-    return members[int(np.argmin(away))]
+    return int(np.argmin(away))
 
 
 def shown_by(sketch: Sketch, member: Sketch) -> Bool[Tensor, " N"]:

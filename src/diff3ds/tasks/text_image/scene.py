@@ -8,15 +8,20 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from diff3ds._files import write_text
 from diff3ds.formats import load, tile_images
-from diff3ds.library.layout import arranged
+from diff3ds.formats.mesh import load_mesh
+from diff3ds.library.faces import Faces
+from diff3ds.library.layout import arranged_solids
 from diff3ds.library.phrase import Request
 from diff3ds.library.scene import Scene
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report, Stopped
-from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.results import SURFACE, RunInfo, write_results
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill, turntable
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -56,8 +61,9 @@ def run_scene(
     write_text(out / PLAN, json.dumps(plan, indent=1))
     sketches: list[Sketch] = []
     stopped = False
-    for number, thing in enumerate(scene.things):
-        folder = out / THINGS / f"{number + 1}_{thing.request.category.replace(' ', '_')}"
+    names = [f"{number + 1}_{thing.request.category.replace(' ', '_')}" for number, thing in enumerate(scene.things)]
+    folders = [out / THINGS / name for name in names]
+    for folder, thing in zip(folders, scene.things, strict=True):
         one = replace(spec, subject=replace(spec.subject, phrase=thing.one))
         if spec.output.resume and _is_done(folder):
             sketches.append(load(folder / "sketch.json"))
@@ -72,12 +78,13 @@ def run_scene(
             break
     seconds = {"things": time.perf_counter() - begun}
     there = _so_far(scene, len(sketches))
-    sketch = arranged(there, sketches)
+    sketch, faces = arranged_solids(there, sketches, [_faces_in(folder) for folder in folders[: len(sketches)]])
+    surface = TriangleMesh.of_triangles(faces.numpy()) if len(faces) else None
     around = turntable()
     given = {**spec.subject.record, **spec.options()}
     chosen = {"things": plan["things"], "relations": plan["relations"]}
     info = RunInfo(given, chosen, seconds, [], {}, stopped)
-    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info)
+    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
     if stopped:
         raise Stopped
     return sketch
@@ -88,6 +95,14 @@ def forget_scene(out: Path) -> None:
     if (out / PLAN).exists():
         (out / PLAN).unlink()
         shutil.rmtree(out / THINGS, ignore_errors=True)
+
+
+def _faces_in(folder: Path) -> Faces:
+    """The faces that hide lines of a thing, of which a run may know none."""
+    if not (folder / SURFACE).exists():
+        return torch.zeros(0, 3, 3, dtype=torch.float64)
+    vertices, faces = load_mesh(folder / SURFACE)
+    return torch.from_numpy(vertices[faces])
 
 
 def _is_done(folder: Path) -> bool:
