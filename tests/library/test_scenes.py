@@ -7,7 +7,7 @@ import torch
 
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.layout import LEAST, arranged
+from diff3ds.library.layout import LEAST, arranged, arranged_solids
 from diff3ds.library.members import member
 from diff3ds.library.phrase import is_slip, parse
 from diff3ds.library.scene import parse_scene

@@ -52,10 +52,10 @@ def test_faces_go_with_the_strokes_of_what_is_asked_for():
     """A box has its corners where the strokes of its edges end, however it is stretched and repeated."""
     known = exemplars_of(Request("present", count=2, stretch=(1.0, 1.0, 1.5)), seed=0)
     for sketch, made in zip(known.meant, known.faces, strict=True):
-        corners = {tuple(round(x, 3) for x in point) for point in made().reshape(-1, 3).tolist()}
-        ends = {
-            tuple(round(x, 3) for x in point) for point in sketch.points[:, [0, 3]].double().reshape(-1, 3).tolist()
-        }
+        corners, ends = (
+            {tuple(round(x, 2) for x in point) for point in points.reshape(-1, 3).tolist()}
+            for points in (made(), sketch.points[:, [0, 3]])
+        )
         assert len(corners) >= 16
         assert corners <= ends
 

@@ -1,11 +1,13 @@
 """`diff3ds text` of several things: the folder of the run, Ctrl-C and going on."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
+from needs import needs
 
-from diff3ds import load
+from diff3ds import load, load_surface
 from diff3ds.tasks.progress import Stopped
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.run_spec import CameraOptions, DescentOptions, OutputOptions, RunSpec

@@ -52,7 +52,9 @@ def turned(profile: Float[Tensor, "N 4 4"], closed: bool) -> Faces:
     up = profile.new_tensor([0, 0, 1])
     parts, ends = [], []
     for curve in profile:
-        points = _along(curve[None], _straight(curve[None]))[0]
+        # At the tip of a cone normals are of all sides: one step from it they are right, so steps are short.
+        tipped = bool((curve[[0, -1], 0].abs() <= SAME).any())
+        points = _along(curve[None], _straight(curve[None]) & (not tipped))[0]
         ends += [points[0], points[-1]]
         parts.append(_grid(points[:, None, :1] * directions + points[:, None, 2:] * up))
     for i, end in enumerate(ends if closed else []):

@@ -180,6 +180,11 @@ def ball(center: Vector, radii: float | Vector) -> Part:
     return _solid(partial(faces.ball, _tensor(center), _tensor(sizes)))
 
 
+def solid(part: Part) -> Part:
+    """What of a part hides things that lie behind it, without its strokes."""
+    return Part(part.strokes[:0], part.solids)
+
+
 def filled(outline: Part) -> Part:
     """A closed outline, nearly in a plane, with the face within."""
     return join(outline, _solid(partial(faces.within, outline.strokes)))

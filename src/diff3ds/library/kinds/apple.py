@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, curve, join, mirror, ring, spline
+from diff3ds.library.shapes import Part, curve, join, lathe, mirror, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -14,7 +14,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             curve((0.4, 0, 0.5 * high), (0.46, 0, 0.0), (wide, 0, -0.1 * high), (wide, 0, -0.5 * high)),
             curve((wide, 0, -0.5 * high), (wide, 0, -0.95 * high), (0.5, 0, -1.1 * high), (0, 0, -1.0 * high)),
         )
-        parts = [around(half, 4), ring((0, 0, -0.5 * high), wide)]
+        parts = [lathe(half, [(wide, -0.5 * high)])]
         top = 0.95 * high
     else:
         half = join(
@@ -22,7 +22,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             curve((wide, 0, 0.2 * high), (wide, 0, -0.45 * high), (1.9 * foot, 0, -1.02 * high), (foot, 0, -high)),
             curve((foot, 0, -high), (0.6 * foot, 0, -0.99 * high), (0.4 * foot, 0, -0.9 * high), (0, 0, -0.88 * high)),
         )
-        parts = [around(half, 4), ring((0, 0, 0.2 * high), wide)]
+        parts = [lathe(half, [(wide, 0.2 * high)])]
         top = high - dent
     parts.append(curve((0, 0, top), (0, 0.02, top + 0.2), (0, 0.06, top + 0.3), (0, 0.14, top + 0.44)))
     if "bite" in attributes:

@@ -4,12 +4,12 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, polyline, ring, spline
+from diff3ds.library.shapes import Part, around, ball, polyline, ring, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     seam, tilt = vary(0.36, 0.5), vary(0.5, 0.62)
-    parts = [ring((0, 0, 0), 1, axis) for axis in ("x", "y", "z")]
+    parts = [ball((0, 0, 0), 1.0), *(ring((0, 0, 0), 1, axis) for axis in ("x", "y", "z"))]
     if "panels" in attributes:
         # A five-cornered panel above and one below, with seams between.
         high, wide = math.sqrt(1 - tilt**2), tilt

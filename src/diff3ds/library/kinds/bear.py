@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, girth
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, ellipse, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, ball, curve, ellipse, filled, line, mirror, polyline, ring
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -13,7 +13,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     z = high + belly + 0.7 * r
     parts = [ring((0.04, 0, z), r, "x"), ring((0.04, 0, z), r, "y")]
     parts += [ellipse((0, 0, high), (0.86 * belly, 0, 0), (0, 0, 1.05 * belly)), girth((0, high), belly, 1.05 * belly)]
-    parts.append(mirror(ring((0.0, 0.8 * r, z + 0.78 * r), 0.36 * r, "x")))
+    parts += [ball((0.04, 0, z), r), ball((0, 0, high), (0.86 * belly, belly, 1.05 * belly))]
+    parts.append(mirror(filled(ring((0.0, 0.8 * r, z + 0.78 * r), 0.36 * r, "x"))))
     # The face: a muzzle with nose and mouth.
     x = 0.04 + r
     parts.append(ring((x, 0, z - 0.2 * r), 0.42 * r, "x"))

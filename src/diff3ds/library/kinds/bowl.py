@@ -17,7 +17,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     else:
         wall = curve((foot, 0, 0.1), (0.75 * rim, 0, 0.12), (0.98 * rim, 0, 0.5 * deep), (rim, 0, deep))
         parts = [
-            lathe(wall, [(foot, 0.1), (rim, deep), (0.94 * rim, deep)]),
+            lathe(wall, [(foot, 0.1), (rim, deep), (0.94 * rim, deep)], open=True),
             lathe(line((0.9 * foot, 0, 0), (foot, 0, 0.1)), [(0.9 * foot, 0)]),
         ]
     if "spoon" in attributes:

@@ -3,7 +3,19 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, box, curve, line, mirror, polyline, rectangle, ring
+from diff3ds.library.shapes import (
+    Part,
+    between,
+    box,
+    curve,
+    line,
+    mirror,
+    polyline,
+    rectangle,
+    reflect,
+    ring,
+    solid,
+)
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -22,6 +34,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts.append(mirror(polyline(*front, *back)))
     body = [(-long, half, belt), (-long, half, low), (long, half, low), (long, half, nose)]
     parts.append(mirror(polyline(front[0], *body)))
+    # What is solid: the body between its sides, and the cabin over it.
+    for outline in ([*body, (cowl + 0.5, half, belt - 0.04), front[0]], [*front, *back]):
+        if len(outline) > 2:
+            left = polyline(*outline, closed=True)
+            parts.append(solid(between(left, reflect(left))))
     parts.append(mirror(curve(body[-1], (long, half, belt - 0.08), (cowl + 0.5, half, belt - 0.04), front[0])))
     parts += [line((x, -y, z), (x, y, z)) for x, y, z in (*front, *back, *body)]
     for x in (0.62 * long, -0.62 * long):

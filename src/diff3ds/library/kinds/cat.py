@@ -4,14 +4,14 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, line, mirror, polyline, ring, side, spline
+from diff3ds.library.shapes import Part, ball, curve, line, mirror, polyline, ring, side, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, high, wide = vary(0.27, 0.32), vary(0.95, 1.12), vary(0.33, 0.42)
     top = high + 0.72 * r
     x = 0.14
-    parts = [ring((x, 0, top), r, axis) for axis in ("x", "y")]
+    parts = [ball((x, 0, top), r), *(ring((x, 0, top), r, axis) for axis in ("x", "y"))]
     parts.append(
         mirror(spline((x, 0.1 * r, top + r), (x - 0.02, 0.72 * r, top + 1.62 * r), (x, 0.95 * r, top + 0.3 * r)))
     )

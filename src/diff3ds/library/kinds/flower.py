@@ -37,7 +37,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         head = join(around(blade, 8), ring((0, 0, 0), disc), ring((0, 0, 0), 0.5 * disc))
         parts.append(move(turn(head, -tilt, "y"), top))
     if "pot" in attributes:
-        rim = lathe(line((0.3, 0, -0.55), (0.42, 0, 0)), [(0.3, -0.55), (0.42, 0)], 4, 45)
+        rim = lathe(line((0.3, 0, -0.55), (0.42, 0, 0)), [(0.3, -0.55), (0.42, 0)], 4, 45, open=True)
         parts.append(rim)
     return parts
 

@@ -9,7 +9,7 @@ from diff3ds.library.shapes import Part, between, curve, lathe, line, move, poly
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     wide, narrow, tall = vary(0.46, 0.66), vary(0.23, 0.39), vary(0.45, 0.69)
     belly, foot = vary(0.22, 0.36), vary(0.24, 0.36)
-    shade = lathe(line((wide, 0, 0), (narrow, 0, tall)), [(wide, 0), (narrow, tall)], meridians=6)
+    shade = lathe(line((wide, 0, 0), (narrow, 0, tall)), [(wide, 0), (narrow, tall)], meridians=6, open=True)
     if "hanging" in attributes:
         return [shade, line((0, 0, tall), (0, 0, tall + 1.1)), ring((0, 0, tall + 1.1), 0.15), ring((0, 0, 0.02), 0.13)]
     if "desk" in attributes:

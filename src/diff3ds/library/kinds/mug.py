@@ -11,7 +11,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     foot = radius * vary(0.81, 1.05)
     if "tall" in attributes:
         height *= 1.7
-    parts = [lathe(line((foot, 0, 0), (radius, 0, height)), [(foot, 0), (radius, height), (0.88 * radius, height)])]
+    parts = [
+        lathe(
+            line((foot, 0, 0), (radius, 0, height)), [(foot, 0), (radius, height), (0.88 * radius, height)], open=True
+        )
+    ]
     low, high = 0.18 * height, 0.85 * height
     for shrink in (0.0, 0.11):
         a, b = high - shrink, low + shrink

@@ -3,16 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import (
-    Part,
-    around,
-    lathe,
-    line,
-    mirror,
-    move,
-    polyline,
-    ring,
-)
+from diff3ds.library.shapes import Part, around, ball, lathe, line, mirror, move, polyline, ring
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -22,6 +13,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     for size in sizes:
         z = top + 0.9 * size
         parts += [ring((0, 0, z), size, axis) for axis in ("x", "y", "z")]
+        parts.append(ball((0, 0, z), size))
         middles.append(z)
         top = z + 0.9 * size
     face, head = sizes[2], middles[2]

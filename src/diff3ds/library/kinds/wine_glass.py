@@ -26,7 +26,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         level, surface = stem + 0.5, rim * 0.5 / 0.7
     elif "flute" in attributes:
         surface = 0.83 * belly
-    parts = [lathe(side, [(rim, top), (foot, 0)], meridians=4, start=45), line((0, 0, 0), (0, 0, stem))]
+    parts = [lathe(side, [(rim, top), (foot, 0)], meridians=4, start=45, open=True), line((0, 0, 0), (0, 0, stem))]
     if "wine" in attributes:
         parts.append(ring((0, 0, level), surface))
     if "straw" in attributes:
