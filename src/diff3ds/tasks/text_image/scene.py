@@ -98,10 +98,14 @@ def forget_scene(out: Path) -> None:
 
 
 def _faces_in(folder: Path) -> Faces:
-    """The faces that hide lines of a thing, of which a run may know none."""
+    """The faces that hide lines of a thing: none where its run knows of none, or nothing here reads meshes."""
+    none = torch.zeros(0, 3, 3, dtype=torch.float64)
     if not (folder / SURFACE).exists():
-        return torch.zeros(0, 3, 3, dtype=torch.float64)
-    vertices, faces = load_mesh(folder / SURFACE)
+        return none
+    try:
+        vertices, faces = load_mesh(folder / SURFACE)
+    except ImportError:
+        return none
     return torch.from_numpy(vertices[faces])
 
 
