@@ -101,8 +101,8 @@ STRENGTHS = np.array([0.45, 0.2])
 HEAD, AMBIENT = 0.3, 0.15
 
 
-def shade(buffer: Buffer, mesh: Mesh, view: View, colours: np.ndarray) -> np.ndarray:
-    """The picture (SIZE, SIZE, 4), RGB not multiplied by alpha, in 0..1: Lambert's law with smooth normals."""
+def normals_of(buffer: Buffer, mesh: Mesh, view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals, smooth over faces, at all samples that see a triangle, row by row, and their triangles."""
     row, column = np.nonzero(buffer.triangle >= 0)
     index = buffer.triangle[row, column]
     used, back = np.unique(index, return_inverse=True)
@@ -114,7 +114,13 @@ def shade(buffer: Buffer, mesh: Mesh, view: View, colours: np.ndarray) -> np.nda
     share = np.column_stack([_cross(b[back] - p, c[back] - p), _cross(c[back] - p, a[back] - p)]) / area[:, None]
     share = np.column_stack([share, 1 - share.sum(1)]) / depth[buffer.corners[used]][back]
     normals = (share[..., None] * mesh.normals[buffer.corners[used]][back]).sum(1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12), index
+
+
+def shade(buffer: Buffer, mesh: Mesh, view: View, colours: np.ndarray) -> np.ndarray:
+    """The picture (SIZE, SIZE, 4), RGB not multiplied by alpha, in 0..1: Lambert's law with smooth normals."""
+    row, column = np.nonzero(buffer.triangle >= 0)
+    normals, index = normals_of(buffer, mesh, view)
     light = AMBIENT + HEAD * np.clip(normals @ -view.axes[2], 0, 1)
     light = light + (np.clip(normals @ LAMPS.T, 0, 1) * STRENGTHS).sum(1)
     colour = np.clip(light[:, None] * colours[buffer.face[index]], 0, 1)

@@ -1,0 +1,1 @@
+"""Cameras moved, together with the curves, until the views agree."""

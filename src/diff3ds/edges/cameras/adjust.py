@@ -1,0 +1,158 @@
+"""Bundle adjustment on edges: cameras, a lens and the points of curves, so that curves meet the ridges of all views.
+
+A sample point of a curve lies beside a ridge in each view that shows it; how far is known across the ridge, and not
+along it. Poses of all views, one factor of all focal lengths, the outward offset of outlines and a displacement of every sample point
+are solved for together, in Gauss-Newton steps with weights that fall off for
+ridges that fit badly. Displacements are eliminated point by point, as in `evidence.bias`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Array, Bool, Float
+from diff3ds.edges.cameras.posed import Posed, rotation_vectors
+from diff3ds.edges.evidence.bias import ACROSS, ALONG
+from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.support import crowded, inliers, samples
+from diff3ds.edges.shapes.curve_set import Curves
+
+# [rounds, px, px; empirical] Gauss-Newton steps, and the residuals that count half in the first and the last of them.
+ROUNDS, FIRST_SCATTER, SCATTER = 15, 1.5, 0.3
+# [px; empirical] Ridges so far away may be those of a curve, in the first round and in the last;
+# a view that shows fewer ridges so near than before stays where it was.
+FAR, NEAR, SURE = 5.0, 2.5, 1.0
+# [samples; speed] Sample points that are looked at, at most: evenly chosen ones, of long curves as of short ones.
+MOST_SAMPLES = 3000
+# [rad, ratio, ratio, px; empirical] Of the pull towards the cameras that were given: so much of a turn, of a move
+# relative to the distance, of the focal length and of outlines counts as one sample point that is a pixel off, next to
+# nothing, but where the ridges say nothing.
+TURNED, MOVED, ZOOMED, OUTWARD = 0.001, 0.002, 0.002, 0.2
+# [views; derived] Fewer views than this fix no sample point and no camera at once.
+LEAST_VIEWS = 3
+
+
+def adjusted(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -> Posed:
+    """The cameras with which the curves, free to move, meet the ridges best.
+
+    Args:
+        start: the cameras that were given, near which they stay where the ridges say nothing.
+        posed: the cameras so far.
+        views: ridges as the pictures show them; their cameras do not count.
+        sides: `outline_sides` of all ridge points.
+        curves: near the edges, by the cameras so far.
+    """
+    x, tangent = samples(curves)
+    if len(x) > MOST_SAMPLES:
+        chosen = np.arange(MOST_SAMPLES) * len(x) // MOST_SAMPLES
+        x, tangent = x[chosen], tangent[chosen]
+    first, seen = posed, posed.views(views, sides)
+    alone = ~crowded(seen, x, tangent, at=inliers(seen, x, tangent, FAR))
+    for turn in range(ROUNDS):
+        fraction = turn / (ROUNDS - 1)
+        scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** fraction
+        shown = inliers(seen, x, tangent, FAR * (NEAR / FAR) ** fraction) & alone
+        shown &= shown.sum(0) >= LEAST_VIEWS
+        posed, x = _stepped(start, posed, seen, sides, x, tangent, shown, scatter)
+        seen = posed.views(views, sides)
+    # A view that has lost its way shows less than before.
+    now, before = (inliers(p.views(views, sides), x, tangent, SURE).sum(1) for p in (posed, first))
+    lost = now < before
+    return replace(
+        posed,
+        rotation=np.where(lost[:, None, None], first.rotation, posed.rotation),
+        shift=np.where(lost[:, None], first.shift, posed.shift),
+    )
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Linear equations of the residuals, one for each view and sample point."""
+
+    residual: Float[Array, "V M"]
+    weight: Float[Array, "V M"]
+    pose: Float[Array, "V M 6"]
+    lens: Float[Array, "V M 2"]
+    place: Float[Array, "V M 3"]
+
+
+def _equations(
+    posed: Posed,
+    seen: EdgeViews,
+    sides: Float[Array, " R"],
+    x: Float[Array, "M 3"],
+    shown: Bool[NDArray[np.bool_], "V M"],
+    scatter: float,
+) -> _Equations:
+    """How the offsets of ridges from the points, across them, change with poses, lens and places."""
+    match = seen.match(x)
+    normal = seen.normals[match.ridge]
+    residual = ((seen.points[match.ridge] - match.pixel) * normal).sum(-1)
+    local = x @ posed.rotation.transpose(0, 2, 1) + posed.shift[:, None]
+    depth = np.where(np.abs(local[..., 2]) < 1e-9, 1e-9, local[..., 2])
+    off = match.pixel - posed.principal[:, None]
+    focal = posed.focals[:, None]
+    # Of n . u, u the pixel: its derivative by the point before the camera.
+    flat = normal * focal / depth[..., None]
+    before = np.concatenate([flat, -(normal * off).sum(-1, keepdims=True) / depth[..., None]], -1)
+    pose = np.concatenate([np.cross(local, before), before], -1)
+    lens = np.stack([(normal * off).sum(-1), sides[match.ridge]], -1)
+    weight = shown / (1 + (residual / scatter) ** 2)
+    return _Equations(residual, weight, pose, lens, before @ posed.rotation)
+
+
+def _stepped(
+    start: Posed,
+    posed: Posed,
+    seen: EdgeViews,
+    sides: Float[Array, " R"],
+    x: Float[Array, "M 3"],
+    tangent: Float[Array, "M 3"],
+    shown: Bool[NDArray[np.bool_], "V M"],
+    scatter: float,
+) -> tuple[Posed, Float[Array, "M 3"]]:
+    """One Gauss-Newton step of cameras and points."""
+    rows = _equations(posed, seen, sides, x, shown, scatter)
+    count, poses = len(posed.rotation), 6 * len(posed.rotation)
+    weighted = rows.weight[..., None]
+    left, right = np.zeros((poses + 2, poses + 2)), np.zeros(poses + 2)
+    own = np.einsum("vmi,vmj->vij", weighted * rows.pose, rows.pose)
+    mixed = np.einsum("vmi,vmj->vij", weighted * rows.pose, rows.lens)
+    for view in range(count):
+        at = slice(6 * view, 6 * view + 6)
+        left[at, at], left[at, poses:], left[poses:, at] = own[view], mixed[view], mixed[view].T
+    left[poses:, poses:] = np.einsum("vmi,vmj->ij", weighted * rows.lens, rows.lens)
+    right[:poses] = np.einsum("vm,vmi->vi", rows.weight * rows.residual, rows.pose).ravel()
+    right[poses:] = np.einsum("vm,vmi->i", rows.weight * rows.residual, rows.lens)
+    # Places are in pixels at the middle of the scene, as in `bias`: their pulls are, too.
+    place = rows.place * seen.pixel
+    pull = ALONG * np.einsum("mi,mj->mij", tangent, tangent) + ACROSS * np.eye(3)
+    square = np.linalg.inv(np.einsum("vmi,vmj->mij", weighted * place, place) + pull)
+    both = np.concatenate(
+        [
+            np.einsum("vmi,vmj->mivj", weighted * place, rows.pose).reshape(len(x), 3, poses),
+            np.einsum("vmi,vmj->mij", weighted * place, rows.lens),
+        ],
+        -1,
+    )
+    offset = np.einsum("vm,vmi->mi", rows.weight * rows.residual, place)
+    root = np.linalg.cholesky(square).transpose(0, 2, 1)
+    halves = (root @ both).reshape(-1, poses + 2)
+    left -= halves.T @ halves
+    right -= halves.T @ (root @ offset[..., None]).ravel()
+    tight, back = _expected(start, posed)
+    step = np.linalg.solve(left + np.diag(tight), right + tight * back)
+    moved = (square @ (offset - both @ step)[..., None])[..., 0] * seen.pixel
+    return posed.stepped(step[:poses].reshape(-1, 6), step[poses:]), x + moved
+
+
+def _expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
+    """Weights of what is expected of the numbers, and the steps that lead back to it."""
+    turned = rotation_vectors(start.rotation @ posed.rotation.transpose(0, 2, 1))
+    aside = np.einsum("vij,vj->vi", posed.rotation, posed.centers - start.centers)
+    distance = np.linalg.norm(start.centers, axis=1)
+    tight = np.concatenate([np.full((len(distance), 3), TURNED**-2), np.tile((MOVED * distance[:, None]) ** -2, 3)], 1)
+    lens = np.array([ZOOMED, OUTWARD]) ** -2
+    back = np.concatenate([np.concatenate([turned, aside], 1).ravel(), -posed.lens])
+    return np.concatenate([tight.ravel(), lens]), back
