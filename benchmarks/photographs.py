@@ -38,10 +38,10 @@ MARGIN = 0.05
 SEEN = 0.5
 # By name: the file of the cameras, and whether they are refined.
 ROWS = {
-    "true": ("true", "off"),
-    "true refined": ("true", "on"),
-    "wrong": ("wrong", "off"),
-    "refined": ("wrong", "on"),
+    "true": ("true", False),
+    "true refined": ("true", True),
+    "wrong": ("wrong", False),
+    "refined": ("wrong", True),
 }
 
 
@@ -119,7 +119,7 @@ def row(name: str, seed: int, folder: Path, out: Path, extra: list[str]) -> dict
     cameras, refine = ROWS[name]
     out = out / name.replace(" ", "-")
     command = [sys.executable, "-m", "diff3ds.cli", "views", str(folder / f"{cameras}.json"), "-o", str(out)]
-    command += ["--target", "color-edges", "--quiet", "--overwrite", "--refine-cameras", refine, *extra]
+    command += ["--target", "color-edges", "--quiet", "--overwrite", *["--refine-cameras"][:refine], *extra]
     begun = time.perf_counter()
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     found: dict[str, Any] = {"cameras": name, "seed": seed, "seconds": time.perf_counter() - begun}
@@ -127,7 +127,7 @@ def row(name: str, seed: int, folder: Path, out: Path, extra: list[str]) -> dict
         return {**found, "F5": 0.0, "error": done.stderr.strip()[-300:]}
     truth = json.loads((folder / "ground_truth.json").read_text())
     true = json.loads((folder / "true.json").read_text())
-    used = out / "transforms.json" if refine == "on" else folder / f"{cameras}.json"
+    used = out / "transforms.json" if refine else folder / f"{cameras}.json"
     sketch = json.loads((out / "sketch.json").read_text())
     return {**found, **score(_of_part(sketch, json.loads(used.read_text()), true, truth), truth)}
 
@@ -169,7 +169,8 @@ def main() -> None:
         for name in chosen.rows:
             rows.append(row(name, seed, folder, folder / "sketches", extra))
             shown = {k: round(v, 3) if isinstance(v, float) else v for k, v in rows[-1].items()}
-            print({k: shown[k] for k in ("cameras", "seed", "F5", "P5", "R5", "seconds", "error") if k in shown}, flush=True)
+            columns = ("cameras", "seed", "F5", "P5", "R5", "curves", "seconds", "error")
+            print({k: shown[k] for k in columns if k in shown}, flush=True)
     figures = {}
     for name in chosen.rows:
         f5 = [r["F5"] for r in rows if r["cameras"] == name]

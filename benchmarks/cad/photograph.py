@@ -17,8 +17,8 @@ WAVES, LENGTHS, CONTRAST = 16, (0.1, 0.6), 0.06
 WALL_WAVES, WALL_LENGTHS, WALL_CONTRAST, TILE = 24, (0.3, 4.0), 0.15, 1.6
 # The lamp that throws shadows stands so far away; a shadow begins so far behind what throws it.
 LAMP_DISTANCE, SHADOW_BIAS = 5.0, 0.01
-# Of a camera: standard deviation of its blur in pixels, of the part and of the walls, which lie out of focus; one picture in so many shaken over so many pixels, standard
-# deviation of the exposure in stops and of the noise, of full scale.
+# Of a camera: standard deviation of its blur in pixels, of the part and of the walls, which lie out of focus; one
+# picture in so many shaken, over so many pixels; standard deviation of exposure in stops and of noise, of full scale.
 BLUR, DEFOCUS, SHAKEN, SHAKE, EXPOSURE, NOISE = (0.4, 1.0), 3.0, 8, 5, 0.15, 0.012
 
 

@@ -1,9 +1,9 @@
 """Bundle adjustment on edges: cameras, a lens and the points of curves, so that curves meet the ridges of all views.
 
 A sample point of a curve lies beside a ridge in each view that shows it; how far is known across the ridge, and not
-along it. Poses of all views, one factor of all focal lengths, the outward offset of outlines and a displacement of every sample point
-are solved for together, in Gauss-Newton steps with weights that fall off for
-ridges that fit badly. Displacements are eliminated point by point, as in `evidence.bias`.
+along it. Poses of all views, one factor of all focal lengths, the outward offset of outlines and a displacement of
+every sample point are solved for together, in Gauss-Newton steps with weights that fall off for ridges that fit badly.
+Displacements are eliminated point by point, as in `evidence.bias`.
 """
 
 from dataclasses import dataclass, replace

@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Int, Tensor
+from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.evidence.ridges import MOST_INK, Ridges, color_ridges, map_ridges, strongest, within, without_faint
 from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
@@ -21,13 +22,14 @@ from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.pictures.frame import frame_of
+from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import evenly_spaced
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
+from diff3ds.tasks.views.refined_cameras import in_world, moves, said
 
 # Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
 # kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.
@@ -91,8 +93,13 @@ def fit_edges(
         # From here on there is something to resume.
         save(nothing_yet())
     stopped = False
+    refined: dict[str, Any] = {}
+    views = torch.zeros(0, dtype=torch.int64)
     try:
         views, ridges = _found(pictures, tell, capped)
+        if options.refine_cameras and start is None:
+            pictures, refined = _refined(pictures, views, ridges, frame, tell)
+            say(said(refined))
         reconstruct(
             frame.cameras(pictures.cameras[views]),
             ridges,
@@ -107,8 +114,23 @@ def fit_edges(
         if not results[-1].stage:
             raise
         stopped = True
-    chosen = {"capped": {what: {"used": k, "of": n} for what, (k, n) in limited.items()}}
-    return _fitted(pictures, drawn(results[-1].curves), results[-1], losses, stopped, chosen)
+    chosen: dict[str, Any] = {"capped": {what: {"used": k, "of": n} for what, (k, n) in limited.items()}}
+    if refined:
+        chosen["cameras"] = refined
+    fitted = _fitted(pictures, drawn(results[-1].curves), results[-1], losses, stopped, chosen)
+    return replace(fitted, refined=tuple(views.tolist())) if refined else fitted
+
+
+def _refined(
+    pictures: PosedPictures, views: Int[Tensor, " B"], ridges: list[Ridges], frame: Frame, tell: Tell
+) -> tuple[PosedPictures, dict[str, Any]]:
+    """The pictures with refined cameras of these views, and how far those have moved."""
+    before = pictures.cameras[views]
+    after = in_world(frame, refined_cameras(frame.cameras(before), ridges, tell), before)
+    pose, lens = pictures.cameras.world_to_camera.clone(), pictures.cameras.intrinsics.clone()
+    pose[views], lens[views] = after.world_to_camera, after.intrinsics
+    cameras = replace(pictures.cameras, world_to_camera=pose, intrinsics=lens)
+    return replace(pictures, cameras=cameras), moves(before, after, [pictures.names[i] for i in views.tolist()])
 
 
 def most_views(size: tuple[int, int]) -> int:
@@ -118,7 +140,7 @@ def most_views(size: tuple[int, int]) -> int:
 
 def _settings(pictures: PosedPictures, options: ViewsOptions) -> dict[str, object]:
     """Names what must be the same for a run to go on."""
-    names = ["init", "seed", *(["strokes", "steps", "batch"] if options.init == "random" else [])]
+    names = ["init", "seed", "refine_cameras", *(["strokes", "steps", "batch"] if options.init == "random" else [])]
     about = {"target": pictures.target, "size": list(pictures.cameras.size), "pictures": pictures.digest()}
     return {**about, **{name: getattr(options, name) for name in names}}
 

@@ -31,6 +31,8 @@ class ViewsOptions:
             pictures. By default alpha says where nothing is, or else the colour that nearly all of the borders have.
         masks: what the black pixels of a mask_path are: ignore leaves them out of the loss and the scores, as
             nerfstudio does; object takes them for background, so that masks cut the object out.
+        refine_cameras: edges: cameras are moved, and focal lengths scaled by one factor, until the edges of all
+            pictures agree best, as for poses that were estimated from photographs.
         size: larger pictures are reduced to this many pixels along the longer side.
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
@@ -46,6 +48,7 @@ class ViewsOptions:
     batch: int | None = None
     background: str | None = None
     masks: Masks = "ignore"
+    refine_cameras: bool = False
     size: int = 512
     start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0
@@ -67,10 +70,12 @@ class ViewsOptions:
     def unused(self, target: Target) -> list[str]:
         """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""
         if target == "color":
-            return ["--init random"] if self.init == "random" else []
+            given = {"--init random": self.init == "random", "--refine-cameras": self.refine_cameras}
+            return [option for option, chosen in given.items() if chosen]
         descends = self.init == "random" or self.start is not None
         without = ["background", *([] if descends else ["strokes", "steps", "batch"])]
-        return [f"--{name} {getattr(self, name)}" for name in without if getattr(self, name) is not None]
+        unused = [f"--{name} {getattr(self, name)}" for name in without if getattr(self, name) is not None]
+        return [*unused, "--refine-cameras"] if self.refine_cameras and descends else unused
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ class Fitted:
         losses: of every step.
         scores: of the sketch.
         stopped: whether Ctrl-C came before the end.
+        refined: which of the pictures have refined cameras.
     """
 
     sketch: Sketch
@@ -47,3 +48,4 @@ class Fitted:
     losses: list[float]
     scores: dict[str, float]
     stopped: bool
+    refined: tuple[int, ...] = ()

@@ -36,6 +36,7 @@ from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
 from diff3ds.tasks.views.random_start import plan_random_edges
+from diff3ds.tasks.views.refined_cameras import CAMERAS, save_refined
 
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"
@@ -128,6 +129,9 @@ def _run(
         fitted.stopped,
     )
     write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
+    if fitted.refined and path is not None:
+        views = list(fitted.refined)
+        save_refined(out / CAMERAS, path, views, fitted.pictures.cameras[views], fitted.chosen["cameras"]["focal"])
     return fitted
 
 

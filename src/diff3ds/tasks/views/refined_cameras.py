@@ -1,0 +1,80 @@
+"""Refined cameras as a run tells of them: how far each has moved, and a transforms.json that other commands read."""
+
+import json
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._files import read_json, write_text
+from diff3ds.camera import Cameras
+from diff3ds.frames import picture_of
+from diff3ds.pictures.frame import Frame
+from diff3ds.transforms import present_views
+
+CAMERAS = "transforms.json"
+# From OpenCV's axes of the camera to OpenGL's, which such a file has.
+AXES = (1.0, -1.0, -1.0, 1.0)
+
+
+def in_world(frame: Frame, cameras: Cameras, like: Cameras) -> Cameras:
+    """Cameras of the frame of a fit in the world; precision and near plane are those of the cameras before."""
+    pose = cameras.world_to_camera.double().clone()
+    pose[:, :3, 3] = frame.radius * pose[:, :3, 3] - pose[:, :3, :3] @ frame.center
+    kind = like.world_to_camera.dtype
+    return replace(like, world_to_camera=pose.to(kind), intrinsics=cameras.intrinsics.to(kind))
+
+
+def moves(before: Cameras, after: Cameras, names: Sequence[str]) -> dict[str, Any]:
+    """How far each camera has turned, in degrees, and moved, in world units; and the factor of all focal lengths."""
+    turn = after.world_to_camera[:, :3, :3].double() @ before.world_to_camera[:, :3, :3].double().mT
+    # Of a rotation by a, |R - 1| is 2 sqrt(2) sin(a / 2): exact for small angles, where the trace is not.
+    off = (turn - torch.eye(3, dtype=turn.dtype)).flatten(1).norm(dim=1) / 8**0.5
+    degrees = torch.rad2deg(2 * off.clamp(max=1).asin()).tolist()
+    units = (after.centers - before.centers).double().norm(dim=1).tolist()
+    zoom = float(after.intrinsics[0, 0, 0] / before.intrinsics[0, 0, 0])
+    each = {
+        name: {"degrees": round(a, 4), "units": float(f"{b:.3g}")}
+        for name, a, b in zip(names, degrees, units, strict=True)
+    }
+    return {"focal": round(zoom, 5), "degrees_mean": sum(degrees) / len(degrees), "degrees_most": max(degrees),
+            "units_mean": sum(units) / len(units), "units_most": max(units), "each": each}  # fmt: skip
+
+
+def said(moved: dict[str, Any]) -> str:
+    """One line about them."""
+    return (
+        f"cameras: turned by {moved['degrees_mean']:.3f} degrees (most {moved['degrees_most']:.3f}), moved by "
+        f"{moved['units_mean']:.3g} units (most {moved['units_most']:.3g}), focal length times {moved['focal']:.4f}"
+    )
+
+
+def save_refined(out: Path, source: Path, views: Sequence[int], cameras: Cameras, zoom: float) -> None:
+    """Writes a transforms.json of the refined views: the frames of the source with other poses and focal lengths.
+
+    Args:
+        out: the file.
+        source: the transforms.json that the pictures came from.
+        views: which of its pictures these are.
+        cameras: of these views, in the world.
+        zoom: the factor of the focal lengths.
+    """
+    content = read_json(source)
+    with warnings.catch_warnings():
+        # Said when the pictures were read.
+        warnings.simplefilter("ignore")
+        present = present_views(source)
+    frames = {picture_of(source, i, frame): frame for i, frame in enumerate(content["frames"])}
+    poses = torch.linalg.inv(cameras.world_to_camera.double()) @ torch.diag(torch.tensor(AXES, dtype=torch.float64))
+    written = []
+    for view, pose in zip(views, poses, strict=True):
+        seen = present[view]
+        focal = {"fl_x": zoom * float(seen.intrinsics[0, 0]), "fl_y": zoom * float(seen.intrinsics[1, 1])}
+        files = {"file_path": str(seen.picture.resolve())} | (
+            {"mask_path": str(seen.mask.resolve())} if seen.mask else {}
+        )
+        written.append({**frames[seen.picture], **files, **focal, "transform_matrix": pose.tolist()})
+    write_text(out, json.dumps({**content, "frames": written}, indent=1))

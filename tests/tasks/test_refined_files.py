@@ -1,0 +1,77 @@
+"""What a run writes of refined cameras: a transforms.json that says what was seen, and how far they moved."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+import diff3ds as ds
+from diff3ds.pictures.frame import Frame
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.refined_cameras import in_world, moves, save_refined
+from diff3ds.transforms import read_views, save_transforms
+
+
+@pytest.fixture
+def source(tmp_path):
+    cameras = ds.orbit([0.0, 90.0, 180.0, 270.0], 20.0, 3.0, size=(24, 32))
+    for i in range(4):
+        Image.fromarray(np.full((24, 32, 3), 60 * i, np.uint8)).save(tmp_path / f"{i}.png")
+    save_transforms(tmp_path / "transforms.json", cameras, [f"{i}.png" for i in range(4)])
+    return tmp_path / "transforms.json", cameras
+
+
+def turned(cameras, degrees):
+    """The cameras turned about their own axes of sight."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    turn = torch.tensor([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    return replace(cameras, world_to_camera=turn @ cameras.world_to_camera)
+
+
+def test_moves_say_degrees_and_units(source):
+    cameras = source[1]
+    after = turned(cameras, 0.5)
+    after.world_to_camera[1, 0, 3] += 0.25
+    found = moves(cameras, after, ["a", "b", "c", "d"])
+    assert found["each"]["a"]["degrees"] == pytest.approx(0.5, abs=1e-3)
+    assert found["each"]["b"]["units"] == pytest.approx(0.25, abs=1e-4)
+    assert found["each"]["c"]["units"] == pytest.approx(0.0, abs=1e-5)
+    assert found["units_most"] == pytest.approx(0.25, abs=1e-4)
+
+
+def test_the_frame_of_a_fit_and_back(source):
+    cameras = source[1]
+    frame = Frame(torch.tensor([0.3, -0.2, 0.1], dtype=torch.float64), 1.7)
+    back = in_world(frame, frame.cameras(cameras), cameras)
+    torch.testing.assert_close(back.world_to_camera, cameras.world_to_camera, atol=1e-5, rtol=0)
+
+
+def test_written_cameras_are_read_from_another_folder(source, tmp_path):
+    path, cameras = source
+    content = json.loads(path.read_text())
+    content["frames"][2] |= {"k1": 0.01}
+    path.write_text(json.dumps({**content, "aabb_scale": 4}))
+    after = turned(cameras, 1.0)
+    (tmp_path / "out").mkdir()
+    save_refined(tmp_path / "out" / "transforms.json", path, [0, 2], after[[0, 2]], 1.1)
+    views = read_views(tmp_path / "out" / "transforms.json")
+    assert [view.picture.name for view in views] == ["0.png", "2.png"]
+    assert all(view.picture.is_file() for view in views)
+    torch.testing.assert_close(
+        torch.stack([v.world_to_camera for v in views]).float(), after.world_to_camera[[0, 2]], atol=1e-5, rtol=0
+    )
+    focal = [float(v.intrinsics[0, 0]) for v in views]
+    assert focal == pytest.approx([1.1 * float(cameras.intrinsics[0, 0, 0])] * 2, rel=1e-5)
+    written = json.loads((tmp_path / "out" / "transforms.json").read_text())
+    assert written["aabb_scale"] == 4
+    assert written["frames"][1]["k1"] == 0.01
+
+
+def test_the_option_is_said_to_be_unused_where_it_is():
+    assert "--refine-cameras" in ViewsOptions(refine_cameras=True).unused("color")
+    assert "--refine-cameras" in ViewsOptions(refine_cameras=True, init="random").unused("edges")
+    assert ViewsOptions(refine_cameras=True).unused("edges") == []
