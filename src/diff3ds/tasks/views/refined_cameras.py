@@ -1,6 +1,5 @@
 """Refined cameras as a run tells of them: how far each has moved, and a transforms.json that other commands read."""
 
-import json
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,15 +8,13 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import read_json, write_text
 from diff3ds.camera import Cameras
-from diff3ds.frames import picture_of
+from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.frame import Frame
-from diff3ds.transforms import present_views
+from diff3ds.pictures.options import Target
+from diff3ds.transforms import save_views
 
 CAMERAS = "transforms.json"
-# From OpenCV's axes of the camera to OpenGL's, which such a file has.
-AXES = (1.0, -1.0, -1.0, 1.0)
 
 
 def in_world(frame: Frame, cameras: Cameras, like: Cameras) -> Cameras:
@@ -52,29 +49,25 @@ def said(moved: dict[str, Any]) -> str:
     )
 
 
-def save_refined(out: Path, source: Path, views: Sequence[int], cameras: Cameras, zoom: float) -> None:
-    """Writes a transforms.json of the refined views: the frames of the source with other poses and focal lengths.
+def save_refined(out: Path, source: Path, target: Target, views: Sequence[int], cameras: Cameras, zoom: float) -> None:
+    """Writes a transforms.json of the refined views: pictures, masks and lenses are those of the source.
 
     Args:
         out: the file.
-        source: the transforms.json that the pictures came from.
+        source: where the pictures and their cameras came from.
+        target: what the pictures are.
         views: which of its pictures these are.
         cameras: of these views, in the world.
         zoom: the factor of the focal lengths.
     """
-    content = read_json(source)
     with warnings.catch_warnings():
         # Said when the pictures were read.
         warnings.simplefilter("ignore")
-        present = present_views(source)
-    frames = {picture_of(source, i, frame): frame for i, frame in enumerate(content["frames"])}
-    poses = torch.linalg.inv(cameras.world_to_camera.double()) @ torch.diag(torch.tensor(AXES, dtype=torch.float64))
-    written = []
-    for view, pose in zip(views, poses, strict=True):
-        seen = present[view]
-        focal = {"fl_x": zoom * float(seen.intrinsics[0, 0]), "fl_y": zoom * float(seen.intrinsics[1, 1])}
-        files = {"file_path": str(seen.picture.resolve())} | (
-            {"mask_path": str(seen.mask.resolve())} if seen.mask else {}
-        )
-        written.append({**frames[seen.picture], **files, **focal, "transform_matrix": pose.tolist()})
-    write_text(out, json.dumps({**content, "frames": written}, indent=1))
+        present = present_views(source, target)
+    wider = torch.tensor([zoom, zoom, 1.0], dtype=torch.float64)
+    refined = []
+    for view, pose in zip((present[i] for i in views), cameras.world_to_camera.double(), strict=True):
+        lens = view.intrinsics * wider  # columns: the principal point stays
+        mask = view.mask.resolve() if view.mask else None
+        refined.append(replace(view, picture=view.picture.resolve(), mask=mask, world_to_camera=pose, intrinsics=lens))
+    save_views(out, refined)

@@ -131,7 +131,8 @@ def _run(
     write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
     if fitted.refined and path is not None:
         views = list(fitted.refined)
-        save_refined(out / CAMERAS, path, views, fitted.pictures.cameras[views], fitted.chosen["cameras"]["focal"])
+        cameras, zoom = fitted.pictures.cameras[views], fitted.chosen["cameras"]["focal"]
+        save_refined(out / CAMERAS, path, pictures.target, views, cameras, zoom)
     return fitted
 
 
