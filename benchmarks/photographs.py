@@ -127,7 +127,7 @@ def row(name: str, seed: int, folder: Path, out: Path, extra: list[str]) -> dict
         return {**found, "F5": 0.0, "error": done.stderr.strip()[-300:]}
     truth = json.loads((folder / "ground_truth.json").read_text())
     true = json.loads((folder / "true.json").read_text())
-    used = out / "transforms.json" if refine else folder / f"{cameras}.json"
+    used = out / "transforms_refined.json" if refine else folder / f"{cameras}.json"
     sketch = json.loads((out / "sketch.json").read_text())
     return {**found, **score(_of_part(sketch, json.loads(used.read_text()), true, truth), truth)}
 

@@ -142,7 +142,7 @@ def _stepped(
     left -= halves.T @ halves
     right -= halves.T @ (root @ offset[..., None]).ravel()
     tight, back = _expected(start, posed)
-    step = np.linalg.solve(left + np.diag(tight), right + tight * back)
+    step = np.asarray(np.linalg.solve(left + np.diag(tight), right + tight * back), dtype=np.float64)
     moved = (square @ (offset - both @ step)[..., None])[..., 0] * seen.pixel
     return posed.stepped(step[:poses].reshape(-1, 6), step[poses:]), x + moved
 

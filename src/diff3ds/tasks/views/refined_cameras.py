@@ -1,4 +1,4 @@
-"""Refined cameras as a run tells of them: how far each has moved, and a transforms.json that other commands read."""
+"""Refined cameras as a run tells of them: how far each has moved, and a file of cameras that other commands read."""
 
 import warnings
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from diff3ds.pictures.frame import Frame
 from diff3ds.pictures.options import Target
 from diff3ds.transforms import save_views
 
-CAMERAS = "transforms.json"
+REFINED = "transforms_refined.json"
 
 
 def in_world(frame: Frame, cameras: Cameras, like: Cameras) -> Cameras:

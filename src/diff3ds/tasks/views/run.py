@@ -36,7 +36,7 @@ from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
 from diff3ds.tasks.views.random_start import plan_random_edges
-from diff3ds.tasks.views.refined_cameras import CAMERAS, save_refined
+from diff3ds.tasks.views.refined_cameras import REFINED, save_refined
 
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"
@@ -132,7 +132,7 @@ def _run(
     if fitted.refined and path is not None:
         views = list(fitted.refined)
         cameras, zoom = fitted.pictures.cameras[views], fitted.chosen["cameras"]["focal"]
-        save_refined(out / CAMERAS, path, pictures.target, views, cameras, zoom)
+        save_refined(out / REFINED, path, pictures.target, views, cameras, zoom)
     return fitted
 
 
