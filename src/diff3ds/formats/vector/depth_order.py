@@ -27,8 +27,8 @@ EQUAL = 1e-6
 _INSIDE = 1 - 1e-9
 # Of a chord: places that are nearer to each other are not cut apart. It is less than a fifth of a pixel.
 _NEXT = 0.02
-# Cuts of a circle. [empirical: more than these are hardly ever needless]
-_FEW = 12
+# Places in a circle that is small. [empirical: larger ones need nearly all of their cuts, and more rounds one by one]
+_FEW = 24
 
 
 class _Chords(NamedTuple):
@@ -288,11 +288,15 @@ def _cut(begins: NDArray[np.float64], meetings: _Meetings) -> NDArray[np.float64
         change = np.flatnonzero(link & (behind[1:] != behind[:-1]))
         if not len(change):
             return cuts
-        # Few cuts are made one at a time: the first one may free the whole circle.
+        # What no cut sets apart would keep the whole circle together: one of the two meetings is given up.
+        bound = np.flatnonzero((part[1:] == part[:-1]) & ~link & (behind[1:] != behind[:-1])) + 1
+        kept = ~np.isin(np.arange(len(near)), order[bound] % max(len(near), 1))
+        near, far, near_depth, far_depth = (column[kept] for column in (near, far, near_depth, far_depth))
+        # Of small circles cuts are made one at a time: the first one may free the whole circle.
         owner = circle[part][change]
         alone = np.zeros(len(change), bool)
         alone[np.unique(owner, return_index=True)[1]] = True
-        change = change[alone | (np.bincount(owner)[owner] > _FEW)]
+        change = change[alone | (np.bincount(circle[part])[owner] > _FEW)]
         middle = (place[change] + place[change + 1]) / 2
         # Beside the end of a piece the cut is there: no part begins with a sliver.
         end = np.round(middle)
