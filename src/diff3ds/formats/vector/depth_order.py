@@ -25,8 +25,9 @@ TOUCH = 0.9
 EQUAL = 1e-6
 # Of a chord: what meets at its end is not on the next one.
 _INSIDE = 1 - 1e-9
-# Of a chord: places that are nearer to each other are not cut apart. It is less than a fifth of a pixel.
-_NEXT = 0.02
+# Of a chord: places that are nearer to each other are not cut apart. Rounding is less; where much more is asked for
+# crossings of dense tangles hold each other together.
+_NEXT = 1e-6
 # Places in a circle that is small. [empirical: larger ones need nearly all of their cuts, and more rounds one by one]
 _FEW = 24
 
