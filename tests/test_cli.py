@@ -13,6 +13,7 @@ from rich.console import Console
 import diff3ds as ds
 from diff3ds import cli
 from diff3ds.cli import FAULT, STOPPED, main
+from diff3ds.command_line.console import _rate, progress_on
 from diff3ds.command_line.read_options import as_typed
 from diff3ds.tasks.progress import Progress
 from diff3ds.tasks.text_image import text
@@ -204,7 +205,7 @@ def test_a_download_that_was_stopped_goes_on_by_the_same_command(capsys, monkeyp
     ("speed", "shown"), [(42.4, "42 steps/s"), (1.23, "1.2 steps/s"), (0.55, "1.8 s a step"), (0.02, "50.0 s a step")]
 )
 def test_the_rate_of_slow_steps_is_not_zero(speed, shown):
-    assert cli._rate(speed) == shown
+    assert _rate(speed) == shown
 
 
 @pytest.mark.parametrize(("seconds", "shown"), [(0.5, "2.0 steps/s"), (10.0, "10.0 s a step"), (60.0, "60.0 s a step")])
@@ -212,7 +213,7 @@ def test_rate_and_time_left_are_there_after_two_steps(seconds, shown):
     """However slow they are; of a run that goes on from step 1000, too, whose first step counts from there."""
     screen, now = io.StringIO(), [0.0]
     console = Console(file=screen, force_terminal=True, width=140, get_time=lambda: now[0])
-    with cli._progress(console) as report:
+    with progress_on(console) as report:
         for step in (1001, 1002):
             now[0] += seconds
             report(Progress("distill", step, 1062, 0.5, 56))

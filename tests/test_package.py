@@ -32,7 +32,7 @@ ALLOWED = {
     "_tensor_files": {"_files", "_shapes"},
     "_units": set(),
     "_version": set(),
-    "command_line": {"_settings"},
+    "command_line": {"_settings", "tasks", "weights"},
     "bezier": {"_checks", "_modes", "_shapes"},
     "camera": HELPERS,
     "chains": {"_shapes"},
@@ -62,7 +62,7 @@ ALLOWED = {
     "tasks": {"constraints", "edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses",
               "formats", "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
               "viewer"} | SCENE,
-    "cli": {"tasks", "weights", "pictures", "command_line", "_version"},
+    "cli": {"tasks", "command_line", "_version"},
 }  # fmt: skip
 
 

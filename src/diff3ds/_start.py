@@ -4,7 +4,8 @@ import os
 import sys
 from contextlib import suppress
 
-from diff3ds.command_line.interrupt import STOPPED, importing
+from diff3ds.command_line.exit_codes import STOPPED
+from diff3ds.command_line.interrupt import importing
 
 # As shells say that a program ended because nobody reads its output.
 UNREAD = 128 + 13

@@ -8,7 +8,7 @@ import pytest
 import torch
 from rich.console import Console
 
-from diff3ds.cli import _progress
+from diff3ds.command_line.console import progress_on
 from diff3ds.optimize.fit import Step
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
@@ -71,9 +71,9 @@ def test_lines_come_now_and_then(clock):
 
 def test_off_a_terminal_progress_is_lines(monkeypatch, capsys):
     monkeypatch.setattr(Lines, "SHORT", 0.0)
-    with _progress(Console(stderr=True, force_terminal=False)) as report:
+    with progress_on(Console(stderr=True, force_terminal=False)) as report:
         report(Progress("carve", 3, 8, None, 0))
     assert capsys.readouterr().err == "carve 3/8\n"
-    with _progress(Console(stderr=True, force_terminal=False, quiet=True)) as report:
+    with progress_on(Console(stderr=True, force_terminal=False, quiet=True)) as report:
         report(Progress("carve", 3, 8, None, 0))
     assert capsys.readouterr().err == ""

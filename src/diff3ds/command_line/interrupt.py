@@ -6,8 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# As shells say that a program ended by Ctrl-C.
-STOPPED = 128 + 2
+from diff3ds.command_line.exit_codes import STOPPED
 
 
 @contextmanager

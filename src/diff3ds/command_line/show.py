@@ -1,0 +1,98 @@
+"""The commands that show a sketch: `render`, `export` and `view`."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import OmitArgPrefixes, Positional, arg
+
+from diff3ds.command_line.console import PlainConsole, counted_strokes, progress_on, sayer
+from diff3ds.command_line.interrupt import importing
+from diff3ds.tasks.export.options import ExportOptions
+from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions
+from diff3ds.tasks.style_options import StyleOptions
+
+
+@dataclass(frozen=True)
+class Render:
+    """Draw a sketch: one view, several, a sheet of them, or a turntable.
+
+    The suffix says what is written: .png, .svg or .pdf; .mp4, .webp or .gif for a turntable.
+    """
+
+    view: OmitArgPrefixes[ViewOptions]
+    picture: OmitArgPrefixes[PictureOptions]
+    hiding: OmitArgPrefixes[SurfaceOptions]
+    styles: OmitArgPrefixes[StyleOptions]
+    # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
+    source: Positional[Path]
+    # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
+    out: Annotated[Path, arg(aliases=["-o"])]
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.render.render_views import run_render
+
+        console = PlainConsole(stderr=True, quiet=self.quiet)
+        with progress_on(console) as report:
+            files = run_render(self.source, self.out, self.view, self.picture, self.hiding, self.styles, report)
+        sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a sketch in another format, in the size, unit and frame that another program wants.
+
+    The suffix says which: .json, .step (.stp), .dxf, .3dm, .usd (.usda, .usdc), .glb, .ply, .obj, .py (for Blender) or
+    .html (a page to turn it in a browser); .svg in a --style, of the view that "diff3ds render" takes by itself. That
+    draws other pictures, and other views.
+    """
+
+    export: OmitArgPrefixes[ExportOptions]
+    styles: OmitArgPrefixes[StyleOptions]
+    # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
+    source: Positional[Path]
+    # The file to write.
+    file: Positional[Path]
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.export.export import run_export
+
+        sketch = run_export(self.source, self.file, self.export, self.styles)
+        sayer(PlainConsole(stderr=True, quiet=self.quiet))(f"{counted_strokes(len(sketch))}: {self.file}")
+
+
+@dataclass(frozen=True)
+class View:
+    """Show a sketch in a browser, to turn and look through: a page from this machine, for this machine alone.
+
+    Says the address to open, and loads the page anew when the file changes. Ctrl-C ends it.
+    """
+
+    # sketch.json or another file with a sketch, or the folder of a run.
+    source: Positional[Path]
+    # A second one, which stands beside it and is seen by the same camera.
+    beside: Positional[Path | None] = None
+    # Of the address; by default any that is free.
+    port: int = 0
+    # Open the address in the browser of this machine.
+    open: bool = False
+    # Say the address alone.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.view.serve import run_view
+
+        show = partial(print, flush=True)
+        say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
+        run_view(self.source, self.port, self.open, show, say, self.beside)
