@@ -32,7 +32,8 @@ def logged(out: Path, report: Report, say: Say) -> Iterator[tuple[Report, Say]]:
 
     Args:
         out: the folder of the run.
-        report, say: as of the command.
+        report: what the command reports its progress to.
+        say: what the command says its lines to.
     """
     log = RunLog(out, report, say)
     try:

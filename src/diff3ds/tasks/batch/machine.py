@@ -25,7 +25,9 @@ def places(workers: int | None, threads: int | None, gpus: str) -> list[Place]:
     """Deals out the cores and GPUs of this machine.
 
     Args:
-        workers, threads, gpus: as in `BatchOptions`.
+        workers: how many jobs at a time; None for as many as the cores or GPUs allow.
+        threads: of each job; None to share the cores out.
+        gpus: "auto", "none", or numbers joined by commas.
 
     Raises:
         ValueError: more workers than GPUs.
