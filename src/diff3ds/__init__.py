@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from diff3ds.camera import Cameras, look_at, orbit
     from diff3ds.chains import Chains
     from diff3ds.formats import load, save
+    from diff3ds.notebook import show
     from diff3ds.optimize import density
     from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
     from diff3ds.optimize.strokes import NoiseDeletion
@@ -79,6 +80,7 @@ __all__ = [
     "save",
     "save_transforms",
     "set_num_threads",
+    "show",
     "styles",
     "text_to_sketch",
     "views_to_sketch",
@@ -92,6 +94,7 @@ _HOMES = {
     **dict.fromkeys(("load", "save"), "formats"),
     **dict.fromkeys(("Strokes2D", "project"), "project"),
     "NoiseDeletion": "optimize.strokes",
+    "show": "notebook",
     **dict.fromkeys(
         (
             "Rendering",

@@ -43,6 +43,7 @@ OPTIONAL = {
     "usd": ("usd-core",),
     "ray": ("ray",),
     "cameras": ("pycolmap",),
+    "notebook": ("anywidget",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }
 

@@ -12,8 +12,9 @@ from typing import Any
 # In this order they make one module.
 _EDIT = ("edit_document.js", "edit_strokes.js", "edit_shapes.js", "edit_handles.js", "edit.js", "edit_save.js")
 _SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js", *_EDIT)
-# Behind these, on a page with two sketches, on one that a server shows, and on one that shows a run.
-_BESIDE, _LIVE, _RUN = "beside.js", "live.js", "run.js"
+# Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, and on one that shows
+# a run.
+_BESIDE, _FRAMED, _LIVE, _RUN = "beside.js", "framed.js", "live.js", "run.js"
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ def page_text(
     start: dict[str, Any],
     served: Served | None = None,
     beside: tuple[str, str] | None = None,
+    framed: bool = False,
 ) -> str:
     """A page that shows a sketch, on its own: it asks for nothing, and scripts that are not its own do not run in it.
 
@@ -48,10 +50,11 @@ def page_text(
             first: `azimuth`, `elevation` and `fov`, degrees, and `filled`, the ball's share of the picture.
         served: of a page that a server shows.
         beside: title and sketch.json of a second sketch, which is seen by the same camera.
+        framed: whether what the page is a frame of may show other sketches on it.
     """
     room = files("diff3ds.viewer")
     style = room.joinpath("page.css").read_text(encoding="utf-8")
-    names, asked = [*_SCRIPTS, *([_BESIDE] if beside else [])], ""
+    names, asked = [*_SCRIPTS, *([_BESIDE] if beside else []), *([_FRAMED] if framed else [])], ""
     if served is not None:
         names += [_LIVE, *([_RUN] if served.run else [])]
         asked = "connect-src 'self'; img-src 'self'; " if served.run else "connect-src 'self'; "

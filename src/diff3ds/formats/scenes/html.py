@@ -34,7 +34,11 @@ def save_html(path: str | Path, sketch: Sketch, beside: tuple[str, Sketch] | Non
 
 
 def sketch_page(
-    title: str, sketch: Sketch, served: Served | None = None, beside: tuple[str, Sketch] | None = None
+    title: str,
+    sketch: Sketch,
+    served: Served | None = None,
+    beside: tuple[str, Sketch] | None = None,
+    framed: bool = False,
 ) -> str:
     """The text of such a page.
 
@@ -43,11 +47,12 @@ def sketch_page(
         sketch: what it shows.
         served: of a page that a server shows.
         beside: title and strokes of a second sketch.
+        framed: whether what the page is a frame of may show other sketches on it.
     """
     if beside is None:
-        return page_text(title, json_text(sketch), start_of(sketch), served)
+        return page_text(title, json_text(sketch), start_of(sketch), served, framed=framed)
     other = beside[0], json_text(beside[1])
-    return page_text(title, json_text(sketch), start_of(sketch, beside[1]), served, other)
+    return page_text(title, json_text(sketch), start_of(sketch, beside[1]), served, other, framed)
 
 
 def start_of(*sketches: Sketch) -> dict[str, Any]:

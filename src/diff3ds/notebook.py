@@ -1,0 +1,68 @@
+"""Sketches in notebooks: the page of `.html` files as a widget, by anywidget."""
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from diff3ds.formats.scenes.html import sketch_page
+from diff3ds.sketch import Sketch
+
+
+def show(sketch: Sketch, title: str = "sketch") -> Any:
+    """A widget of Jupyter, Colab, VS Code or marimo, on which a sketch is turned, looked through and edited.
+
+    Assigning another sketch to its attribute `sketch` shows that one, seen from where one looks; edits that are not
+    saved stay until the page is told to drop them. Edits are saved as a download, and do not change `sketch`.
+
+    Args:
+        sketch: what it shows.
+        title: of the page, and name of the file that is saved.
+
+    Returns:
+        The widget, an `anywidget.AnyWidget`. A cell that ends with it shows it.
+
+    Raises:
+        ImportError: anywidget is not installed.
+        TypeError: something other than a sketch.
+        ValueError: values that have become invalid since the sketch was made.
+    """
+    try:
+        made = _widget_class()
+    except ImportError as error:
+        raise ImportError('a sketch in a notebook takes anywidget: pip install "diff3ds[notebook]"') from error
+    return made(sketch, title)
+
+
+@cache
+def _widget_class() -> Any:
+    """The class of such widgets."""
+    import anywidget
+    import traitlets
+
+    class SketchWidget(anywidget.AnyWidget):  # type: ignore[misc]
+        """A page in a frame, which follows `page`."""
+
+        _esm = files("diff3ds.viewer").joinpath("notebook.js").read_text(encoding="utf-8")
+        page = traitlets.Unicode().tag(sync=True)
+
+        def __init__(self, sketch: Sketch, title: str) -> None:
+            super().__init__(page=_page(title, sketch))
+            self._title, self._sketch = title, sketch
+
+        @property
+        def sketch(self) -> Sketch:
+            """What is shown. Assigned again, it is read again: tensors may have changed."""
+            return self._sketch
+
+        @sketch.setter
+        def sketch(self, sketch: Sketch) -> None:
+            self.page = _page(self._title, sketch)
+            self._sketch = sketch
+
+    return SketchWidget
+
+
+def _page(title: str, sketch: Sketch) -> str:
+    if not isinstance(sketch, Sketch):
+        raise TypeError(f"a widget shows a diff3ds.Sketch, got {type(sketch).__name__}")
+    return sketch_page(title, sketch, framed=True)
