@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import struct
 
 import numpy as np
@@ -11,6 +12,7 @@ from needs import needs
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.photogrammetry.picture_files import masks_for, pictures_in
 from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
 from diff3ds.photogrammetry.shot import quaternion_pose
 from diff3ds.transforms import read_views, save_views
@@ -343,6 +345,39 @@ def test_missing_pictures_are_left_out(tmp_path):
         present_views(find_project(tmp_path))
 
 
+def test_one_picture_is_not_taken_for_two_of_its_name(tmp_path):
+    write_meta_data(tmp_path)
+    file = tmp_path / "meta_data.json"
+    for i, name in enumerate(NAMES):
+        file.write_text(file.read_text().replace(f'"{name}"', f'"cam{i}/{NAMES[max(i, 1)]}"'))
+    with pytest.raises(FileNotFoundError, match=r"2 of 4 pictures are missing: cam0/shot 1\.png, cam1/shot 1\.png"):
+        present_views(file)
+
+
+def test_a_mask_is_no_picture_that_lies_outside(tmp_path):
+    write_colmap(tmp_path)
+    pictures(tmp_path / "other")
+    pictures(tmp_path / "images" / "masks", NAMES[1:])
+    pictures_outside = [tmp_path / "images" / ".." / "other" / name for name in NAMES]
+    with pytest.warns(UserWarning, match="1 of 4 pictures have no mask"):
+        masks = masks_for(pictures_outside, tmp_path / "images")
+    assert masks == [None, *(tmp_path / "images" / "masks" / name for name in NAMES[1:])]
+
+
+def test_a_folder_is_no_picture_whatever_it_is_called(tmp_path):
+    write_colmap(tmp_path)
+    (tmp_path / "images" / "a folder.png").mkdir()
+    assert [file.name for file in pictures_in(tmp_path / "images")] == NAMES
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-1", "1.5"])
+def test_points_of_bundler_are_seen_a_whole_number_of_times(tmp_path, word):
+    path = tmp_path / "bundle.out"
+    path.write_text(f"# Bundle file v0.3\n0 1\n0 0 0\n0 0 0\n{word}\n")
+    with pytest.raises(ValueError, match="in how many pictures a point is seen"):
+        sparse_points(path)
+
+
 def test_smaller_copies_and_other_suffixes(tmp_path):
     colmap_text(tmp_path / "sparse" / "0")
     pictures(tmp_path / "images_2", [name.replace(".png", ".jpg") for name in NAMES], (SIZE[0] // 2, SIZE[1] // 2))
@@ -382,6 +417,12 @@ def test_smaller_copies_and_other_suffixes(tmp_path):
             "sfm_data.json",
             lambda t: t.replace("extrinsics", "poses"),
             "expected views, intrinsics",
+        ),
+        (
+            "openmvg",
+            "sfm_data.json",
+            lambda t: re.sub('"focal_length": [0-9.]+', f'"focal_length": 1{"0" * 400}', t),
+            "an intrinsic without a focal length",
         ),
         ("openmvg", "sfm_data.json", lambda t: t.replace("focal_length", "f"), "an intrinsic without a focal length"),
         ("meta_data", "meta_data.json", lambda t: t.replace("camtoworld", "pose"), "frame 0 has no camtoworld of"),

@@ -337,6 +337,10 @@ def test_edits_that_are_not_saved_are_kept_beside_the_file(sketch, tmp_path):
         assert asked(server, f"/{server.secret}/autosave/{first}")[1].encode() == new
         assert (tmp_path / f"sketch.autosave-{first}.json").read_bytes() == new
         assert sketch.read_bytes() == before
+        (tmp_path / f"sketch.autosave-{first}.json").write_text("{")
+        answer, said = asked(server, f"/{server.secret}/autosave/{first}")
+        assert answer.status == 500
+        assert "not a JSON file" in said
         assert sent(server, f"autosave/{first}", b"", "DELETE")[0] == 204
         assert json.loads(asked(server, f"/{server.secret}/autosaves")[1]) == [second]
         assert asked(server, f"/{server.secret}/autosave/{first}")[0].status == 404

@@ -133,6 +133,25 @@ def test_answers_that_are_none_are_named(said, study, answered):
     assert not (answered / "analysis.md").exists()
 
 
+@pytest.mark.parametrize(
+    "key",
+    [
+        [],
+        {},
+        {"study": "x", "methods": 3, "sketches": {}},
+        {"study": "x", "methods": ["a", "b"], "sketches": {"c": {}}},
+    ],
+)
+def test_a_damaged_study_is_named(key, study, answered):
+    answer(study, "p", lambda *_: 3, answered)
+    (answered / "study.json").write_text(json.dumps(key))
+    with pytest.raises(ValueError, match=r"study\.json: damaged"):
+        analyse_study(answered)
+    (answered / "study.json").unlink()
+    with pytest.raises(FileNotFoundError, match='give the folder that "diff3ds study make" wrote'):
+        analyse_study(answered)
+
+
 def test_one_participant_counts_once(study, answered):
     path = answer(study, "p", lambda *_: 3, answered)
     path.with_name("copy.json").write_text(path.read_text())

@@ -60,7 +60,10 @@ def read_bundle_points(path: Path) -> Float[Tensor, "P 3"]:
         found.append([_next(path, numbers) for _ in range(3)])
         for _ in range(3):
             _next(path, numbers)
-        for _ in range(4 * int(_next(path, numbers))):
+        seen = _next(path, numbers)
+        if not (seen >= 0 and seen.is_integer()):
+            raise ValueError(f"{path}: expected in how many pictures a point is seen, got {seen}")
+        for _ in range(4 * int(seen)):
             _next(path, numbers)
     return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
 

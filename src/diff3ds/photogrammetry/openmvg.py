@@ -36,7 +36,7 @@ def read_openmvg(path: Path) -> list[Shot]:
             centers = [[float(n)] for n in pose["center"]]
             rows = [[*turn, *center] for turn, center in zip(pose["rotation"], centers, strict=True)]
             name = str(PurePosixPath(str(view.get("local_path", "")), str(view["filename"])))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: view {i} is damaged ({error!r:.60})") from error
         # x_camera = R (x - c): the file holds R and c.
         placed = rigid(path, i, rows, "rotation")
@@ -58,7 +58,7 @@ def read_openmvg_points(path: Path) -> Float[Tensor, "P 3"]:
     try:
         found = [[float(n) for n in entry["value"]["X"]] for entry in read_json(path).get("structure") or []]
         return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
-    except (AttributeError, KeyError, RuntimeError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OverflowError, RuntimeError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: its structure is damaged ({error!r:.60})") from error
 
 
@@ -70,7 +70,7 @@ def _camera(path: Path, camera: dict[str, Any]) -> tuple[tuple[int, int], Float[
         radial = [float(n) for n in camera.get("disto_k3", camera.get("disto_k1", []))]
         brown = [float(n) for n in camera.get("disto_t2", [])]
         fisheye = [float(n) for n in camera.get("fisheye", [])]
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, OverflowError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: an intrinsic without a focal length and a principal point; {ADVICE}") from error
     lens = Distortion(tuple(brown[:3] or fisheye or radial), (brown[3], brown[4]) if brown[4:] else (0.0, 0.0))
     if fisheye:

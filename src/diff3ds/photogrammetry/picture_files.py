@@ -1,6 +1,7 @@
 """The pictures and masks of a project on this disk: found by their names, in the folders where programs keep them."""
 
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -71,10 +72,15 @@ def pictures_in(folder: Path) -> list[Path]:
     """The pictures of a folder, by name, or else those of a folder 'images' in it; hidden ones are none."""
     for place in (folder, *(folder / name for name in FOLDERS)):
         if place.is_dir():
-            found = sorted(file for file in place.iterdir() if file.suffix in SUFFIXES and file.name[0] != ".")
+            found = sorted(file for file in _files(place) if file.name[0] != ".")
             if found:
                 return found
     return []
+
+
+def _files(folder: Path) -> list[Path]:
+    """The pictures in a folder, by their suffixes."""
+    return [file for file in folder.iterdir() if file.suffix in SUFFIXES and file.is_file()]
 
 
 def _view(shot: Shot, picture: Path) -> View:
@@ -112,19 +118,27 @@ def _best_folder(path: Path, shots: Sequence[Shot], target: str | None) -> tuple
 
 
 def _found_in(folder: Path, shots: Sequence[Shot]) -> Iterator[tuple[str, Path]]:
-    files = {file.name: file for file in folder.iterdir() if file.suffix in SUFFIXES}
+    files = {file.name: file for file in _files(folder)}
     # Metashape's labels lack the suffix, and pictures may have been written anew in another format.
     stems = {file.stem: file for file in files.values()}
+    found: list[tuple[str, Path, bool]] = []
     for shot in shots:
         name = PurePosixPath(shot.name.replace("\\", "/"))
         if (folder / name).is_file():
-            yield shot.name, folder / name
-        elif found := files.get(name.name) or stems.get(name.name) or stems.get(name.stem):
-            yield shot.name, found
+            found.append((shot.name, folder / name, True))
+        elif similar := files.get(name.name) or stems.get(name.name) or stems.get(name.stem):
+            found.append((shot.name, similar, False))
+    # One 1.jpg is not both cam1/1.jpg and cam2/1.jpg, and nobody knows which.
+    count = Counter(file for _, file, _ in found)
+    for written, file, is_named in found:
+        if is_named or count[file] == 1:
+            yield written, file
 
 
 def _mask(picture: Path, base: Path, folders: list[Path]) -> Path | None:
     """COLMAP writes .png behind the whole name, others in place of the suffix."""
-    place = picture.relative_to(base) if picture.is_relative_to(base) else Path(picture.name)
+    # What "../" leads out of the folder of pictures would lead out of that of masks as well, perhaps to the picture.
+    inside = picture.is_relative_to(base) and ".." not in picture.relative_to(base).parts
+    place = picture.relative_to(base) if inside else Path(picture.name)
     names = (place.with_name(place.name + ".png"), place.with_suffix(".png"), place)
     return next((file for folder in folders for name in names if (file := folder / name).is_file()), None)

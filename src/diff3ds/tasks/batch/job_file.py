@@ -21,6 +21,8 @@ MOST_JOBS = 1_000_000
 # Letters of a folder's name that say what its job is about, before those that make it unique.
 SAYING, UNIQUE = 40, 10
 _METHOD = re.compile(r"\w[\w.-]*")
+# What the batch itself writes into its folder: no method's folder, on disks that tell no capitals apart either.
+TAKEN = ("attempts", "sheet.png", "summary.csv", "summary.md")
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,15 @@ def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
     for number, job in enumerate(jobs, 1):
         if not isinstance(job, dict):
             raise ValueError(f"{path}, job {number}: not a table of options")
-        yield f"job {number}", shared | job
+        yield f"job {number}", _joined(f"{path}, job {number}", shared, job)
+
+
+def _joined(where: str, shared: Mapping[str, Any], job: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of all jobs, and over them those of one."""
+    try:
+        return _underscored(shared) | _underscored(job)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 def _of_lines(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -89,7 +99,7 @@ def _of_lines(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
         if not line.strip():
             continue
         try:
-            job = json.loads(line)
+            job = json.loads(line, object_pairs_hook=_once)
         except (ValueError, RecursionError) as error:
             raise ValueError(f"{path}, line {number}: not JSON ({error})") from error
         if not isinstance(job, dict):
@@ -97,6 +107,16 @@ def _of_lines(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
                 f"{path}, line {number}: wants an object of options, such as " + '{"command": "text", ...}'
             )
         yield f"line {number}", job
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON, which would keep the last of two values in silence."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"{twice} is given twice: leave one of them out")
+    return found
 
 
 def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -129,12 +149,14 @@ def _expanded(given: Mapping[str, Any], base: Path) -> Iterator[Job]:
         ValueError, TypeError, FileNotFoundError: as `check_options`; a method or a sweep that is none; a pattern that
             no file fits.
     """
-    options = {name.replace("-", "_"): value for name, value in given.items()}
+    options = _underscored(given)
     command, method, sweep = options.pop("command", None), options.pop("method", ""), options.pop("sweep", {})
-    if command not in SUBJECTS:
+    if not isinstance(command, str) or command not in SUBJECTS:
         raise ValueError(f"command must be one of {', '.join(SUBJECTS)}, got {command!r}")
     if method and not (isinstance(method, str) and _METHOD.fullmatch(method)):
         raise ValueError(f"method names a folder, of letters, digits, - and _, got {method!r}")
+    if method and method.casefold() in TAKEN:
+        raise ValueError(f"method {method!r} is what the batch writes itself: give the method another name")
     for values in _swept(options, sweep):
         for one in _globbed(command, options | values, base):
             check_options(command, one, base)
@@ -142,11 +164,26 @@ def _expanded(given: Mapping[str, Any], base: Path) -> Iterator[Job]:
             yield Job(f"{method}/{name}" if method else name, command, one, base, method)
 
 
+def _underscored(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options by their names in Python.
+
+    Raises:
+        ValueError: one is there with - and with _.
+    """
+    found: dict[str, Any] = {}
+    for name, value in given.items():
+        plain = name.replace("-", "_")
+        if plain in found:
+            raise ValueError(f"{plain} is given twice, with - and with _: leave one of them out")
+        found[plain] = value
+    return found
+
+
 def _swept(options: Mapping[str, Any], sweep: Any) -> Iterator[dict[str, Any]]:
     """All combinations of the values of a sweep."""
     if not isinstance(sweep, dict):
         raise ValueError(f"sweep gives each option a list of values: {{seed = [0, 1, 2]}}, got {sweep!r}")
-    lists = {name.replace("-", "_"): values for name, values in sweep.items()}
+    lists = _underscored(sweep)
     for name, values in lists.items():
         if not isinstance(values, list) or not values:
             raise ValueError(f"sweep gives each option a list of values, got {name} = {values!r}")

@@ -37,5 +37,7 @@ class CamerasOptions:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ValueError(f"{name} must be positive, got {value}")
+        if self.between is not None and self.between[0] == self.between[1]:
+            raise ValueError(f"between must name two different photographs, got {self.between[0]!r} twice")
         if (self.scale is None) != (self.between is None):
             raise ValueError("scale and between belong together: the distance, and the two photographs it lies between")

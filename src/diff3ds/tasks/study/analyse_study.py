@@ -58,7 +58,7 @@ def analyse_study(folder: Path) -> tuple[dict[str, Findings], int]:
         FileNotFoundError, ValueError: no study, no answers; a file that is none, is of another study, is not complete,
             or has marks that the page does not give.
     """
-    key = read_json(folder / KEY)
+    key = _key(folder / KEY)
     codes: Mapping[str, Mapping[str, str]] = key["sketches"]
     paths = sorted((folder / ANSWERS).glob("*.json"))
     if not paths:
@@ -77,6 +77,22 @@ def analyse_study(folder: Path) -> tuple[dict[str, Findings], int]:
     write_text(folder / "analysis.md", markdown(found, len(participants), len(codes)))
     write_text(folder / "analysis.svg", bar_plot(found))
     return found, len(participants)
+
+
+def _key(path: Path) -> Mapping[str, Any]:
+    """Which sketch is whose, as `make_study` wrote it."""
+    if not path.is_file():
+        raise FileNotFoundError(f'{path} is not there: give the folder that "diff3ds study make" wrote')
+    key = read_json(path)
+    try:
+        methods, of = key["methods"], [about["method"] for about in key["sketches"].values()]
+        is_whole = isinstance(key["study"], str) and len(methods) >= 2 and set(methods) == set(of)
+    except (AttributeError, KeyError, TypeError):
+        is_whole = False
+    if not is_whole:
+        raise ValueError(f'{path}: damaged, it does not say which sketch is whose as "diff3ds study make" wrote it')
+    found: Mapping[str, Any] = key
+    return found
 
 
 def _read(path: Path, key: Mapping[str, Any]) -> tuple[str, Marks]:

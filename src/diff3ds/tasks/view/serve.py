@@ -272,7 +272,12 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.NO_CONTENT, "text/plain", "")
             return
         name = self._asked()
-        found = None if name is None else self._found(name)
+        try:
+            found = None if name is None else self._found(name)
+        except (ValueError, OSError) as error:
+            # Such as kept edits that something has damaged: the page says so.
+            self._answer(HTTPStatus.INTERNAL_SERVER_ERROR, "text/plain", str(error))
+            return
         if found is None:
             self._answer(HTTPStatus.NOT_FOUND, "text/plain", NOTHING)
         else:
