@@ -61,6 +61,14 @@ def test_every_optional_package_of_the_project_is_looked_for():
     assert found - {"NVRTC"} == {name for names in doctor.OPTIONAL.values() for name in names}
 
 
+def test_the_page_on_installing_names_every_extra():
+    root = Path(__file__).parents[2]
+    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    rows = re.findall(r"^\| `(\w+)` \|.*\| (yes|no) \|$", (root / "docs/start/install.md").read_text(), re.MULTILINE)
+    in_all = re.search(r"\[(.*)\]", extras.pop("all")[0])[1].split(",")
+    assert dict(rows) == {extra: "yes" if extra in in_all else "no" for extra in extras}
+
+
 def test_the_compiler_for_gpus_fits_torch(monkeypatch):
     need("cuda.bindings.nvrtc")
     nvrtc = importlib.import_module("cuda.bindings.nvrtc")
