@@ -8,6 +8,7 @@ import pytest
 import torch
 
 import diff3ds as ds
+from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.pictures.content.clean_plates import load_clean_plates
 from diff3ds.pictures.dataset import load_posed
@@ -19,7 +20,7 @@ from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import read_views
 
 SIZE = (60, 80)
-LENS = (0.3, 0.05, 0.002, -0.001, 0.0)
+LENS = Distortion((0.3, 0.05), (0.002, -0.001))
 
 
 def photographs(folder, count, content):

@@ -241,6 +241,9 @@ def fails(arguments, capsys) -> str:
 def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
     out = ["-o", str(tmp_path / "out")]
     assert "does not recognise" in fails(["image", str(cross), *out], capsys)
+    # What the picture may show; nothing else.
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["guesses.png"]
+    (tmp_path / "out" / "guesses.png").unlink()
     unknown = fails(["image", str(chair), "--shows", "a zeppelin", *out], capsys)
     assert "does not know 'zeppelin'" in unknown
     assert "for pictures zero123" in unknown
@@ -248,7 +251,7 @@ def test_what_is_refused_leaves_no_files(cross, chair, tmp_path, capsys):
     assert "leave words such as tall out" in fails(["image", str(chair), "--shows", "a tall chair", *out], capsys)
     zero123 = ["--prior", "zero123", "--shows", "a chair"]
     assert "--shows is for the built-in prior" in fails(["image", str(chair), *zero123, *out], capsys)
-    assert not (tmp_path / "out").exists()
+    assert not [*(tmp_path / "out").iterdir()]
 
 
 def test_a_kind_that_the_network_has_not_seen_can_be_named(tmp_path):
