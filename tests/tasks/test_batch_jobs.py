@@ -142,3 +142,8 @@ def test_shards_are_parts(tmp_path):
     for shard in ("0/4", "5/4", "1", "a/b"):
         with pytest.raises(ValueError, match="shard must be one part"):
             BatchOptions(shard=shard)
+
+
+def test_a_missing_file_of_jobs_is_said(tmp_path):
+    with pytest.raises(ValueError, match=r"jobs\.toml is not there: give a file of jobs"):
+        read_jobs(tmp_path / "jobs.toml")

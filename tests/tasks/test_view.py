@@ -9,35 +9,20 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
-from contextlib import contextmanager
 
 import pytest
 import torch
+from served_page import served
 
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.tasks.progress import Progress
-from diff3ds.tasks.view.serve import server_of
 
 
 def lines(count: int) -> ds.Sketch:
     return ds.Sketch(torch.arange(6.0 * count).reshape(count, 2, 3).sin())
-
-
-@contextmanager
-def served(source, said=None):
-    server = server_of(source, 0, (said if said is not None else []).append)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 def asked(server, path: str, method: str = "GET", **headers: str):

@@ -1,15 +1,13 @@
 """Editing in a real browser: every edit by mouse and by keys changes the file as it says, and is undone to the byte."""
 
 import json
-import threading
-from contextlib import contextmanager
 
 import pytest
 import torch
+from served_page import served
 from viewer_browser import CHROMIUM, Browser
 
 import diff3ds as ds
-from diff3ds.tasks.view.serve import server_of
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),
@@ -36,19 +34,6 @@ def browser():
     browser = Browser()
     yield browser
     browser.close()
-
-
-@contextmanager
-def served(path, said=None):
-    server = server_of(path, 0, (said if said is not None else []).append)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 def opened(browser, address):

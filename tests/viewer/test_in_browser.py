@@ -2,10 +2,10 @@
 
 import io
 import threading
-from contextlib import contextmanager
 
 import pytest
 import torch
+from served_page import served
 from viewer_browser import CHROMIUM, Browser
 
 import diff3ds as ds
@@ -22,19 +22,6 @@ pytestmark = [
 CLOSE = 4 / 255
 # Around it the page shows where the focus is.
 INSIDE = (slice(4, -4), slice(4, -4))
-
-
-@contextmanager
-def served(source, **more):
-    server = server_of(source, 0, print, **more)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 @pytest.fixture(scope="module")

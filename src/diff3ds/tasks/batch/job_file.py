@@ -48,12 +48,14 @@ def read_jobs(path: Path) -> list[Job]:
     """All jobs of a file, every option checked.
 
     Raises:
-        FileNotFoundError, ValueError: the file cannot be read, has no jobs, or one twice; a job names no command, an
+        ValueError: the file cannot be read, has no jobs, or one twice; a job names no command, an
             option that its command does not have, a value that it does not take, or a file that is not there.
     """
     kind = path.suffix.lower()
     if kind not in _READERS:
         raise ValueError(f"{path}: a file of jobs is .toml, .jsonl or .csv")
+    if not path.is_file():
+        raise ValueError(f"{path} is not there: give a file of jobs; docs/howto/batch.md shows some")
     base = path.absolute().parent
     found: dict[str, tuple[str, Job]] = {}
     for place, given in _READERS[kind](path, read_text(path)):

@@ -55,7 +55,6 @@ class Registered:
 
 def register(
     pictures: list[Path],
-    out: Path,
     options: CamerasOptions,
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
@@ -64,7 +63,6 @@ def register(
 
     Args:
         pictures: at least three, in their order.
-        out: folder; the model is kept in `colmap` below it.
         options: of the command.
         report: called as it goes on.
         say: called with what is done, and how long it will take.

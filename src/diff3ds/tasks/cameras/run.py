@@ -73,7 +73,7 @@ def run_cameras(
     except NoCamerasError as missing:
         if not missing.pictures:
             raise
-        registered = register(missing.pictures, out, options, report, say)
+        registered = register(missing.pictures, options, report, say)
         pictures = [view.picture for view in registered.views]
         masks = masks_for(pictures, pictures[0].parent) or [None] * len(pictures)
         views = [replace(view, mask=mask) for view, mask in zip(registered.views, masks, strict=True)]
