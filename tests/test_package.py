@@ -249,3 +249,9 @@ def test_without_kernels_there_is_one_warning_that_says_what_to_do(without_kerne
 
 def test_without_kernels_the_cpu_backend_is_refused(without_kernels):
     assert 'backend "cpu" is not installed. Install a C++20 compiler' in without_kernels["cpu"]
+
+
+def test_no_two_files_of_tests_have_the_same_name():
+    """Pytest imports them by name alone, and refuses the second one only where both are run."""
+    names = [path.name for path in Path(__file__).parent.rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
