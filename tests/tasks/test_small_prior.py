@@ -3,6 +3,8 @@
 import hashlib
 import json
 import math
+import tomllib
+from pathlib import Path
 
 import pytest
 import torch
@@ -133,10 +135,12 @@ def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
         with pytest.raises(SystemExit):
             main(["text", phrase, "--prior", "small", "--weights", str(weights), "-o", str(out), *wrong])
         assert message in " ".join(capsys.readouterr().err.split())
-    monkeypatch.setattr(small_prior, "SHIPPED", tmp_path / "none")
+    monkeypatch.setattr(small_prior, "BESIDE", tmp_path / "none")
+    monkeypatch.setattr(small_prior, "CARRIER", "no_such_package")
     with pytest.raises(SystemExit):
         main(["text", "a mug", "--prior", "small", "-o", str(out)])
-    assert "diff3ds prior train" in capsys.readouterr().err
+    message = " ".join(capsys.readouterr().err.split())
+    assert 'not installed: pip install "diff3ds[networks]", or train one: diff3ds prior train' in message
     picture = tmp_path / "mug.png"
     mug = member("mug", torch.Generator().manual_seed(5)).sketch
     save_png(picture, ds.render(mug, ds.orbit(40, 20, 1.9, fov=60, size=256)).color[0])
@@ -144,6 +148,21 @@ def test_what_it_cannot_draw_is_refused(weights, tmp_path, capsys, monkeypatch):
         main(["image", str(picture), "--prior", "small", "-o", str(out)])
     assert "diff3ds prior train" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_the_network_is_found_in_the_package_that_carries_it_where_there_is_no_checkout(weights, tmp_path, monkeypatch):
+    root = Path(__file__).parents[2]
+    build = tomllib.loads((root / "networks/pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    ((source, target),) = ((root / "networks" / a, b) for a, b in build["force-include"].items() if "small" in a)
+    assert source.resolve() == small_prior.BESIDE
+    assert target == f"{small_prior.CARRIER}/{small_prior.BESIDE.name}"
+    installed = tmp_path / "site-packages" / target
+    installed.parent.mkdir(parents=True)
+    weights.rename(installed)
+    monkeypatch.syspath_prepend(installed.parents[1])
+    assert small_prior.own_network() == small_prior.BESIDE
+    monkeypatch.setattr(small_prior, "BESIDE", tmp_path / small_prior.BESIDE.name)
+    assert trained().source == str(installed)
 
 
 def test_files_that_say_absurd_things_are_refused(weights, tmp_path):

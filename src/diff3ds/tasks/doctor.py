@@ -20,7 +20,7 @@ from diff3ds._version import __version__
 from diff3ds.guidance.device import free_memory
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.render.cuda.versions import advice_on_bindings, bindings_major
-from diff3ds.tasks.small_prior.small_prior import SHIPPED
+from diff3ds.tasks.small_prior.small_prior import NOT_HERE, own_network
 from diff3ds.weights.catalog import KNOWN, Known
 from diff3ds.weights.judge_catalog import ELSEWHERE, JUDGES
 from diff3ds.weights.locate import lacking, locate
@@ -29,7 +29,6 @@ from diff3ds.weights.options import Source
 GPU_ADVICE = "no GPU is seen; priors want one, and torch built for it (https://pytorch.org)"
 KERNEL_ADVICE = "only the slow reference renders: install a C++20 compiler, then diff3ds again"
 READY = "built in, ready"
-UNTRAINED = "no weights in this package: diff3ds prior train, then --weights FILE"
 # Classes whose import brings in most of a package: a package may be there and still not import.
 PROBES = {"diffusers": "UNet2DConditionModel", "transformers": "CLIPVisionModelWithProjection"}
 # Packages of the extras; the hub's client comes with diffusers.
@@ -282,7 +281,7 @@ def _weights() -> Finding:
 
 
 def _built_in() -> tuple[Finding, ...]:
-    small = Finding("small", READY) if SHIPPED.is_file() else Finding("small", None, UNTRAINED)
+    small = Finding("small", READY) if own_network() else Finding("small", None, NOT_HERE)
     return Finding("exemplar", READY), small
 
 

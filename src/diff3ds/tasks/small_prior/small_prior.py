@@ -1,6 +1,7 @@
 """The small prior for a phrase or a picture: its weights, and what it is asked for."""
 
 import hashlib
+import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +17,10 @@ from diff3ds.library.phrase import Request, parse
 from diff3ds.tasks.exact_prior.folder_phrase import Name, asked_of
 from diff3ds.tasks.small_prior.prior_data import AXES, said, words
 
-# Where the weights lie in a package that has them.
-SHIPPED = Path(small.__file__).with_name("small.safetensors")
+# The network's file in a checkout, and the package that carries it elsewhere (networks/pyproject.toml): it is three
+# times as large as all else.
+BESIDE, CARRIER = Path(small.__file__).with_name("small.safetensors"), "diff3ds_networks"
+NOT_HERE = 'pip install "diff3ds[networks]", or train one: diff3ds prior train, then --weights FILE'
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +94,26 @@ class Trained:
         return SmallDenoiser(self.network, self.vocabulary, self.told(request), view, self.device)
 
 
+def own_network() -> Path | None:
+    """The file of the project's own network: a checkout has it, else the extra `networks`."""
+    carrier = importlib.util.find_spec(CARRIER)
+    folders = carrier.submodule_search_locations if carrier else None
+    files = [BESIDE, *(Path(folder) / BESIDE.name for folder in folders or ())]
+    return next((file for file in files if file.is_file()), None)
+
+
 def trained(weights: str | None = None, device: str = "auto") -> Trained:
-    """The network in a file, by default the one of the package.
+    """The network in a file, by default the project's own.
 
     Raises:
         FileNotFoundError: there are no weights.
         ValueError: they are no weights of a small prior; no such device.
     """
-    path = Path(weights).expanduser() if weights else SHIPPED
+    path = Path(weights).expanduser() if weights else own_network()
+    if path is None:
+        raise FileNotFoundError(
+            f"the small network is not installed: {NOT_HERE}. The exact prior needs no network: leave --prior small out"
+        )
     network, vocabulary = read_network(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return Trained(network, vocabulary, pick_device(device), str(path), digest)
