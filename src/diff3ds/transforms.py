@@ -64,6 +64,7 @@ class View:
         intrinsics: float64, in pixels of the picture; of orthographic ones in pixels a world unit.
         distortion: of the lens.
         orthographic: whether the picture is.
+        photograph: of which the picture is an edge map that the user has brought; or None.
     """
 
     picture: Path
@@ -73,6 +74,7 @@ class View:
     intrinsics: Float[Tensor, "3 3"]
     distortion: Distortion = NO_DISTORTION
     orthographic: bool = False
+    photograph: Path | None = None
 
 
 def read_views(path: str | Path) -> list[View]:
@@ -143,12 +145,17 @@ def of_picture_sizes(path: Path, views: Sequence[View]) -> list[View]:
 
 def _of_picture_size(view: View) -> View:
     there = size_of(view.picture)
-    scale = max(there) / max(view.size)
-    # Copies are rounded to whole pixels.
-    if there == view.size or max(abs(a - scale * b) for a, b in zip(there, view.size, strict=True)) > 1:
+    if there == view.size or not is_copy_of_size(there, view.size):
         return view
     wider = view.intrinsics.new_tensor([there[1] / view.size[1], there[0] / view.size[0], 1.0])
     return replace(view, size=there, intrinsics=view.intrinsics * wider[:, None])
+
+
+def is_copy_of_size(there: tuple[int, int], size: tuple[int, int]) -> bool:
+    """Whether a picture of one size (height, width) may be a smaller or larger copy of one of the other size."""
+    scale = max(there) / max(size)
+    # Copies are rounded to whole pixels.
+    return max(abs(a - scale * b) for a, b in zip(there, size, strict=True)) <= 1
 
 
 def require_files(path: Path, files: Sequence[Path], what: str = "pictures") -> None:

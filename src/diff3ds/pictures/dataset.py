@@ -7,8 +7,9 @@ from pathlib import Path
 
 import torch
 
-from diff3ds._shapes import Int, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.photogrammetry.edge_maps import with_edge_maps
 from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks, Target
@@ -16,7 +17,7 @@ from diff3ds.pictures.reading.load_views import Told, canvas_of, load_some, load
 from diff3ds.pictures.reading.read import decode, shown
 from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
-from diff3ds.transforms import View, near_of, of_picture_sizes, one_kind, require_files
+from diff3ds.transforms import NAMED, View, near_of, of_picture_sizes, one_kind, require_files
 
 # Gray pictures whose background takes more than this fraction of the pixels are edge maps or line drawings. A drawing's
 # lines rarely cover a third; photographs have no single background value.
@@ -68,6 +69,7 @@ def load_posed(
     scratch: Path | None = None,
     masks: Masks = "ignore",
     told: Told = lambda done, total: None,
+    edges: Path | None = None,
 ) -> PosedPictures:
     """The pictures and cameras of a project; those whose pictures are missing are left out with a warning.
 
@@ -82,6 +84,7 @@ def load_posed(
         masks: what black pixels of a `mask_path` mean: ignore leaves them out of all losses and scores, object takes
             them for background.
         told: called with the number of pictures that have been read, and of all.
+        edges: folder with edge maps of the pictures (`with_edge_maps`), which take their place: the target is edges.
 
     Raises:
         FileNotFoundError, ValueError: a missing or unreadable file; cameras that look at nothing in common, before any
@@ -89,7 +92,9 @@ def load_posed(
             nothing.
         OSError: no room in the folder.
     """
-    views = present_views(path, target)
+    views = present_views(path, "color" if edges else target)
+    if edges:
+        views, target = with_edge_maps(views, edges), "edges"
     require_files(path, [view.mask for view in views if view.mask], "masks")
     sizes = [reduced(view.size, size) for view in views]
     check_sight(path, _cameras(path, views, sizes), sizes)
@@ -102,9 +107,13 @@ def load_posed(
         looks = _Looks()
         first = load_some(views, sizes, some, looks, scratch, masks, told)
         background = _background([views[i] for i in some], looks.pixels, target == "edges", masks)
+        if edges and not _is_gray(torch.cat(looks.pixels)):
+            raise ValueError(f"{edges}: the pictures are coloured, and edge maps are gray, such as white on black")
     store = load_views(views, sizes, background, scratch, masks, told, first)
     if not _shows(store):
         raise ValueError(f"{path}: the pictures show nothing: {_nothing(store, views, masks)}")
+    if background is not None:
+        _require_one_polarity(store, views, background)
     found: Target = target or ("color" if background is None else "edges")
     names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
     return PosedPictures(cameras, found, store, names, masked)
@@ -192,11 +201,37 @@ def _background(views: list[View], looked_at: list[Tensor], drawn: bool, masks: 
         masks: as for `load_posed`.
     """
     pixels = torch.cat(looked_at)
-    gray, tint = pixels[:, :3].mean(1) + 1 - pixels[:, 3], pixels[:, :3].amax(1) - pixels[:, :3].amin(1)
+    gray = pixels[:, :3].mean(1) + 1 - pixels[:, 3]
     if not len(gray):
         raise ValueError(f"{views[0].picture}: of this and other pictures {_left_nothing(views, masks)}")
     middle = float(gray.median())
-    colorless = float((tint < SAME).float().mean()) > 0.999
     plain = float(((gray - middle).abs() < SAME).float().mean()) > DRAWING_BACKGROUND
     extreme = min(middle, 1 - middle) < SAME
-    return float(middle >= 0.5) if drawn or (colorless and plain and extreme) else None
+    return float(middle >= 0.5) if drawn or (plain and extreme and _is_gray(pixels)) else None
+
+
+def _is_gray(pixels: Float[Tensor, "M 4"]) -> bool:
+    """Whether hardly any of these pixels has a colour."""
+    tint = pixels[:, :3].amax(1) - pixels[:, :3].amin(1)
+    return float((tint < SAME).float().mean()) > 0.999
+
+
+def _require_one_polarity(store: Store, views: list[View], background: float) -> None:
+    """Sees that all drawings are dark on light, or all light on dark.
+
+    Raises:
+        ValueError: some are mostly ink: these are the other way round.
+    """
+    names = []
+    for view in range(len(store)):
+        batch = store.batch([view])
+        ink = batch.alpha[batch.known]
+        if len(ink) and float(ink.median()) > 0.5:
+            names.append(views[view].picture.name)
+    if names:
+        kinds = ("light on dark", "dark on light")
+        this, other = kinds if background == 0 else kinds[::-1]
+        raise ValueError(
+            f"{len(names)} of {len(views)} drawings are {other}, the others {this}: {', '.join(names[:NAMED])}"
+            f"{', ...' if len(names) > NAMED else ''}. Invert them"
+        )

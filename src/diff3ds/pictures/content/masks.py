@@ -6,8 +6,10 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.orientation import load_of_size
+from diff3ds.formats.png import load_image, size_of
 from diff3ds.pictures.options import Masks
-from diff3ds.transforms import View
+from diff3ds.pictures.reading.resample import area_means
+from diff3ds.transforms import View, is_copy_of_size
 
 # Masks in JPEG files are not quite black: what has at most this fraction of the brightest is. Empirical.
 BLACK = 0.05
@@ -23,15 +25,16 @@ def mask_of(image: Float[Tensor, "H W C"]) -> Float[Tensor, "H W"]:
     return (gray > 0).float() if high > 0 and bool(((gray == 0) | (gray == high)).all()) else gray
 
 
-def dynamic_mask(picture: Path) -> Path | None:
-    """instant-ngp's mask of a picture, if there is one."""
+def dynamic_mask(view: View) -> Path | None:
+    """instant-ngp's mask of a view's photograph, if there is one."""
+    picture = view.photograph or view.picture
     path = picture.parent / DYNAMIC.format(picture.stem)
     return path if path.is_file() else None
 
 
 def has_left_out(view: View, masks: Masks) -> bool:
     """Whether masks may leave pixels of this view out."""
-    return bool(view.mask and masks == "ignore") or dynamic_mask(view.picture) is not None
+    return bool(view.mask and masks == "ignore") or dynamic_mask(view) is not None
 
 
 def counted(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
@@ -44,7 +47,7 @@ def counted(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
     kept = None
     if view.mask and masks == "ignore":
         kept = _bright(_load(view.mask, view))
-    dynamic = dynamic_mask(view.picture)
+    dynamic = dynamic_mask(view)
     if dynamic is not None:
         still = 1 - _bright(_load(dynamic, view))
         kept = still if kept is None else kept * still
@@ -61,7 +64,11 @@ def object_fraction(view: View, masks: Masks) -> Float[Tensor, "H W"] | None:
 
 
 def _load(mask: Path, view: View) -> Float[Tensor, "H W"]:
-    return mask_of(load_of_size(mask, view.size, "its picture has"))
+    there = size_of(mask)
+    if max(there) <= max(view.size) or not is_copy_of_size(there, view.size):
+        return mask_of(load_of_size(mask, view.size, "its picture has"))
+    # Of a photograph of which the picture, perhaps an edge map, is a smaller copy.
+    return area_means(mask_of(load_image(mask))[None, ..., None], view.size)[0, ..., 0]
 
 
 def _bright(mask: Float[Tensor, "H W"]) -> Float[Tensor, "H W"]:

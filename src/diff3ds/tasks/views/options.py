@@ -21,6 +21,8 @@ class ViewsOptions:
     Attributes:
         target: edges (edge maps, line drawings), color, or color-edges (the edges of coloured pictures); edges or color
             is found by itself if not given.
+        edges: a folder with an edge map of each picture, white on black or black on white, by the pictures' names: of a
+            detector that you have run. Edges are taken from there.
         init: where edges start: carve (curves through 3D points on which the views agree), or random curves.
         strokes: strokes of a coloured sketch, by default as many, from 64 to 1024, as its details need; random curves
             for edges, by default 128.
@@ -42,6 +44,7 @@ class ViewsOptions:
     """
 
     target: Target | None = None
+    edges: Path | None = None
     init: Init = "carve"
     strokes: int | None = None
     steps: int | None = None
@@ -56,6 +59,8 @@ class ViewsOptions:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        if self.edges is not None and self.target not in (None, "edges"):
+            raise ValueError(f"--edges gives edge maps, for --target edges: leave --target {self.target} out")
         if self.start is not None and (self.strokes is not None or self.init == "random"):
             given = "--init random" if self.strokes is None else "--strokes"
             raise ValueError(f"--from gives the strokes, as they are: leave {given} out")
@@ -66,6 +71,11 @@ class ViewsOptions:
         check_seed(self.seed)
         if self.background is not None:
             parse_color_or_path(self.background)
+
+    @property
+    def pictures(self) -> Target | None:
+        """What the pictures of the project are, from which edge maps may be apart."""
+        return self.target if self.edges is None else "color"
 
     def unused(self, target: Target) -> list[str]:
         """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""

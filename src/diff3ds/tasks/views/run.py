@@ -12,9 +12,11 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.formats import save_png, tile_images
+from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
+from diff3ds.photogrammetry.edge_maps import edge_maps_of
 from diff3ds.photogrammetry.project import NoCamerasError, find_project
 from diff3ds.pictures.content.background import color_or_path, described
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
@@ -81,8 +83,9 @@ def run_views(
     if not options.resume:
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             check_output_folder(out, out / checkpoint, resume=False, overwrite=options.overwrite)
-    if source is None and options.target not in (None, "edges"):
-        raise ValueError(f"the embedded scene is line drawings (--target edges), not {options.target}")
+    if source is None and options.pictures not in (None, "edges"):
+        needless = f"--target {options.target}" if options.edges is None else f"--edges {options.edges}"
+        raise ValueError(f"the embedded scene is line drawings (--target edges): leave {needless} out")
     given = None if options.start is None else load_start(options.start, out)
     times = StageTimes()
 
@@ -132,17 +135,19 @@ def _run(
     if fitted.refined and path is not None:
         views = list(fitted.refined)
         cameras, zoom = fitted.pictures.cameras[views], fitted.chosen["cameras"]["focal"]
-        save_refined(out / REFINED, path, pictures.target, views, cameras, zoom)
+        save_refined(out / REFINED, path, options.pictures or pictures.target, views, cameras, zoom)
     return fitted
 
 
 def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]) -> Path:
     """The file with the cameras; of photographs without one they are found first, and kept in the folder `cameras`."""
     try:
-        return find_project(source, options.target)
+        return find_project(source, options.pictures)
     except NoCamerasError as missing:
         if not missing.pictures:
             raise
+        if options.edges:
+            edge_maps_of(missing.pictures, [size_of(picture) for picture in missing.pictures], options.edges)
         kept = out / CAMERAS / TRANSFORMS
         if kept.is_file() and options.resume:
             return kept
@@ -151,7 +156,8 @@ def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, 
 
 
 def _pictures(path: Path, out: Path, options: ViewsOptions, report: Report) -> PosedPictures:
-    return load_posed(path, options.target, options.size, out, options.masks, _counted("read", report))
+    told = _counted("read", report)
+    return load_posed(path, options.target, options.size, out, options.masks, told, options.edges)
 
 
 def _counted(stage: str, report: Report) -> Told:
