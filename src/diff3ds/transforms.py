@@ -128,10 +128,13 @@ def of_picture_sizes(path: Path, views: Sequence[View]) -> list[View]:
     """Views whose pictures are there, with the sizes of the pictures.
 
     Where a picture is a smaller or larger copy of what the cameras say, its focal lengths are scaled with it, and a
-    warning says so; where it has another shape, it is left for the reader of pictures, which looks at EXIF.
+    warning says so, but for edge maps; where it has another shape, it is left for the reader of pictures, which looks
+    at EXIF.
     """
     fitted = [_of_picture_size(view) for view in views]
-    other = [(old, new) for old, new in zip(views, fitted, strict=True) if old.size != new.size]
+    # Edge maps are as large as their detector has made them.
+    pairs = zip(views, fitted, strict=True)
+    other = [(old, new) for old, new in pairs if old.size != new.size and old.photograph is None]
     if other:
         old, new = other[0]
         said, there = (f"{size[1]} x {size[0]}" for size in (old.size, new.size))

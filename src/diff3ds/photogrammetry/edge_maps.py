@@ -12,6 +12,8 @@ from diff3ds.photogrammetry.picture_files import pictures_in
 from diff3ds.transforms import NAMED, View, is_copy_of_size
 
 RULE = "An edge map has the name of its photograph, with any suffix: 001.png is the map of 001.jpg"
+# What detectors write behind the names of photographs.
+TAILS = ("", "_edges", "_edge")
 
 
 def with_edge_maps(views: Sequence[View], folder: Path) -> list[View]:
@@ -64,7 +66,8 @@ def _maps(picture: Path, base: Path, folder: Path) -> list[Path]:
     inside = picture.parent.relative_to(base)
     for place in dict.fromkeys((folder / inside, folder)):
         # Some programs write .png behind the whole name.
-        named = [place / f"{name}{suffix}" for name in (picture.stem, picture.name) for suffix in SUFFIXES]
+        stems = [picture.name, *(picture.stem + tail for tail in TAILS)]
+        named = [place / f"{stem}{suffix}" for stem in stems for suffix in SUFFIXES]
         if found := [file for file in named if file.is_file() and file.resolve() != picture.resolve()]:
             # Where capitals do not count, .png and .PNG are one file.
             return [f for i, f in enumerate(found) if not any(f.samefile(other) for other in found[:i])]
@@ -91,7 +94,8 @@ def _check_names(pictures: Sequence[Path], found: Sequence[list[Path]], folder: 
             )
     # Photographs that have no camera may have a map as well.
     beside = {other.stem for place in {picture.parent for picture in pictures} for other in pictures_in(place)}
-    stray = [f.name for f in there if f.resolve() not in taken and not {f.stem, Path(f.stem).stem} & beside]
+    known = {stem + tail for stem in beside for tail in TAILS}
+    stray = [f.name for f in there if f.resolve() not in taken and not {f.stem, Path(f.stem).stem} & known]
     if stray:
         raise ValueError(f"{folder}: {len(stray)} edge maps are of no photograph: {_some(stray)}. {RULE}")
 

@@ -43,6 +43,7 @@ OPTIONAL = {
     "ray": ("ray",),
     "cameras": ("pycolmap",),
     "notebook": ("anywidget",),
+    "hed": ("h5py",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }
 

@@ -10,6 +10,8 @@ from diff3ds._settings import check_seed, require_finite
 from diff3ds.pictures.options import Masks, Target, parse_color, parse_color_or_path
 
 Init = Literal["carve", "random"]
+# What finds edges in coloured pictures: the gradient of their colours, or a network.
+Detector = Literal["gradients", "hed"]
 # Of the distance of VGG16 that 3Doodle fits in; `diff3ds.metrics.vgg_distance` says what they are.
 Variant = Literal["3doodle", "standard"]
 
@@ -23,6 +25,8 @@ class ViewsOptions:
             is found by itself if not given.
         edges: a folder with an edge map of each picture, white on black or black on white, by the pictures' names: of a
             detector that you have run. Edges are taken from there.
+        detector: what finds edges in coloured pictures: the gradients of their colours, or hed, a network that draws as
+            people do, whose maps are kept in the folder edges_hed of the results.
         init: where edges start: carve (curves through 3D points on which the views agree), or random curves.
         strokes: strokes of a coloured sketch, by default as many, from 64 to 1024, as its details need; random curves
             for edges, by default 128.
@@ -45,6 +49,7 @@ class ViewsOptions:
 
     target: Target | None = None
     edges: Path | None = None
+    detector: Detector = "gradients"
     init: Init = "carve"
     strokes: int | None = None
     steps: int | None = None
@@ -61,6 +66,9 @@ class ViewsOptions:
     def __post_init__(self) -> None:
         if self.edges is not None and self.target not in (None, "edges"):
             raise ValueError(f"--edges gives edge maps, for --target edges: leave --target {self.target} out")
+        if self.detector == "hed" and (self.edges is not None or self.target not in (None, "color-edges")):
+            given = "--edges" if self.edges is not None else f"--target {self.target}"
+            raise ValueError(f"--detector hed finds the edges of coloured pictures: leave {given} out")
         if self.start is not None and (self.strokes is not None or self.init == "random"):
             given = "--init random" if self.strokes is None else "--strokes"
             raise ValueError(f"--from gives the strokes, as they are: leave {given} out")
@@ -75,7 +83,7 @@ class ViewsOptions:
     @property
     def pictures(self) -> Target | None:
         """What the pictures of the project are, from which edge maps may be apart."""
-        return self.target if self.edges is None else "color"
+        return self.target if self.edges is None and self.detector == "gradients" else "color"
 
     def unused(self, target: Target) -> list[str]:
         """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.detectors.hed import require_hed
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.formats import save_png, tile_images
 from diff3ds.formats.png import size_of
@@ -34,6 +35,7 @@ from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, o
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.start_sketch import digest_of, finished, held, load_start
 from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
+from diff3ds.tasks.views.detected_edges import detect_edges
 from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
@@ -84,8 +86,11 @@ def run_views(
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             check_output_folder(out, out / checkpoint, resume=False, overwrite=options.overwrite)
     if source is None and options.pictures not in (None, "edges"):
-        needless = f"--target {options.target}" if options.edges is None else f"--edges {options.edges}"
+        needless = "--edges" if options.edges else "--detector" if options.detector == "hed" else "--target"
         raise ValueError(f"the embedded scene is line drawings (--target edges): leave {needless} out")
+    if options.detector == "hed":
+        # Said before cameras are looked for, which takes minutes.
+        require_hed()
     given = None if options.start is None else load_start(options.start, out)
     times = StageTimes()
 
@@ -112,7 +117,7 @@ def _run(
     """Reads, fits and writes."""
     begun = time.perf_counter()
     path = _cameras_of(source, out, options, report, say) if source is not None else None
-    pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report)
+    pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report, say)
     clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
     read = time.perf_counter()
@@ -155,9 +160,13 @@ def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, 
         return run_cameras(source, kept.parent, CamerasOptions(), report, say)
 
 
-def _pictures(path: Path, out: Path, options: ViewsOptions, report: Report) -> PosedPictures:
-    told = _counted("read", report)
-    return load_posed(path, options.target, options.size, out, options.masks, told, options.edges)
+def _pictures(
+    path: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]
+) -> PosedPictures:
+    told, edges = _counted("read", report), options.edges
+    if options.detector == "hed":
+        edges = detect_edges(path, out, options.size, options.resume, report, say)
+    return load_posed(path, options.target, options.size, out, options.masks, told, edges)
 
 
 def _counted(stage: str, report: Report) -> Told:

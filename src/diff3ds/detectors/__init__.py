@@ -1,0 +1,1 @@
+"""Networks that find edges in photographs."""
