@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
@@ -66,8 +66,9 @@ class Export:
         with importing():
             from diff3ds.tasks.export.export import run_export
 
-        sketch = run_export(self.source, self.file, self.export, self.styles)
-        sayer(PlainConsole(stderr=True, quiet=self.quiet))(f"{counted_strokes(len(sketch))}: {self.file}")
+        say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
+        sketch = run_export(self.source, self.file, self.export, self.styles, say)
+        say(f"{counted_strokes(len(sketch))}: {self.file}")
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,11 @@ class View:
     source: Positional[Path]
     # A second one, which stands beside it and is seen by the same camera.
     beside: Positional[Path | None] = None
+    # A mesh, in the sketch's frame, that hides lines: .obj, .stl, .ply, .off or .glb; by default the surface.glb of the
+    # run, where there is one.
+    surface: Path | None = None
+    # The axis that points up in its file; a .glb file says it itself.
+    surface_up: Literal["z", "y"] = "z"
     # Of the address; by default any that is free.
     port: int = 0
     # Open the address in the browser of this machine.
@@ -95,4 +101,4 @@ class View:
 
         show = partial(print, flush=True)
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
-        run_view(self.source, self.port, self.open, show, say, self.beside)
+        run_view(self.source, self.port, self.open, show, say, self.beside, self.surface, self.surface_up)

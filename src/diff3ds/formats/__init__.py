@@ -77,7 +77,14 @@ _READERS = {
 }
 
 
-def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, unit: Unit | None = None) -> None:
+def save(
+    path: str | Path,
+    sketch: Sketch,
+    cameras: Cameras | None = None,
+    *,
+    unit: Unit | None = None,
+    surface: object | None = None,
+) -> None:
     """Writes a sketch, whole or not at all, in the format of the suffix.
 
     * `.json`: everything, bit for bit.
@@ -98,11 +105,14 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
         cameras: the views of a picture; formats that hold the sketch itself need none.
         unit: what a world unit is, in formats that know units of length: "mm", "cm", "m", "in" or "ft"; by default mm
             in those for CAD, m in GLB and USD.
+        surface: what hides lines on a `.html` page, such as `load_surface` gives; pictures with hidden lines are drawn
+            by `render`.
 
     Raises:
-        TypeError: not a sketch.
+        TypeError: not a sketch, or another surface than a `TriangleMesh`.
         ValueError: another suffix; a picture without cameras; a unit for a format that has none, or one that is not
-            known; values that have become invalid since the sketch was made.
+            known; a surface for another format, or one of more than 200,000 triangles; values that have become invalid
+            since the sketch was made.
         ImportError: the extra that writes this format is not installed.
         OSError: the file cannot be written.
     """
@@ -115,7 +125,11 @@ def save(path: str | Path, sketch: Sketch, cameras: Cameras | None = None, *, un
         check_unit(unit)
         if suffix in (*_GEOMETRY, *PICTURES) and suffix not in _WITH_UNITS:
             raise ValueError(f"{path}: a {suffix} file says no unit of length: scale the sketch instead")
-    if suffix in _WITH_UNITS and unit is not None:
+    if surface is not None and suffix != ".html":
+        raise ValueError(f"{path}: a surface goes on .html pages alone: leave it out, or draw with it by ds.render")
+    if surface is not None:
+        save_html(path, sketch, surface=surface)
+    elif suffix in _WITH_UNITS and unit is not None:
         _GEOMETRY[suffix](path, sketch, unit=unit)
     elif suffix in _GEOMETRY:
         _GEOMETRY[suffix](path, sketch)

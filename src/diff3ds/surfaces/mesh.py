@@ -181,7 +181,7 @@ class TriangleMesh:
         The mean normal of the faces around a vertex, weighted by their angles there (Thürmer and Wüthrich 1998), for
         each fan of them between two creases.
         """
-        fan, fans = self._fans
+        fan, fans = self.fans
         weighted = self.corner_angles[..., None] * self.face_normals[:, None]
         flat = weighted.reshape(-1, 3)
         total = np.stack([np.bincount(fan, flat[:, k], fans) for k in range(3)], 1)[fan]
@@ -198,7 +198,7 @@ class TriangleMesh:
         return np.arctan2(sine, np.einsum("fki,fki->fk", onwards, back))
 
     @property
-    def _fans(self) -> tuple[Int[Index, " C"], int]:
+    def fans(self) -> tuple[Int[Index, " C"], int]:
         """Which corners of faces, 3 a face, share a normal: those around a vertex that no crease or border parts."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components

@@ -2,7 +2,7 @@
 
 const beside = JSON.parse(document.getElementById("beside").textContent);
 const besideCanvas = document.createElement("canvas");
-const second = { sketch: null, drawing: null, start: null, madeFor: null };
+const second = { sketch: null, surface: null, drawing: null, start: null, madeFor: null };
 
 function captionOf(title, id) {
   const caption = document.createElement("p");
@@ -27,7 +27,7 @@ function standBeside() {
   besideCanvas.addEventListener("wheel", onWheel, { passive: false });
   const restore = () => {
     second.drawing = makeDrawing(besideCanvas);
-    second.madeFor = null;
+    second.start = null;
     refresh();
   };
   besideCanvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -38,18 +38,27 @@ function standBeside() {
 function paintBeside(from, to, scene) {
   const [width, height] = size();
   if (besideCanvas.width !== width || besideCanvas.height !== height) Object.assign(besideCanvas, { width, height });
-  if (second.start !== start) Object.assign(second, { sketch: readSketch(beside.sketch, start), start, madeFor: null });
+  if (second.start !== start) {
+    const read = { sketch: readSketch(beside.sketch, start), surface: readSurface(beside.surface, start) };
+    Object.assign(second, { ...read, start, madeFor: null });
+    second.drawing.setSurface(second.surface);
+  }
   if (second.madeFor !== madeFor) {
     second.madeFor = madeFor;
     second.sketch.chords = chordsFor(second.sketch);
     second.drawing.setChords(second.sketch.chords);
   }
-  if (from === 0) second.drawing.setInks(second.sketch.strokes.map(inkOf));
-  second.drawing.show(from, to, { ...scene, selected: null, world: second.sketch.world });
+  const own = { ...scene, chosen: [], world: second.sketch.world };
+  if (from === 0) {
+    second.drawing.setInks(inksOf(second.sketch));
+    setSurfaceView(second.drawing, second.sketch, second.surface, own);
+  }
+  second.drawing.show(from, to, own);
 }
 
 if (drawing) {
   standBeside();
+  if (beside.surface) document.getElementById("hiding").hidden = false;
   painters.push(paintBeside);
   refresh();
 }

@@ -11,7 +11,13 @@ function startCamera(start, [width, height]) {
   const side = Math.tan((start.fov / 2) * RADIANS) * Math.min(1, width / height);
   const distance = 1 / (start.filled * Math.sin(Math.atan(side)));
   const { azimuth, elevation, fov } = start;
-  return { azimuth, elevation, fov, distance, near: NEAR * distance, target: [0, 0, 0], orthographic: false };
+  const fixed = { fov, near: NEAR * distance, reach: reachOf(start) };
+  return { azimuth, elevation, distance, ...fixed, target: [0, 0, 0], orthographic: false };
+}
+
+// How far what is drawn reaches from the middle: the sketch's ball, or a surface that is larger.
+function reachOf(start) {
+  return Math.max(start.reach ?? 1, 1) * BALL;
 }
 
 // Right, up and forward of the camera in the world, and its place.
@@ -34,7 +40,7 @@ function focalOf(camera, height) {
 
 // Depths between which all of the sketch lies that is drawn. Without perspective nothing is too near.
 function depthsOf(camera) {
-  const aside = Math.hypot(...camera.target) + (camera.reach ?? BALL);
+  const aside = Math.hypot(...camera.target) + camera.reach;
   const near = camera.distance - aside;
   return [camera.orthographic ? near : Math.max(near, camera.near), Math.max(camera.distance + aside, 2 * camera.near)];
 }
@@ -50,7 +56,7 @@ function pixelsAtMost(camera, height, middle, radius) {
 function sameView(camera, was, now) {
   const scale = was.radius / now.radius;
   const target = camera.target.map((value, axis) => value * scale + (was.middle[axis] - now.middle[axis]) / now.radius);
-  return { ...camera, target, distance: camera.distance * scale, near: camera.near * scale };
+  return { ...camera, target, distance: camera.distance * scale, near: camera.near * scale, reach: reachOf(now) };
 }
 
 // The direction of what is seen in a pixel, and where it comes from.

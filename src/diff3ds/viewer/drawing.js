@@ -2,16 +2,24 @@
 //
 // A sample is covered by a stroke if it lies nearer to the centre line than the half width. The nearest stroke wins, the
 // first of equals. A stroke of opacity a is there in the share a of the pictures, in another order in each pixel, so
-// that strokes behind others are seen through them as compositing by depth says.
+// that strokes behind others are seen through them as compositing by depth says. What is behind a surface is decided for
+// the nearest place of the centre line, so that a wide stroke on a surface is not cut by it.
 
 // Pictures whose mean is shown at last: a power of two, for the permutation in the shader.
 const SAMPLES = 64;
+
+// What the shader knows of each chord.
+const ATTRIBUTES = ["start", "end", "rest", "slack", "before"];
+// Opacity of faint lines, as a share of that of visible ones; dashes and the gaps between their round ends, as shares of
+// the picture's height. As in the package (surfaces/drawn.py, dashes.py).
+const [FAINT, DASH, GAP] = [0.25, 0.009, 0.006];
 
 const STROKES = {
   vertex: `#version 300 es
     precision highp float;
     in vec3 start, end;
     in vec3 rest;  // half widths at both ends, stroke
+    in float slack, before;  // how much nearer what hides it must be; px of the stroke before this chord
     uniform mat3 axes;  // columns: right, down, forward
     uniform vec3 eye;
     uniform vec2 size, depths;
@@ -19,6 +27,7 @@ const STROKES = {
     uniform bool orthographic, world;
     uniform sampler2D inks;
     flat out vec4 ends, radii, ink;  // radii: px, and depths of the buffer
+    flat out vec3 hiding;  // depths of the buffer at both ends that a surface is compared with, and before
     flat out uint stroke;
     vec2 pixel(vec3 p) { return size / 2. + focal * p.xy / (orthographic ? 1. : p.z); }
     float radius(float width, float z) {
@@ -41,6 +50,9 @@ const STROKES = {
       else if (b.z < near) { b = mix(a, b, cut); width.y = mix(width.x, width.y, cut); }
       ends = vec4(pixel(a), pixel(b));
       radii = vec4(radius(width.x, a.z), radius(width.y, b.z), depth(a.z), depth(b.z));
+      // Less than no slack: a solid hides this by itself.
+      vec2 slacks = max(vec2(a.z, b.z) - slack, vec2(near));
+      hiding = vec3(slack < 0. ? vec2(2.) : vec2(depth(slacks.x), depth(slacks.y)), before);
       vec2 along = ends.zw - ends.xy;
       along = length(along) > 1e-6 ? normalize(along) : vec2(1., 0.);
       float reach = max(radii.x, radii.y) + 1.;
@@ -51,8 +63,11 @@ const STROKES = {
   fragment: `#version 300 es
     precision highp float;
     flat in vec4 ends, radii, ink;
+    flat in vec3 hiding;
     flat in uint stroke;
-    uniform vec2 size, offset;
+    uniform vec2 size, offset, dashes;  // dashes: px of one, and of the gap behind it
+    uniform int hidden;  // what becomes of hidden lines: 0 they are shown, 1 faint, 2 dashed, 3 dropped
+    uniform sampler2D front;
     uniform float halo;
     uniform uint picture;
     uniform vec3 accent;
@@ -70,11 +85,22 @@ const STROKES = {
       j ^= j >> 2;
       return (float(j) + .5) / ${SAMPLES}.;
     }
+    bool behind(vec2 p, float s) {
+      ivec2 texel = clamp(ivec2(p.x, size.y - p.y), ivec2(0), ivec2(size) - 1);
+      return mix(hiding.x, hiding.y, s) > texelFetch(front, texel, 0).r;
+    }
     void main() {
       vec2 p = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y) + offset - ends.xy, along = ends.zw - ends.xy;
       float s = clamp(dot(p, along) / max(dot(along, along), 1e-12), 0., 1.);
-      if (distance(p, s * along) >= mix(radii.x, radii.y, s)) discard;
-      if (halo == 0. && place() >= ink.a) discard;
+      float away = distance(p, s * along), radius = mix(radii.x, radii.y, s), opacity = ink.a;
+      if (away >= radius) discard;
+      if (halo == 0. && hidden > 0 && behind(ends.xy + s * along, s)) {
+        if (hidden == 3) discard;
+        if (hidden == 1) opacity *= ${FAINT};
+        float gap = mod(hiding.z + s * length(along), dashes.x + dashes.y) - dashes.x;
+        if (hidden == 2 && gap > 0. && length(vec2(min(gap, dashes.y - gap), away)) >= radius) discard;
+      }
+      if (halo == 0. && place() >= opacity) discard;
       color = vec4(halo > 0. ? accent : ink.rgb, 1.);
       gl_FragDepth = halo > 0. ? .999999 : mix(radii.z, radii.w, s) * .99999;
     }`,
@@ -94,17 +120,28 @@ const COPY = {
 function makeDrawing(canvas) {
   const gl = canvas.getContext("webgl2", { antialias: false, depth: false, alpha: false });
   if (!gl || !(gl.getExtension("EXT_color_buffer_float") || gl.getExtension("EXT_color_buffer_half_float"))) return null;
-  const strokes = program(gl, STROKES, ["start", "end", "rest"]);
+  const strokes = program(gl, STROKES, ATTRIBUTES);
   const copy = program(gl, COPY, []);
-  const chords = gl.createBuffer();
+  const [chords, contours] = [makeChords(gl), makeChords(gl)];
   const inks = gl.createTexture();
-  let first = [0];
   let targets = null;
+  let [surface, gap] = [null, 0];
 
-  function setChords(made) {
-    first = made.first;
-    gl.bindBuffer(gl.ARRAY_BUFFER, chords);
-    gl.bufferData(gl.ARRAY_BUFFER, made.values, gl.DYNAMIC_DRAW);
+  // Null where there is none.
+  function setSurface(other) {
+    if (other) (surface ??= makeSurfaceDepth(gl)).setSurface(other);
+    else surface = null;
+  }
+
+  // Before the first picture of a view with a surface: its contours there, and where strokes are dashed, their lengths,
+  // and the gap between the round ends of dashes, pixels.
+  function setView(camera, made, before, between) {
+    gap = between;
+    fitTargets();
+    surface.draw(camera, targets.width, targets.height);
+    contours.set(made);
+    contours.setBefore(made.before);
+    chords.setBefore(before);
   }
 
   // One RGBA a stroke; opacity 0 hides it.
@@ -125,16 +162,6 @@ function makeDrawing(canvas) {
     targets = { width, height, one: target(gl, gl.RGBA8, width, height), mean: target(gl, gl.RGBA16F, width, height) };
   }
 
-  function drawRange(from, to) {
-    gl.bindBuffer(gl.ARRAY_BUFFER, chords);
-    ["start", "end", "rest"].forEach((name, i) => {
-      gl.enableVertexAttribArray(i);
-      gl.vertexAttribPointer(i, 3, gl.FLOAT, false, CHORD * 4, (from * CHORD + 3 * i) * 4);
-      gl.vertexAttribDivisor(i, 1);
-    });
-    if (to > from) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, to - from);
-  }
-
   // One picture, its samples moved within their pixels by the additive sequence with the plastic number.
   function drawOne(index, scene) {
     const at = strokes.at;
@@ -151,10 +178,14 @@ function makeDrawing(canvas) {
     gl.uniform2f(at("offset"), ((0.5 + 0.7548776662 * index) % 1) - 0.5, ((0.5 + 0.5698402909 * index) % 1) - 0.5);
     gl.uniform1ui(at("picture"), index);
     gl.uniform3f(at("accent"), ...scene.accent);
+    gl.uniform1i(at("hidden"), surface ? scene.hidden : 0);
+    gl.uniform1i(at("front"), surface ? 2 : 1);
+    gl.uniform2f(at("dashes"), DASH * targets.height, gap);
     gl.uniform1f(at("halo"), 0);
-    drawRange(0, first.at(-1));
+    chords.draw();
+    if (surface) contours.draw();
     gl.uniform1f(at("halo"), scene.haloPixels);
-    for (const stroke of scene.chosen) drawRange(first[stroke], first[stroke + 1]);
+    for (const stroke of scene.chosen) chords.draw(stroke);
   }
 
   function copyTo(frame, from) {
@@ -164,7 +195,7 @@ function makeDrawing(canvas) {
     gl.uniform1i(copy.at("picture"), 0);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, from.texture);
-    ["start", "end", "rest"].forEach((_, i) => gl.disableVertexAttribArray(i));
+    ATTRIBUTES.forEach((_, i) => gl.disableVertexAttribArray(i));
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
@@ -182,7 +213,55 @@ function makeDrawing(canvas) {
     copyTo(null, targets.mean);
   }
 
-  return { setChords, setInks, show };
+  return { setChords: chords.set, setInks, setSurface, setView, show };
+}
+
+// Chords that are drawn, all or those of one stroke. Slack and lengths before are 0 where there are none.
+function makeChords(gl) {
+  const [values, slack, before] = [gl.createBuffer(), gl.createBuffer(), gl.createBuffer()];
+  let [first, hasSlack, hasBefore] = [[0], false, false];
+
+  function fill(buffer, numbers) {
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    if (numbers) gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.DYNAMIC_DRAW);
+    return Boolean(numbers);
+  }
+
+  function set(made) {
+    first = made.first;
+    fill(values, made.values);
+    hasSlack = fill(slack, made.slack);
+    hasBefore = false;
+  }
+
+  function setBefore(lengths) {
+    hasBefore = fill(before, lengths);
+  }
+
+  function attribute(index, count, stride, offset) {
+    gl.enableVertexAttribArray(index);
+    gl.vertexAttribPointer(index, count, gl.FLOAT, false, stride * 4, offset * 4);
+    gl.vertexAttribDivisor(index, 1);
+  }
+
+  function draw(stroke = null) {
+    const [from, to] = stroke === null ? [0, first.at(-1)] : [first[stroke], first[stroke + 1]];
+    if (!(to > from)) return;
+    gl.bindBuffer(gl.ARRAY_BUFFER, values);
+    for (let i = 0; i < 3; i++) attribute(i, 3, CHORD, from * CHORD + 3 * i);
+    [[slack, hasSlack], [before, hasBefore]].forEach(([buffer, there], i) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      if (there) {
+        attribute(3 + i, 1, 1, from);
+      } else {
+        gl.disableVertexAttribArray(3 + i);
+        gl.vertexAttrib1f(3 + i, 0);
+      }
+    });
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, to - from);
+  }
+
+  return { set, setBefore, draw };
 }
 
 function setCamera(gl, at, camera, size) {

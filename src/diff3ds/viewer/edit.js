@@ -36,7 +36,7 @@ function showDoc(doc, indices) {
   sketch = readSketch(dataOf(doc), start);
   sketch.strokes.forEach((stroke, i) => (stroke.shown = shown.get(doc.strokes[i].id) ?? true));
   const points = doc.strokes.flatMap((stroke) => stroke.segments.flatMap((segment) => segment.points));
-  camera = { ...camera, reach: points.reduce((most, point) => Math.max(most, Math.hypot(...toView(point))), BALL) };
+  camera = { ...camera, reach: points.reduce((most, point) => Math.max(most, Math.hypot(...toView(point))), reachOf(start)) };
   [madeFor, chosen] = [null, indices.filter((index) => index < doc.strokes.length)];
   selected = chosen.at(-1) ?? null;
   listStrokes();

@@ -7,23 +7,6 @@ const [SMOOTH_TURN, STRAIGHT] = [1e-2, 1e-4];
 // Nearer to its ends than this, 0 to 1, a segment is not bent: then its end is meant.
 const BEND_FROM = 0.1;
 
-function plus(a, b, scale = 1) {
-  return a.map((value, axis) => value + scale * b[axis]);
-}
-
-function minus(a, b) {
-  return plus(a, b, -1);
-}
-
-function dot(a, b) {
-  return a.reduce((sum, value, axis) => sum + value * b[axis], 0);
-}
-
-function unit(a) {
-  const length = Math.hypot(...a);
-  return length > 0 ? a.map((value) => value / length) : null;
-}
-
 // Nodes of a stroke are its ends and joints: 0 where its first segment begins, and so on. The segments before and after.
 function around({ segments, closed }, node) {
   const count = segments.length;

@@ -39,7 +39,7 @@ function inkOf({ color, opacity, shown }) {
 }
 
 function refreshInks() {
-  drawing.setInks(sketch.strokes.map(inkOf));
+  drawing.setInks(inksOf(sketch));
   refresh();
 }
 
@@ -77,7 +77,9 @@ function drawFrame(now) {
   const accent = ACCENTS[ground()];
   const scene = {
     camera, chosen, accent, world: sketch.world, ground: GROUNDS[ground()], haloPixels: HALO * pixelRatio(),
+    hidden: HIDDEN.indexOf(hidden),
   };
+  if (samples === 0) setSurfaceView(drawing, sketch, surface, scene);
   drawing.show(samples, samples + drawn, scene);
   painters.forEach((paint) => paint(samples, samples + drawn, scene));
   samples += drawn;
@@ -94,15 +96,25 @@ function drawFrame(now) {
 // Another sketch in place of this one, seen from where one looks.
 function showSketch(data, begun) {
   if (sketch.strokes.length) camera = sameView(camera, start, begun);
-  else if (camera) camera = { ...startCamera(begun, size()), orthographic: camera.orthographic };
+  else if (camera) camera = startAgain(begun);
   start = begun;
+  openSurface(start);
   sketch = readSketch(data, start);
   chosen = chosen.filter((index) => index < sketch.strokes.length);
   selected = chosen.at(-1) ?? null;
   madeFor = null;
   listStrokes();
   openSketch(data);
-  if (drawing) refreshInks();
+  if (drawing) {
+    drawing.setSurface(surface);
+    refreshInks();
+  }
+}
+
+// As at first, but for the lens, and for what edits have drawn farther out.
+function startAgain(begun) {
+  const first = startCamera(begun, size());
+  return { ...first, orthographic: camera.orthographic, reach: Math.max(first.reach, camera.reach) };
 }
 
 function fitCanvas() {
@@ -278,9 +290,11 @@ function act(key, shift) {
   } else if (key in VIEWS) look({ ...camera, azimuth: VIEWS[key][0], elevation: VIEWS[key][1] });
   else if (key === "+" || key === "=") look(zoomed(camera, ZOOM));
   else if (key === "-") look(zoomed(camera, 1 / ZOOM));
-  else if (key === "0") look({ ...startCamera(start, size()), orthographic: camera.orthographic });
+  else if (key === "0") look(startAgain(start));
   else if (key === "o") look({ ...camera, orthographic: !camera.orthographic });
   else if (key === "d") turnGround();
+  else if ("vV".includes(key) && hasSurface()) hideOtherwise(shift ? -1 : 1);
+  else if (key === "w" && hasSurface()) turnContours();
   else if ("npNP".includes(key)) selectNext(key.toLowerCase() === "n" ? 1 : -1, shift);
   else if (key === "h" && selected !== null) {
     const shown = !sketch.strokes[selected].shown;
@@ -320,11 +334,13 @@ function begin() {
     fault.hidden = false;
     return;
   }
+  drawing.setSurface(surface);
   madeFor = null;
   fitCanvas();
   refreshInks();
 }
 
+openSurface(start);
 listStrokes();
 begin();
 if (drawing) {

@@ -11,7 +11,8 @@ from typing import Any
 
 # In this order they make one module.
 _EDIT = ("edit_document.js", "edit_strokes.js", "edit_shapes.js", "edit_handles.js", "edit.js", "edit_save.js")
-_SCRIPTS = ("curves.js", "camera.js", "drawing.js", "page.js", *_EDIT)
+_DRAWING = ("vectors.js", "curves.js", "camera.js", "surface.js", "contours.js", "surface_depth.js", "drawing.js")
+_SCRIPTS = (*_DRAWING, "hidden.js", "page.js", *_EDIT)
 # Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, and on one that shows
 # a run.
 _BESIDE, _FRAMED, _LIVE, _RUN = "beside.js", "framed.js", "live.js", "run.js"
@@ -38,8 +39,9 @@ def page_text(
     sketch: str,
     start: dict[str, Any],
     served: Served | None = None,
-    beside: tuple[str, str] | None = None,
+    beside: tuple[str, str, str] | None = None,
     framed: bool = False,
+    surface: str = "null",
 ) -> str:
     """A page that shows a sketch, on its own: it asks for nothing, and scripts that are not its own do not run in it.
 
@@ -47,10 +49,12 @@ def page_text(
         title: of the page; any text.
         sketch: the text of a sketch.json.
         start: `middle` (3 numbers) and `radius` of a ball around the sketch, world units, and from where it is seen at
-            first: `azimuth`, `elevation` and `fov`, degrees, and `filled`, the ball's share of the picture.
+            first: `azimuth`, `elevation` and `fov`, degrees, and `filled`, the ball's share of the picture; `reach`
+            says how many radii what is drawn reaches from the middle, where that is more than 1.
         served: of a page that a server shows.
-        beside: title and sketch.json of a second sketch, which is seen by the same camera.
+        beside: title, sketch.json and surface of a second sketch, which is seen by the same camera.
         framed: whether what the page is a frame of may show other sketches on it.
+        surface: what hides lines of the sketch, as JSON, or null.
     """
     room = files("diff3ds.viewer")
     style = room.joinpath("page.css").read_text(encoding="utf-8")
@@ -70,6 +74,7 @@ def page_text(
         "style": style,
         "script": script,
         "sketch": embedded(sketch),
+        "surface": embedded(surface),
         "beside": _second(*beside) if beside else "",
         "start": embedded(json.dumps(start)),
     }
@@ -78,9 +83,9 @@ def page_text(
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], markup)
 
 
-def _second(title: str, sketch: str) -> str:
+def _second(title: str, sketch: str, surface: str) -> str:
     """The element with the second sketch."""
-    data = f'{{"title": {json.dumps(title)}, "sketch": {sketch}}}'
+    data = f'{{"title": {json.dumps(title)}, "sketch": {sketch}, "surface": {surface}}}'
     return f'<script type="application/json" id="beside">{embedded(data)}</script>\n'
 
 

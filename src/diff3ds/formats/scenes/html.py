@@ -4,6 +4,9 @@ It keeps everything: the page holds the sketch.json, bit for bit, and draws it a
 too. Nothing is read back from it.
 """
 
+import json
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +20,24 @@ from diff3ds.viewer.page import Served, page_text
 AZIMUTH, ELEVATION = 30.0, 20.0
 
 
-def save_html(path: str | Path, sketch: Sketch, beside: tuple[str, Sketch] | None = None) -> None:
+def save_html(
+    path: str | Path, sketch: Sketch, beside: tuple[str, Sketch] | None = None, *, surface: object | None = None
+) -> None:
     """Writes a page that shows the sketch in any browser with WebGL 2, whole or not at all.
 
     Args:
         path: the file.
         sketch: what it shows.
         beside: title and strokes of a second sketch, which stands beside it and is seen by the same camera.
+        surface: what hides lines of the sketch, a `TriangleMesh` in its frame.
 
     Raises:
-        ValueError: values that have become invalid since the sketch was made.
+        TypeError: another surface.
+        ValueError: values that have become invalid since the sketch was made; a surface of more than 200,000 triangles.
         OSError: the file cannot be written.
     """
     path = Path(path)
-    write_text(path, sketch_page(path.stem, sketch, beside=beside))
+    write_text(path, sketch_page(path.stem, sketch, beside=beside, surface=surface))
 
 
 def sketch_page(
@@ -39,6 +46,8 @@ def sketch_page(
     served: Served | None = None,
     beside: tuple[str, Sketch] | None = None,
     framed: bool = False,
+    surface: object | None = None,
+    surface_beside: object | None = None,
 ) -> str:
     """The text of such a page.
 
@@ -48,17 +57,34 @@ def sketch_page(
         served: of a page that a server shows.
         beside: title and strokes of a second sketch.
         framed: whether what the page is a frame of may show other sketches on it.
+        surface: what hides lines of the sketch, a `TriangleMesh`.
+        surface_beside: the same of the second sketch.
     """
-    if beside is None:
-        return page_text(title, json_text(sketch), start_of(sketch), served, framed=framed)
-    other = beside[0], json_text(beside[1])
-    return page_text(title, json_text(sketch), start_of(sketch, beside[1]), served, other, framed)
+    sketches, solids = [sketch], [surface]
+    if beside is not None:
+        sketches, solids = [sketch, beside[1]], [surface, surface_beside]
+    data = [surface_text(solid, each) for solid, each in zip(solids, sketches, strict=True)]
+    other = None if beside is None else (beside[0], json_text(beside[1]), data[1])
+    start = start_of(*sketches, surfaces=solids)
+    return page_text(title, json_text(sketch), start, served, other, framed, data[0])
 
 
-def start_of(*sketches: Sketch) -> dict[str, Any]:
-    """From where such a page shows sketches at first, as `page_text` wants it."""
+def surface_text(surface: object | None, sketch: Sketch) -> str:
+    """A surface as JSON for a page; null without one.
+
+    Raises:
+        TypeError, ValueError: as `save_html`.
+    """
+    if surface is None:
+        return "null"
+    # Surfaces are a room above this one.
+    return json.dumps(import_module("diff3ds.surfaces.on_page").surface_on_page(surface, sketch))
+
+
+def start_of(*sketches: Sketch, surfaces: Sequence[object | None] = ()) -> dict[str, Any]:
+    """From where such a page shows sketches at first, as `page_text` wants it; surfaces are beside or around them."""
     middle, radius = ball_of(*sketches)
-    return {
+    start = {
         "middle": middle.tolist(),
         "radius": radius,
         "azimuth": AZIMUTH,
@@ -66,3 +92,8 @@ def start_of(*sketches: Sketch) -> dict[str, Any]:
         "fov": FOV,
         "filled": FILLED,
     }
+    solids = [surface for surface in surfaces if surface is not None]
+    if solids:
+        reach_of = import_module("diff3ds.surfaces.on_page").reach_of
+        start["reach"] = max(reach_of(surface, *sketches) for surface in solids)
+    return start

@@ -1,31 +1,69 @@
 """A sketch in one file to another format, in the unit, the size and the frame that another program wants."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 
 from diff3ds._files import write_text
-from diff3ds.formats import PICTURES, save, save_dxf, save_glb, save_html
+from diff3ds.formats import PICTURES, save, save_dxf, save_glb
+from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.render.options import PictureOptions, ViewOptions
 from diff3ds.tasks.render.render_views import views_of
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
+from diff3ds.tasks.surface_input import SurfaceInput
 
 
-def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOptions) -> Sketch:
+def run_export(
+    source: Path,
+    file: Path,
+    options: ExportOptions,
+    styles: StyleOptions,
+    say: Callable[[str], None] = lambda line: None,
+) -> Sketch:
     """Writes the sketch of a file, or of the folder of a run, in the format of the suffix of `file`.
 
-    In a style it is a drawing of the view that `diff3ds render` takes by itself.
+    In a style it is a drawing of the view that `diff3ds render` takes by itself. What hides lines goes on pages too.
+
+    Args:
+        source: where the sketch is.
+        file: what is written.
+        options: how.
+        styles: of a drawing.
+        say: told what is wrong with the surface of a run, whose page then has none.
 
     Returns:
         The sketch as it was written.
 
     Raises:
-        ValueError, OSError, ImportError: as `load_sketch`, `save` and `Styling`; a suffix of pictures without a
-            style, or another one with one.
+        ValueError, OSError, ImportError: as `load_sketch`, `load_surface`, `save` and `Styling`; a suffix of pictures
+            without a style, or another one with one.
+    """
+    _check(source, file, options, styles)
+    sketch = _placed(load_sketch(source), options)
+    if styles.style is not None:
+        write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
+    elif file.suffix.lower() == ".html":
+        write_text(file, _page(source, file, sketch, options, say))
+    elif options.dxf_polylines:
+        save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
+    elif options.lines:
+        save_glb(file, sketch, unit=options.unit or "m", lines=True)
+    else:
+        save(file, sketch, unit=options.unit)
+    return sketch
+
+
+def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOptions) -> None:
+    """Sees that the format of a file takes the options.
+
+    Raises:
+        ValueError: it does not.
     """
     if styles.style is not None and file.suffix.lower() != ".svg":
         raise ValueError(f"{file}: --style draws .svg files here, and pictures by diff3ds render")
@@ -39,22 +77,30 @@ def run_export(source: Path, file: Path, options: ExportOptions, styles: StyleOp
         raise ValueError(f"{file}: GLB files have y up by themselves: leave --up out")
     if options.up == "y" and file.suffix.lower() == ".html":
         raise ValueError(f"{file}: pages show sketches with z up: leave --up out")
-    if options.beside is not None and file.suffix.lower() != ".html":
-        raise ValueError(f"{file}: --beside is for .html files")
-    sketch = _placed(load_sketch(source), options)
-    if styles.style is not None:
-        write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
-    elif options.beside is not None:
-        if options.unit is not None:
-            raise ValueError(f"{file}: a .html file says no unit of length: leave --unit out")
-        save_html(file, sketch, (name_of(options.beside), _placed(load_sketch(options.beside), options)))
-    elif options.dxf_polylines:
-        save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
-    elif options.lines:
-        save_glb(file, sketch, unit=options.unit or "m", lines=True)
-    else:
-        save(file, sketch, unit=options.unit)
-    return sketch
+    if options.unit is not None and file.suffix.lower() == ".html":
+        raise ValueError(f"{file}: a .html file says no unit of length: leave --unit out")
+    for name in ("beside", "surface"):
+        if getattr(options, name) is not None and file.suffix.lower() != ".html":
+            raise ValueError(f"{file}: --{name} is for .html files")
+
+
+def _page(source: Path, file: Path, sketch: Sketch, options: ExportOptions, say: Callable[[str], None]) -> str:
+    """The page of a sketch, with what hides its lines, and with another one beside it."""
+    surface = _solid(SurfaceInput(source, options.surface, options.surface_up, say), options)
+    if options.beside is None:
+        return sketch_page(file.stem, sketch, surface=surface)
+    other = _placed(load_sketch(options.beside), options)
+    behind = _solid(SurfaceInput(options.beside, None, "z", say), options)
+    beside = (name_of(options.beside), other)
+    return sketch_page(file.stem, sketch, beside=beside, surface=surface, surface_beside=behind)
+
+
+def _solid(given: SurfaceInput, options: ExportOptions) -> TriangleMesh | None:
+    """A surface in the size that the sketch gets."""
+    _, mesh = given.now()
+    if mesh is None or options.scale == 1:
+        return mesh
+    return TriangleMesh(mesh.vertices * options.scale, mesh.faces, mesh.part, mesh.crease)
 
 
 def _placed(sketch: Sketch, options: ExportOptions) -> Sketch:

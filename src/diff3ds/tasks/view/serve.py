@@ -13,18 +13,14 @@ from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Lock, Thread
-from typing import Any
+from threading import Thread
+from typing import Any, Literal
 
-import torch
-
-from diff3ds.formats.scenes.html import sketch_page, start_of
-from diff3ds.formats.sketch_json import json_text
-from diff3ds.sketch import Sketch
-from diff3ds.tasks.sketch_input import load_sketch, name_of
+from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.surface_input import SurfaceInput
 from diff3ds.tasks.view import saving
-from diff3ds.tasks.view.run_folder import picture_in, told_by
-from diff3ds.viewer.page import Served
+from diff3ds.tasks.view.run_folder import picture_in
+from diff3ds.tasks.view.shown_page import ShownPage
 
 # The only address it listens on.
 HOST = "127.0.0.1"
@@ -52,6 +48,8 @@ def run_view(
     show: Callable[[str], None],
     say: Callable[[str], None] = lambda line: None,
     beside: Path | None = None,
+    surface: Path | None = None,
+    surface_up: Literal["z", "y"] = "z",
 ) -> None:
     """Shows a sketch until Ctrl-C.
 
@@ -62,11 +60,13 @@ def run_view(
         show: told the address.
         say: told how to end, and what is wrong with a file that has changed.
         beside: a file with a second sketch, or the folder of a run, which is seen by the same camera.
+        surface: a mesh that hides lines of the sketch; by default that of the run, where there is one.
+        surface_up: the axis that points up in its file.
 
     Raises:
-        ValueError, OSError, ImportError: as `load_sketch`; a port that is taken or none.
+        ValueError, OSError, ImportError: as `load_sketch` and `load_surface`; a port that is taken or none.
     """
-    with server_of(source, port, say, beside=beside) as server:
+    with server_of(source, port, say, beside=beside, surface=surface, surface_up=surface_up) as server:
         show(server.address)
         say("Ctrl-C ends it")
         if opened:
@@ -86,7 +86,7 @@ class PageServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, page: "_Page", port: int) -> None:
+    def __init__(self, page: ShownPage, port: int) -> None:
         """Listens at once."""
         super().__init__((HOST, port), _Handler)
         self.page = page
@@ -126,13 +126,21 @@ def shown_meanwhile(out: Path, show: Callable[[str], None], say: Callable[[str],
 
 
 def server_of(
-    source: Path, port: int, say: Callable[[str], None], waits: bool = False, beside: Path | None = None
+    source: Path,
+    port: int,
+    say: Callable[[str], None],
+    waits: bool = False,
+    beside: Path | None = None,
+    surface: Path | None = None,
+    surface_up: Literal["z", "y"] = "z",
 ) -> PageServer:
     """The server of a sketch, which listens but does not answer yet.
 
     Args:
         waits: `source` is the folder of a run that has not begun: its page is empty before there are strokes.
-        beside: as of `run_view`.
+        beside: as of `run_view`, as the next ones.
+        surface: what hides lines.
+        surface_up: the axis that points up in its file.
 
     Raises:
         ValueError, OSError, ImportError: as `run_view`.
@@ -142,111 +150,13 @@ def server_of(
     # What cannot be shown is said before anything listens.
     for path in [] if waits else [source, *([] if beside is None else [beside])]:
         load_sketch(path)
-    page = _Page(source, say, waits, None if beside is None else _Page(beside, say))
+    solid = SurfaceInput(source, surface, surface_up, say)
+    page = ShownPage(source, say, solid, waits, None if beside is None else ShownPage(beside, say))
     page.text()
     try:
         return PageServer(page, port)
     except OSError as error:
         raise OSError(f"port {port} cannot be had ({error.strerror}): leave --port out for one that is free") from error
-
-
-class _Page:
-    """The page of a file, made anew when that changes; of a file that has become no sketch, the one before."""
-
-    def __init__(
-        self, source: Path, say: Callable[[str], None], waits: bool = False, beside: "_Page | None" = None
-    ) -> None:
-        self.source, self.say, self.waits, self.beside = source, say, waits, beside
-        self.is_run = waits or source.is_dir()
-        self.lock = Lock()
-        self.read: tuple[str, Sketch] | None = None
-        self.seen = ""
-        self.refused = ""
-
-    @property
-    def title(self) -> str:
-        """What the page calls the sketch."""
-        return self.source.resolve().name if self.is_run else name_of(self.source)
-
-    def version(self) -> str:
-        """Says which state of the file the page shows, after a look at it."""
-        return self.now()[0]
-
-    def text(self) -> str:
-        """The page.
-
-        Raises:
-            ValueError, OSError, ImportError: as `now`.
-        """
-        version, sketch = self.now()
-        other = None if self.beside is None else (self.beside.title, self.beside.now()[1])
-        return sketch_page(self.title, sketch, Served(version, run=self.is_run), other)
-
-    def sketch(self) -> str:
-        """What a page shows another state of the file by, as JSON."""
-        version, sketch = self.now()
-        sketches = [sketch] if self.beside is None else [sketch, self.beside.now()[1]]
-        start = {**start_of(*sketches), "version": version, "page": ""}
-        return f'{{"page": "", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}}}'
-
-    @property
-    def shown(self) -> Path:
-        """The file that is shown."""
-        return self.source / "sketch.json" if self.is_run else self.source
-
-    def save(self, text: str, loaded: str) -> str:
-        """Writes the sketch of a page to the file, and says its name and new version as JSON.
-
-        Raises:
-            ChangedError, ValueError, OSError: as `saving.save_over`.
-        """
-        with self.lock:
-            target = saving.save_over(self.shown, text, loaded)
-            if target != self.shown:
-                self.source = target
-            self.say(f"saved {target}")
-        return json.dumps({"version": self.now()[0], "name": target.name})
-
-    def run(self) -> str | None:
-        """What there is to see of the run, as JSON; None where it is none."""
-        return json.dumps(told_by(self.source)) if self.is_run else None
-
-    def now(self) -> tuple[str, Sketch]:
-        """The sketch that the page shows, after a look at the file, and which state of it that is.
-
-        Raises:
-            ValueError, OSError, ImportError: as `load_sketch`, where there is none from before.
-        """
-        with self.lock:
-            if self.waits and self.read is None and not (self.source / "sketch.json").is_file():
-                return "nothing", Sketch(torch.zeros(0, 4, 3))
-            try:
-                state = self._state()
-                if state not in (self.seen, self.refused):
-                    version = saving.digest_of(self.shown)
-                    sketch = load_sketch(self.source).detach()
-                    # A file that changed in between is read at the next look.
-                    self.read, self.refused = (version, sketch), ""
-                    self.seen = state if self._state() == state else ""
-            except (ValueError, OSError, ImportError) as error:
-                if self.read is None:
-                    raise
-                # Once, and not at every question; a file in the middle of being written is another one soon.
-                if (state := self._state_or_nothing()) != self.refused:
-                    self.refused = state
-                    self.say(f"warning: {error}; the page shows what there was")
-            assert self.read is not None
-            return self.read
-
-    def _state(self) -> str:
-        found = self.shown.stat()
-        return f"{found.st_mtime_ns}-{found.st_size}"
-
-    def _state_or_nothing(self) -> str:
-        try:
-            return self._state()
-        except OSError:
-            return "nothing"
 
 
 def kept_name(name: str | None) -> str | None:
