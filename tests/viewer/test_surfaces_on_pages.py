@@ -222,7 +222,7 @@ def test_a_served_run_gets_its_surface_when_it_is_there(browser, tmp_path):
         save_surface(tmp_path / "surface.glb", surface.vertices, surface.faces)
         ds.save(tmp_path / "sketch.json", ds.Sketch(edges(), width=0.03))
         browser.settle(
-            "document.getElementById('hiding')?.hidden === false && document.querySelector('[data-settled]')"
+            "document.getElementById('hiding')?.hidden === false && document.querySelector('[data-settled]') !== null"
         )
         browser.key("0")
         image = seen(browser)

@@ -2,10 +2,8 @@
 
 // Of the sketch's radius, how far a key moves a point, and with shift; times wider.
 const [NUDGE, NUDGE_FAR, WIDER] = [0.01, 0.05, 1.15];
-// CSS pixels: how far a stroke may lie from the line that was drawn, and points of that line from each other.
-const [FIT_WITHIN, LINE_STEP] = [1.5, 2];
-// Of the view's height: a stroke that is added by a key.
-const ADDED = 0.25;
+// CSS pixels that points of a line that is drawn lie from each other.
+const LINE_STEP = 2;
 
 const KEYS = {
   a: "draw", b: "box", c: "duplicate", e: "extrude", j: "join", k: "split", l: "fix", m: "mirror", u: "smooth",
@@ -322,49 +320,6 @@ function boxed([from, to = from]) {
     }
   }
   choose([...found].sort((a, b) => a - b));
-}
-
-// New strokes
-
-// The plane that is drawn on, in the view's units; null where it is seen from its edge.
-function planePoint(pixels) {
-  const { doc } = edits.now;
-  const plane = document.getElementById("plane").value;
-  const axes = axesOf(camera);
-  const center = chosen.length ? toView(middleOf(chosen.map((index) => doc.strokes[index]))) : [...camera.target];
-  const normal = plane === "view" ? axes.forward : [0, 1, 2].map((i) => (i === Number(plane) ? 1 : 0));
-  if (plane === "2" && doc.strokes.length) {
-    const heights = doc.strokes.flatMap((stroke) => stroke.segments.flatMap(({ points }) => points.map((point) => point[2])));
-    center[2] = (heights.reduce((a, b) => Math.min(a, b)) - start.middle[2]) / start.radius;
-  }
-  const { from, along } = rayAt(camera, axes, size(), ...pixels.map((value) => value * pixelRatio()));
-  const slope = dot(normal, along) / Math.hypot(...along);
-  const far = dot(normal, minus(center, from)) / dot(normal, along);
-  return Math.abs(slope) < ALONG_SIGHT || !(far > 0) ? null : plus(from, along, far);
-}
-
-function drawnLine(line) {
-  if (line.length < 2) return;
-  const points = line.map(planePoint);
-  if (points.includes(null)) {
-    say("The plane to draw on is seen from its edge there: turn the view, or draw facing you");
-    return;
-  }
-  const pixels = projected(camera, axesOf(camera), size(), points[0]).scale / pixelRatio();
-  addStroke(fittedCubics(points, FIT_WITHIN / pixels));
-}
-
-function drawStraight() {
-  const box = canvas.getBoundingClientRect();
-  const ends = [-1, 1].map((side) => planePoint([box.width / 2 + (side * ADDED * box.height) / 2, box.height / 2]));
-  if (ends.includes(null)) say("The plane to draw on is seen from its edge: turn the view, or draw facing you");
-  else addStroke([straightBetween(...ends, 4).points]);
-}
-
-function addStroke(cubics) {
-  const { doc } = edits.now;
-  const made = withDrawn(doc, cubics.map((points) => points.map(toWorld)), doc.strokes[selected] ?? doc.strokes.at(-1));
-  commit(made.doc, made.chosen, "Stroke added");
 }
 
 document.getElementById("editing").addEventListener("click", (event) => {

@@ -11,6 +11,7 @@ let [hidden, contoured] = ["drop", true];
 function openSurface(begun) {
   surface = readSurface(JSON.parse(document.getElementById("surface").textContent), begun);
   if (surface) document.getElementById("hiding").hidden = false;
+  Object.assign(document.querySelector('#plane [value="surface"]'), { hidden: !surface, disabled: !surface });
 }
 
 function hasSurface() {

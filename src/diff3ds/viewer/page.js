@@ -218,13 +218,22 @@ function setShown(index, shown) {
   refreshInks();
 }
 
+// The depth behind which strokes are hidden at a place of the canvas: that of the surface, and what lies on it.
+function depthBehind(x, y) {
+  const [hit] = surfaceUnder(surface, camera, size(), [[x, y]]);
+  if (!hit) return Infinity;
+  const { along } = rayAt(camera, axesOf(camera), size(), x, y);
+  const slack = surface.near + NEARBY * pixelRatio() / projected(camera, axesOf(camera), size(), hit.place).scale;
+  return hit.depth + slack / Math.max(Math.abs(dot(hit.normal ?? along, along)) / Math.hypot(...along), ALONG_SIGHT);
+}
+
 // The shown stroke under a place of the canvas, in its pixels: of those that reach it the nearest to the eye.
 function strokeAt(x, y) {
   refreshChords();
   const axes = axesOf(camera);
   const [near] = depthsOf(camera);
   const { values } = sketch.chords;
-  let [found, best] = [null, Infinity];
+  let [found, best] = [null, hidden === "drop" && surface ? depthBehind(x, y) : Infinity];
   for (let i = 0; i < values.length; i += CHORD) {
     const stroke = values[i + 8];
     const [a, b] = [0, 3].map((j) => projected(camera, axes, size(), Array.from(values.subarray(i + j, i + j + 3))));
@@ -293,7 +302,7 @@ function act(key, shift) {
   else if (key === "0") look(startAgain(start));
   else if (key === "o") look({ ...camera, orthographic: !camera.orthographic });
   else if (key === "d") turnGround();
-  else if ("vV".includes(key) && hasSurface()) hideOtherwise(shift ? -1 : 1);
+  else if ("vV".includes(key) && hasSurface()) hideOtherwise(key === "V" ? -1 : 1);
   else if (key === "w" && hasSurface()) turnContours();
   else if ("npNP".includes(key)) selectNext(key.toLowerCase() === "n" ? 1 : -1, shift);
   else if (key === "h" && selected !== null) {

@@ -10,7 +10,15 @@ from importlib.resources import files
 from typing import Any
 
 # In this order they make one module.
-_EDIT = ("edit_document.js", "edit_strokes.js", "edit_shapes.js", "edit_handles.js", "edit.js", "edit_save.js")
+_EDIT = (
+    "edit_document.js",
+    "edit_strokes.js",
+    "edit_shapes.js",
+    "edit_handles.js",
+    "edit_draw.js",
+    "edit.js",
+    "edit_save.js",
+)
 _DRAWING = ("vectors.js", "curves.js", "camera.js", "surface.js", "contours.js", "surface_depth.js", "drawing.js")
 _SCRIPTS = (*_DRAWING, "hidden.js", "page.js", *_EDIT)
 # Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, and on one that shows

@@ -47,3 +47,45 @@ function smoothNormals(points, faces) {
 function pointAt(points, index) {
   return [points[3 * index], points[3 * index + 1], points[3 * index + 2]];
 }
+
+// Where a surface is seen first in pixels of a picture: points, with their depths and the normal there, or null.
+function surfaceUnder({ points, faces }, camera, size, pixels) {
+  const axes = axesOf(camera);
+  const [near] = depthsOf(camera);
+  const seen = Float64Array.from({ length: points.length });
+  for (let i = 0; i < points.length; i += 3) {
+    const { x, y, depth } = projected(camera, axes, size, [points[i], points[i + 1], points[i + 2]]);
+    seen.set([x, y, depth], i);
+  }
+  const [left, top, right, bottom] = [[Math.min, 0], [Math.min, 1], [Math.max, 0], [Math.max, 1]].map(([pick, axis]) =>
+    pixels.reduce((bound, pixel) => pick(bound, pixel[axis]), pick === Math.min ? Infinity : -Infinity),
+  );
+  const found = pixels.map(() => ({ depth: Infinity, face: -1 }));
+  for (let face = 0; face < faces.length; face += 3) {
+    const [a, b, c] = [3 * faces[face], 3 * faces[face + 1], 3 * faces[face + 2]];
+    if (Math.min(seen[a + 2], seen[b + 2], seen[c + 2]) <= near) continue;
+    if (Math.max(seen[a], seen[b], seen[c]) < left || Math.min(seen[a], seen[b], seen[c]) > right) continue;
+    if (Math.max(seen[a + 1], seen[b + 1], seen[c + 1]) < top || Math.min(seen[a + 1], seen[b + 1], seen[c + 1]) > bottom) continue;
+    pixels.forEach((pixel, i) => {
+      const depth = depthIn(seen, a, b, c, pixel, camera.orthographic);
+      if (depth < found[i].depth) found[i] = { depth, face };
+    });
+  }
+  return found.map(({ depth, face }, i) => {
+    if (face < 0) return null;
+    const { from, along } = rayAt(camera, axes, size, ...pixels[i]);
+    const [a, b, c] = [0, 1, 2].map((k) => pointAt(points, faces[face + k]));
+    return { place: plus(from, along, depth), depth, normal: unit(cross(minus(b, a), minus(c, a))) };
+  });
+}
+
+// The depth of a triangle in a pixel; infinite beside it. Depths are linear in the picture, with perspective their inverses.
+function depthIn(seen, a, b, c, [x, y], orthographic) {
+  const side = (i, j) => (seen[i] - x) * (seen[j + 1] - y) - (seen[j] - x) * (seen[i + 1] - y);
+  const shares = [side(b, c), side(c, a), side(a, b)];
+  const area = shares[0] + shares[1] + shares[2];
+  if (area === 0 || shares.some((share) => share * area < 0)) return Infinity;
+  const depths = [seen[a + 2], seen[b + 2], seen[c + 2]];
+  const sum = shares.reduce((total, share, k) => total + (share / area) * (orthographic ? depths[k] : 1 / depths[k]), 0);
+  return orthographic ? sum : 1 / sum;
+}
