@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-STEP, VOXEL = 0.005, 2 / 256
+from diff3ds.metrics.curves import STEP, resampled
+from diff3ds.metrics.curves import curve_scores as distances
+
 # A curve is a circular arc when its points keep their distance from a centre to this part of the radius. A polynomial
 # cubic does so over 90 degrees (2.7e-4); only a rational curve is exact, to a float32's rounding.
 ROUND, EXACT = 1e-3, 1e-5
@@ -44,34 +45,6 @@ def bezier(points: np.ndarray, weights: np.ndarray | None, count: int = 400) -> 
     basis = np.stack([math.comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)], 1)
     basis = basis if weights is None else basis * weights
     return basis @ points / basis.sum(1, keepdims=True)
-
-
-def resampled(polyline: np.ndarray, step: float = STEP) -> np.ndarray:
-    """Points about `step` apart along a polyline, with both its ends."""
-    along = np.concatenate([[0], np.linalg.norm(np.diff(polyline, axis=0), axis=1).cumsum()])
-    places = np.linspace(0, along[-1], max(2, round(along[-1] / step) + 1))
-    return np.column_stack([np.interp(places, along, axis) for axis in polyline.T])
-
-
-def voxel_means(points: np.ndarray, size: float = VOXEL) -> np.ndarray:
-    """One point for each occupied voxel: the mean of those in it."""
-    _, voxel = np.unique(np.floor(points / size).astype(int), axis=0, return_inverse=True)
-    voxel = voxel.ravel()
-    return np.column_stack([np.bincount(voxel, axis) for axis in points.T]) / np.bincount(voxel)[:, None]
-
-
-def distances(curves: list[np.ndarray], truth: np.ndarray) -> dict[str, float]:
-    """Acc and Comp (mean nearest distances in mm) and P, R, F at 5, 10 and 20 mm of polylines against points."""
-    if not curves:
-        return {"acc_mm": math.inf, "comp_mm": math.inf, **{f"{k}{mm}": 0.0 for mm in (5, 10, 20) for k in "PRF"}}
-    found = voxel_means(np.concatenate([resampled(curve) for curve in curves]))
-    there, back = cKDTree(truth).query(found)[0], cKDTree(found).query(truth)[0]
-    figures = {"acc_mm": 1000 * there.mean(), "comp_mm": 1000 * back.mean()}
-    for mm in (5, 10, 20):
-        precision, recall = (there < mm / 1000).mean(), (back < mm / 1000).mean()
-        harmonic = 2 * precision * recall / (precision + recall) if precision + recall else 0.0
-        figures |= {f"P{mm}": precision, f"R{mm}": recall, f"F{mm}": harmonic}
-    return {name: float(value) for name, value in figures.items()}
 
 
 def circle_of(curve: np.ndarray) -> Circle | None:

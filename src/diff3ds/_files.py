@@ -61,6 +61,18 @@ def parse_json(text: str, path: Path) -> Any:
             raise ValueError(f"{path}: not a JSON file ({error})") from error
 
 
+def existing_folder(path: Path) -> Path:
+    """The nearest folder that is there: this one or one above it, in which it can be made.
+
+    Raises:
+        NotADirectoryError: that is a file.
+    """
+    there = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(f"{there} is a file, not a folder for results: give another -o")
+    return there
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary name beside `path`, renamed to it when the block succeeds and removed when it does not.

@@ -17,8 +17,9 @@ from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.lpips import Lpips
 from diff3ds.pictures.reading.resample import area_means
-from diff3ds.tasks.evaluate.evaluate import evaluate, find_runs, prompt_file, read_prompts
+from diff3ds.tasks.evaluate.evaluate import evaluate, prompt_file, read_prompts
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
+from diff3ds.tasks.evaluate.runs import find_runs
 from diff3ds.tasks.evaluate.score_table import Row, markdown, summaries
 
 pytestmark = needs("transformers", "ftfy")
@@ -215,9 +216,9 @@ def test_bad_lists_are_refused(text, message, tmp_path):
 # Errors, before any work
 
 
-def test_no_weights_are_an_error_that_says_what_to_give(tmp_path):
+def test_no_weights_are_an_error_that_says_what_to_give(phrases, tmp_path):
     with pytest.raises(ValueError, match="--clip openai/clip-vit-base-patch16"):
-        evaluate(tmp_path / "none", tmp_path / "out", JudgeOptions())
+        evaluate(phrases, tmp_path / "out", JudgeOptions())
     with pytest.raises(ValueError, match="LPIPS needs both --alexnet and --lpips-alex: give --lpips-alex as well"):
         JudgeOptions(alexnet="x")
     with pytest.raises(ValueError, match="give --vgg16 as well"):
@@ -247,7 +248,7 @@ def test_missing_weights_are_found_before_anything_is_drawn(networks, phrases, t
 def test_folders_without_runs_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such folder"):
         find_runs(tmp_path / "none")
-    with pytest.raises(ValueError, match="no run of a phrase or a picture"):
+    with pytest.raises(ValueError, match="no run of a phrase or a picture or posed pictures"):
         find_runs(tmp_path)
     folder = add_run(tmp_path / "a", 0, phrase="a cat")
     add_run(tmp_path / "views", 0, source="transforms.json")

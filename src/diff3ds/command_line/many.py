@@ -49,10 +49,11 @@ class Batch:
 
 @dataclass(frozen=True)
 class Eval:
-    """Score a folder of runs of "diff3ds text" and "diff3ds image": one table as CSV, Markdown and JSON.
+    """Score a folder of runs of "diff3ds text", "image" and "views": one table as CSV, Markdown and JSON.
 
     Runs lie in FOLDER/METHOD/NAME or FOLDER/NAME. Scores: CLIP, BLIP (phrases), LPIPS (pictures), each by networks that
-    you name; docs/howto/evaluate.md says which.
+    you name; of posed pictures, without networks, distances to the curves of the scene's ground_truth.json, PSNR and
+    SSIM. docs/howto/evaluate.md says more.
     """
 
     networks: OmitArgPrefixes[JudgeOptions]

@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import write_text
+from diff3ds._files import existing_folder, write_text
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras
@@ -115,10 +115,7 @@ def check_output_folder(out: Path, checkpoint: Path, resume: bool, overwrite: bo
     held = [path for path in (checkpoint, out / "run.json") if path.exists()]
     if held and not resume and not overwrite:
         raise ValueError(f"{out} holds a run: give another folder (-o), --resume to go on, or --overwrite")
-    there = next(path for path in (out, *out.absolute().parents) if path.exists())
-    if not there.is_dir():
-        raise OSError(f"{there} is a file, not a folder for results: give another -o")
-    free = shutil.disk_usage(there).free
+    free = shutil.disk_usage(existing_folder(out)).free
     if free < room:
         raise OSError(
             f"{out}: {free >> 20} MiB are free, and a run may need {room >> 20}: make room or give another -o"
@@ -127,7 +124,12 @@ def check_output_folder(out: Path, checkpoint: Path, resume: bool, overwrite: bo
 
 @contextmanager
 def output_folder(out: Path) -> Iterator[None]:
-    """The folder of a run is there from its start; where the run ends before anything is in it, it goes again."""
+    """The folder of a run is there from its start; where the run ends before anything is in it, it goes again.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    existing_folder(out)
     made = [path for path in (out, *out.parents) if not path.exists()]
     out.mkdir(parents=True, exist_ok=True)
     try:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from diff3ds._files import existing_folder
 from diff3ds.tasks.batch.claims import Claims
 from diff3ds.tasks.batch.job_file import read_jobs
 from diff3ds.tasks.batch.machine import places
@@ -38,6 +39,7 @@ def run_batch(
         KeyboardInterrupt: Ctrl-C. What the jobs have reached is kept, and the same call goes on.
     """
     jobs = read_jobs(path)
+    existing_folder(out)
     part, parts = options.part()
     mine = jobs[part::parts]
     out.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import write_text
+from diff3ds._files import existing_folder, write_text
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
 from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
@@ -63,6 +63,7 @@ def run_cameras(
         ValueError: cameras that cannot be found, or as `present_views`; names of `between` that are none.
         OSError: the folder cannot be written.
     """
+    existing_folder(out)
     options = options or CamerasOptions()
     try:
         path = find_project(source)

@@ -1,53 +1,34 @@
 """A folder of runs to one table of scores: what `diff3ds eval` does."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from diff3ds._files import read_json, read_text
+from diff3ds._files import existing_folder, read_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras, orbit
-from diff3ds.formats import load, load_image
+from diff3ds.formats import load
 from diff3ds.guidance.device import pick_device
-from diff3ds.pictures.options import PictureOptions
-from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.evaluate.ground_truth import TRUTH, scene_scores
 from diff3ds.tasks.evaluate.judges import Judges, load_judges, require_networks
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
+from diff3ds.tasks.evaluate.runs import Run, find_runs, reference_of
 from diff3ds.tasks.evaluate.score_table import Row, columns_of, write_tables
 from diff3ds.tasks.text_image.image import DISTANCE
 
 VIEWS = 8
+NOTHING_KNOWN = (
+    f"the runs are of posed pictures, which are scored where the scene has a {TRUTH} with its true curves, or the "
+    "target was color: none of them is so"
+)
 # Names a list of phrases that comes with the package, in place of a file.
 OWN = "own"
-
-
-@dataclass(frozen=True)
-class Run:
-    """A finished run.
-
-    Attributes:
-        folder: with sketch.json and run.json.
-        method: the folders between the evaluated folder and this one; the former's name where there are none.
-        phrase: that it was made of, or None.
-        options: as in run.json.
-    """
-
-    folder: Path
-    method: str
-    phrase: str | None
-    options: dict[str, Any]
-
-    @property
-    def subject(self) -> str:
-        """The phrase, or the name of the picture."""
-        return self.phrase or Path(str(self.options.get("picture") or self.folder)).stem
 
 
 def evaluate(
@@ -59,65 +40,41 @@ def evaluate(
 ) -> list[Row]:
     """Scores all runs below a folder; writes evaluation.csv, evaluation.md and evaluation.json.
 
-    Runs lie in FOLDER/METHOD/NAME, or in FOLDER/NAME if there is one method. Those of phrases and those of pictures
-    have scores of their own. Everything is loaded and checked before the first sketch is drawn.
+    Runs lie in FOLDER/METHOD/NAME, or in FOLDER/NAME if there is one method. Those of phrases, of pictures and of posed
+    pictures have scores of their own. Everything is loaded and checked before the first sketch is drawn.
 
     Args:
         out: folder of the tables.
-        networks: what scores; each metric needs weights.
+        networks: what scores; each metric needs weights. Posed pictures need none.
         options: default `EvaluateOptions()`.
         report: called with the number of runs done, of all, and the next one's folder.
 
     Raises:
-        ImportError, FileNotFoundError, ValueError: weights that are missing; no runs, damaged ones, or none that these
-            networks can score; phrases of the list that a method has no run of.
+        ImportError, FileNotFoundError, ValueError: weights that are missing; no runs, damaged ones, or none that can be
+            scored; phrases of the list that a method has no run of; as `scene_scores`.
+        OSError: the folder cannot be one.
     """
     options = options or EvaluateOptions()
-    require_networks(networks)
+    existing_folder(out)
     views, device = _views(options), pick_device(networks.device)
     runs = find_runs(folder)
     if options.prompts is not None:
         runs = _chosen(runs, read_prompts(prompt_file(options.prompts)))
-    _check_fit(runs, networks)
-    subjects = [(run, load(run.folder / "sketch.json"), reference_of(run)) for run in runs]
+    sketches = [load(run.folder / "sketch.json") for run in runs]
+    known = [scene_scores(run, s) if run.kind == "scene" else {} for run, s in zip(runs, sketches, strict=True)]
+    if not any(known):
+        _check_fit(runs, networks)
+    pictures = [reference_of(run) if run.kind == "picture" else None for run in runs]
     judges = load_judges(networks, device)
     rows = []
-    for i, (run, sketch, picture) in enumerate(subjects):
+    for i, (run, sketch) in enumerate(zip(runs, sketches, strict=True)):
         report(i, len(runs), str(run.folder))
         with torch.no_grad():
-            scores = _scores(run, sketch, picture, views, judges)
+            scores = known[i] if run.kind == "scene" else _scores(run, sketch, pictures[i], views, judges)
         rows.append(Row(run.method, str(run.folder.relative_to(folder)), run.subject, len(sketch), scores))
     report(len(runs), len(runs), "")
-    write_tables(out, rows, _about(options, networks, rows))
+    write_tables(out, rows, _about(options, runs, rows))
     return rows
-
-
-def find_runs(folder: Path) -> list[Run]:
-    """All runs of a phrase or a picture below a folder, by their path; others are left out.
-
-    Raises:
-        FileNotFoundError: no such folder.
-        ValueError: no runs in it; a run.json that is none.
-    """
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no such folder; one with finished runs is needed")
-    runs = []
-    for path in sorted(folder.rglob("run.json")):
-        content = read_json(path)
-        given = content.get("options") if isinstance(content, dict) else None
-        if not isinstance(given, dict):
-            raise ValueError(f"{path}: not the run.json of a run: it has no options")
-        place = path.parent
-        if not (given.get("phrase") or given.get("picture") or (place / "reference.png").is_file()):
-            continue
-        if not (place / "sketch.json").is_file():
-            raise ValueError(f"{place}: has a run.json but no sketch.json: finish the run, or take it away")
-        between = place.relative_to(folder).parent if place != folder else Path()
-        method = folder.resolve().name if between == Path() else between.as_posix()
-        runs.append(Run(place, method, given.get("phrase"), given))
-    if not runs:
-        raise ValueError(f"{folder}: no run of a phrase or a picture (folders with sketch.json and run.json) in it")
-    return runs
 
 
 def prompt_file(text: str) -> Path:
@@ -141,23 +98,6 @@ def read_prompts(path: Path) -> list[str]:
     return phrases
 
 
-def reference_of(run: Run) -> Float[Tensor, "S S 3"] | None:
-    """The picture of a run on white, as the run saw it; None for a phrase.
-
-    Raises:
-        ValueError, OSError: as `load_image` and `read_reference`.
-    """
-    if run.phrase:
-        return None
-    kept = run.folder / "reference.png"
-    if kept.is_file():
-        image = load_image(kept)
-        return image[..., :3] * image[..., 3:] + 1 - image[..., 3:] if image.shape[2] == 4 else image
-    mask = run.options.get("mask")
-    cut = PictureOptions(Path(mask) if mask else None, run.options.get("background"))
-    return read_reference(Path(run.options["picture"]), options=cut).image
-
-
 def _chosen(runs: Sequence[Run], phrases: Sequence[str]) -> list[Run]:
     """The runs of these phrases; every method must have each of them."""
     kept = [run for run in runs if run.phrase in phrases]
@@ -176,10 +116,16 @@ def _chosen(runs: Sequence[Run], phrases: Sequence[str]) -> list[Run]:
 
 def _check_fit(runs: Sequence[Run], networks: JudgeOptions) -> None:
     """There is something to score, by what is asked for, in any run."""
+    others = [run for run in runs if run.kind != "scene"]
+    if not others:
+        raise ValueError(NOTHING_KNOWN)
+    require_networks(networks)
     for_phrases, for_pictures = bool(networks.clip or networks.blip), bool(networks.clip or networks.lpips_alex)
     for_pictures = for_pictures or bool(networks.lpips_vgg)
-    if not any(for_phrases if run.phrase else for_pictures for run in runs):
-        kind, needed = ("phrases", "--clip or --blip") if runs[0].phrase else ("pictures", "--clip, or those of LPIPS")
+    if not any(for_phrases if run.phrase else for_pictures for run in others):
+        kind, needed = (
+            ("phrases", "--clip or --blip") if others[0].phrase else ("pictures", "--clip, or those of LPIPS")
+        )
         raise ValueError(f"the runs are of {kind}, which these networks cannot score: give {needed}")
 
 
@@ -198,7 +144,7 @@ def _scores(
     return judges.of_picture(drawn, render(sketch, camera).color[0].clamp(0, 1), picture)
 
 
-def _about(options: EvaluateOptions, networks: JudgeOptions, rows: Sequence[Row]) -> dict[str, Any]:
+def _about(options: EvaluateOptions, runs: Sequence[Run], rows: Sequence[Row]) -> dict[str, Any]:
     """Describes how the scores were made."""
     views = (
         f"{VIEWS}, azimuth 0 to 315 degrees, elevation {options.elevation:g}, distance {options.distance:g}, field of "
@@ -208,13 +154,20 @@ def _about(options: EvaluateOptions, networks: JudgeOptions, rows: Sequence[Row]
         "CLIP-T": "mean cosine of the views with the phrase, without suffixes",
         "CLIP-I": "mean cosine of the views with the picture",
         "BLIP-ITC": "mean cosine of image-text contrast; comparable for this checkpoint only",
+        "acc_mm": "mean distance of the curves to the true ones, where the longest side of the object is 1000 mm, by "
+        "the protocol of EMAP: curves sampled every 5 mm and averaged in voxels of 7.8 mm. Sketches without strokes "
+        "are left out",
+        "comp_mm": "mean distance of the true curves to the sketch's, alike",
+        "P5": "P, R, F: precision, recall and F-score within 5, 10 and 20 mm",
+        "PSNR": "of held-out pictures, in dB, mean over the views, as the runs measured it; so SSIM",
         "LPIPS": "version 0.1, of the view from where the picture was taken and the picture, at 224 pixels",
     }
     used = {name: text for name, text in notes.items() if any(c.startswith(name) for c in columns_of(rows))}
     prompts = {None: "all runs", OWN: "35 phrases that come with diff3ds, not the paper's"}
     versions = f"diff3ds {__version__}, torch {torch.__version__}"
     chosen = prompts.get(options.prompts, Path(options.prompts or "").name)
-    return {"views": views, **used, "prompts": chosen, "versions": versions}
+    drawn = {"views": views} if any(run.kind != "scene" for run in runs) else {}
+    return {**drawn, **used, "prompts": chosen, "versions": versions}
 
 
 def _views(options: EvaluateOptions) -> Cameras:

@@ -6,6 +6,7 @@ from textwrap import fill
 import numpy as np
 import torch
 
+from diff3ds._files import existing_folder
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import save_png
 from diff3ds.formats.png import as_pillow
@@ -37,6 +38,7 @@ def write_guesses(folder: Path, found: Recognition) -> Path:
     Raises:
         OSError: it cannot be written.
     """
+    existing_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     save_png(folder / NAME, guess_sheet(found))
     return folder / NAME

@@ -14,12 +14,12 @@ from typing import Any
 import torch
 from PIL import Image
 
-from diff3ds._files import write_text
+from diff3ds._files import existing_folder, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import load, tile_images
 from diff3ds.formats.framing import framed
 from diff3ds.render import render
-from diff3ds.tasks.evaluate.evaluate import Run, find_runs, reference_of
+from diff3ds.tasks.evaluate.runs import Run, find_runs, reference_of
 from diff3ds.tasks.study.questions import LEAST, MOST, QUESTIONS
 from diff3ds.viewer.page import digest, embedded
 
@@ -49,6 +49,7 @@ def make_study(methods: Mapping[str, Path], out: Path, title: str = "3D sketches
     """
     if len(methods) < 2:
         raise ValueError("a study compares at least two methods: NAME=FOLDER NAME=FOLDER")
+    existing_folder(out)
     if (out / KEY).exists():
         raise ValueError(f"{out} holds a study, whose answers another one would not fit: give another folder (-o)")
     runs = {method: _by_subject(method, folder) for method, folder in methods.items()}
@@ -78,7 +79,7 @@ def make_study(methods: Mapping[str, Path], out: Path, title: str = "3D sketches
 
 def _by_subject(method: str, folder: Path) -> dict[str, Run]:
     found: dict[str, Run] = {}
-    for run in find_runs(folder):
+    for run in find_runs(folder, ("phrase", "picture")):
         if run.subject in found:
             raise ValueError(f"{method} has two runs of {run.subject!r}: {found[run.subject].folder} and {run.folder}")
         found[run.subject] = run
