@@ -65,7 +65,7 @@ def test_doctor_as_json_is_json(capsys):
     ("arguments", "message"),
     [
         (["fetch", "dall-e"], "prior must be one of stable-diffusion"),
-        (["eval", "."], "no metric can be computed without weights"),
+        (["eval", "."], "no run of a phrase or a picture or posed pictures"),
         (["views", "nowhere"], "nowhere"),
         (["views"], "give either a transforms.json"),
         (["text", "", "--prior", "exemplar"], "the phrase is empty"),
