@@ -1,9 +1,10 @@
-"""`diff3ds views` on photographs of parts whose edges are known: with true cameras, wrong ones, and wrong ones refined.
+"""`diff3ds views` on photographs of parts whose edges are known: with cameras that are true, wrong, found, and refined.
 
-    python benchmarks/photographs.py OUT [--seeds 30-41] [--rows true wrong refined] [--json FILE]
+    python benchmarks/photographs.py OUT [--seeds 30-41] [--rows true wrong refined] [--json FILE] [--detector hed ...]
 
 Parts are those of cad_objects.py, as photographs (cad/photograph.py): printed surfaces, shadows, cluttered walls, blur,
-exposure and noise. Wrong cameras are turned by .3 degrees about random axes and moved by 1 % of their distance. Scores
+exposure and noise. Wrong cameras are turned by .3 degrees about random axes and moved by 1 % of their distance; those
+of pycolmap are found from the photographs alone (`diff3ds cameras`). More options go to `diff3ds views`. Scores
 are F-scores at 5 mm, where the longest side is one metre, of the curves within the part's bounding box and a margin,
 against the sharp edges that three views show. Cameras say nothing of where the world lies: curves are moved there first
 by the similarity that brings what the cameras see to where the true cameras see it. The CAD kernel is needed:
@@ -42,6 +43,8 @@ ROWS = {
     "true refined": ("true", True),
     "wrong": ("wrong", False),
     "refined": ("wrong", True),
+    "pycolmap": ("pycolmap/transforms", False),
+    "pycolmap refined": ("pycolmap/transforms", True),
 }
 
 
@@ -93,10 +96,13 @@ def _rotation(axis: np.ndarray, angle: float) -> np.ndarray:
 def to_truth(used: dict, true: dict, points: np.ndarray) -> np.ndarray:
     """Points of the world of the used cameras in that of the true ones: by a similarity.
 
-    Each point is where the true cameras see what the used ones see of it, as nearly as their rays meet.
+    Each point is where the true cameras see what the used ones see of it, as nearly as their rays meet. Not all may be
+    used.
     """
+    named = {Path(frame["file_path"]).name: frame for frame in true["frames"]}
     total, right = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
-    for one, other in zip(used["frames"], true["frames"], strict=True):
+    for one in used["frames"]:
+        other = named[Path(one["file_path"]).name]
         pose, lens = np.array(one["transform_matrix"]), {**used, **one}
         local = (points - pose[:3, 3]) @ pose[:3, :3]
         plane = local[:, :2] / -local[:, 2:] * [lens["fl_x"] / FOCAL, lens["fl_y"] / FOCAL]
@@ -117,6 +123,9 @@ def to_truth(used: dict, true: dict, points: np.ndarray) -> np.ndarray:
 def row(name: str, seed: int, folder: Path, out: Path, extra: list[str]) -> dict[str, Any]:
     """One run of the command and its scores."""
     cameras, refine = ROWS[name]
+    if name.startswith("pycolmap") and not (folder / f"{cameras}.json").is_file():
+        find = [sys.executable, "-m", "diff3ds.cli", "cameras", str(folder / "photographs"), "-o"]
+        subprocess.run([*find, str(folder / "pycolmap"), "--quiet"], check=True)
     out = out / name.replace(" ", "-")
     command = [sys.executable, "-m", "diff3ds.cli", "views", str(folder / f"{cameras}.json"), "-o", str(out)]
     command += ["--target", "color-edges", "--quiet", "--overwrite", *["--refine-cameras"][:refine], *extra]
