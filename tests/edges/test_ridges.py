@@ -12,6 +12,7 @@ from diff3ds.edges.evidence.ridges import (
     color_ridges,
     find_ridges,
     map_ridges,
+    narrowed,
     strongest,
     within,
     without_faint,
@@ -153,3 +154,17 @@ def test_the_strongest_are_kept_by_one_bound_for_all_views():
     ridges = [Ridges.sharp(np.zeros((len(v), 2)), np.zeros((len(v), 2)), v) for v in values]
     assert [r.values.tolist() for r in strongest(ridges, 3)] == [[5, 4], [2], []]
     assert [len(r) for r in strongest(ridges, 5)] == [3, 2, 0]
+
+
+def test_broad_lines_are_narrowed_about_their_middles():
+    """Two soft lines of HED's breadth, one of them faint, have no ridges as they are; thin lines stay as they are."""
+    x = np.arange(SIZE) + 0.5
+    profile = np.exp(-((x - 30.3) ** 2) / 50) + 0.6 * np.exp(-((x - 66.1) ** 2) / 50)
+    ink = np.tile(profile.astype(np.float32), (SIZE, 1))
+    assert len(map_ridges(ink)) == 0
+    found = map_ridges(narrowed(ink, 12.5))
+    first = found.points[:, 0] < SIZE / 2
+    np.testing.assert_allclose(found.points[first, 0], 30.3, atol=0.1)
+    np.testing.assert_allclose(found.points[~first, 0], 66.1, atol=0.1)
+    np.testing.assert_allclose(np.median(found.values[first]) / np.median(found.values[~first]), 1 / 0.6, rtol=0.02)
+    assert narrowed(ink, 4.0) is ink

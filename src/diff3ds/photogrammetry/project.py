@@ -7,8 +7,10 @@ import torch
 
 from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
+from diff3ds.frames import file_of
 from diff3ds.photogrammetry import bundler, colmap, meta_data, metashape, openmvg
 from diff3ds.photogrammetry.picture_files import pictures_in, views_of, with_masks
+from diff3ds.photogrammetry.point_files import load_points
 from diff3ds.photogrammetry.shot import Shot
 from diff3ds.transforms import View
 from diff3ds.transforms import present_views as views_of_transforms
@@ -100,7 +102,10 @@ def present_views(path: Path, target: str | None = None) -> list[View]:
 
 
 def sparse_points(path: Path) -> Float[Tensor, "P 3"]:
-    """The points that the program has found with the cameras, float64; none where the file has no points.
+    """The points that the program has found with the cameras, float64; none where there are no points.
+
+    Args:
+        path: as `find_project` finds it. Of a transforms.json those of its `ply_file_path`, if that file is there.
 
     Raises:
         ValueError: a damaged file.
@@ -111,7 +116,16 @@ def sparse_points(path: Path) -> Float[Tensor, "P 3"]:
         return openmvg.read_openmvg_points(path)
     if path.suffix == ".out":
         return bundler.read_bundle_points(path)
-    return torch.zeros((0, 3), dtype=torch.float64)
+    file = _points_file(path) if _reader(path) is None else None
+    return torch.zeros((0, 3), dtype=torch.float64) if file is None else load_points(file)
+
+
+def _points_file(path: Path) -> Path | None:
+    """The PLY file that a transforms.json names, as nerfstudio writes it."""
+    data = read_json(path)
+    name = data.get("ply_file_path") if isinstance(data, dict) else None
+    file = file_of(path, name) if isinstance(name, str) and name else None
+    return file if file is not None and file.is_file() else None
 
 
 def _reader(path: Path) -> Callable[[Path], list[Shot]] | None:

@@ -10,7 +10,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.photogrammetry.edge_maps import with_edge_maps
-from diff3ds.photogrammetry.project import present_views
+from diff3ds.photogrammetry.project import present_views, sparse_points
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks, Target
 from diff3ds.pictures.reading.load_views import Told, canvas_of, load_some, load_views
@@ -39,6 +39,8 @@ class PosedPictures:
             that have none.
         names: file names.
         masked: how many of them have a `mask_path`.
+        points: of the reconstruction that found the cameras, in their world, float64, unless colours are wanted; None
+            where there are none.
     """
 
     cameras: Cameras
@@ -46,6 +48,7 @@ class PosedPictures:
     store: Store
     names: tuple[str, ...]
     masked: int = 0
+    points: Float[Tensor, "P 3"] | None = None
 
     def __len__(self) -> int:
         return len(self.cameras)
@@ -116,7 +119,8 @@ def load_posed(
         _require_one_polarity(store, views, background)
     found: Target = target or ("color" if background is None else "edges")
     names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
-    return PosedPictures(cameras, found, store, names, masked)
+    points = None if found == "color" else sparse_points(path)
+    return PosedPictures(cameras, found, store, names, masked, points if points is not None and len(points) else None)
 
 
 def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:

@@ -20,6 +20,12 @@ LEAST_MOVED = 1e-5
 # Rays that all run within some 3 degrees of one direction say nothing about depth: (sin 3 degrees)^2.
 LEAST_SPREAD = 0.003
 
+# Points of a reconstruction are the object's if so large a part of the cameras have them within so large a part of the
+# pictures around the middle; fewer than so many say nothing. Empirical.
+MOST_CAMERAS, MIDDLE, FEWEST_POINTS = 0.8, 0.8, 50
+# Surroundings are shown where content lies this near to the borders of half of the pictures, of their size. Empirical.
+RIM = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -113,3 +119,50 @@ def _radius(cameras: Cameras, store: Store, shown: list[int], center: Float[Tens
     if not reach:
         raise ValueError("the cameras look away from what they see: are the camera axes OpenGL's (looking along -z)?")
     return MARGIN * float(torch.stack(reach).median())
+
+
+def bound_by_points(frame: Frame, cameras: Cameras, store: Store, points: Float[Tensor, "P 3"]) -> Frame:
+    """The ball around what most cameras look at, by the points of a reconstruction, if that is smaller than the frame.
+
+    Where pictures show surroundings, content says nothing of where the object is; but cameras that go round it have its
+    points in nearly all of their pictures, and those of its surroundings in some. Where they do not, the frame stays.
+
+    Args:
+        frame: by the content of the pictures.
+        cameras: in the world.
+        store: their pictures.
+        points: in the world.
+    """
+    if not _shows_surroundings(store):
+        return frame
+    near = _in_most(cameras, points)
+    if len(near) < FEWEST_POINTS:
+        return frame
+    center = near.median(0).values
+    reach = (near - center).norm(dim=1)
+    radius = MARGIN * float(reach.kthvalue(math.ceil((1 - STRAY) * len(reach))).values)
+    return Frame(center, radius) if 0 < radius < frame.radius else frame
+
+
+def _shows_surroundings(store: Store) -> bool:
+    """Whether half of the pictures have content along their borders."""
+    count = 0
+    for view in range(len(store)):
+        content = _content(store, view)
+        rim = max(1, round(RIM * max(content.shape)))
+        inner = torch.zeros_like(content)
+        inner[rim:-rim, rim:-rim] = True
+        count += bool((content & ~inner).any())
+    return 2 * count >= len(store)
+
+
+def _in_most(cameras: Cameras, points: Float[Tensor, "P 3"]) -> Float[Tensor, "Q 3"]:
+    """The points that most cameras have in the middle of their pictures."""
+    height, width = cameras.size
+    pad = torch.cat([points, points.new_ones(len(points), 1)], 1)
+    count = torch.zeros(len(points))
+    middle = points.new_tensor([width / 2, height / 2])
+    for matrix in cameras.projection.double():
+        pixels, depth = cameras.seen(pad @ matrix.T)
+        count += ((pixels - middle).abs() <= MIDDLE * middle).all(1) & (depth > cameras.near)
+    return points[count >= MOST_CAMERAS * len(cameras)]

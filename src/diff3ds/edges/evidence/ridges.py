@@ -11,6 +11,9 @@ from diff3ds._shapes import Array, Bool, Float
 # [px, ink; empirical] Edge maps: standard deviation of the Gaussian derivatives, and least value of a ridge. On the
 # maps of two detectors, PiDiNet (thick lines) and DexiNed (thin ones).
 MAP_SIGMA, MAP_VALUE = 1.0, 0.18
+# [px, ratio, power; empirical] Edge maps with broader lines than this are narrowed, by the maximum within this part of
+# the width. The maps of HED have lines of 14 px in pictures of 400, PiDiNet's 3.8, DexiNed's 1.6.
+BROAD, REACH, NARROWER = 6.0, 0.35, 5
 # [px, 1/px; empirical] Colour: standard deviation of the gradient's own Gaussian, and the gradient that counts as
 # noise. The logarithm makes weak and strong edges comparable.
 GRADIENT_SIGMA, GRADIENT_NOISE = 1.0, 0.02
@@ -70,6 +73,20 @@ class Ridges:
 def map_ridges(ink: Float[NDArray[np.float32], "H W"]) -> Ridges:
     """Centre lines of an edge map or line drawing, ink in [0, 1]."""
     return find_ridges(ink, MAP_SIGMA, MAP_VALUE)
+
+
+def narrowed(ink: Float[NDArray[np.float32], "H W"], width: float) -> Float[NDArray[np.float32], "H W"]:
+    """A map with broad lines as one with narrow ones, which have their tops where they were, and as high.
+
+    Args:
+        width: of the lines, pixels; what is no broader than `BROAD` stays.
+    """
+    from scipy.ndimage import maximum_filter
+
+    if width <= BROAD:
+        return ink
+    top = maximum_filter(ink, 2 * round(REACH * width) + 1)
+    return np.asarray(ink * (ink / np.maximum(top, 1e-6)) ** NARROWER, np.float32)
 
 
 def without_faint(ridges: Sequence[Ridges]) -> list[Ridges]:

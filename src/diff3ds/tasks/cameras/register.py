@@ -14,6 +14,7 @@ from typing import Any
 
 import torch
 
+from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.png import load_reduced, save_png, size_of
 from diff3ds.photogrammetry import colmap, colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
@@ -44,11 +45,13 @@ class Registered:
 
     Attributes:
         views: in COLMAP's world, whose scale is arbitrary.
+        points: found with them.
         about: registered, reprojection error and so on, for a file.
         lines: for people.
     """
 
     views: list[View]
+    points: Float[Tensor, "P 3"]
     about: dict[str, Any]
     lines: list[str]
 
@@ -112,7 +115,7 @@ def register(
         assert shot.size is not None
         scale = shot.intrinsics.new_tensor([size[1] / shot.size[1], size[0] / shot.size[0], 1.0])
         views.append(View(picture, None, size, shot.world_to_camera, shot.intrinsics * scale[:, None], shot.distortion))
-    return Registered(views, *_about(pictures, views, models, best, len(points)))
+    return Registered(views, points, *_about(pictures, views, models, best, len(points)))
 
 
 def _about(

@@ -10,15 +10,17 @@ from typing import Any
 import torch
 
 from diff3ds._files import existing_folder, write_text
+from diff3ds._shapes import Float, Tensor
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
+from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
 from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.cameras.register import register
 from diff3ds.tasks.progress import Report
 from diff3ds.transforms import View, of_picture_sizes, save_views
 
-TRANSFORMS, REPORT = "transforms.json", "cameras.json"
+TRANSFORMS, REPORT, POINTS = "transforms.json", "cameras.json", "points.ply"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +29,13 @@ class Found:
 
     Attributes:
         views: in their world.
+        points: of the reconstruction, in the same world; perhaps none.
         about: for the report.
         lines: for the user.
     """
 
     views: list[View]
+    points: Float[Tensor, "P 3"]
     about: dict[str, Any]
     lines: list[str]
 
@@ -43,7 +47,7 @@ def run_cameras(
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Path:
-    """Finds where photographs were taken from, and writes transforms.json and cameras.json.
+    """Finds where photographs were taken from; writes transforms.json, points.ply and cameras.json.
 
     A folder that has cameras already (`find_project`) is converted; of others pycolmap finds them.
 
@@ -68,8 +72,9 @@ def run_cameras(
     try:
         path = find_project(source)
         views = of_picture_sizes(path, present_views(path))
-        count = len(sparse_points(path))
-        found = Found(views, {"source": str(path), "points": count}, [f"{path}: {len(views)} cameras"])
+        points = sparse_points(path)
+        about = {"source": str(path), "points": len(points)}
+        found = Found(views, points, about, [f"{path}: {len(views)} cameras"])
         photographs = False
     except NoCamerasError as missing:
         if not missing.pictures:
@@ -78,10 +83,16 @@ def run_cameras(
         pictures = [view.picture for view in registered.views]
         masks = masks_for(pictures, pictures[0].parent) or [None] * len(pictures)
         views = [replace(view, mask=mask) for view, mask in zip(registered.views, masks, strict=True)]
-        found, photographs = Found(views, registered.about, registered.lines), True
-    views = _placed(found.views, options, photographs)
+        found, photographs = Found(views, registered.points, registered.about, registered.lines), True
+    place = _placing(found.views, options, photographs)
+    views = moved(found.views, *place)
     out.mkdir(parents=True, exist_ok=True)
-    save_views(out / TRANSFORMS, [_relative(view, out) for view in views])
+    named = {}
+    if len(found.points):
+        origin, turn, scale = place
+        save_points(out / POINTS, scale * (found.points - origin) @ turn.mT)
+        named = {"ply_file_path": POINTS}
+    save_views(out / TRANSFORMS, [_relative(view, out) for view in views], named)
     about = {"options": asdict(options), **found.about, "pictures": [view.picture.name for view in views]}
     write_text(out / REPORT, json.dumps(about, indent=1))
     for line in found.lines:
@@ -89,8 +100,13 @@ def run_cameras(
     return out / TRANSFORMS
 
 
-def _placed(views: list[View], options: CamerasOptions, photographs: bool) -> list[View]:
-    """Upright and in the user's unit. What photographs have no scale of gets that of the cameras' distance."""
+def _placing(
+    views: list[View], options: CamerasOptions, photographs: bool
+) -> tuple[Float[Tensor, " 3"], Float[Tensor, "3 3"], float]:
+    """What makes a world upright and in the user's unit, for `moved`: origin, rotation and scale.
+
+    What photographs have no scale of gets that of the cameras' distance.
+    """
     turn, origin, scale = torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64), 1.0
     if options.up == "auto" and photographs:
         turn = turned_up(up_of(views))
@@ -100,7 +116,7 @@ def _placed(views: list[View], options: CamerasOptions, photographs: bool) -> li
         scale = 1 / float(reach.norm(dim=1).median())
     if options.between is not None and options.scale is not None:
         scale = options.scale / distance_between(views, options.between)
-    return moved(views, origin, turn, scale)
+    return origin, turn, scale
 
 
 def _relative(view: View, out: Path) -> View:

@@ -12,7 +12,16 @@ import torch
 from diff3ds._shapes import Int, Tensor
 from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
 from diff3ds.edges.evidence.edge_views import require_perspective
-from diff3ds.edges.evidence.ridges import MOST_INK, Ridges, color_ridges, map_ridges, strongest, within, without_faint
+from diff3ds.edges.evidence.ridges import (
+    MOST_INK,
+    Ridges,
+    color_ridges,
+    map_ridges,
+    narrowed,
+    strongest,
+    within,
+    without_faint,
+)
 from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
 from diff3ds.edges.resume import read_result, write_result
 from diff3ds.edges.shapes.curve_set import Curves
@@ -22,7 +31,7 @@ from diff3ds.edges.watch import Capped, no_report
 from diff3ds.edges.watch import Report as Tell
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.pictures.frame import Frame, frame_of
+from diff3ds.pictures.frame import Frame, bound_by_points, frame_of
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Progress, Report
@@ -60,8 +69,16 @@ def fit_edges(
         KeyboardInterrupt: before the first curves were found.
     """
     require_perspective(pictures.cameras)
-    frame = frame_of(pictures.cameras, pictures.store)
-    settings = _settings(pictures, options)
+    whole = frame_of(pictures.cameras, pictures.store)
+    frame = _bound(whole, pictures) if options.bound == "auto" and start is None else whole
+    bound: dict[str, Any] | None = None if frame is whole else {"center": frame.center.tolist(), "radius": frame.radius}
+    if bound:
+        say(
+            f"surroundings all over: curves are looked for where most cameras look, {frame.radius:.3g} units around "
+            f"({', '.join(f'{x:.3g}' for x in bound['center'])}), by the points of the reconstruction; --bound none "
+            "looks everywhere"
+        )
+    settings = {**_settings(pictures, options), "bound": bound}
     results: list[Result] = []
     losses: list[float] = []
     if options.resume and checkpoint.exists():
@@ -98,7 +115,8 @@ def fit_edges(
     try:
         views, ridges = _found(pictures, tell, capped)
         if options.refine_cameras and start is None:
-            pictures, refined = _refined(pictures, views, ridges, frame, tell)
+            # Surroundings tell of cameras as much as the object does.
+            pictures, refined = _refined(pictures, views, ridges, whole, tell)
             say(said(refined))
         reconstruct(
             frame.cameras(pictures.cameras[views]),
@@ -115,10 +133,19 @@ def fit_edges(
             raise
         stopped = True
     chosen: dict[str, Any] = {"capped": {what: {"used": k, "of": n} for what, (k, n) in limited.items()}}
+    if bound:
+        chosen["bound"] = bound
     if refined:
         chosen["cameras"] = refined
     fitted = _fitted(pictures, drawn(results[-1].curves), results[-1], losses, stopped, chosen)
     return replace(fitted, refined=tuple(views.tolist())) if refined else fitted
+
+
+def _bound(frame: Frame, pictures: PosedPictures) -> Frame:
+    """The frame, or a smaller one by the points of the reconstruction."""
+    if pictures.points is None:
+        return frame
+    return bound_by_points(frame, pictures.cameras, pictures.store, pictures.points)
 
 
 def _refined(
@@ -180,13 +207,15 @@ def ridges_of(
         known: those of views that were looked at before; the others are added.
     """
     known = {} if known is None else known
+    drawn = pictures.store.pixels.shape[3] == 1
+    width = line_width(pictures.store) * pictures.cameras.size[0] if drawn else 0.0
     for done, view in enumerate(views.tolist()):
         tell("edges of the pictures", done, len(views), None, 0)
         if view in known:
             continue
         batch = pictures.batch([view])
         pixels = batch.pixels[0].numpy()
-        ridges = map_ridges(pixels[..., 0]) if pixels.shape[-1] == 1 else color_ridges(pixels)
+        ridges = map_ridges(narrowed(pixels[..., 0], width)) if drawn else color_ridges(pixels)
         known[view] = ridges if is_all_known(pictures.store.known) else within(ridges, batch.known[0].numpy())
     found = [known[view] for view in views.tolist()]
     # The logarithm of a gradient says nothing about doubt.

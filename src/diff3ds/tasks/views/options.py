@@ -10,6 +10,8 @@ from diff3ds._settings import check_seed, require_finite
 from diff3ds.pictures.options import Masks, Target, parse_color, parse_color_or_path
 
 Init = Literal["carve", "random"]
+# Where curves of edges are looked for.
+Bound = Literal["auto", "none"]
 # What finds edges in coloured pictures: the gradient of their colours, or a network.
 Detector = Literal["gradients", "hed"]
 # Of the distance of VGG16 that 3Doodle fits in; `diff3ds.metrics.vgg_distance` says what they are.
@@ -39,6 +41,8 @@ class ViewsOptions:
             nerfstudio does; object takes them for background, so that masks cut the object out.
         refine_cameras: edges: cameras are moved, and focal lengths scaled by one factor, until the edges of all
             pictures agree best, as for poses that were estimated from photographs.
+        bound: edges: auto looks for curves where most cameras look, by the points of the reconstruction that found the
+            cameras, where pictures show surroundings all over; none looks wherever pictures show something.
         size: larger pictures are reduced to this many pixels along the longer side.
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
@@ -57,6 +61,7 @@ class ViewsOptions:
     background: str | None = None
     masks: Masks = "ignore"
     refine_cameras: bool = False
+    bound: Bound = "auto"
     size: int = 512
     start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0
