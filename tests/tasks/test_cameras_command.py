@@ -69,7 +69,7 @@ def test_a_project_comes_in_units_of_the_user(tmp_path):
     with pytest.raises(ValueError, match="between: 0 pictures with cameras are called 'e'"):
         run_cameras(source, tmp_path / "other", CamerasOptions(scale=500.0, between=("a", "e")))
     assert not (tmp_path / "other").exists()
-    with pytest.raises(ValueError, match="two different photographs, got 'a' twice"):
+    with pytest.raises(ValueError, match="two different places, got 'a' twice"):
         CamerasOptions(scale=500.0, between=("a", "a"))
     with pytest.raises(ValueError, match="scale and between belong together"):
         CamerasOptions(scale=5.0)

@@ -1,5 +1,6 @@
 """The world of cameras turned upright, moved and scaled."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,9 @@ from diff3ds.transforms import View
 # What points upwards in a picture as it is stored, camera axes (x right, y down), by its EXIF orientation.
 _UPWARDS = {1: (0, -1), 2: (0, -1), 3: (0, 1), 4: (0, 1), 5: (-1, 0), 6: (-1, 0), 7: (1, 0), 8: (1, 0)}
 
+# The sine of the angle by which a photograph is held aside at which it counts a quarter, and rounds of weighing.
+ASIDE, ROUNDS = 0.1, 8
+
 
 def centers_of(views: Sequence[View]) -> Float[Tensor, "V 3"]:
     """The places of the cameras, float64."""
@@ -20,7 +24,7 @@ def centers_of(views: Sequence[View]) -> Float[Tensor, "V 3"]:
 
 
 def up_of(views: Sequence[View]) -> Float[Tensor, " 3"]:
-    """The unit vector that is up, if the photographs were held level: what is across them all is horizontal."""
+    """The unit vector that is up, if most photographs were held level: what is across them all is horizontal."""
     ups, across = [], []
     for view in views:
         x, y = _UPWARDS[orientation_of(view.picture)]
@@ -28,10 +32,16 @@ def up_of(views: Sequence[View]) -> Float[Tensor, " 3"]:
         ups.append(turn.mT @ turn.new_tensor([x, y, 0.0]))
         across.append(turn.mT @ turn.new_tensor([-y, x, 0.0]))
     mean = torch.stack(ups).mean(0)
-    horizontal = torch.stack(across)
-    spread, axes = torch.linalg.eigh(horizontal.mT @ horizontal / len(views))
-    # Cameras that look one way have no plane: then the mean of what is up in the pictures is all that there is.
-    up = axes[:, 0] if float(spread[1]) > 1e-3 else mean
+    horizontal, weight = torch.stack(across), torch.ones(len(views), dtype=torch.float64)
+    up = mean
+    for _ in range(ROUNDS):
+        spread, axes = torch.linalg.eigh((weight[:, None] * horizontal).mT @ horizontal / weight.sum())
+        # Cameras that look one way have no plane: then the mean of what is up in the pictures is all that there is.
+        if float(spread[1]) <= 1e-3:
+            break
+        up = axes[:, 0]
+        # Photographs that were held aside count little.
+        weight = 1 / (1 + (horizontal @ up / ASIDE) ** 2) ** 2
     up = torch.nn.functional.normalize(up, dim=0)
     return up if float(up @ mean) >= 0 else -up
 
@@ -67,23 +77,36 @@ def moved(views: Sequence[View], origin: Float[Tensor, " 3"], turn: Float[Tensor
 
 
 def distance_between(views: Sequence[View], names: tuple[str, str]) -> float:
-    """Of the cameras of two pictures, which are named with or without folder and suffix.
+    """Of two places: cameras by the names of their pictures, with or without folder and suffix, or points "X,Y,Z".
 
     Raises:
         ValueError: no such picture, several, or the same place.
     """
-    found = []
+    cameras, found = centers_of(views), []
     for name in names:
+        if (point := _point(name)) is not None:
+            found.append(point)
+            continue
         those = [i for i, view in enumerate(views) if name in _names(view.picture)]
         if len(those) != 1:
             some = ", ".join(view.picture.name for view in views[:5])
             raise ValueError(f"between: {len(those)} pictures with cameras are called {name!r}: there are {some}, ...")
-        found += those
-    centers = centers_of(views)
-    length = float((centers[found[0]] - centers[found[1]]).norm())
+        found.append(cameras[those[0]])
+    length = float((found[0] - found[1]).norm())
     if not length > 0:
-        raise ValueError(f"between: {names[0]} and {names[1]} were taken from one place, which has no scale")
+        raise ValueError(f"between: {names[0]} and {names[1]} are one place, which has no scale")
     return length
+
+
+def _point(text: str) -> Float[Tensor, " 3"] | None:
+    """A point that is written as three finite numbers."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return None
+    return (
+        torch.tensor(numbers, dtype=torch.float64) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else None
+    )
 
 
 def _names(picture: Path) -> tuple[str, ...]:

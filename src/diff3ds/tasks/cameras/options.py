@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from diff3ds._settings import require_finite
+from diff3ds.photogrammetry.scale_options import check_scale
 
 # Whether pictures follow on each other, as the frames of a film and of a turntable do.
 Order = Literal["auto", "sequence", "any"]
@@ -20,8 +21,9 @@ class CamerasOptions:
         size: features are looked for in photographs reduced to this many pixels along the longer side.
         features: of each photograph, at most about so many are compared.
         up: auto turns the world so that z points up, as the photographs were held; keep leaves that of a project.
-        scale: with --between, the distance of two cameras in units of yours, such as millimetres.
-        between: names of the two photographs.
+        scale: with --between, a distance in units of yours, such as millimetres.
+        between: what lies so far apart: two cameras by the names of their photographs, or, of a project, two points in
+            its world as X,Y,Z.
     """
 
     order: Order = "auto"
@@ -33,11 +35,7 @@ class CamerasOptions:
 
     def __post_init__(self) -> None:
         require_finite(self)
-        for name in ("size", "features", "scale"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise ValueError(f"{name} must be positive, got {value}")
-        if self.between is not None and self.between[0] == self.between[1]:
-            raise ValueError(f"between must name two different photographs, got {self.between[0]!r} twice")
-        if (self.scale is None) != (self.between is None):
-            raise ValueError("scale and between belong together: the distance, and the two photographs it lies between")
+        for name in ("size", "features"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        check_scale(self.scale, self.between)

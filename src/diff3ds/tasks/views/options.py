@@ -7,9 +7,12 @@ from typing import Annotated, Literal, get_args
 from tyro.conf import arg
 
 from diff3ds._settings import check_seed, require_finite
+from diff3ds.photogrammetry.scale_options import check_scale
 from diff3ds.pictures.options import Masks, Target, parse_color, parse_color_or_path
 
 Init = Literal["carve", "random"]
+# Which way is up in the sketch: as photographs were held, or as cameras have it.
+Up = Literal["keep", "auto"]
 # Where curves of edges are looked for.
 Bound = Literal["auto", "none"]
 # What finds edges in coloured pictures: the gradient of their colours, or a network.
@@ -43,6 +46,10 @@ class ViewsOptions:
             pictures agree best, as for poses that were estimated from photographs.
         bound: edges: auto looks for curves where most cameras look, by the points of the reconstruction that found the
             cameras, where pictures show surroundings all over; none looks wherever pictures show something.
+        up: auto turns the sketch so that z points up, as the photographs were held, and along its own lines where these
+            follow axes; keep leaves it in the world of the cameras.
+        scale: with --between, a distance in units of yours, such as millimetres.
+        between: what lies so far apart: two cameras by the names of their pictures, or two points as X,Y,Z.
         size: larger pictures are reduced to this many pixels along the longer side.
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
@@ -62,6 +69,9 @@ class ViewsOptions:
     masks: Masks = "ignore"
     refine_cameras: bool = False
     bound: Bound = "auto"
+    up: Up = "keep"
+    scale: float | None = None
+    between: tuple[str, str] | None = None
     size: int = 512
     start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0
@@ -74,6 +84,10 @@ class ViewsOptions:
         if self.detector == "hed" and (self.edges is not None or self.target not in (None, "color-edges")):
             given = "--edges" if self.edges is not None else f"--target {self.target}"
             raise ValueError(f"--detector hed finds the edges of coloured pictures: leave {given} out")
+        require_finite(self)
+        check_scale(self.scale, self.between)
+        if self.start is not None and (self.up == "auto" or self.scale is not None):
+            raise ValueError("--from goes on in the world of its sketch: leave --up and --scale out")
         if self.start is not None and (self.strokes is not None or self.init == "random"):
             given = "--init random" if self.strokes is None else "--strokes"
             raise ValueError(f"--from gives the strokes, as they are: leave {given} out")

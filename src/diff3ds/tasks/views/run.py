@@ -38,6 +38,7 @@ from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_
 from diff3ds.tasks.views.detected_edges import detect_edges
 from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.placed import PLACED, along_lines, placing_of
 from diff3ds.tasks.views.plan import Fitted, Plan
 from diff3ds.tasks.views.random_start import plan_random_edges
 from diff3ds.tasks.views.refined_cameras import REFINED, save_refined
@@ -88,6 +89,8 @@ def run_views(
     if source is None and options.pictures not in (None, "edges"):
         needless = "--edges" if options.edges else "--detector" if options.detector == "hed" else "--target"
         raise ValueError(f"the embedded scene is line drawings (--target edges): leave {needless} out")
+    if source is None and (options.up == "auto" or options.scale is not None):
+        raise ValueError("the embedded scene is upright and has a size: leave --up and --scale out")
     if options.detector == "hed":
         # Said before cameras are looked for, which takes minutes.
         require_hed()
@@ -120,6 +123,7 @@ def _run(
     pictures = demo_pictures(options.size) if path is None else _pictures(path, out, options, report, say)
     clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
+    placing = None if path is None else placing_of(path, options.pictures, options)
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
@@ -127,6 +131,16 @@ def _run(
             (out / checkpoint).unlink(missing_ok=True)
     report = after_targets(pictures, out, report)
     fitted = _fitted(pictures, clean_plates, path, options, given, out, report, say)
+    if placing is not None:
+        placing = along_lines(placing, fitted.sketch, options)
+        say(placing.line)
+        cameras = placing.cameras(fitted.pictures.cameras)
+        fitted = dataclasses.replace(
+            fitted,
+            sketch=placing.sketch(fitted.sketch),
+            pictures=dataclasses.replace(fitted.pictures, cameras=cameras),
+            chosen={**fitted.chosen, "placed": placing.about},
+        )
     shown = preview(fitted.sketch, fitted.pictures)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
@@ -137,10 +151,13 @@ def _run(
         fitted.stopped,
     )
     write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
-    if fitted.refined and path is not None:
-        views = list(fitted.refined)
-        cameras, zoom = fitted.pictures.cameras[views], fitted.chosen["cameras"]["focal"]
-        save_refined(out / REFINED, path, options.pictures or pictures.target, views, cameras, zoom)
+    if path is not None and (fitted.refined or placing is not None):
+        views = list(fitted.refined or range(len(pictures)))
+        zoom = fitted.chosen["cameras"]["focal"] if fitted.refined else 1.0
+        if placing is not None and fitted.pictures.cameras.orthographic:
+            zoom /= placing.scale
+        file = out / (REFINED if fitted.refined else PLACED)
+        save_refined(file, path, options.pictures or pictures.target, views, fitted.pictures.cameras[views], zoom)
     return fitted
 
 
