@@ -128,7 +128,8 @@ def row(name: str, seed: int, folder: Path, out: Path, extra: list[str]) -> dict
         subprocess.run([*find, str(folder / "pycolmap"), "--quiet"], check=True)
     out = out / name.replace(" ", "-")
     command = [sys.executable, "-m", "diff3ds.cli", "views", str(folder / f"{cameras}.json"), "-o", str(out)]
-    command += ["--target", "color-edges", "--quiet", "--overwrite", *["--refine-cameras"][:refine], *extra]
+    command += ["--target", "color-edges", "--quiet", "--overwrite"]
+    command += ["--refine-cameras" if refine else "--keep-cameras", *extra]
     begun = time.perf_counter()
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     found: dict[str, Any] = {"cameras": name, "seed": seed, "seconds": time.perf_counter() - begun}

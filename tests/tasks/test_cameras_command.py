@@ -11,9 +11,10 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.photogrammetry.placing import centers_of, moved, turned_up, up_of
+from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.cameras.register import _pairs
-from diff3ds.tasks.cameras.run import run_cameras
+from diff3ds.tasks.cameras.run import are_estimated, run_cameras
 from diff3ds.transforms import read_views
 
 TILTED = torch.linalg.qr(torch.tensor([[1.0, 0.2, 0.3], [-0.4, 1.0, 0.1], [0.2, 0.5, 1.0]], dtype=torch.float64))[0]
@@ -139,6 +140,12 @@ def test_photographs_of_a_known_scene(tmp_path):
     lines, stages = [], []
     run_cameras(tmp_path / "photos", tmp_path / "out", report=lambda p: stages.append(p.stage), say=lines.append)
     views = read_views(tmp_path / "out" / "transforms.json")
+    assert are_estimated(tmp_path / "out" / "transforms.json")
+    points = sparse_points(tmp_path / "out" / "transforms.json")
+    assert len(points) == json.loads((tmp_path / "out" / "cameras.json").read_text())["points"]
+    # On the plane, in a world whose unit is the cameras' distance.
+    spread = torch.linalg.eigvalsh(torch.cov(points.mT))
+    assert spread[0] < 1e-3 * spread[1]
     assert len(views) >= 8
     assert list(dict.fromkeys(stages)) == ["read photographs", "features", "matches", "cameras"]
     assert f"{len(views)} of 10 photographs placed" in lines[-1]

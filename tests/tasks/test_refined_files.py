@@ -10,7 +10,9 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.pictures.frame import Frame
+from diff3ds.tasks.cameras.run import are_estimated
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.refined_cameras import in_world, moves, save_refined
 from diff3ds.transforms import read_views, save_transforms
@@ -73,3 +75,30 @@ def test_the_option_is_said_to_be_unused_where_it_is():
     assert "--refine-cameras" in ViewsOptions(refine_cameras=True).unused("color")
     assert "--refine-cameras" in ViewsOptions(refine_cameras=True, init="random").unused("edges")
     assert ViewsOptions(refine_cameras=True).unused("edges") == []
+
+
+def test_cameras_that_were_found_from_photographs_are_refined(tmp_path):
+    """Unless colours are wanted, strokes are given, or the user says no; those of others are refined if asked for."""
+    assert ViewsOptions().refining("edges", estimated=True)
+    assert ViewsOptions().refining("color-edges", estimated=True)
+    assert not ViewsOptions().refining("color-edges", estimated=False)
+    assert not ViewsOptions(keep_cameras=True).refining("edges", estimated=True)
+    assert not ViewsOptions().refining("color", estimated=True)
+    assert not ViewsOptions(start=tmp_path).refining("edges", estimated=True)
+    assert not ViewsOptions(init="random").refining("edges", estimated=True)
+    assert ViewsOptions(refine_cameras=True).refining("edges", estimated=False)
+    with pytest.raises(ValueError, match="--refine-cameras or --keep-cameras"):
+        ViewsOptions(refine_cameras=True, keep_cameras=True)
+
+
+def test_refined_cameras_keep_the_points(source, tmp_path):
+    path, cameras = source
+    (tmp_path / "out").mkdir()
+    points = torch.rand(4, 3, dtype=torch.float64)
+    out = tmp_path / "out" / "transforms_refined.json"
+    save_refined(out, path, "color-edges", [0, 1, 2, 3], cameras, 1.0, points)
+    assert torch.equal(sparse_points(out), points)
+    assert not are_estimated(out)
+    assert not are_estimated(path)
+    path.write_text(json.dumps({**json.loads(path.read_text()), "cameras_from_pictures": True}))
+    assert are_estimated(path)

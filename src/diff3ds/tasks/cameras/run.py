@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import existing_folder, write_text
+from diff3ds._files import existing_folder, read_json, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
@@ -21,6 +21,8 @@ from diff3ds.tasks.progress import Report
 from diff3ds.transforms import View, of_picture_sizes, save_views
 
 TRANSFORMS, REPORT, POINTS = "transforms.json", "cameras.json", "points.ply"
+# The key of a transforms.json whose cameras were found from its pictures, and may be off by a pixel or two.
+ESTIMATED = "cameras_from_pictures"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,17 +89,30 @@ def run_cameras(
     place = _placing(found.views, options, photographs)
     views = moved(found.views, *place)
     out.mkdir(parents=True, exist_ok=True)
-    named = {}
+    named: dict[str, Any] = {ESTIMATED: True} if photographs else {}
     if len(found.points):
         origin, turn, scale = place
         save_points(out / POINTS, scale * (found.points - origin) @ turn.mT)
-        named = {"ply_file_path": POINTS}
+        named["ply_file_path"] = POINTS
     save_views(out / TRANSFORMS, [_relative(view, out) for view in views], named)
     about = {"options": asdict(options), **found.about, "pictures": [view.picture.name for view in views]}
     write_text(out / REPORT, json.dumps(about, indent=1))
     for line in found.lines:
         say(line)
     return out / TRANSFORMS
+
+
+def are_estimated(path: Path) -> bool:
+    """Whether cameras were found from photographs by `run_cameras`, and written here.
+
+    Args:
+        path: as `find_project` finds it.
+
+    Raises:
+        ValueError, OSError: the file cannot be read.
+    """
+    data = read_json(path) if path.suffix == ".json" and path.is_file() else {}
+    return isinstance(data, dict) and data.get(ESTIMATED) is True
 
 
 def _placing(

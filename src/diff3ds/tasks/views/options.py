@@ -43,7 +43,8 @@ class ViewsOptions:
         masks: what the black pixels of a mask_path are: ignore leaves them out of the loss and the scores, as
             nerfstudio does; object takes them for background, so that masks cut the object out.
         refine_cameras: edges: cameras are moved, and focal lengths scaled by one factor, until the edges of all
-            pictures agree best, as for poses that were estimated from photographs.
+            pictures agree best. Those that were found from photographs, here or by "diff3ds cameras", always are.
+        keep_cameras: not even those are moved.
         bound: edges: auto looks for curves where most cameras look, by the points of the reconstruction that found the
             cameras, where pictures show surroundings all over; none looks wherever pictures show something.
         up: auto turns the sketch so that z points up, as the photographs were held, and along its own lines where these
@@ -68,6 +69,7 @@ class ViewsOptions:
     background: str | None = None
     masks: Masks = "ignore"
     refine_cameras: bool = False
+    keep_cameras: bool = False
     bound: Bound = "auto"
     up: Up = "keep"
     scale: float | None = None
@@ -84,6 +86,8 @@ class ViewsOptions:
         if self.detector == "hed" and (self.edges is not None or self.target not in (None, "color-edges")):
             given = "--edges" if self.edges is not None else f"--target {self.target}"
             raise ValueError(f"--detector hed finds the edges of coloured pictures: leave {given} out")
+        if self.refine_cameras and self.keep_cameras:
+            raise ValueError("--refine-cameras or --keep-cameras? Give one of them")
         require_finite(self)
         check_scale(self.scale, self.between)
         if self.start is not None and (self.up == "auto" or self.scale is not None):
@@ -103,6 +107,16 @@ class ViewsOptions:
     def pictures(self) -> Target | None:
         """What the pictures of the project are, from which edge maps may be apart."""
         return self.target if self.edges is None and self.detector == "gradients" else "color"
+
+    def refining(self, target: Target, estimated: bool) -> bool:
+        """Whether cameras are moved.
+
+        Args:
+            target: what the pictures are.
+            estimated: whether their cameras were found from photographs.
+        """
+        looked_for = target != "color" and self.init == "carve" and self.start is None
+        return self.refine_cameras or (estimated and looked_for and not self.keep_cameras)
 
     def unused(self, target: Target) -> list[str]:
         """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""

@@ -8,7 +8,9 @@ from typing import Any
 
 import torch
 
+from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.frame import Frame
 from diff3ds.pictures.options import Target
@@ -49,7 +51,15 @@ def said(moved: dict[str, Any]) -> str:
     )
 
 
-def save_refined(out: Path, source: Path, target: Target, views: Sequence[int], cameras: Cameras, zoom: float) -> None:
+def save_refined(
+    out: Path,
+    source: Path,
+    target: Target,
+    views: Sequence[int],
+    cameras: Cameras,
+    zoom: float,
+    points: Float[Tensor, "P 3"] | None = None,
+) -> None:
     """Writes a transforms.json of the refined views: pictures, masks and lenses are those of the source.
 
     Args:
@@ -59,6 +69,7 @@ def save_refined(out: Path, source: Path, target: Target, views: Sequence[int], 
         views: which of its pictures these are.
         cameras: of these views, in the world.
         zoom: the factor of the focal lengths.
+        points: of the reconstruction, in the same world, for a file beside this one.
     """
     with warnings.catch_warnings():
         # Said when the pictures were read.
@@ -70,4 +81,9 @@ def save_refined(out: Path, source: Path, target: Target, views: Sequence[int], 
         lens = view.intrinsics * wider  # columns: the principal point stays
         mask = view.mask.resolve() if view.mask else None
         refined.append(replace(view, picture=view.picture.resolve(), mask=mask, world_to_camera=pose, intrinsics=lens))
-    save_views(out, refined)
+    named = {}
+    if points is not None:
+        file = out.with_name(f"{out.stem}_points.ply")
+        save_points(file, points)
+        named = {"ply_file_path": file.name}
+    save_views(out, refined, named)

@@ -29,7 +29,7 @@ from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.cameras.options import CamerasOptions
-from diff3ds.tasks.cameras.run import TRANSFORMS, run_cameras
+from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
 from diff3ds.tasks.run_log import logged
@@ -130,7 +130,11 @@ def _run(
         for checkpoint in (CHECKPOINT, EDGES_CHECKPOINT):
             (out / checkpoint).unlink(missing_ok=True)
     report = after_targets(pictures, out, report)
-    fitted = _fitted(pictures, clean_plates, path, options, given, out, report, say)
+    refining = options.refining(pictures.target, path is not None and are_estimated(path))
+    if refining and not options.refine_cameras:
+        say("the cameras were found from photographs: they are refined on the edges, unless --keep-cameras is given")
+    chosen = dataclasses.replace(options, refine_cameras=refining)
+    fitted = _fitted(pictures, clean_plates, path, chosen, given, out, report, say)
     if placing is not None:
         placing = along_lines(placing, fitted.sketch, options)
         say(placing.line)
@@ -157,7 +161,11 @@ def _run(
         if placing is not None and fitted.pictures.cameras.orthographic:
             zoom /= placing.scale
         file = out / (REFINED if fitted.refined else PLACED)
-        save_refined(file, path, options.pictures or pictures.target, views, fitted.pictures.cameras[views], zoom)
+        points = pictures.points
+        if points is not None and placing is not None:
+            points = placing.scale * points @ placing.turn.mT
+        target = options.pictures or pictures.target
+        save_refined(file, path, target, views, fitted.pictures.cameras[views], zoom, points)
     return fitted
 
 
