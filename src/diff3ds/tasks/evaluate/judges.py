@@ -10,6 +10,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.feature_stacks import Backbone
+from diff3ds.metrics.imagenet import ImageNetRank
 from diff3ds.metrics.lpips import Lpips
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.evaluate.options import JudgeOptions
@@ -22,7 +23,8 @@ NOTHING_GIVEN = """no metric can be computed without weights; give one of
   --clip openai/clip-vit-base-patch16 openai/clip-vit-base-patch32   CLIP-Score of phrases and pictures
   --blip Salesforce/blip-itm-large-coco                              BLIP-Score of phrases
   --alexnet FILE --lpips-alex FILE                                   LPIPS of pictures
-  --vgg16 FILE --lpips-vgg FILE                                      the same with VGG16"""
+  --vgg16 FILE --lpips-vgg FILE                                      the same with VGG16
+  --imagenet                                                         an ImageNet classifier's rank (extra judges)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +35,17 @@ class Judges:
         phrases: score views by a phrase.
         pictures: score views by a picture.
         likeness: distances from the picture, seen from where it was taken.
+        imagenet: ranks the kind of thing.
     """
 
     phrases: dict[str, ClipScore | BlipScore]
     pictures: dict[str, ClipScore]
     likeness: dict[str, Lpips]
+    imagenet: ImageNetRank | None = None
+
+    def of_kind(self, views: Float[Tensor, "V H W 3"], kind: str | None) -> dict[str, float]:
+        """How the classifier ranks this kind of thing."""
+        return self.imagenet.scores(views, kind) if self.imagenet else {}
 
     def of_phrase(self, views: Float[Tensor, "V H W 3"], phrase: str) -> dict[str, float]:
         """Means over the views."""
@@ -55,7 +63,7 @@ class Judges:
 
 def require_networks(options: JudgeOptions) -> None:
     """Raises ValueError if none is given; it says what could be."""
-    if not any((options.clip, options.blip, options.alexnet, options.vgg16)):
+    if not any((options.clip, options.blip, options.alexnet, options.vgg16, options.imagenet)):
         raise ValueError(NOTHING_GIVEN)
 
 
@@ -77,7 +85,8 @@ def load_judges(options: JudgeOptions, device: torch.device) -> Judges:
     for backbone, features, heads in wanted:
         if features and heads:
             likeness[f"LPIPS-{backbone}"] = _lpips(backbone, features, heads, device, options.allow_pickle)
-    return Judges(phrases, {f"CLIP-I {label}": clip for label, clip in clips.items()}, likeness)
+    pictures = {f"CLIP-I {label}": clip for label, clip in clips.items()}
+    return Judges(phrases, pictures, likeness, ImageNetRank(device) if options.imagenet else None)
 
 
 def _lpips(backbone: Backbone, features: str, heads: str, device: torch.device, allowed: Collection[Path]) -> Lpips:

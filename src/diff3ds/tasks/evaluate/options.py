@@ -40,6 +40,7 @@ class JudgeOptions:
         lpips_alex: LPIPS's own weights for AlexNet.
         vgg16: torchvision's weights of VGG16, for LPIPS.
         lpips_vgg: LPIPS's own weights for VGG16.
+        imagenet: where EfficientNet-Lite0, an ImageNet classifier, ranks what the sketch is of (extra judges).
         device: cpu, cuda, mps, or auto.
         allow_pickle: these files for LPIPS are read although they are pickles, which can run code of whoever made
             them; only their tensors are.
@@ -51,6 +52,7 @@ class JudgeOptions:
     lpips_alex: str | None = None
     vgg16: str | None = None
     lpips_vgg: str | None = None
+    imagenet: bool = False
     device: str = "auto"
     allow_pickle: tuple[Path, ...] = ()
 

@@ -1,5 +1,6 @@
 """Finished runs below a folder: what they were made of, and what they are compared as."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -7,6 +8,7 @@ from typing import Any, Literal, get_args
 from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import load_image
+from diff3ds.library.phrase import parse
 from diff3ds.pictures.options import PictureOptions
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.text_image.scene import PLAN, THINGS
@@ -49,6 +51,15 @@ class Run:
         if self.kind == "scene":
             return self.scene.resolve().name
         return self.phrase or Path(str(self.options.get("picture") or self.folder)).stem
+
+    @property
+    def thing(self) -> str | None:
+        """The kind of thing that it is of, by the library's names, where that is one and known."""
+        if self.phrase:
+            with suppress(ValueError):
+                return parse(self.phrase).category
+            return None
+        return (self.options.get("recognised") or {}).get("kind")
 
     @property
     def scene(self) -> Path:
