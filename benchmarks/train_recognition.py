@@ -238,8 +238,8 @@ def main() -> None:
         "--like", type=Path, help="weights of the first command, whose temperature and threshold are taken"
     )
     parser.add_argument("--start", type=Path, help="weights to go on from, instead of none")
-    parser.add_argument("--steps", type=int, default=2600)
-    parser.add_argument("--every", type=int, default=400, help="steps between counts")
+    parser.add_argument("--steps", type=int, default=9000)
+    parser.add_argument("--every", type=int, default=1000, help="steps between counts")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     torch.set_num_threads(1)

@@ -129,9 +129,9 @@ class Image:
     """Make a 3D sketch of the object in a picture, by score distillation from a prior that knows other views of it.
 
     Priors: zero123 (Zero123-XL, the default where its weights and a GPU are there), stable-zero123 (weights for
-    non-commercial research only); exemplar, which is built in, needs neither, recognises forty kinds of things, and
-    draws nearly forty more where --shows names them; and small, a network of those forty. The picture has alpha, or a
-    --mask, or a plain background. Writes what "diff3ds text" writes.
+    non-commercial research only); exemplar, which is built in, needs neither, and recognises nearly eighty kinds
+    of things; and small, a network of forty of them. The picture has alpha, or a --mask, or a plain background. Writes
+    what "diff3ds text" writes.
     """
 
     spec: Annotated[OmitArgPrefixes[RunSpec[Picture]], arg(name="")]

@@ -143,7 +143,7 @@ def recognised(lines: Lines) -> Guess:
         raise NotRecognised(
             found,
             f"the built-in prior does not recognise the {lines.kind}: it may be one of these, or none of the "
-            f"{len(trained().kinds)} kinds of things that it recognises. If it is one, or another of the library's "
+            f"{len(trained().kinds)} kinds of things that it recognises. If it is one of the library's "
             f"{len(CATEGORIES)}, say so with --shows:\n{found}\n"
             "For any picture use Zero-1-to-3, on a GPU: diff3ds fetch zero123, then --prior zero123",
         )
