@@ -247,6 +247,50 @@ def test_both_sides_have_their_own_surface(browser, tmp_path):
         assert float((part - wanted)[4:-30, 4:-4].abs().mean()) < CLOSE / 2
 
 
+@in_browser
+def test_a_stroke_is_drawn_on_the_surface(browser, tmp_path):
+    """By mouse, beside the surface too, where there is nothing of it. The stroke lies on the surface, all along."""
+    path = tmp_path / "a.json"
+    ds.save(path, ds.Sketch(edges(), width=0.02))
+    surface = torus()
+    save_surface(tmp_path / "torus.glb", surface.vertices, surface.faces)
+    with served(path, surface=tmp_path / "torus.glb") as server:
+        browser.ask("Emulation.setDeviceMetricsOverride", width=640, height=300, deviceScaleFactor=1, mobile=False)
+        browser.ask("Page.navigate", url=server.address)
+        browser.settle("document.querySelector('[data-edit=undo]')?.disabled === true")
+        for key in "to":
+            send(browser, key)
+        browser.value("document.getElementById('plane').value = 'surface'")
+        box = browser.canvas_box()
+        unit = 0.9 * box["height"] / 2 / 3**0.5  # orthographic: the target keeps its size
+        middle = (box["width"] / 2, box["height"] / 2)
+        send(browser, "a")
+        browser.mouse("mousePressed", middle[0] + unit, middle[1] - 0.9 * unit, button="left", buttons=1, clickCount=1)
+        for i in range(1, 31):
+            y = middle[1] + unit * (-0.9 + 0.06 * i)
+            browser.mouse("mouseMoved", middle[0] + unit, y, button="left", buttons=1)
+        browser.mouse("mouseReleased", middle[0] + unit, y, button="left", clickCount=1)
+        send(browser, "s", 2)
+        browser.settle("document.querySelector('[data-edit=save]').textContent === 'Save'")
+        assert not browser.errors
+    drawn_again = ds.load(path)
+    assert len(drawn_again) == 13
+    rows = drawn_again.chains.stroke == 12 if drawn_again.chains else torch.arange(13) == 12
+    curves = drawn_again.points[rows].double(), drawn_again.weights[rows].double()
+    points = ds.bezier.evaluate(*curves, torch.linspace(0, 1, 17, dtype=torch.float64))
+    away = (torch.hypot(points[..., :2].norm(dim=-1) - 1, points[..., 2]) - 0.4).abs()
+    # The tube's facets are up to .005 inside of it, and what lies on it is within .0055.
+    assert float(away.max()) < 0.012
+    assert float(points[..., 2].min()) > 0
+
+
+def send(browser, key, modifiers=0):
+    text = "" if modifiers else key
+    for kind in ("keyDown", "keyUp"):
+        browser.ask("Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers, text=text)
+        text = ""
+
+
 # Without a browser.
 
 

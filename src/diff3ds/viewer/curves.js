@@ -33,28 +33,44 @@ function readSketch(data, { middle, radius }) {
       color: data.color[stroke].map((value) => Math.min(Math.max(value, 0), 1)),
       opacity: data.opacity[stroke],
       shown: true,
+      reach: Math.max(0, ...rows.flatMap((row) => segments[row].map((point) => Math.hypot(...dehomogenized(point))))),
     };
   });
   return { strokes, world: data.width_space === "world" };
 }
 
 // Chords of all strokes. pixelsAt(middle, radius) says how many pixels a unit of length takes at most in such a ball,
-// pixelsOfWidth how many a unit of width does where widths are those of the image.
-function chordsOf(sketch, pixelsAt, pixelsOfWidth) {
-  const chords = [];
+// pixelsOfWidth how many a unit of width does where widths are those of the image. Strokes keep theirs for as long as
+// `zoom`, which stands for both, is the same one.
+function chordsOf(sketch, zoom, pixelsAt, pixelsOfWidth) {
   const first = [0];
-  sketch.strokes.forEach((stroke, index) => {
-    stroke.segments.forEach((segment, i) => {
-      const points = segment.map(dehomogenized);
-      const middle = [0, 1, 2].map((axis) => points.reduce((sum, p) => sum + p[axis], 0) / points.length);
-      const pixels = pixelsAt(middle, Math.max(...points.map((p) => distance(p, middle))));
-      flatten(segment, stroke.widths[i], pixels, sketch.world ? pixels : pixelsOfWidth, DEEPEST, (a, b, wa, wb) =>
-        chords.push(...a, ...b, wa / 2, wb / 2, index),
-      );
-    });
-    first.push(chords.length / CHORD);
+  for (const stroke of sketch.strokes) {
+    if (stroke.zoom !== zoom) {
+      const chords = chordsOfStroke(stroke, pixelsAt, sketch.world ? null : pixelsOfWidth);
+      Object.assign(stroke, { zoom, chords: new Float32Array(chords) });
+    }
+    first.push(first.at(-1) + stroke.chords.length / CHORD);
+  }
+  const values = new Float32Array(first.at(-1) * CHORD);
+  sketch.strokes.forEach(({ chords }, index) => {
+    values.set(chords, first[index] * CHORD);
+    for (let i = first[index]; i < first[index + 1]; i++) values[i * CHORD + 8] = index;
   });
-  return { values: new Float32Array(chords), first };
+  return { values, first };
+}
+
+// Those of one stroke; its number is left 0.
+function chordsOfStroke({ segments, widths }, pixelsAt, pixelsOfWidth) {
+  const chords = [];
+  segments.forEach((segment, i) => {
+    const points = segment.map(dehomogenized);
+    const middle = [0, 1, 2].map((axis) => points.reduce((sum, p) => sum + p[axis], 0) / points.length);
+    const pixels = pixelsAt(middle, Math.max(...points.map((p) => distance(p, middle))));
+    flatten(segment, widths[i], pixels, pixelsOfWidth ?? pixels, DEEPEST, (a, b, wa, wb) =>
+      chords.push(...a, ...b, wa / 2, wb / 2, 0),
+    );
+  });
+  return chords;
 }
 
 // Hands the chords of a segment on, halved until they are near enough.

@@ -27,15 +27,20 @@ function isUnsaved() {
   return edits.now.doc !== savedDoc;
 }
 
-// Shows a document; what was hidden of it stays so.
+// Shows a document; what was hidden of it stays so. Strokes that are the same ones are not read again.
 function showDoc(doc, indices) {
   const shown = new Map(shownDoc.strokes.map(({ id }, i) => [id, sketch.strokes[i].shown]));
+  const known = new Map(shownDoc.strokes.map((stroke, i) => [stroke, sketch.strokes[i]]));
+  const others = doc.strokes.filter((stroke) => !known.has(stroke));
+  const read = readSketch(dataOf({ ...doc, strokes: others }), start);
+  read.strokes.forEach((stroke, i) => {
+    stroke.shown = shown.get(others[i].id) ?? true;
+    known.set(others[i], stroke);
+  });
   shownDoc = doc;
-  sketch = readSketch(dataOf(doc), start);
-  sketch.strokes.forEach((stroke, i) => (stroke.shown = shown.get(doc.strokes[i].id) ?? true));
-  const points = doc.strokes.flatMap((stroke) => stroke.segments.flatMap((segment) => segment.points));
-  camera = { ...camera, reach: points.reduce((most, point) => Math.max(most, Math.hypot(...toView(point))), reachOf(start)) };
-  [madeFor, chosen] = [null, indices.filter((index) => index < doc.strokes.length)];
+  sketch = { ...read, strokes: doc.strokes.map((stroke) => known.get(stroke)) };
+  camera = { ...camera, reach: sketch.strokes.reduce((most, { reach }) => Math.max(most, reach), reachOf(start)) };
+  chosen = indices.filter((index) => index < doc.strokes.length);
   selected = chosen.at(-1) ?? null;
   listStrokes();
   refreshInks();

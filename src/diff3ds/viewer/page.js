@@ -44,19 +44,22 @@ function refreshInks() {
 }
 
 function refreshChords() {
-  const zoom = { scale: size()[1] / camera.distance, target: camera.target, orthographic: camera.orthographic };
+  const zoom = { camera, scale: size()[1] / camera.distance };
   const ratio = madeFor ? zoom.scale / madeFor.scale : 0;
-  const moved = madeFor ? distance(zoom.target, madeFor.target) > 0.2 * camera.distance : true;
-  if (!moved && ratio < SPARE && ratio > 1 / SPARE ** 2 && zoom.orthographic === madeFor.orthographic) return;
-  madeFor = zoom;
+  const moved = madeFor ? distance(camera.target, madeFor.camera.target) > 0.2 * camera.distance : true;
+  const lens = camera.orthographic === madeFor?.camera.orthographic;
+  const isFit = !moved && ratio < SPARE && ratio > 1 / SPARE ** 2 && lens;
+  if (isFit && sketch.chords) return;
+  if (!isFit) madeFor = zoom;
   sketch.chords = chordsFor(sketch);
   drawing.setChords(sketch.chords);
 }
 
-// The chords of a sketch for the present zoom.
+// The chords of a sketch for the zoom that all chords are made for.
 function chordsFor(some) {
-  const pixels = (middle, radius) => SPARE * pixelsAtMost(camera, size()[1], middle, radius + 0.2 * camera.distance);
-  return chordsOf(some, pixels, size()[1]);
+  const made = madeFor.camera;
+  const pixels = (middle, radius) => SPARE * pixelsAtMost(made, size()[1], middle, radius + 0.2 * made.distance);
+  return chordsOf(some, madeFor, pixels, size()[1]);
 }
 
 // Draws the view anew, more finely with every frame until nothing changes any more.
@@ -158,8 +161,11 @@ function listStrokes() {
   while (list.children.length < count) list.append(listItem(list.children.length));
   sketch.strokes.forEach((stroke, index) => {
     const [box, button, color] = list.children[index].children;
+    const isChosen = String(chosen.includes(index));
+    if (button.getAttribute("aria-pressed") !== isChosen) button.setAttribute("aria-pressed", isChosen);
+    // Nothing else of a stroke changes: another one takes its place.
+    if (stroke.button === button) return;
     button.textContent = nameOf(index);
-    button.setAttribute("aria-pressed", chosen.includes(index));
     box.checked = stroke.shown;
     color.value = hexOf(stroke.color);
     Object.assign(stroke, { button, box });
