@@ -33,6 +33,8 @@ from report import environment, write_json
 
 VIEWS = 50
 TURNED, MOVED = 0.3, 0.01
+# Rounds in which cameras that are far off are left out.
+ALIGNMENTS = 4
 # Edges beyond the part's box and this margin, units, are those of the room.
 MARGIN = 0.05
 # Of a sharp edge this fraction must be seen to be asked for.
@@ -97,22 +99,30 @@ def to_truth(used: dict, true: dict, points: np.ndarray) -> np.ndarray:
     """Points of the world of the used cameras in that of the true ones: by a similarity.
 
     Each point is where the true cameras see what the used ones see of it, as nearly as their rays meet. Not all may be
-    used.
+    used, and those that are off by more than three times the median, in which refinement has lost its way, say nothing
+    of where the world lies.
     """
     named = {Path(frame["file_path"]).name: frame for frame in true["frames"]}
-    total, right = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
+    centers, rays = [], []
     for one in used["frames"]:
-        other = named[Path(one["file_path"]).name]
         pose, lens = np.array(one["transform_matrix"]), {**used, **one}
         local = (points - pose[:3, 3]) @ pose[:3, :3]
         plane = local[:, :2] / -local[:, 2:] * [lens["fl_x"] / FOCAL, lens["fl_y"] / FOCAL]
         plane += np.array([lens["cx"] - SIZE / 2, SIZE / 2 - lens["cy"]]) / FOCAL
-        pose = np.array(other["transform_matrix"])
+        pose = np.array(named[Path(one["file_path"]).name]["transform_matrix"])
         ray = np.column_stack([plane, -np.ones(len(plane))]) @ pose[:3, :3].T
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        across = np.eye(3) - ray[:, :, None] * ray[:, None, :]
-        total, right = total + across, right + across @ pose[:3, 3]
-    there = np.linalg.solve(total, right[..., None])[..., 0]
+        centers.append(pose[:3, 3])
+        rays.append(ray / np.linalg.norm(ray, axis=1, keepdims=True))
+    across = np.eye(3) - np.array(rays)[..., None] * np.array(rays)[..., None, :]
+    kept = np.ones(len(centers), bool)
+    for _ in range(ALIGNMENTS):
+        right = np.einsum("vmij,vj->mi", across[kept], np.array(centers)[kept])
+        there = np.linalg.solve(across[kept].sum(0), right[..., None])[..., 0]
+        off = there - np.array(centers)[:, None]
+        error = np.sqrt((np.einsum("vmij,vmj->vmi", across, off) ** 2).sum(-1).mean(1)) / np.linalg.norm(
+            off[:, 0], axis=1
+        )
+        kept = error <= 3 * np.median(error)
     here, middle = points.mean(0), there.mean(0)
     u, s, v = np.linalg.svd((there - middle).T @ (points - here))
     mirrored = np.diag([1, 1, np.linalg.det(u @ v)])
