@@ -4,6 +4,7 @@
 indices in the sketch that the fit began with, so constraints and refinements that drop strokes exclude each other.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -99,12 +100,20 @@ def mirrored(
     return reflect
 
 
-def smooth(sketch: Sketch) -> Constraint:
+def smooth(sketch: Sketch, turn: float = SMOOTH) -> Constraint:
     """Joints that are smooth in this sketch stay so: each lies between its neighbouring control points, as far along.
 
-    A joint is smooth if the curve turns there by less than `SMOOTH` radians. Joints of straight segments stay as they
-    are, since their neighbours are joints as well.
+    Joints of straight segments stay as they are, since their neighbours are joints as well.
+
+    Args:
+        sketch: before anything has moved.
+        turn: a joint is smooth if the curve turns there by less than this, radians, below a quarter turn.
+
+    Raises:
+        ValueError: another turn.
     """
+    if not (isinstance(turn, int | float) and 0 < turn < math.pi / 2):
+        raise ValueError(f"turn must be an angle between 0 and a quarter turn, in radians, got {turn!r}")
     chains = sketch.chains
     if chains is None or sketch.points.shape[1] < 3:
         return lambda moved: moved
@@ -113,7 +122,7 @@ def smooth(sketch: Sketch) -> Constraint:
     before, after = points[starts, 0] - points[ends, -2], points[starts, 1] - points[starts, 0]
     lengths = torch.linalg.vector_norm(before, dim=-1), torch.linalg.vector_norm(after, dim=-1)
     sine = torch.linalg.vector_norm(torch.linalg.cross(before, after), dim=-1) / (lengths[0] * lengths[1])
-    level = (sine < SMOOTH) & ((before * after).sum(-1) > 0)
+    level = (sine < math.sin(turn)) & ((before * after).sum(-1) > 0)
     ends, starts = ends[level], starts[level]
     ratio = (lengths[0] / (lengths[0] + lengths[1]))[level, None]
 

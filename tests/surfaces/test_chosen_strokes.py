@@ -4,8 +4,9 @@ import numpy as np
 import torch
 
 import diff3ds as ds
-from diff3ds.surfaces.chosen_strokes import choose_strokes, directions
+from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.feature_curves import feature_curves
+from diff3ds.surfaces.line_drawings import sides_and_corners
 
 
 def box(size) -> ds.TriangleMesh:
@@ -44,7 +45,7 @@ def test_features_that_are_kept_come_first_and_do_not_count():
 
 def test_the_directions_see_all_of_it():
     mesh = box((3.0, 2.0, 1.0))
-    cameras = directions(mesh)
+    cameras = sides_and_corners(mesh)
     assert len(cameras) == 14
     corners = torch.from_numpy(mesh.vertices)
     homogeneous = torch.cat([corners, torch.ones(len(corners), 1)], 1)

@@ -2,13 +2,12 @@
 
 A smooth thing has no line that is there from everywhere, but a drawing of it in space has: outlines from the front,
 from the side, from above, as one bends them of wire. Candidates are the feature curves and the visible contours from
-six sides. Drawings of the surface from these sides and from eight corners are what is to be shown; one candidate after
-the other is taken, each time the one that shows most of what was not yet shown.
+six sides and eight corners. Drawings of the surface from there are what is to be shown; one candidate after the other
+is taken, each time the one that shows most of what was not yet shown, less what it draws where no line is.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,30 +15,23 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.bezier import evaluate
-from diff3ds.camera import Cameras, orbit
 from diff3ds.chains import Chains
-from diff3ds.project import project
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.drawn import visible_lines
+from diff3ds.surfaces.line_drawings import SAMPLES, LinePoints, points_along, sides_and_corners
 from diff3ds.surfaces.mesh import TriangleMesh
 
-# The first directions, whose contours are candidates: a thing with two like sides gets strokes that are alike.
-SIDES = 6
-# Drawings are compared in pictures of this size, of a height that is this factor of the surface's size.
-SIZE, MARGIN = 128, 1.1
 # A line is shown by a stroke that lies so near, pixels, in its direction: a quarter turn counts as so many pixels. A
 # stroke is false where no line lies so near. Empirical, as all that follows.
 NEAR, TURNED, FALSE = 1.5, 4.0, 3.0
 # So much the false length of a stroke counts against what it shows.
-AGAINST = 0.12
+AGAINST = 0.4
 # The least that a stroke must show, as a share of all lines of all drawings.
 LEAST = 0.002
 # Contours shorter than this share of the surface's size are no candidates.
 SHORT = 0.05
-# Points along a segment.
-SAMPLES = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +67,14 @@ def choose_strokes(
         keep: whether all features are taken first, whatever they show, and do not count.
         report: told the drawings that are done, and their number.
     """
-    cameras = directions(mesh)
+    cameras = sides_and_corners(mesh)
     targets, found, whose = [], [features.to(torch.float64)], [*kinds]
     for view in range(len(cameras)):
         lines = visible_lines(features.to(torch.float64), cameras[view], mesh, kinds=kinds)[0]
-        targets.append(_points(lines.strokes(True), cameras[view]))
-        if view < SIDES:
-            contours = _long(lines.strokes(True, "contour"), SHORT * mesh.size)
-            found.append(contours)
-            whose += ["contour"] * len(contours)
+        targets.append(points_along(lines.strokes(True), cameras[view]))
+        contours = _long(lines.strokes(True, "contour"), SHORT * mesh.size)
+        found.append(contours)
+        whose += ["contour"] * len(contours)
         report(view + 1, 2 * len(cameras))
     candidates = Sketch.concatenate([_plain(sketch) for sketch in found])
     shows, false = [], np.zeros(len(candidates))
@@ -91,7 +82,7 @@ def choose_strokes(
         parts = visible_lines(candidates, cameras[view], mesh, contours=False)[0].parts
         parts = parts[parts.visible]
         seen, owner = cut_sketch(candidates, parts.segment, parts.start, parts.stop)
-        shown, wrong = _compared(targets[view], _points(seen, cameras[view], owner), len(candidates))
+        shown, wrong = _compared(targets[view], points_along(seen, cameras[view], owner), len(candidates))
         shows.append(shown)
         false += wrong
         report(len(cameras) + view + 1, 2 * len(cameras))
@@ -101,67 +92,7 @@ def choose_strokes(
     return ChosenStrokes(strokes, tuple(whose[i] for i in order), tuple(share.tolist()))
 
 
-def directions(mesh: TriangleMesh) -> Cameras:
-    """Orthographic views of the six sides of a cube, and then from its eight corners."""
-    axes = np.eye(3)
-    towards = np.array([*axes, *-axes, *product((-1.0, 1.0), repeat=3)])
-    azimuth = np.degrees(np.arctan2(towards[:, 1], towards[:, 0]))
-    elevation = np.degrees(np.arctan2(towards[:, 2], np.hypot(towards[:, 0], towards[:, 1])))
-    reach = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
-    cameras = orbit(
-        azimuth.tolist(), elevation.tolist(), 2 * reach, fov=None, height=MARGIN * reach, size=SIZE, near=reach / 100
-    ).to(torch.float64)
-    # Placed around the origin and moved: in map coordinates the float32 of `orbit` would move them.
-    pose = cameras.world_to_camera.clone()
-    pose[:, :3, 3] -= pose[:, :3, :3] @ torch.from_numpy(mesh.bounds.mean(0))
-    return replace(cameras, world_to_camera=pose)
-
-
-@dataclass(frozen=True, eq=False)
-class _Points:
-    """Points along lines in a picture.
-
-    Attributes:
-        place: pixels.
-        turn: the direction of the line, of either sign, as a point on a circle, `TURNED` across.
-        weight: the length of line that each stands for, pixels.
-        stroke: the stroke that each is of.
-    """
-
-    place: Float[Array, "P 2"]
-    turn: Float[Array, "P 2"]
-    weight: Float[Array, " P"]
-    stroke: Int[Index, " P"]
-
-
-def _points(sketch: Sketch, camera: Cameras, owner: Int[Index, " N"] | None = None) -> _Points:
-    """Points along the strokes as a camera sees them.
-
-    Args:
-        owner: the stroke that each one stands for.
-    """
-    chains = sketch.chains or Chains.plain(len(sketch))
-    cubics = project(sketch, camera).cubics[0]
-    t = torch.linspace(0, 1, SAMPLES, dtype=torch.float64)
-    seen = (
-        evaluate(cubics[..., :2] / cubics[..., 2:3], cubics[..., 2], t).numpy()
-        if len(cubics)
-        else np.zeros((0, SAMPLES, 2))
-    )
-    step = np.diff(seen, axis=1)
-    length = np.linalg.norm(step, axis=-1)
-    x, y = np.moveaxis(step / np.maximum(length, 1e-12)[..., None], -1, 0)
-    turn = TURNED / 2 * np.stack([x**2 - y**2, 2 * x * y], -1)
-    stroke = np.repeat(chains.stroke.numpy(), SAMPLES - 1)
-    return _Points(
-        ((seen[:, 1:] + seen[:, :-1]) / 2).reshape(-1, 2),
-        turn.reshape(-1, 2),
-        length.ravel(),
-        stroke if owner is None else owner[stroke],
-    )
-
-
-def _compared(target: _Points, strokes: _Points, count: int) -> tuple[Bool[Mask, "N P"], Float[Array, " N"]]:
+def _compared(target: LinePoints, strokes: LinePoints, count: int) -> tuple[Bool[Mask, "N P"], Float[Array, " N"]]:
     """Which points of a drawing each of so many strokes shows, and how much of it is false, pixels."""
     from scipy.spatial import cKDTree
 
@@ -171,14 +102,20 @@ def _compared(target: _Points, strokes: _Points, count: int) -> tuple[Bool[Mask,
         return shown, false
     if not len(target.place):
         return shown, np.bincount(strokes.stroke, strokes.weight, count).astype(np.float64)
-    lines = cKDTree(np.concatenate([target.place, target.turn], 1))
-    near = lines.query_ball_point(np.concatenate([strokes.place, strokes.turn], 1), NEAR)
+    lines = cKDTree(_turned(target))
+    near = lines.query_ball_point(_turned(strokes), NEAR)
     counts = np.array([len(found) for found in near])
     if counts.any():
         shown[np.repeat(strokes.stroke, counts), np.concatenate([np.array(f, np.int64) for f in near])] = True
     away, _ = cKDTree(target.place).query(strokes.place)
     wrong = away > FALSE
     return shown, np.bincount(strokes.stroke[wrong], strokes.weight[wrong], count).astype(np.float64)
+
+
+def _turned(points: LinePoints) -> Float[Array, "P 4"]:
+    """Places, and directions of either sign as points on a circle, `TURNED` across."""
+    x, y = points.direction.T
+    return np.column_stack([points.place, TURNED / 2 * (x**2 - y**2), TURNED * x * y])
 
 
 def _greedy(

@@ -23,6 +23,7 @@ from diff3ds.surfaces.feature_curves import FeatureCurves, feature_curves, loose
 from diff3ds.surfaces.load import load_surface
 from diff3ds.surfaces.mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
@@ -165,7 +166,17 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
     chosen = choose_strokes(mesh, features, kinds, count, keep, told)
     if not len(chosen.sketch):
         raise ValueError("the mesh shows no line from any side: it may lie in one plane without a border")
-    return MeshSketch(chosen.sketch, chosen.kinds, outlines)
+    # Features stay where they are, and come first.
+    first = sorted(range(len(chosen.kinds)), key=lambda i: chosen.kinds[i] == CONTOUR)
+    start, named = chosen.sketch[first], tuple(chosen.kinds[i] for i in first)
+    held = len(named) - named.count(CONTOUR)
+    if held == len(named):
+        return MeshSketch(start, named, outlines)
+
+    def fitting(done: int, of: int) -> None:
+        report(Progress("fit", done, of, None, len(start)))
+
+    return MeshSketch(fit_strokes(mesh, features.to(torch.float64), start, held, fitting), named, outlines)
 
 
 def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:
