@@ -28,7 +28,8 @@ from diff3ds.surfaces.mesh import TriangleMesh
 NEAR, TURNED, FALSE = 1.5, 4.0, 3.0
 # So much the false length of a stroke counts against what it shows.
 AGAINST = 0.4
-# The least that a stroke must show, as a share of all lines of all drawings.
+# The least that a stroke must show, as a share of all lines of all drawings; less what counts against it where nobody
+# has asked for so many.
 LEAST = 0.002
 # Contours shorter than this share of the surface's size are no candidates.
 SHORT = 0.05
@@ -64,7 +65,8 @@ def choose_strokes(
         features: its feature curves.
         kinds: what each of these is.
         count: strokes at most; fewer where more show nothing.
-        keep: whether all features are taken first, whatever they show, and do not count.
+        keep: whether all features are taken first, whatever they show, and do not count; then there are fewer strokes
+            where more would draw most where no line is.
         report: told the drawings that are done, and their number.
     """
     cameras = sides_and_corners(mesh)
@@ -87,7 +89,7 @@ def choose_strokes(
         false += wrong
         report(len(cameras) + view + 1, 2 * len(cameras))
     weights = np.concatenate([target.weight for target in targets])
-    order, share = _greedy(np.concatenate(shows, 1), weights, false, count, len(features) if keep else 0)
+    order, share = _greedy(np.concatenate(shows, 1), weights, false, count, len(features) if keep else None)
     strokes = candidates[torch.from_numpy(order)]
     return ChosenStrokes(strokes, tuple(whose[i] for i in order), tuple(share.tolist()))
 
@@ -119,20 +121,22 @@ def _turned(points: LinePoints) -> Float[Array, "P 4"]:
 
 
 def _greedy(
-    shows: Bool[Mask, "N P"], weights: Float[Array, " P"], false: Float[Array, " N"], count: int, first: int
+    shows: Bool[Mask, "N P"], weights: Float[Array, " P"], false: Float[Array, " N"], count: int, kept: int | None
 ) -> tuple[Int[Index, " M"], Float[Array, " M"]]:
     """The candidates that are taken, and the share that they and those before them show."""
     whole = max(float(weights.sum()), 1e-12)
+    first = kept or 0
     order = [*range(first)]
     left = np.where(shows[:first].any(0), 0.0, weights)
     share = [1 - float(left.sum()) / whole] * first
     held = np.zeros(len(shows), bool)
     held[:first] = True
     for _ in range(min(count, len(shows) - first)):
-        gain = shows @ left - AGAINST * false
-        gain[held] = -np.inf
+        new = shows @ left
+        gain = new - AGAINST * false
+        gain[held | (new < LEAST * whole)] = -np.inf
         best = int(gain.argmax())
-        if gain[best] < LEAST * whole:
+        if gain[best] == -np.inf or (kept is not None and gain[best] < LEAST * whole):
             break
         held[best] = True
         order.append(best)

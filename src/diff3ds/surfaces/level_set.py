@@ -36,7 +36,7 @@ def level_set(
     padded = np.pad(given, 1, constant_values=-float(np.abs(given).max()))
     inside = padded > 0
     corners = list(product((0, 1), repeat=3))
-    counts = sum(_corner(inside, corner).astype(np.int64) for corner in corners)
+    counts = np.stack([_corner(inside, corner) for corner in corners]).sum(0)
     cells = np.argwhere((counts > 0) & (counts < 8))
     number = np.full(counts.shape, -1, np.int64)
     number[tuple(cells.T)] = np.arange(len(cells))

@@ -48,7 +48,7 @@ class MeshSketch:
 
     Attributes:
         sketch: the strokes that are there from everywhere.
-        kinds: what each is: "crease", "border", "intersection", or "contour": an outline from one of six sides.
+        kinds: what each is: "crease", "border", "intersection", or "contour": a stroke for outlines of smooth parts.
         outlines: the share of the outlines from all sides that creases and borders draw.
     """
 
@@ -97,8 +97,8 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     made = sketch_mesh(mesh, options, report)
     if made.outlines < LEAST_OUTLINE:
         say(
-            f"the mesh is smooth: its creases and borders draw {made.outlines:.0%} of its outlines; outlines from the "
-            "front, the sides and above are among the strokes, and the drawings have those of their own views"
+            f"the mesh is smooth: its creases and borders draw {made.outlines:.0%} of its outlines; strokes "
+            "fitted to outlines from all around are in the sketch, and the drawings have those of their own views"
         )
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
     features, kinds = made.features

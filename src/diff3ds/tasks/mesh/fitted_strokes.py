@@ -3,10 +3,10 @@
 Outlines from some sides are a good start, but each is right from its own side only. Here they are moved until they are
 as near as they can be to the lines of drawings from everywhere: visible contours and features. Each point of a drawing
 pulls the nearest stroke, and each point of a stroke is pulled to the nearest line, so that strokes come from afar too,
-where pictures that are blurred would have to be very much so.
+where pictures that are blurred would have to be very much so. Strokes slide along the surface, and hardly leave it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,23 +17,24 @@ from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.constraints import Constraint, fixed, smooth
-from diff3ds.optimize.fit import FitConfig, Rates, fit
 from diff3ds.pictures.frame import Frame
 from diff3ds.project import project
-from diff3ds.render import Rendering
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.line_drawings import SAMPLES, all_around, points_along
+from diff3ds.surfaces.line_drawings import MARGIN, SAMPLES, SIZE, all_around, points_along
 from diff3ds.surfaces.mesh import TriangleMesh
 
 # Drawings, and how many of them a step compares with. Empirical, as all that follows.
-VIEWS, BATCH = 32, 6
-STEPS = 300
-# Of the first step, as a share of half the diagonal of the mesh's box.
-RATE = 0.003
+VIEWS, BATCH = 24, 6
+STEPS = 200
+# Adam's rate in the first step, as a share of half the diagonal of the mesh's box, and how it falls to the last one.
+RATE, LAST_RATE = 0.004, 0.1
 # So much a stroke's distance from the lines counts against a line's distance from the strokes: strokes that are right
 # from some sides have to be there from all.
 EXTRA = 0.1
+# So much a stroke's distance from the surface counts. Without it, those on a ball would grow out of it.
+OFF = 1.0
 # Joints that turn by less than this become smooth, radians.
 SMOOTHED = 0.5
 
@@ -65,26 +66,58 @@ def fit_strokes(
     low, high = mesh.bounds
     frame = Frame(torch.from_numpy((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
     start, views = frame.from_world(strokes), frame.cameras(cameras)
-    generator = np.random.default_rng(0)
-    order = [generator.choice(VIEWS, BATCH, replace=False) for _ in range(STEPS)]
-
-    def objective(rendering: Rendering, seen: Cameras, step: int, sketch: Sketch) -> Tensor:
-        cubics = project(sketch, seen).cubics
-        losses = [drawings[view].distance(cubics[i]) for i, view in enumerate(order[step])]
-        return torch.stack(losses).mean()
-
     constraints: tuple[Constraint, ...] = (smooth(start, SMOOTHED),)
     if held:
         constraints += (fixed(start, range(held)),)
-    config = FitConfig(steps=STEPS, rates=Rates(points=RATE), constraints=constraints)
-    moved = start
-    for step in fit(start, objective, lambda step, _: views[order[step].tolist()], config):
-        moved = step.sketch
-        report(step.index + 1, STEPS)
+    generator = np.random.default_rng(0)
+    surface = _Surface(mesh, frame)
+    leaf = start.points.clone().requires_grad_()
+    optimizer = torch.optim.Adam([leaf], RATE)
+    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, LAST_RATE ** (1 / STEPS))
+    with torch_on_one_thread():
+        for step in range(STEPS):
+            moved = _kept(start, leaf, constraints)
+            some = generator.choice(VIEWS, BATCH, replace=False).tolist()
+            cubics = project(moved, views[some]).cubics
+            loss = torch.stack([drawings[v].distance(cubics[i]) for i, v in enumerate(some)]).mean()
+            loss = loss + OFF * surface.distance(moved)
+            (leaf.grad,) = torch.autograd.grad(loss, [leaf])
+            optimizer.step()
+            schedule.step()
+            report(step + 1, STEPS)
+    moved = _kept(start, leaf.detach(), constraints)
     points = frame.to_world(moved).points.to(torch.float64)
     # What is held has been through float32 only on the way.
     kept = (strokes.chains or Chains.plain(len(strokes))).stroke < held
     return replace(strokes, points=torch.where(kept[:, None, None], strokes.points, points))
+
+
+def _kept(start: Sketch, points: Float[Tensor, "M K 3"], constraints: Sequence[Constraint]) -> Sketch:
+    """The strokes with other control points: joints are one point, and constraints are kept."""
+    moved = replace(start, points=start.chains.joined(points) if start.chains else points)
+    for constrained in constraints:
+        moved = constrained(moved)
+    return moved
+
+
+class _Surface:
+    """The planes of a mesh's faces, in a frame."""
+
+    def __init__(self, mesh: TriangleMesh, frame: Frame) -> None:
+        from scipy.spatial import cKDTree
+
+        middle = mesh.vertices[mesh.faces].mean(1)
+        self._middle = torch.from_numpy((middle - frame.center.numpy()) / frame.radius)
+        self._normal = torch.from_numpy(mesh.face_normals)
+        self._tree = cKDTree(self._middle.numpy())
+
+    def distance(self, sketch: Sketch) -> Float[Tensor, ""]:
+        """How far strokes are from the planes of the nearest faces in the mean, pixels of the drawings."""
+        t = torch.linspace(0, 1, SAMPLES, dtype=sketch.points.dtype)
+        along = evaluate(sketch.points, sketch.weights, t).flatten(0, 1).double()
+        face = torch.from_numpy(self._tree.query(along.detach().numpy())[1])
+        off = ((along - self._middle[face]) * self._normal[face]).sum(1).abs()
+        return off.mean() * SIZE / (2 * MARGIN)
 
 
 class _Drawing:
@@ -115,4 +148,5 @@ class _Drawing:
         missing = (middle[nearest] - self._place).norm(dim=1) @ self._weight
         there = self._place[torch.from_numpy(self._tree.query(places)[1])]
         extra = (middle - there).norm(dim=1) @ length
-        return (missing + EXTRA * extra) / whole
+        mean: Tensor = (missing + EXTRA * extra) / whole
+        return mean

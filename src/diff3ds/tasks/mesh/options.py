@@ -22,7 +22,7 @@ class MeshOptions:
         angle: faces that meet at more than so many degrees make a crease: by default 38, and none where most creases
             would be scraps, as on an animal.
         strokes: so many strokes at most, those that show most from all sides. By default all creases and borders; of
-            a thing most of whose outlines are smooth, 24 outlines from the front, the sides and above as well.
+            a thing most of whose outlines are smooth, up to 24 fitted to its outlines as well.
         contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
         size: of the drawings, pixels.
