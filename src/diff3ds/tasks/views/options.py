@@ -51,6 +51,8 @@ class ViewsOptions:
             follow axes; keep leaves it in the world of the cameras.
         scale: with --between, a distance in units of yours, such as millimetres.
         between: what lies so far apart: two cameras by the names of their pictures, or two points as X,Y,Z.
+        contours: the pictures' silhouettes, alpha or what the outlines of drawings close in, give a coarse surface as
+            well, surface.glb, which hides lines and has contours: in the preview, and with "diff3ds render --hidden".
         size: larger pictures are reduced to this many pixels along the longer side.
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
@@ -74,6 +76,7 @@ class ViewsOptions:
     up: Up = "keep"
     scale: float | None = None
     between: tuple[str, str] | None = None
+    contours: bool = False
     size: int = 512
     start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0

@@ -15,6 +15,7 @@ from diff3ds.photogrammetry.placing import distance_between, turned_up, up_of
 from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.options import Target
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.views.options import ViewsOptions
 
 PLACED = "transforms_placed.json"
@@ -46,6 +47,11 @@ class Placing:
         matrix = torch.eye(4, dtype=torch.float64)
         matrix[:3, :3] = self.scale * self.turn
         return sketch.transform(matrix)
+
+    def surface(self, surface: TriangleMesh) -> TriangleMesh:
+        """The surface in the new world."""
+        matrix = (self.scale * self.turn).double().numpy()
+        return TriangleMesh(surface.vertices @ matrix.T, surface.faces, surface.part, surface.crease)
 
     def cameras(self, cameras: Cameras) -> Cameras:
         """The cameras in the new world."""

@@ -19,7 +19,7 @@ from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
 from diff3ds.photogrammetry.edge_maps import edge_maps_of
 from diff3ds.photogrammetry.project import NoCamerasError, find_project
-from diff3ds.pictures.content.background import color_or_path, described
+from diff3ds.pictures.content.background import color_or_path, described, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
 from diff3ds.pictures.dataset import PosedPictures, load_posed
@@ -28,6 +28,7 @@ from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
@@ -37,6 +38,7 @@ from diff3ds.tasks.start_sketch import digest_of, finished, held, load_start
 from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
 from diff3ds.tasks.views.detected_edges import detect_edges
 from diff3ds.tasks.views.edge_sketch import fit_edges
+from diff3ds.tasks.views.hull_surface import hull_surface
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.placed import PLACED, along_lines, placing_of
 from diff3ds.tasks.views.plan import Fitted, Plan
@@ -124,6 +126,8 @@ def _run(
     clean_plates = _clean_plates(pictures, path, options, out, report)
     _say_before(options, pictures, say)
     placing = None if path is None else placing_of(path, options.pictures, options)
+    # Silhouettes may be wanting, which is said before anything is overwritten.
+    surface = _surface(pictures, clean_plates, options, report) if options.contours else None
     read = time.perf_counter()
     if options.overwrite and not options.resume:
         # Killed before its first checkpoint, the new run must not go on from the old one's.
@@ -145,7 +149,8 @@ def _run(
             pictures=dataclasses.replace(fitted.pictures, cameras=cameras),
             chosen={**fitted.chosen, "placed": placing.about},
         )
-    shown = preview(fitted.sketch, fitted.pictures)
+        surface = None if surface is None else placing.surface(surface)
+    shown = preview(fitted.sketch, fitted.pictures, surface)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
         {"target": pictures.target, **fitted.chosen, "stages": times.seconds()},
@@ -154,7 +159,7 @@ def _run(
         fitted.scores,
         fitted.stopped,
     )
-    write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info)
+    write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info, surface)
     if path is not None and (fitted.refined or placing is not None):
         views = list(fitted.refined or range(len(pictures)))
         zoom = fitted.chosen["cameras"]["focal"] if fitted.refined else 1.0
@@ -235,9 +240,26 @@ def _fitted(
     return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
 
 
-def preview(sketch: Sketch, pictures: PosedPictures) -> Float[Tensor, "H W 3"]:
-    """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target."""
-    drawn = render(sketch, pictures.cameras[evenly_spaced(len(pictures), PREVIEWS)]).color
+def _surface(
+    pictures: PosedPictures, clean_plates: CleanPlates | None, options: ViewsOptions, report: Report
+) -> TriangleMesh:
+    """The surface of what the pictures show."""
+    report(Progress("visual hull", 0, None, None, 0))
+    if pictures.target == "edges":
+        return hull_surface(pictures)
+    color = None if options.background is None or clean_plates else parse_background(options.background)
+    return hull_surface(with_alpha(pictures, clean_plates or color)[0])
+
+
+def preview(sketch: Sketch, pictures: PosedPictures, surface: TriangleMesh | None = None) -> Float[Tensor, "H W 3"]:
+    """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target.
+
+    Args:
+        sketch: in the world of the cameras.
+        pictures: the targets.
+        surface: hides lines of the sketch, and is drawn by its contours.
+    """
+    drawn = render(sketch, pictures.cameras[evenly_spaced(len(pictures), PREVIEWS)], surface=surface).color
     return tile_images(torch.cat([_some(pictures), drawn.clamp(0, 1)], 2), columns=2)
 
 

@@ -1,0 +1,86 @@
+"""Surfaces from silhouettes: bars and balls, whose outlines are known."""
+
+import numpy as np
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.pictures.content.outlines import depths
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.store import store_of
+from diff3ds.tasks.views.hull_surface import hull_surface
+
+AROUND = ds.orbit([137.508 * i for i in range(21)], [-50 + 5.0 * i for i in range(21)], 4.0, fov=45, size=96)
+MIDDLE = torch.tensor([10.0, 20.0, 5.0])
+
+
+def posed(pixels: torch.Tensor, target: str = "color") -> PosedPictures:
+    names = tuple(f"{i}.png" for i in range(len(pixels)))
+    return PosedPictures(cameras(), target, store_of(pixels), names)
+
+
+def cameras() -> ds.Cameras:
+    pose = AROUND.world_to_camera.double()
+    pose[:, :3, 3] -= pose[:, :3, :3] @ MIDDLE.double()
+    return ds.Cameras(pose, AROUND.intrinsics.double(), AROUND.size)
+
+
+def bar() -> torch.Tensor:
+    """Colour and alpha of a bar along x with round ends, .4 thick, 1.6 long without its ends."""
+    points = torch.tensor([[[-0.8, 0, 0], [0.8, 0, 0]]]) + MIDDLE
+    drawn = ds.render(ds.Sketch(points, width=0.4, width_space="world"), cameras(), background=0.0)
+    return torch.cat([drawn.color, drawn.alpha[..., None]], -1)
+
+
+def from_axis(surface: ds.TriangleMesh) -> np.ndarray:
+    points = surface.vertices - MIDDLE.double().numpy()
+    points[:, 0] -= np.clip(points[:, 0], -0.8, 0.8)
+    return np.linalg.norm(points, axis=1)
+
+
+def test_a_bar_is_as_thick_as_it_is_and_one_wrong_picture_carves_nothing():
+    pixels = bar()
+    off = from_axis(hull_surface(posed(pixels), 40)) - 0.2
+    # A hull is nowhere thinner; a cell of the grid is .06 wide here.
+    assert -0.02 < off.mean() < 0.03
+    assert np.abs(off).max() < 0.07
+    pixels[3] = 0
+    assert np.abs(from_axis(hull_surface(posed(pixels), 40)) - 0.2).max() < 0.07
+
+
+def test_outlines_of_drawings_close_in_what_they_show():
+    ball = ds.Quadrics.ellipsoids([MIDDLE.tolist()], [[0.8, 0.8, 0.8]])
+    nothing = ds.Sketch(torch.zeros(0, 4, 3))
+    ink = ds.render(nothing, cameras(), surface=ball).alpha[..., None]
+    # A gap in one of them, through which all runs out.
+    ink[5, 48, :48] = 0
+    surface = hull_surface(posed(ink.float(), "edges"), 40)
+    radius = np.linalg.norm(surface.vertices - MIDDLE.double().numpy(), axis=1)
+    assert surface.is_closed
+    assert abs(radius.mean() - 0.8) < 0.02
+    assert np.abs(radius - 0.8).max() < 0.07
+
+
+def test_depths_are_distances_from_the_outline():
+    alpha = torch.zeros(1, 9, 20, 4)
+    alpha[0, :, 6:14] = 1
+    deep = depths(store_of(alpha).batch([0]))[0, 4]
+    assert deep[3:10].tolist() == [-2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 3.5]
+    square = torch.zeros(1, 24, 24, 1)
+    square[0, 4:20, 4:20] = 1
+    square[0, 6:18, 6:18] = 0
+    # Lines two pixels wide, whose middles are at 5 and 19.
+    deep = depths(store_of(square).batch([0]))[0, 12]
+    assert deep[[2, 4, 5, 8]] == pytest.approx([-2.5, -0.5, 0.5, 3.5], abs=0.2)
+    square[0, 12, :8] = 0
+    # Through a gap all is outside but the lines.
+    assert depths(store_of(square).batch([0]))[0, 12, 12] < 0
+
+
+def test_pictures_without_silhouettes_are_refused():
+    with pytest.raises(ValueError, match="no silhouettes"):
+        hull_surface(posed(torch.ones(21, 96, 96, 4)), 10)
+    gaps = torch.zeros(21, 96, 96, 1)
+    gaps[:, 30:60, 30] = 1
+    with pytest.raises(ValueError, match="no place lies in the silhouettes"):
+        hull_surface(posed(gaps, "edges"), 10)
