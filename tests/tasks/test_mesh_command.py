@@ -1,6 +1,7 @@
 """`diff3ds mesh`: sketches and drawings of meshes whose lines are known."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -151,7 +152,7 @@ def test_what_an_overwritten_run_drew_is_gone(tmp_path):
     main([*arguments, "--azimuth", "0", "40", "80", "--turntable", "2"])
     main([*arguments, "--azimuth", "10", "--turntable", "0", "--overwrite"])
     drawn = {path.name for path in (tmp_path / "out").iterdir() if path.name.startswith(("drawing", "turntable"))}
-    assert drawn == {"drawing-1.svg", "drawing-1.png"}
+    assert drawn == {"drawing-1.svg", "drawing-1.png", "drawing-1.step"}
 
 
 def test_a_turntable_turns(tmp_path):
@@ -215,3 +216,6 @@ def test_layers_say_what_lines_are(tmp_path):
     ):
         main(["mesh", str(source), "-o", str(tmp_path / hidden), *FEW, "--azimuth", "40", "--hidden", hidden])
         assert labels(tmp_path / hidden / "drawing-1.svg") == wanted
+        step = (tmp_path / hidden / "drawing-1.step").read_text()
+        assert set(re.findall(r"LAYER_ASSIGNMENT\('(.*?)'", step)) == {name.replace(",", "") for name in wanted}
+    assert "LAYER_ASSIGNMENT('crease'" in (tmp_path / "drop" / "sketch.step").read_text()

@@ -3,7 +3,7 @@
 import json
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras
 from diff3ds.formats import save, save_png
+from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.mesh import save_surface
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
@@ -59,6 +60,7 @@ def write_results(
     preview: Float[Tensor, "H W 3"],
     info: RunInfo,
     surface: TriangleMesh | None = None,
+    layers: Sequence[str] | None = None,
 ) -> None:
     """Writes all files of a run, each whole or not at all.
 
@@ -66,13 +68,14 @@ def write_results(
         cameras: some of which the SVG file shows.
         preview: the picture in preview.png.
         surface: what hides lines of the sketch; of a run before this one nothing is left.
+        layers: of the strokes in sketch.step; by default there is one a colour.
     """
     if surface is None:
         (out / SURFACE).unlink(missing_ok=True)
     else:
         save_surface(out / SURFACE, surface.vertices, surface.faces)
     save(out / "sketch.json", sketch)
-    save(out / "sketch.step", sketch)
+    save_step(out / "sketch.step", sketch, layers=layers)
     save(out / "sketch.svg", sketch, cameras[evenly_spaced(len(cameras), SVG_VIEWS)])
     save_png(out / "preview.png", preview)
     every = -(-len(info.losses) // MOST_LOSSES) or 1

@@ -1,12 +1,13 @@
 """DXF files for CAD programs and cutters, by ezdxf (the extra `cad`).
 
 A stroke becomes LINE, ARC, CIRCLE and ELLIPSE where it is one, and rational SPLINE elsewhere, exactly; or, for programs
-that ignore the weights of splines, polylines. There is a layer a colour, named by it, and each entity has the number of
+that ignore the weights of splines, polylines. There is a layer a colour, named by it, or one that the caller names, and each entity has the number of
 its stroke (extended data of the application DIFF3DS). Not kept: widths, opacities and `width_space`.
 """
 
 import importlib.util
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from diff3ds._files import replacing
 from diff3ds._units import MILLIMETRES, Unit
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.cad.curve_kinds import Arc, Curve, Line, curves_of
+from diff3ds.formats.cad.layers import checked_layers, color_layers
 from diff3ds.formats.opening import check_writable
 from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.sketch import Sketch
@@ -25,22 +27,31 @@ APPLICATION = "DIFF3DS"
 _INSUNITS: dict[Unit, int] = {"in": 1, "ft": 2, "mm": 4, "cm": 5, "m": 6}
 
 
-def save_dxf(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", polylines: bool = False) -> None:
+def save_dxf(
+    path: str | Path,
+    sketch: Sketch,
+    *,
+    unit: Unit = "mm",
+    polylines: bool = False,
+    layers: Sequence[str] | None = None,
+) -> None:
     """Writes a DXF file of AutoCAD 2010, whole or not at all.
 
     Args:
         unit: what a world unit is.
         polylines: all strokes as 3D polylines, off by 1e-4 of the sketch's radius at most.
+        layers: the layer of each stroke, by name; by default there is one a colour.
 
     Raises:
         ImportError: the extra `cad` is not installed.
-        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
     check_writable(path, sketch, unit, "DXF", "ezdxf", "ezdxf", "cad")
     import ezdxf
 
+    named = checked_layers(layers, sketch)
     document = ezdxf.new("R2010")
     document.header["$INSUNITS"] = _INSUNITS[unit]
     # Metric, or English.
@@ -49,13 +60,14 @@ def save_dxf(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", polylines: 
     space = document.modelspace()
     sketch = sketch.detach().to("cpu")
     drawn = _polylines(space, sketch) if polylines else _curves(space, sketch)
-    for stroke, entities in enumerate(drawn):
+    for stroke, (entities, name) in enumerate(zip(drawn, named or color_layers(sketch), strict=True)):
         color = tuple(round(min(max(c, 0.0), 1.0) * 255) for c in sketch.color[stroke].tolist())
-        name = "COLOR_{:02X}{:02X}{:02X}".format(*color)
         if name not in document.layers:
             document.layers.add(name).rgb = color
         for entity in entities:
             entity.dxf.layer = name
+            if named:
+                entity.rgb = color
             entity.set_xdata(APPLICATION, [(1000, "stroke"), (1071, stroke)])
     with replacing(path) as temporary:
         document.saveas(temporary)

@@ -3,12 +3,13 @@
 One product with one set of curves: a world unit is written as 1 mm, or as another unit. A stroke becomes a line, a
 circle or an ellipse where it is one, trimmed or whole, else a rational B-spline of its own degree with its control
 points and weights to the last bit; one of several such curves is a composite curve. It is called "stroke 0", "stroke 1"
-and so on, with its colour, on a layer of that colour. Its width, the mean one where it changes, is written as the
+and so on, with its colour, on a layer of that colour, or one that its caller names. Its width, the mean one where it changes, is written as the
 style's line width, which few programs show; the name of the style says what it means. STEP has no transparent lines:
 opacity is not kept.
 """
 
 import importlib.util
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.formats.apart import check_size, strokes_apart
 from diff3ds.formats.assembly import ReadStroke, sketch_of
 from diff3ds.formats.cad.curve_kinds import curves_of
+from diff3ds.formats.cad.layers import checked_layers, color_layers
 from diff3ds.formats.cad.step_entities import Entities, reals, string, stroke_entity
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
 
@@ -61,7 +63,7 @@ _NAMES = {"in": "INCH", "ft": "FOOT"}
 WIDTHS: dict[WidthSpace, str] = {"image": "width of the image height", "world": "width in space"}
 
 
-def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
+def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", layers: Sequence[str] | None = None) -> None:
     """Writes a STEP file, whole or not at all; the same sketch and name give the same file.
 
     Lines, circles and ellipses are told from the rest up to the rounding of the sketch's dtype (`curve_kinds.STEPS`),
@@ -72,9 +74,10 @@ def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
 
     Args:
         unit: what a world unit is.
+        layers: the layer of each stroke, by name; by default there is one a colour.
 
     Raises:
-        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
@@ -83,12 +86,13 @@ def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
     if len(sketch) == 0:
         raise ValueError(f"{path}: a STEP file needs at least one stroke, got none")
     sketch = sketch.detach().to("cpu")
+    named = checked_layers(layers, sketch) or color_layers(sketch)
     entities = Entities(_FIRST_FREE)
     closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
     curves = [
         stroke_entity(entities, string(f"stroke {i}"), found, closed[i]) for i, found in enumerate(curves_of(sketch))
     ]
-    styles = _styles(entities, sketch, curves)
+    styles = _styles(entities, sketch, curves, named)
     length = _length_unit(unit, entities)
     product = _PRODUCT.format(
         length=length,
@@ -112,17 +116,18 @@ def _length_unit(unit: Unit, entities: Entities) -> str:
     return f"CONVERSION_BASED_UNIT('{_NAMES[unit]}',{factor})LENGTH_UNIT()NAMED_UNIT({exponents})"
 
 
-def _styles(entities: Entities, sketch: Sketch, curves: list[str]) -> list[str]:
-    """How the strokes look, and a layer a colour."""
+def _styles(entities: Entities, sketch: Sketch, curves: list[str], named: list[str]) -> list[str]:
+    """How the strokes look, and their layers."""
     widths, space = sketch.width.double(), sketch.width_space
     if widths.ndim == 2:
         rows = torch.arange(len(sketch)) if sketch.chains is None else sketch.chains.stroke
         sums = torch.zeros(len(sketch), dtype=torch.float64).index_add(0, rows, widths.mean(1))
         widths = sums / torch.bincount(rows)
     styles, layers = [], dict[str, list[str]]()
-    for curve, width, color in zip(curves, widths.tolist(), sketch.color.double().tolist(), strict=True):
+    colors = sketch.color.double().tolist()
+    for curve, layer, width, color in zip(curves, named, widths.tolist(), colors, strict=True):
         shown = [min(max(c, 0.0), 1.0) for c in color]
-        layers.setdefault("COLOR_" + "".join(f"{round(c * 255):02X}" for c in shown), []).append(curve)
+        layers.setdefault(layer, []).append(curve)
         ink = entities.add(f"COLOUR_RGB('',{reals(shown)})")
         # A line width must be positive.
         measure = f"POSITIVE_LENGTH_MEASURE({reals([width])})" if width > 0 else "$"
@@ -131,7 +136,7 @@ def _styles(entities: Entities, sketch: Sketch, curves: list[str]) -> list[str]:
             entities.add(f"STYLED_ITEM('',({entities.add(f'PRESENTATION_STYLE_ASSIGNMENT(({style}))')}),{curve})")
         )
     for name, some in layers.items():
-        entities.add(f"PRESENTATION_LAYER_ASSIGNMENT('{name}','',({','.join(some)}))")
+        entities.add(f"PRESENTATION_LAYER_ASSIGNMENT({string(name)},'',({','.join(some)}))")
     return styles
 
 

@@ -13,6 +13,7 @@ from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.formats import save_png, save_svg, tile_images
+from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
 from diff3ds.render import render
@@ -111,17 +112,22 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
     info = RunInfo({"source": str(source), **_told(options)}, _found(mesh, made), seconds, [], {}, False)
     # Of a run that is overwritten.
-    for old in (*out.glob("drawing-*.svg"), *out.glob("drawing-*.png"), *out.glob("turntable.webp")):
+    for old in (*out.glob("drawing-*.*"), *out.glob("turntable.webp")):
         old.unlink()
     for view, drawing in enumerate(drawings):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
-        save_svg(out / f"{name}.svg", drawing, cameras[view], layers=views[view].layers(options.hidden))
+        layers = views[view].layers(options.hidden)
+        save_svg(out / f"{name}.svg", drawing, cameras[view], layers=layers)
+        if len(drawing):
+            save_step(out / f"{name}.step", drawing, layers=layers)
         save_png(out / f"{name}.png", pictures[view])
     if options.turntable:
         frames = _frames(features, mesh, options, report)
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
-    write_results(out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info, mesh)
+    write_results(
+        out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info, mesh, made.kinds
+    )
     return made.sketch
 
 

@@ -1,0 +1,30 @@
+"""The layers on which strokes lie in files for CAD programs."""
+
+from collections.abc import Sequence
+
+from diff3ds.sketch import Sketch
+
+# Characters that names of layers may not have in DXF files.
+FORBIDDEN = str.maketrans("", "", '<>/\\":;?*|,=`')
+
+
+def color_layers(sketch: Sketch) -> list[str]:
+    """A layer a colour, named by it."""
+    colors = (sketch.color.detach().double().clamp(0, 1) * 255).round().int().tolist()
+    return ["COLOR_{:02X}{:02X}{:02X}".format(*color) for color in colors]
+
+
+def checked_layers(layers: Sequence[str] | None, sketch: Sketch) -> list[str] | None:
+    """The layers that a caller has named, without the characters that CAD programs do not take.
+
+    Raises:
+        ValueError: they are not one a stroke, or one has no name.
+    """
+    if layers is None:
+        return None
+    if len(layers) != len(sketch):
+        raise ValueError(f"layers must be one a stroke, {len(sketch)}, got {len(layers)}")
+    named = [name.translate(FORBIDDEN).strip() for name in layers]
+    if not all(named):
+        raise ValueError(f"a layer needs a name, got {layers[named.index('')]!r}")
+    return named

@@ -1,0 +1,40 @@
+"""Layers that are named by the caller in STEP and DXF files."""
+
+import re
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.formats.cad.step import save_step
+
+LAYERS = ["crease", "crease, hidden", "crease"]
+
+
+def three() -> ds.Sketch:
+    points = torch.tensor([[[0.0, i, 0], [1, i, 0]] for i in range(3)])
+    return ds.Sketch(points, color=torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]]))
+
+
+def test_step_files_have_the_strokes_of_each_layer(tmp_path):
+    save_step(tmp_path / "a.step", three(), layers=LAYERS)
+    found = re.findall(r"PRESENTATION_LAYER_ASSIGNMENT\('(.*?)','',\((.*?)\)\)", (tmp_path / "a.step").read_text())
+    # DXF takes no commas, and programs turn one into the other.
+    assert {name: len(some.split(",")) for name, some in found} == {"crease": 2, "crease hidden": 1}
+    save_step(tmp_path / "b.step", three())
+    assert "'COLOR_FF0000'" in (tmp_path / "b.step").read_text()
+
+
+def test_dxf_files_have_them_too_and_keep_colours(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf", reason="takes the extra cad")
+    ds.formats.save_dxf(tmp_path / "a.dxf", three(), layers=LAYERS)
+    lines = list(ezdxf.readfile(tmp_path / "a.dxf").modelspace())
+    assert [line.dxf.layer for line in lines] == ["crease", "crease hidden", "crease"]
+    assert torch.equal(ds.load(tmp_path / "a.dxf").color.double(), three().color.double())
+
+
+@pytest.mark.parametrize("layers", [["a"], ["a", "b", "?"]])
+def test_layers_that_are_not_one_a_stroke_or_have_no_name_are_refused(tmp_path, layers):
+    with pytest.raises(ValueError, match="layer"):
+        save_step(tmp_path / "a.step", three(), layers=layers)
+    assert not (tmp_path / "a.step").exists()
