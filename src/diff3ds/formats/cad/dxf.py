@@ -1,8 +1,8 @@
 """DXF files for CAD programs and cutters, by ezdxf (the extra `cad`).
 
 A stroke becomes LINE, ARC, CIRCLE and ELLIPSE where it is one, and rational SPLINE elsewhere, exactly; or, for programs
-that ignore the weights of splines, polylines. There is a layer a colour, named by it, or one that the caller names, and each entity has the number of
-its stroke (extended data of the application DIFF3DS). Not kept: widths, opacities and `width_space`.
+that ignore the weights of splines, polylines. There is a layer a colour, named by it, or those that the caller names,
+and each entity has the number of its stroke (extended data of the application DIFF3DS). Not kept: widths, opacities and `width_space`.
 """
 
 import importlib.util
@@ -44,7 +44,8 @@ def save_dxf(
 
     Raises:
         ImportError: the extra `cad` is not installed.
-        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become
+            invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)

@@ -3,8 +3,8 @@
 One product with one set of curves: a world unit is written as 1 mm, or as another unit. A stroke becomes a line, a
 circle or an ellipse where it is one, trimmed or whole, else a rational B-spline of its own degree with its control
 points and weights to the last bit; one of several such curves is a composite curve. It is called "stroke 0", "stroke 1"
-and so on, with its colour, on a layer of that colour, or one that its caller names. Its width, the mean one where it changes, is written as the
-style's line width, which few programs show; the name of the style says what it means. STEP has no transparent lines:
+and so on, with its colour, on a layer of that colour, or one that the caller names. Its width, the mean one where it
+changes, is written as the style's line width, which few programs show; the name of the style says what it means. STEP has no transparent lines:
 opacity is not kept.
 """
 
@@ -77,7 +77,8 @@ def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", layers: Se
         layers: the layer of each stroke, by name; by default there is one a colour.
 
     Raises:
-        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become
+            invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
