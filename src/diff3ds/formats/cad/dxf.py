@@ -2,7 +2,8 @@
 
 A stroke becomes LINE, ARC, CIRCLE and ELLIPSE where it is one, and rational SPLINE elsewhere, exactly; or, for programs
 that ignore the weights of splines, polylines. There is a layer a colour, named by it, or those that the caller names,
-and each entity has the number of its stroke (extended data of the application DIFF3DS). Not kept: widths, opacities and `width_space`.
+and each entity has the number of its stroke (extended data of the application DIFF3DS). Not kept: widths, opacities and
+`width_space`.
 """
 
 import importlib.util

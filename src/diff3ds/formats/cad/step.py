@@ -4,8 +4,8 @@ One product with one set of curves: a world unit is written as 1 mm, or as anoth
 circle or an ellipse where it is one, trimmed or whole, else a rational B-spline of its own degree with its control
 points and weights to the last bit; one of several such curves is a composite curve. It is called "stroke 0", "stroke 1"
 and so on, with its colour, on a layer of that colour, or one that the caller names. Its width, the mean one where it
-changes, is written as the style's line width, which few programs show; the name of the style says what it means. STEP has no transparent lines:
-opacity is not kept.
+changes, is written as the style's line width, which few programs show; the name of the style says what it means. STEP
+has no transparent lines: opacity is not kept.
 """
 
 import importlib.util

@@ -125,9 +125,8 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         frames = _frames(features, mesh, options, report)
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
-    write_results(
-        out, made.sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info, mesh, made.kinds
-    )
+    sheet = tile_images(pictures, columns=min(len(pictures), 2))
+    write_results(out, made.sketch, cameras, sheet, info, mesh, made.kinds)
     return made.sketch
 
 
