@@ -52,6 +52,10 @@ def test_strokes_come_to_the_lines_and_held_ones_stay(ball):
     assert missing(fitted, ball) < 0.7 * missing(start, ball)
     stroke = start.chains.stroke
     assert torch.equal(fitted.points[stroke == 0], start.points[stroke == 0])
+    # On the surface, where drawings alone would have them grow out of it.
+    t = torch.linspace(0, 1, 9, dtype=torch.float64)
+    radius = (ds.bezier.evaluate(fitted.points, fitted.weights, t) - torch.from_numpy(AT)).norm(dim=-1)[stroke > 0]
+    assert float((radius - 1).abs().max()) < 0.03
     assert told[-1] == (len(told), len(told))
     # Closed strokes stay closed, and smooth where they were.
     ends, starts = start.chains.joints
