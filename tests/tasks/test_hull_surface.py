@@ -5,10 +5,15 @@ import pytest
 import torch
 
 import diff3ds as ds
+from diff3ds.cli import main
+from diff3ds.formats import save_png
 from diff3ds.pictures.content.outlines import depths
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import store_of
 from diff3ds.tasks.views.hull_surface import hull_surface
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.run import run_views
+from diff3ds.transforms import save_transforms
 
 AROUND = ds.orbit([137.508 * i for i in range(21)], [-50 + 5.0 * i for i in range(21)], 4.0, fov=45, size=96)
 MIDDLE = torch.tensor([10.0, 20.0, 5.0])
@@ -75,6 +80,25 @@ def test_depths_are_distances_from_the_outline():
     square[0, 12, :8] = 0
     # Through a gap all is outside but the lines.
     assert depths(store_of(square).batch([0]))[0, 12, 12] < 0
+
+
+def test_a_run_with_contours_hides_lines_and_goes_with_the_sketch(tmp_path):
+    """Of coloured pictures, in a world that is made ten times as large."""
+    names = [f"{i}.png" for i in range(21)]
+    for name, pixels in zip(names, bar(), strict=True):
+        straight = torch.cat([pixels[..., :3] / pixels[..., 3:].clamp(min=1e-6), pixels[..., 3:]], -1)
+        save_png(tmp_path / name, straight)
+    save_transforms(tmp_path / "transforms.json", cameras(), names)
+    few = {"target": "color", "strokes": 4, "steps": 2, "size": 48, "contours": True}
+    apart = float((cameras().centers[0] - cameras().centers[1]).norm())
+    run_views(tmp_path, tmp_path / "out", ViewsOptions(**few, scale=10 * apart, between=("0", "1")))
+    surface = ds.load_surface(tmp_path / "out" / "surface.glb")
+    middle, size = surface.bounds.mean(0), surface.bounds[1] - surface.bounds[0]
+    assert np.abs(middle - 10 * MIDDLE.numpy()).max() < 0.5
+    assert size == pytest.approx([20, 4, 4], abs=0.7)
+    main(["render", str(tmp_path / "out"), "-o", str(tmp_path / "a.svg"), "--hidden", "drop"])
+    main(["render", str(tmp_path / "out"), "-o", str(tmp_path / "b.svg")])
+    assert (tmp_path / "a.svg").read_text() != (tmp_path / "b.svg").read_text()
 
 
 def test_pictures_without_silhouettes_are_refused():
