@@ -1,5 +1,6 @@
 """Reference pictures: cut out by alpha, mask or background; framed as in the demonstration of Zero-1-to-3; errors."""
 
+import sys
 import zlib
 
 import pytest
@@ -111,7 +112,7 @@ def test_rotations_of_cameras_are_heeded_as_by_pillow(tmp_path, orientation, gen
 
 def test_photographs_need_a_mask(tmp_path, generator):
     path = saved(tmp_path / "a.png", torch.rand(64, 64, 3, generator=generator))
-    with pytest.raises(ValueError, match=r"cannot tell the object .* PNG with transparency, or give --mask"):
+    with pytest.raises(ValueError, match=r"cannot tell the object .*--cut-out.* PNG with transparency, or give --mask"):
         read_reference(path)
 
 
@@ -231,3 +232,42 @@ def test_palettes_and_gray_with_alpha(tmp_path):
     assert load_image(tmp_path / "a.png").shape[2] == 4
     middle = read_reference(tmp_path / "a.png").image[128, 128]
     torch.testing.assert_close(middle, torch.full((3,), 100 / 255), rtol=0, atol=1e-6)
+
+
+def test_cutting_out_takes_rembg(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rembg", None)
+    with pytest.raises(ImportError, match=r"--cut-out takes rembg: pip install .* or give --mask"):
+        read_reference(torch.rand(64, 64, 3), options=PictureOptions(cut_out=True))
+    with pytest.raises(ValueError, match="each tells where the object is"):
+        PictureOptions(cut_out=True, background="white")
+
+
+def test_an_object_is_cut_out_by_rembg(tmp_path, monkeypatch):
+    """By a network of one node, for which the object is what is red: rembg's own is nothing that tests fetch."""
+    pytest.importorskip("rembg", reason="rembg is not installed")
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    shape = [1, 3, 320, 320]
+    red, places = (onnx.helper.make_tensor(n, onnx.TensorProto.INT64, [1], [v]) for n, v in (("start", 0), ("end", 1)))
+    axis = onnx.helper.make_tensor("axis", onnx.TensorProto.INT64, [1], [1])
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("Slice", ["in", "start", "end", "axis"], ["out"])],
+        "red",
+        [onnx.helper.make_tensor_value_info("in", onnx.TensorProto.FLOAT, shape)],
+        [onnx.helper.make_tensor_value_info("out", onnx.TensorProto.FLOAT, [1, 1, 320, 320])],
+        [red, places, axis],
+    )
+    home = tmp_path / "models" / "u2net"
+    home.mkdir(parents=True)
+    onnx.save(onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 13)]), home / "u2net.onnx")
+    for name in ("REMBG_HOME", "U2NET_HOME"):
+        monkeypatch.setenv(name, str(tmp_path))
+    picture = torch.rand(200, 300, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.0, 1, 1])
+    picture[60:140, 100:180] = torch.tensor([1.0, 0, 0])
+    cut = read_reference(picture, 100, PictureOptions(cut_out=True, frame="picture"))
+    # Rows of 300 pixels are 100 here, and the picture is in the middle.
+    inside = torch.zeros(100, 100)
+    inside[37:63, 34:60] = 1
+    # At most a pixel beside each border.
+    assert ((cut.alpha > 0.5).float() - inside).abs().sum() <= 4 * 27
+    assert cut.alpha[45:55, 40:52].min() > 0.95
+    assert cut.alpha[:30].max() < 0.05

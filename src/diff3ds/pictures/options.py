@@ -55,14 +55,18 @@ class PictureOptions:
             borders.
         frame: object brings the object to the middle, its longer side 200 / 256 of the reference; picture keeps its
             place and size, and makes the picture square.
+        cut_out: have rembg's network find the object, as in a photograph with all that is around it.
     """
 
     mask: Path | None = None
     background: str | None = None
     frame: Frame = "object"
+    cut_out: bool = False
 
     def __post_init__(self) -> None:
         if self.background is not None:
             parse_color(self.background)
             if self.mask is not None:
                 raise ValueError("give either a mask or a background: both tell where the object is")
+        if self.cut_out and (self.mask is not None or self.background is not None):
+            raise ValueError("give either --cut-out, or a mask or background: each tells where the object is")

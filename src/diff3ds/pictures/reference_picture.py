@@ -10,6 +10,7 @@ from diff3ds.camera import orbit
 from diff3ds.formats.orientation import load_upright
 from diff3ds.pictures.content.background import parse_background, with_alpha
 from diff3ds.pictures.content.cutout import is_inverted, premultiplied
+from diff3ds.pictures.content.foreground import foreground
 from diff3ds.pictures.content.ink import ink_on_paper
 from diff3ds.pictures.content.masks import mask_of
 from diff3ds.pictures.dataset import PosedPictures
@@ -61,7 +62,8 @@ def read_reference(
     Raises:
         ValueError: a file that is no picture, or one of more than 2^27 pixels; a mask of another size; nothing visible;
             neither a plain background nor lines on paper; an object of fewer than 32 pixels.
-        OSError: a file cannot be read.
+        OSError: a file cannot be read, or rembg's network.
+        ImportError: an object is to be cut out, and rembg is not installed.
     """
     options = options or PictureOptions()
     if options.mask is not None:
@@ -96,6 +98,8 @@ def _cut_out(name: str, image: Float[Tensor, "H W C"], options: PictureOptions) 
     size = (image.shape[0], image.shape[1])
     if options.mask is not None:
         return pixels * _mask(name, options.mask, size)
+    if options.cut_out:
+        return pixels * foreground(pixels[..., :3] + 1 - pixels[..., 3:])
     color = parse_background(options.background) if options.background else None
     if bool((pixels[..., 3] < 1).any()):
         if is_inverted(pixels[..., 3]):
@@ -118,8 +122,8 @@ def _cut_out(name: str, image: Float[Tensor, "H W C"], options: PictureOptions) 
         tells = "the picture has no transparency" if image.shape[2] < 4 else "no area of the picture is transparent"
         raise ValueError(
             f"{name}: cannot tell the object from what is behind it: {tells}, and its borders "
-            "no single colour. Cut the object out in an image editor and save it as PNG with transparency, or give "
-            "--mask, a picture that is white where the object is"
+            "no single colour. Let a network find the object (--cut-out, with rembg), or cut it out in an image editor "
+            "and save it as PNG with transparency, or give --mask, a picture that is white where the object is"
         )
     return cut.batch([0]).pixels[0]
 
