@@ -264,7 +264,7 @@ def test_random_strokes_come_back(tmp_path):
 @needs_occt
 @pytest.mark.slow
 def test_many_random_strokes_come_back(tmp_path):
-    check_random_strokes(tmp_path / "a.step", 10_000, 1)
+    check_random_strokes(tmp_path / "a.step", 4_000, 1)
 
 
 @needs_occt

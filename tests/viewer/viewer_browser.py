@@ -86,6 +86,8 @@ class Browser:
 
     def open(self, address: str, width: int = 660, height: int = 260, scale: float = 1) -> None:
         """Shows a page, of this many CSS pixels, and waits until it is drawn."""
+        # The page before may still ask its server for something.
+        self.ask("Page.navigate", url="about:blank")
         self.requests.clear()
         self.errors.clear()
         self.ask(
