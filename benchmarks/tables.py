@@ -26,6 +26,7 @@ WORKLOADS = {
 }
 MACHINES = ("render", "render_epyc_slow", "render_avx2", "render_xeon")
 BOTH = "forward + backward"
+NEAR = ("missing", "extra", "chamfer", "before_chamfer", "contours_chamfer")
 
 
 def speed() -> str:
@@ -218,6 +219,16 @@ def meshes() -> str:
     return _table([f"{len(read['rows'])} parts", ""], rows) + _source("meshes")
 
 
+def smooth_meshes() -> str:
+    """Strokes of smooth meshes against their drawings."""
+    rows = [
+        [row["mesh"], row["strokes"], *(f"{row[name]:.1f}" for name in NEAR), f"{row['seconds']:.0f}"]
+        for row in _read("smooth_meshes")["figures"]["rows"]
+    ]
+    head = ["", "strokes", "line to stroke", "stroke to line", "mean", "before the fit", "with contours", "seconds"]
+    return _table(head, rows) + _source("smooth_meshes")
+
+
 def categories_small() -> str:
     """Every kind by the small network."""
     return _kinds("categories_small")
@@ -350,7 +361,7 @@ def sensitivity() -> str:
 TABLES: tuple[Callable[[], str], ...] = (
     speed, machines, step_cost, compile_cuda, agreement, differences, edges, circles, damage, sensitivity, color,
     categories, categories_small, combinations_small, ablations, known_answer, known_answer_ablations, recognised,
-    by_people, drawn_again, follow_drawings, meshes, clean_strokes,
+    by_people, drawn_again, follow_drawings, meshes, smooth_meshes, clean_strokes,
 )  # fmt: skip
 
 
