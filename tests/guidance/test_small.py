@@ -196,6 +196,14 @@ def test_without_onednn_a_cpu_computes_in_float32(monkeypatch):
     assert half_is_fast(torch.device("cpu")) is False
 
 
+def test_a_torch_that_does_not_know_the_processor_computes_in_float32(monkeypatch):
+    """Torch 2.4 and 2.5 lack these; the names are of torch itself."""
+    for name in ("_is_avx512_bf16_supported", "_is_amx_tile_supported"):
+        monkeypatch.delattr(torch.cpu, name)
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+    assert half_is_fast(torch.device("cpu")) is False
+
+
 def test_unknown_words_are_refused():
     with pytest.raises(ValueError, match="not trained on 'sofa'"):
         VOCABULARY.said({"sofa": 1.0})

@@ -179,8 +179,10 @@ def half_is_fast(device: torch.device) -> bool:
     if device.type != "cpu" or not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return False
     if platform.machine().lower() in ("x86_64", "amd64"):
-        # oneDNN takes any AVX-512 for good enough, and emulates there what only later ones have.
-        return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
+        # oneDNN takes any AVX-512 for good enough, and emulates there what only later ones have. Torch before 2.6 does
+        # not say which has.
+        asked = (getattr(torch.cpu, f"_is_{name}_supported", bool) for name in ("avx512_bf16", "amx_tile"))
+        return any(is_supported() for is_supported in asked)
     return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
 
 
