@@ -47,7 +47,7 @@ ALLOWED = {
     "losses": SCENE,
     "library": SCENE,
     "weights": HELPERS,
-    "metrics": {"weights"} | SCENE,
+    "metrics": {"detectors", "weights"} | SCENE,
     "detectors": HELPERS,
     "optimize": {"constraints", "render", "project", "losses"} | SCENE,
     "viewer": set(),

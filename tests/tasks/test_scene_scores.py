@@ -6,12 +6,18 @@ import math
 
 import pytest
 import torch
+from metrics.test_hed_distance import two_channels
 
 import diff3ds as ds
 from diff3ds.cli import main
+from diff3ds.formats import load_image, save_png
+from diff3ds.library.demo import demo_sketch
+from diff3ds.metrics.hed_distance import HedDistance
 from diff3ds.tasks.evaluate.evaluate import evaluate
 from diff3ds.tasks.evaluate.options import JudgeOptions
 from diff3ds.tasks.evaluate.runs import find_runs
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.run import run_views
 
 # The outline of a square of side 1.
 CORNERS = [[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [1.0, 1.0, 0.5], [0.0, 1.0, 0.5]]
@@ -78,6 +84,44 @@ def test_what_runs_measured_of_held_out_pictures_is_in_the_table(tmp_path):
     run_in(tmp_path / "out" / "a", SQUARE, tmp_path / "scene", scores=measured)
     (row,) = evaluate(tmp_path / "out", tmp_path / "table", JudgeOptions())
     assert row.scores == {"PSNR of the fit": 30.0, "SSIM of the fit": 0.9, "PSNR": 25.5, "SSIM": 0.8}
+
+
+def test_held_out_pictures_beside_the_sketch(tmp_path, monkeypatch):
+    """By a network that sees blue and a constant: the mean over the views that the fit has not seen."""
+    monkeypatch.setattr("diff3ds.tasks.evaluate.judges.load_hed", two_channels)
+    scene = tmp_path / "scene"
+    for part, turns in (("train", [0.0, 90.0, 200.0]), ("test", [45.0, 300.0])):
+        cameras = ds.orbit(turns, 20.0, 3.0, size=32)
+        drawn = ds.render(demo_sketch(), cameras)
+        names = [f"{part}/{view}.png" for view in range(len(turns))]
+        for name, color, alpha in zip(names, drawn.color, drawn.alpha, strict=True):
+            (scene / name).parent.mkdir(parents=True, exist_ok=True)
+            save_png(scene / name, torch.cat([color, alpha[..., None]], -1))
+        ds.save_transforms(scene / f"transforms_{part}.json", cameras, names)
+    out = tmp_path / "out" / "a"
+    sketch = run_views(scene, out, ViewsOptions(target="color", strokes=6, steps=2, background="0,0.5,1"))
+    (row,) = evaluate(tmp_path / "out", tmp_path / "table", JudgeOptions(hed=True))
+    with torch.no_grad():
+        pictures = torch.stack([load_image(scene / name) for name in names])
+        blue = torch.tensor([0.0, 0.5, 1.0])
+        wanted = pictures[..., :3] * pictures[..., 3:] + (1 - pictures[..., 3:]) * blue
+        seen = ds.render(sketch, cameras, background=blue).color
+        expected = HedDistance(two_channels())(seen, wanted).mean()
+    assert row.scores["VGG-HED"] == pytest.approx(float(expected), rel=0.02)
+    assert {"PSNR", "VGG-HED"} <= set(row.scores)
+    assert "no LPIPS" in (tmp_path / "table" / "evaluation.md").read_text()
+    # Turned after the fit, the sketch is not where they were taken.
+    record = json.loads((out / "run.json").read_text())
+    (out / "run.json").write_text(json.dumps(record | {"placed": {"scale": 2.0}}))
+    (row,) = evaluate(tmp_path / "out", tmp_path / "table", JudgeOptions(hed=True))
+    assert "VGG-HED" not in row.scores
+
+
+def test_a_sketch_that_was_turned_or_scaled_is_not_scored_in_another_world(tmp_path):
+    placed = {"placed": {"scale": 2.0}}
+    run_in(tmp_path / "out" / "a", SQUARE, truth_in(tmp_path / "scene"), **placed)
+    with pytest.raises(ValueError, match=r"a: --up or --scale has moved this sketch.* make the run"):
+        evaluate(tmp_path / "out", tmp_path / "table", JudgeOptions())
 
 
 def test_a_sketch_without_strokes_finds_nothing(tmp_path):

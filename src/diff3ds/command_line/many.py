@@ -51,7 +51,7 @@ class Batch:
 class Eval:
     """Score a folder of runs of "diff3ds text", "image" and "views": one table as CSV, Markdown and JSON.
 
-    Runs lie in FOLDER/METHOD/NAME or FOLDER/NAME. Scores: CLIP, BLIP (phrases), LPIPS (pictures), each by networks that
+    Runs lie in FOLDER/METHOD/NAME or FOLDER/NAME. Scores: CLIP, BLIP (phrases), LPIPS, HED (pictures), by networks that
     you name; of posed pictures, without networks, distances to the curves of the scene's ground_truth.json, PSNR and
     SSIM. docs/howto/evaluate.md says more.
     """

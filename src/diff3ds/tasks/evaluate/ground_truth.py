@@ -29,10 +29,15 @@ def scene_scores(run: Run, sketch: Sketch) -> dict[str, float]:
     The distances of a sketch without strokes are left out.
 
     Raises:
-        FileNotFoundError, ValueError: the scene is not where it was; as `read_truth`.
+        FileNotFoundError, ValueError: the scene is not where it was; the sketch was moved from there; as `read_truth`.
     """
     scores = {MEASURED[name]: value for name, value in run.record.get("scores", {}).items() if name in MEASURED}
     if (truth := truth_of(run)) is not None:
+        if "placed" in run.record:
+            raise ValueError(
+                f"{run.folder}: --up or --scale has moved this sketch out of the world of {truth}: to score it make "
+                "the run without them"
+            )
         points, side = read_truth(truth)
         scores |= curve_scores([curve / side for curve in _polylines(sketch)], points)
     return {name: value for name, value in scores.items() if math.isfinite(value)}

