@@ -1,9 +1,11 @@
 """Surfaces from files of triangle meshes; needs the extra `mesh`."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from diff3ds.formats.mesh import UP_IS_KNOWN, load_parts
+from diff3ds.formats.mesh import UP_IS_KNOWN, MeshFile, read_mesh
 from diff3ds.surfaces.mesh import CREASE, TriangleMesh
+from diff3ds.surfaces.surface_colors import SurfaceColors
 
 
 def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> TriangleMesh:
@@ -22,13 +24,36 @@ def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> 
             with coordinates that are not finite; another axis.
         OSError: the file cannot be read.
     """
+    return _surface(Path(path), up, crease, False)[0]
+
+
+def load_colored_surface(
+    path: str | Path, *, up: str = "z", crease: float = CREASE
+) -> tuple[TriangleMesh, SurfaceColors]:
+    """As `load_surface`, with the colours of its faces.
+
+    Raises:
+        ImportError, ValueError, OSError: as `load_surface`; no face of the file has a colour.
+    """
+    path = Path(path)
+    mesh, read = _surface(path, up, crease, True)
+    assert read.colors is not None
+    if not read.colors.known.any():
+        lost = f"; {', '.join(read.colors.missing)} cannot be read beside it" if read.colors.missing else ""
+        raise ValueError(
+            f"{path}: no face has a colour{lost}: colours are read from OBJ (materials, textures, vertices), PLY "
+            "(vertices, triangles, textures) and GLB"
+        )
+    return mesh, SurfaceColors(read.colors, mesh.source, read.vertices[read.faces[mesh.source]])
+
+
+def _surface(path: Path, up: str, crease: float, colors: bool) -> tuple[TriangleMesh, MeshFile]:
     if up not in ("y", "z"):
         raise ValueError(f'up must be "y" or "z", got {up!r}')
-    path = Path(path)
-    vertices, faces, part = load_parts(path)
+    read = read_mesh(path, colors)
     if up == "y" and path.suffix.lower() not in UP_IS_KNOWN:
-        vertices = vertices[:, [2, 0, 1]]
+        read = replace(read, vertices=read.vertices[:, [2, 0, 1]])
     try:
-        return TriangleMesh(vertices, faces, part, crease)
+        return TriangleMesh(read.vertices, read.faces, read.part, crease), read
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error

@@ -17,12 +17,9 @@ from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chain
 from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.surfaces.mesh_contours import Chain, contour_chains
 from diff3ds.surfaces.mesh_view import MeshView, Picture
-from diff3ds.surfaces.nearest import Nearest, edges_along
+from diff3ds.surfaces.nearest import ON_SURFACE, Nearest, edges_along
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
-# Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
-# Empirical.
-ON_SURFACE = 1 / 256
 # Faces within two rings of a contour's point do not hide it: beside a contour facets hide each other.
 RINGS = 2
 # Of the steps along a contour over which it bends away from the line of sight, or towards it, so few are noise.

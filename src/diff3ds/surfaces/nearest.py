@@ -10,6 +10,11 @@ from diff3ds.surfaces.boxes import BoxIndex, slices
 from diff3ds.surfaces.mesh import TriangleMesh
 from diff3ds.surfaces.mesh_view import MOST_BOXES
 
+# Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
+# Empirical.
+ON_SURFACE = 1 / 256
+# Points that nothing is so near to are looked for so much farther away.
+WIDER = 4.0
 # Of barycentric coordinates: so near to an edge or a corner of a face, a point lies on it.
 ON_EDGE = 1e-9
 
@@ -21,15 +26,16 @@ class Nearest:
     the tolerance, and is seen where the edge is.
     """
 
-    def __init__(self, mesh: TriangleMesh, tolerance: float) -> None:
+    def __init__(self, mesh: TriangleMesh, tolerance: float, edges_first: bool = True) -> None:
         """Prepares a search.
 
         Args:
             mesh: where points are looked for.
             tolerance: how far from the mesh a point may be and still lie on it, world units.
+            edges_first: whether creases, borders and branches come before faces that are nearer.
         """
         self.mesh, self.tolerance = mesh, tolerance
-        self._sharp = mesh.edges[mesh.is_crease | (mesh.edge_counts != 2)]
+        self._sharp = mesh.edges[(mesh.is_crease | (mesh.edge_counts != 2)) & edges_first]
         ends = mesh.vertices[self._sharp]
         self._edges = _index(ends.min(1), ends.max(1), tolerance)
         low, high, self._triangle = slices(mesh.vertices[mesh.faces], max(2 * len(mesh), MOST_BOXES))
@@ -58,7 +64,7 @@ class Nearest:
         for batch in self._faces.batches(points[rest]):
             query, box = self._faces.around(points[rest[batch]])
             query, face = rest[batch.start + query], self._triangle[box]
-            found, shares = _on_triangles(points[query], self.mesh.vertices[self.mesh.faces[face]])
+            found, shares = closest_on_triangles(points[query], self.mesh.vertices[self.mesh.faces[face]])
             self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
         return moved, own
 
@@ -78,6 +84,29 @@ class Nearest:
         near = near[np.argsort(-distance[near], kind="stable")]
         moved[query[near]] = found[near]
         own[query[near]] = vertices[near]
+
+
+def places_anywhere(mesh: TriangleMesh, points: Float[Array, "Q 3"]) -> tuple[Float[Array, "Q 3"], Int[Index, "Q 3"]]:
+    """The points moved onto the mesh, however far away they are; as `Nearest.places`."""
+    moved, own = Nearest.of(mesh, ON_SURFACE * mesh.size).places(points)
+    tolerance = ON_SURFACE * mesh.size
+    while len(rest := np.flatnonzero(own[:, 0] < 0)):
+        tolerance *= WIDER
+        moved[rest], own[rest] = Nearest(mesh, tolerance, edges_first=False).places(points[rest])
+    return moved, own
+
+
+def faces_at(mesh: TriangleMesh, own: Int[Index, "Q 3"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
+    """Pairs of a place, by the vertices of what it lies on (see `Nearest.places`), and a face that holds it."""
+    flat = mesh.faces.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.searchsorted(flat[order], np.arange(len(mesh.vertices) + 1))
+    counts = (start[1:] - start[:-1])[own[:, 0]]
+    query = np.repeat(np.arange(len(own)), counts)
+    before = np.repeat(np.cumsum(counts) - counts, counts)
+    face = order[start[own[query, 0]] + np.arange(len(query)) - before] // 3
+    held = (own[query][:, :, None] == mesh.faces[face][:, None]).any(2).all(1)
+    return query[held], face[held]
 
 
 def edges_along(
@@ -118,7 +147,7 @@ def _of_segment(edge: Int[Index, "P 2"], share: Float[Array, " P"]) -> Int[Index
     return np.stack([first, last, last], 1)
 
 
-def _on_triangles(
+def closest_on_triangles(
     points: Float[Array, "P 3"], corners: Float[Array, "P 3 3"]
 ) -> tuple[Float[Array, "P 3"], Float[Array, "P 3"]]:
     """The closest points of triangles, and their barycentric coordinates."""

@@ -21,9 +21,10 @@ from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.drawn import Lines, visible_lines
 from diff3ds.surfaces.feature_curves import FeatureCurves, feature_curves, loose_share, outline_share
-from diff3ds.surfaces.load import load_surface
+from diff3ds.surfaces.load import load_colored_surface, load_surface
 from diff3ds.surfaces.mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.surface_colors import SurfaceColors, colored
 from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
@@ -91,11 +92,12 @@ def run_mesh(
 def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Sketch:
     """Reads, draws and writes."""
     begun = time.perf_counter()
-    mesh = creased(load_surface(source, up=options.up, crease=options.angle or CREASE_ANGLE), options.angle)
+    mesh, colors = _read(source, options, say)
     check_output_folder(out, out / "run.json", False, options.overwrite)
     cameras = _cameras(mesh, options)
     seconds = {"read": time.perf_counter() - begun}
     made = sketch_mesh(mesh, options, report)
+    made = replace(made, sketch=_colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE:
         say(
             f"the mesh is smooth: its creases and borders draw {made.outlines:.0%} of its outlines; strokes "
@@ -107,7 +109,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     for view in range(len(cameras)):
         views += visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)
         report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
-    drawings = [lines.drawn(options.hidden) for lines in views]
+    drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
     info = RunInfo({"source": str(source), **_told(options)}, _found(mesh, made), seconds, [], {}, False)
@@ -122,12 +124,30 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
             save_step(out / f"{name}.step", drawing, layers=layers)
         save_png(out / f"{name}.png", pictures[view])
     if options.turntable:
-        frames = _frames(features, mesh, options, report)
+        frames = _frames(features, mesh, colors, options, report)
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
     write_results(out, made.sketch, cameras, sheet, info, mesh, made.kinds)
     return made.sketch
+
+
+def _read(source: Path, options: MeshOptions, say: Callable[[str], None]) -> tuple[TriangleMesh, SurfaceColors | None]:
+    """The mesh, and its colours where they are wanted."""
+    crease = options.angle or CREASE_ANGLE
+    if not options.color:
+        return creased(load_surface(source, up=options.up, crease=crease), options.angle), None
+    mesh, colors = load_colored_surface(source, up=options.up, crease=crease)
+    for name in colors.missing:
+        say(
+            f"warning: {name} cannot be read from the folder of {source.name}: what it colours may be of another colour"
+        )
+    smooth = creased(mesh, options.angle)
+    return smooth, colors if smooth is mesh else colors[smooth.source]
+
+
+def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
+    return sketch if colors is None else colored(sketch, mesh, colors)
 
 
 def _found(mesh: TriangleMesh, made: MeshSketch) -> dict[str, object]:
@@ -211,15 +231,27 @@ def _around(mesh: TriangleMesh, azimuth: tuple[float, ...], options: MeshOptions
 
 
 def _frames(
-    features: Sketch, mesh: TriangleMesh, options: MeshOptions, report: Report
+    features: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None, options: MeshOptions, report: Report
 ) -> Iterator[Float[Tensor, "H W 3"]]:
     count = options.turntable
     start = options.view.azimuth[0]
     cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
     for i in range(count):
-        drawn = render(features, cameras[i], surface=mesh, hidden=options.hidden, contours=options.contours)
+        (lines,) = visible_lines(features, cameras[i], mesh, contours=options.contours)
+        drawn = render(_drawn(lines, options, mesh, colors), cameras[i])
         yield drawn.color[0].float()
         report(Progress("turntable", i + 1, count, None, len(features)))
+
+
+def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
+    """What is drawn in a view; contours, which are the view's own, in the colours of what is seen of them."""
+    drawn = lines.drawn(options.hidden)
+    own = [i for i, layer in enumerate(lines.layers(options.hidden)) if layer.startswith(CONTOUR)]
+    if colors is None or not own:
+        return drawn
+    color = drawn.color.clone()
+    color[own] = colored(drawn[own], mesh, colors).color
+    return replace(drawn, color=color)
 
 
 def _told(options: MeshOptions) -> dict[str, object]:

@@ -25,6 +25,7 @@ class MeshOptions:
             a thing most of whose outlines are smooth, up to 24 fitted to its outlines as well.
         contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
+        color: draw each stroke in the colour of the surface along it: of vertices, faces, materials or textures.
         size: of the drawings, pixels.
         turntable: frames of turntable.webp, once round; 0 leaves it out.
         overwrite: the folder's run may be lost.
@@ -36,6 +37,7 @@ class MeshOptions:
     strokes: int | None = None
     contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
+    color: bool = False
     size: int = 512
     turntable: int = 24
     overwrite: bool = False
