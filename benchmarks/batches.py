@@ -1,6 +1,7 @@
 """Time of 64 sketches of 16 strokes at 64x64 in one call of `render_batch`, beside that of a loop over `render`.
 
     python benchmarks/batches.py [--sketches 64] [--strokes 16] [--size 64] [--rounds 15] [--threads 2]
+        [--device cuda]
 
 Both in turns in one run; backward is of given gradients of the colours to everything in the sketches.
 """
@@ -14,7 +15,7 @@ from timing import interleaved
 import diff3ds as ds
 
 
-def sketch(strokes: int, seed: int) -> ds.Sketch:
+def sketch(strokes: int, seed: int, device: str) -> ds.Sketch:
     """Random coloured strokes, everything with a gradient."""
     generator = torch.Generator().manual_seed(seed)
 
@@ -23,7 +24,17 @@ def sketch(strokes: int, seed: int) -> ds.Sketch:
 
     points, width, opacity = 1.6 * numbers(strokes, 4, 3) - 0.8, 0.01 + 0.05 * numbers(strokes), numbers(strokes)
     given = {"points": points, "width": width, "color": numbers(strokes, 3), "opacity": opacity}
-    return ds.Sketch(**{name: value.requires_grad_() for name, value in given.items()})
+    return ds.Sketch(**{name: value.to(device).requires_grad_() for name, value in given.items()})
+
+
+def waiting(way: Callable[[], object]) -> Callable[[], object]:
+    """The same, until the GPU is done with it."""
+
+    def call() -> None:
+        way()
+        torch.cuda.synchronize()
+
+    return call
 
 
 def main() -> None:
@@ -31,12 +42,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, value in (("sketches", 64), ("strokes", 16), ("size", 64), ("rounds", 15), ("threads", 2)):
         parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    sketches = [sketch(options.strokes, k) for k in range(options.sketches)]
-    cameras = [ds.orbit([360.0 * k / options.sketches], size=options.size) for k in range(options.sketches)]
+    sketches = [sketch(options.strokes, k, options.device) for k in range(options.sketches)]
+    views = [ds.orbit([360.0 * k / options.sketches], size=options.size) for k in range(options.sketches)]
+    cameras = [view.to(options.device) for view in views]
     leaves = [getattr(s, name) for s in sketches for name in ("points", "width", "color", "opacity")]
-    upstream = [torch.rand(1, options.size, options.size, 3)] * options.sketches
+    upstream = [torch.rand(1, options.size, options.size, 3).to(options.device)] * options.sketches
 
     def loop() -> list[torch.Tensor]:
         return [ds.render(s, c).color for s, c in zip(sketches, cameras, strict=True)]
@@ -51,6 +64,8 @@ def main() -> None:
         return torch.no_grad()(draw)
 
     ways = {"loop": drawing(loop), "batch": drawing(batch), "loop, backward too": both(loop), "batch, too": both(batch)}
+    if options.device == "cuda":
+        ways = {name: waiting(way) for name, way in ways.items()}
     for name, times in interleaved(ways, options.rounds).items():
         print(f"{name:20} {times} ms")
 

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ import diff3ds as ds
 
 GPU_WORKLOADS = {name: WORKLOADS[name] for name in "ABD"} | {"E": Workload(100_000, 1, (4096, 4096))}
 ROUNDS, WARM_UP = 50, 5
+# The largest drawings have fewer rounds: no more begin after so many seconds, but for the first ones.
+LONGEST, LEAST_ROUNDS = 4.0, 5
 # Aims in ms: by workload and figure; seconds of a first call, and of a later process.
 AIMS = {
     ("A", "both, device"): 0.25,
@@ -79,8 +81,8 @@ def device_ms(way: Callable[[], object]) -> float:
     with torch.cuda.graph(graph):
         # Kept alive: its memory belongs to the graph.
         kept = way()
-    times = []
-    for _ in range(ROUNDS):
+    times: list[float] = []
+    for _ in _rounds():
         start, stop = (torch.cuda.Event(enable_timing=True) for _ in range(2))
         start.record()
         graph.replay()
@@ -96,13 +98,21 @@ def user_ms(way: Callable[[], object]) -> float:
     for _ in range(WARM_UP):
         way()
     torch.cuda.synchronize()
-    times = []
-    for _ in range(ROUNDS):
+    times: list[float] = []
+    for _ in _rounds():
         start = time.perf_counter()
         way()
         torch.cuda.synchronize()
         times.append(1e3 * (time.perf_counter() - start))
     return statistics.median(times)
+
+
+def _rounds() -> Iterator[int]:
+    begun = time.perf_counter()
+    for k in range(ROUNDS):
+        if k >= LEAST_ROUNDS and time.perf_counter() - begun > LONGEST:
+            return
+        yield k
 
 
 def copy_speed() -> float:

@@ -13,6 +13,7 @@ PAGES = sorted((ROOT / "docs/results").glob("*.md"))
 # What the script imports beside it.
 sys.path.append(str(ROOT / "benchmarks"))
 TABLES = runpy.run_path(str(ROOT / "benchmarks/tables.py"))
+RENDERER = runpy.run_path(str(ROOT / "benchmarks/tables_renderer.py"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -33,8 +34,8 @@ def test_every_file_of_results_is_shown():
 
 def test_the_speed_in_the_readme_is_that_of_the_benchmark():
     figures = json.loads((ROOT / "benchmarks/results/render.json").read_text(encoding="utf-8"))["figures"]
-    digits, both = TABLES["_digits"], "forward + backward"
-    for key, name in TABLES["WORKLOADS"].items():
+    digits, both = RENDERER["digits"], "forward + backward"
+    for key, name in RENDERER["WORKLOADS"].items():
         times = [figures["ms"][key][threads][both][0] for threads in "12"] + [figures["reference_ms"][key][both]]
         assert f"| {name} | {' | '.join(map(digits, times))} |" in README
 

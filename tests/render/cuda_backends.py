@@ -39,7 +39,9 @@ def use_device(monkeypatch) -> None:
         if kernels is not import_module("diff3ds.render.cuda.rasterize"):
             return draw(inputs, kernels)
         curves, appearance = (tuple(t.cuda() for t in tensors) for tensors in (inputs.curves, inputs.appearance))
-        return tuple(x.cpu() for x in draw(inputs._replace(curves=curves, appearance=appearance), kernels))
+        chains = None if inputs.chains is None else inputs.chains.to("cuda")
+        there = inputs._replace(curves=curves, appearance=appearance, chains=chains)
+        return tuple(x.cpu() for x in draw(there, kernels))
 
     monkeypatch.setattr(module, "draw", there_and_back)
     _let_cuda_draw(monkeypatch)

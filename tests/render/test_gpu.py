@@ -50,7 +50,9 @@ def drawn(sketch: ds.Sketch, cameras: ds.Cameras, antialiasing="analytic", **opt
     if antialiasing == "montecarlo":
         options |= {"generator": torch.Generator().manual_seed(0)}
     color = ds.render(sketch, cameras, antialiasing=antialiasing, **options).color
-    return [color, *torch.autograd.grad(color.square().sum(), list(sketch.tensors().values()))]
+    gradients = torch.autograd.grad(color.square().sum(), list(sketch.tensors().values()))
+    # Without its graph, whose nodes belong to one stream: a capture, or what comes after one, is on another.
+    return [color.detach(), *gradients]
 
 
 def assert_same(got, expected) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -14,10 +15,14 @@ from diff3ds.render.cuda.versions import compiler_versions
 # Strokes are walked through twice, to count and to write, and both must come to the same to the bit: a product is
 # rounded before it is added to, wherever the compiler meets it.
 WALKS = ("pieces", "chords")
-OPTIONS = {part: {"std": "c++20", "fma": part not in WALKS} for part in PARTS}
+# What carries no mark is for the device: NVRTC of CUDA 13.0 takes generic lambdas for the host's else.
+OPTIONS = {
+    part: {"std": "c++20", "fma": part not in WALKS, "device_as_default_execution_space": True} for part in PARTS
+}
 
 # Bytes of a digest.
 DIGEST = 32
+_IMPORTING = threading.Lock()
 
 
 class Codes:
@@ -72,7 +77,9 @@ def compiled(part: str, real: str, arch: str) -> bytes:
 
 def compile_part(part: str, real: str, arch: str) -> bytes:
     """The cubin of a part, compiled now."""
-    from cuda.core import Program, ProgramOptions
+    # cuda-core 1.2.0, imported by several threads at once, is found half made.
+    with _IMPORTING:
+        from cuda.core import Program, ProgramOptions
 
     options = ProgramOptions(
         name=f"{part}.cu", arch=arch, define_macro=[("REAL", real)], include_path=str(source_folder()), **OPTIONS[part]
