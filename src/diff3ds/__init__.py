@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from diff3ds.formats import load, save
     from diff3ds.notebook import show
     from diff3ds.optimize import density
-    from diff3ds.optimize.fit import FitConfig, Rates, Step, fit
+    from diff3ds.optimize.config import FitConfig, Rates
+    from diff3ds.optimize.fit import Step, fit
     from diff3ds.optimize.strokes import NoiseDeletion
     from diff3ds.project import Strokes2D, project
     from diff3ds.render import (
@@ -90,7 +91,8 @@ __all__ = [
 # In which module each public name is; the others are modules, one of which lies in a room.
 _HOMES = {
     **dict.fromkeys(("Cameras", "look_at", "orbit"), "camera"),
-    **dict.fromkeys(("FitConfig", "Rates", "Step", "fit"), "optimize.fit"),
+    **dict.fromkeys(("FitConfig", "Rates"), "optimize.config"),
+    **dict.fromkeys(("Step", "fit"), "optimize.fit"),
     **dict.fromkeys(("load", "save"), "formats"),
     **dict.fromkeys(("Strokes2D", "project"), "project"),
     "NoiseDeletion": "optimize.strokes",

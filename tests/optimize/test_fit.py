@@ -8,9 +8,9 @@ import pytest
 import torch
 
 import diff3ds as ds
+from diff3ds.optimize.adam import BETA1, BETA2, EPSILON
 from diff3ds.optimize.checkpoint import read_checkpoint, write_checkpoint
 from diff3ds.optimize.checkpoint import start as start_state
-from diff3ds.optimize.fit import BETA1, BETA2, EPSILON
 from diff3ds.optimize.strokes import Edit
 
 ALL_RATES = ds.Rates(points=0.01, weights=0.01, width=0.01, color=0.01, opacity=0.01)

@@ -15,7 +15,7 @@ from diff3ds._settings import option_hints, with_options
 from diff3ds.formats import load_image
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.optimize.checkpoint import read_checkpoint
-from diff3ds.optimize.fit import FitConfig
+from diff3ds.optimize.config import FitConfig
 from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior

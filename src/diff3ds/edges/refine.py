@@ -13,7 +13,8 @@ from diff3ds.camera import Cameras
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, clear_support
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.optimize.fit import FitConfig, Rates, fit
+from diff3ds.optimize.config import FitConfig, Rates
+from diff3ds.optimize.fit import fit
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch

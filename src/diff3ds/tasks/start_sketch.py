@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from diff3ds.constraints import Constraint, fixed
-from diff3ds.optimize.fit import Rates
+from diff3ds.optimize.config import Rates
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.sketch_input import load_sketch
 

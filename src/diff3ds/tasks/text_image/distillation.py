@@ -18,7 +18,8 @@ from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.upload import uploaded
 from diff3ds.optimize.checkpoint import read_checkpoint
-from diff3ds.optimize.fit import CameraSampler, FitConfig, Objective, Rates, Step, fit
+from diff3ds.optimize.config import FitConfig, Rates
+from diff3ds.optimize.fit import CameraSampler, Objective, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
 from diff3ds.render import Rendering, available_backends, render
 from diff3ds.sketch import Sketch

@@ -10,8 +10,9 @@ from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.losses import composite_loss, psnr
 from diff3ds.metrics.ssim import WINDOW, ssim
+from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.density import Density, Observation
-from diff3ds.optimize.fit import FitConfig, Objective, Rates
+from diff3ds.optimize.fit import Objective
 from diff3ds.pictures.content.background import behind, described, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.visual_hull import Hull, visual_hull

@@ -17,7 +17,8 @@ from diff3ds.metrics.clip_resnet import clip_resnet
 from diff3ds.metrics.doodle_loss import DoodleLoss
 from diff3ds.metrics.vgg_distance import VggDistance
 from diff3ds.optimize.checkpoint import read_checkpoint
-from diff3ds.optimize.fit import FitConfig, Objective, Rates, fit
+from diff3ds.optimize.config import FitConfig, Rates
+from diff3ds.optimize.fit import Objective, fit
 from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.content.background import parse_background, with_alpha
 from diff3ds.pictures.content.visual_hull import visual_hull

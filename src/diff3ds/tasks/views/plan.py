@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from diff3ds._shapes import Tensor
-from diff3ds.optimize.fit import FitConfig, Objective
+from diff3ds.optimize.config import FitConfig
+from diff3ds.optimize.fit import Objective
 from diff3ds.pictures.content.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame

@@ -8,7 +8,8 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.losses import ink_loss
-from diff3ds.optimize.fit import FitConfig, Objective, Rates
+from diff3ds.optimize.config import FitConfig, Rates
+from diff3ds.optimize.fit import Objective
 from diff3ds.optimize.strokes import Refinement, SupportPruning
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
