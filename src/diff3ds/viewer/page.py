@@ -10,17 +10,11 @@ from importlib.resources import files
 from typing import Any
 
 # In this order they make one module.
-_EDIT = (
-    "edit_document.js",
-    "edit_strokes.js",
-    "edit_shapes.js",
-    "edit_handles.js",
-    "edit_draw.js",
-    "edit.js",
-    "edit_save.js",
-)
-_DRAWING = ("vectors.js", "curves.js", "camera.js", "surface.js", "contours.js", "surface_depth.js", "drawing.js")
-_SCRIPTS = (*_DRAWING, "hidden.js", "page.js", *_EDIT)
+_EDIT = ("document", "strokes", "shapes", "handles", "draw", "edit", "save")
+_SCRIPTS = (
+    "vectors.js", "curves.js", "camera.js", "surface/surface.js", "surface/contours.js", "surface/depth.js",
+    "drawing.js", "surface/hidden.js", "page.js", *(f"edit/{name}.js" for name in _EDIT),
+)  # fmt: skip
 # Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, and on one that shows
 # a run.
 _BESIDE, _FRAMED, _LIVE, _RUN = "beside.js", "framed.js", "live.js", "run.js"
