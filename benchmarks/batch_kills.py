@@ -1,12 +1,14 @@
 """What `diff3ds batch` loses when it is killed again and again, and what it gains over jobs done one by one.
 
-    python benchmarks/batch_kills.py OUT [--jobs 24] [--steps 300] [--kills 10] [--workers 2] [--seed 0]
+    python benchmarks/batch_kills.py OUT [--jobs 24] [--steps 300] [--kills 10] [--workers 2] [--seed 0] [--alone 24]
+        [--ray]
 
-The same small jobs are done three times: one command after the other, as one batch, and as a batch to which at random
-times one of four things happens: a worker is killed, the driver is, the whole group of processes is (all by SIGKILL),
-or the disk is full for a while. Whenever the batch has ended and jobs are left, the same command is begun again. At the
-end every job must be done once, with the bytes of the first time, and the table must say so. The batch that is killed
-lies on a disk in memory that only this script sees (Linux: unshare, mount), which it fills to the last byte.
+The same small jobs are done three times: one command after the other (--alone: only so many of them), as one batch, and
+as a batch to which at random times one of four things happens: a worker is killed, the driver is, the whole group of
+processes is (all by SIGKILL), or the disk is full for a while. Whenever the batch has ended and jobs are left, the same
+command is begun again. At the end every job must be done once, with the bytes of the first time, and the table must say
+so. The batch that is killed lies on a disk in memory that only this script sees (Linux: unshare, mount), which it fills
+to the last byte. With --ray a Ray of this machine does the jobs as well, with as many workers.
 
 Prints Markdown, and exits with 1 if anything was lost. On a loaded machine believe the processor's seconds.
 """
@@ -22,6 +24,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +37,7 @@ EVENTS = ("worker", "driver", "group", "disk full")
 WAIT, FULL = (0.2, 5.0), (2.0, 8.0)
 # Of the disk in memory: jobs with their checkpoints take some 200 kB each.
 DISK = "256m"
+RAY = ("--runner", "ray")
 COMMAND = (sys.executable, "-m", "diff3ds.cli")
 
 
@@ -60,21 +64,27 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     for name, value in (("jobs", 24), ("steps", 300), ("kills", 10), ("workers", 2), ("seed", 0)):
         parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--alone", type=int)
+    parser.add_argument("--ray", action="store_true")
     options = parser.parse_args()
     _with_a_disk_of_its_own(options.out)
     jobs = [_job(number, options.steps) for number in range(options.jobs)]
     file = options.out / "jobs.jsonl"
     file.write_text("\n".join(map(json.dumps, jobs)))
-    alone = _one_by_one(jobs, options.out / "alone")
-    together = _together(file, options.out / "together", options.workers)
-    events, faults = _killed(file, options.out / "disk" / "killed", options, options.out / "together")
-    faults += _differences(options.out / "alone", options.out / "together", jobs)
+    some = jobs[: options.alone]
+    times = [("one by one", len(some), *_one_by_one(some, options.out / "alone"))]
+    times.append(("batch", len(jobs), *_together(file, options.out / "together", options.workers)))
+    faults = _differences(options.out / "alone", options.out / "together", some)
+    if options.ray:
+        times.append(("Ray", len(jobs), *_together(file, options.out / "ray", options.workers, RAY)))
+        faults += _same(options.out / "together", options.out / "ray")
+    events, lost = _killed(file, options.out / "disk" / "killed", options, options.out / "together")
+    faults += lost
     print(f"{environment()['cpu']}; {options.jobs} jobs of {options.steps} steps, {options.workers} workers\n")
-    print("| | s | processor's s | jobs a minute |\n|---|---|---|---|")
-    for name, (seconds, busy) in (("one by one", alone), ("batch", together)):
-        print(f"| {name} | {seconds:.1f} | {busy:.1f} | {60 * options.jobs / seconds:.1f} |")
-    ratios = [b / a for a, b in zip(alone, together, strict=True)]
-    print(f"\nThe batch takes {ratios[0]:.2f} of the time, and {ratios[1]:.2f} of the processor's.\n")
+    print("| | jobs | s | processor's s a job | jobs a minute |\n|---|---|---|---|---|")
+    for name, count, seconds, busy in times:
+        print(f"| {name} | {count} | {seconds:.1f} | {busy / count:.1f} | {60 * count / seconds:.1f} |")
+    print()
     print("| | at s | done by then | the batch ended |\n|---|---|---|---|")
     for event in events:
         print(f"| {event.what} | {event.seconds:.1f} | {event.done} | {'yes' if event.ended else 'no'} |")
@@ -125,16 +135,16 @@ def _one_by_one(jobs: list[dict[str, object]], out: Path) -> tuple[float, float]
     return _since(begun)
 
 
-def _batch(file: Path, out: Path, workers: int) -> subprocess.Popen:
-    words = [*COMMAND, "batch", file, "-o", out, "--workers", str(workers), "--threads", "1", "--quiet"]
+def _batch(file: Path, out: Path, workers: int, more: Sequence[str] = ()) -> subprocess.Popen:
+    words = [*COMMAND, "batch", file, "-o", out, "--workers", str(workers), "--threads", "1", "--quiet", *more]
     # A group of its own, as a shell gives each command.
     with (out.parent / "said.txt").open("a") as said:
         return subprocess.Popen(words, start_new_session=True, stdout=said, stderr=said)
 
 
-def _together(file: Path, out: Path, workers: int) -> tuple[float, float]:
+def _together(file: Path, out: Path, workers: int, more: Sequence[str] = ()) -> tuple[float, float]:
     begun = _clock()
-    if code := _batch(file, out, workers).wait():
+    if code := _batch(file, out, workers, more).wait():
         raise SystemExit(f"the batch that nobody disturbed ended with code {code}")
     return _since(begun)
 

@@ -25,8 +25,8 @@ from diff3ds.tasks.text_image.image import DISTANCE
 
 VIEWS = 8
 NOTHING_KNOWN = (
-    f"the runs are of posed pictures, which are scored where the scene has a {TRUTH} with its true curves, or the "
-    "target was color: none of them is so"
+    f"the runs are of posed pictures, which are scored where the scene has a {TRUTH} with its true curves, or files of "
+    "them beside it as EMAP's data sets do, or the target was color: none of them is so"
 )
 # Names a list of phrases that comes with the package, in place of a file.
 OWN = "own"

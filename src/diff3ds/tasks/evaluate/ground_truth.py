@@ -11,6 +11,7 @@ from diff3ds._files import read_json
 from diff3ds.bezier import evaluate
 from diff3ds.metrics.curves import Points, curve_scores, resampled
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.evaluate.emap_truth import emap_truth
 from diff3ds.tasks.evaluate.runs import Run
 
 # The file with the true curves, beside the pictures of a scene.
@@ -35,26 +36,26 @@ def scene_scores(run: Run, sketch: Sketch) -> dict[str, float]:
     if (truth := truth_of(run)) is not None:
         if "placed" in run.record:
             raise ValueError(
-                f"{run.folder}: --up or --scale has moved this sketch out of the world of {truth}: to score it make "
-                "the run without them"
+                f"{run.folder}: --up or --scale has moved this sketch out of the world of {run.scene}, where the true "
+                "curves are: to score it make the run without them"
             )
-        points, side = read_truth(truth)
-        scores |= curve_scores([curve / side for curve in _polylines(sketch)], points)
+        points, metre = truth
+        scores |= curve_scores([curve / metre for curve in _polylines(sketch)], points)
     return {name: value for name, value in scores.items() if math.isfinite(value)}
 
 
-def truth_of(run: Run) -> Path | None:
-    """The file with the true curves of a run's scene, if there is one.
+def truth_of(run: Run) -> tuple[Points, float] | None:
+    """What `read_truth` or `emap_truth` reads of a run's scene; None where it has neither.
 
     Raises:
-        FileNotFoundError: the scene is not where it was.
+        FileNotFoundError, ValueError: the scene is not where it was; damaged files.
     """
     if not run.scene.is_dir():
         raise FileNotFoundError(
             f"{run.folder}: its scene {run.scene} is not there, which may have a {TRUTH}: run eval where it is found"
         )
     path = run.scene / TRUTH
-    return path if path.is_file() else None
+    return read_truth(path) if path.is_file() else emap_truth(run.scene)
 
 
 def read_truth(path: Path) -> tuple[Points, float]:
