@@ -2,36 +2,43 @@
 
 import json
 
+import numpy as np
 import pytest
 import torch
 from edge_scenes import lines_between
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
+from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import Result
-from diff3ds.edges.resume import FIELDS, VERSION, read_result, write_result
+from diff3ds.edges.resume import CAMERAS, FIELDS, VERSION, Kept, read_result, write_result
 from diff3ds.edges.shapes.curve_set import curves_of
 
 SETTINGS = {"target": "edges", "seed": 3, "size": [64, 80]}
 CURVES = lines_between(((0, 0, 0), (0.1, 0.2, 1 / 3)), ((1, 0, 0), (0, 1, 0)))
 LOSSES = [0.5, 1 / 3]
 RESULT = Result(2, CURVES, Bias(0.1, -1 / 3, 0.7))
+REFINED = Refined(torch.eye(4).repeat(3, 1, 1), torch.eye(3).repeat(3, 1, 1) / 3, np.array([1.5, 1 / 3, np.nan]))
+KEPT = Kept(RESULT, LOSSES, REFINED)
 
 
 @pytest.fixture
 def path(tmp_path):
-    write_result(tmp_path / "edges.safetensors", RESULT, LOSSES, SETTINGS)
+    write_result(tmp_path / "edges.safetensors", KEPT, SETTINGS)
     return tmp_path / "edges.safetensors"
 
 
 def test_what_is_written_is_read(path):
-    back, losses = read_result(path, SETTINGS)
-    assert losses == LOSSES
+    kept = read_result(path, SETTINGS)
+    back = kept.result
+    assert kept.losses == LOSSES
     assert back.stage == 2
     assert back.bias == RESULT.bias
     for name in FIELDS:
         assert torch.equal(getattr(back.curves, name), getattr(CURVES, name))
+    for name in CAMERAS:
+        np.testing.assert_array_equal(getattr(kept.refined, name), getattr(REFINED, name))
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
@@ -40,8 +47,8 @@ def test_vertices_may_have_gaps_between_their_numbers(path):
     lines = [((0, 0, 0), (0.1 * k, 1, 0)) for k in range(1, 9)]
     few = lines_between(*lines)[torch.tensor([3, 7])]
     assert int(few.vertex.max()) >= 2 * len(few)
-    write_result(path, Result(2, few, RESULT.bias), LOSSES, SETTINGS)
-    back, _ = read_result(path, SETTINGS)
+    write_result(path, Kept(Result(2, few, RESULT.bias), LOSSES), SETTINGS)
+    back = read_result(path, SETTINGS).result
     assert torch.equal(back.curves.points, few.points)
     assert torch.equal(*((c.vertex.reshape(-1, 1) == c.vertex.reshape(-1)) for c in (back.curves, few)))
 
@@ -52,13 +59,14 @@ def test_a_disk_that_fills_up_is_said(path, monkeypatch):
 
     monkeypatch.setattr("safetensors.torch.save_file", full)
     with pytest.raises(OSError, match="make room"):
-        write_result(path, Result(1, CURVES, Bias(0.0, 0.0, 0.0)), [], SETTINGS)
-    assert read_result(path, SETTINGS)[0].stage == 2
+        write_result(path, Kept(Result(1, CURVES, Bias(0.0, 0.0, 0.0)), []), SETTINGS)
+    assert read_result(path, SETTINGS).result.stage == 2
 
 
 def test_no_curves_are_a_result(path):
-    write_result(path, Result(1, curves_of([]), Bias(0.0, 0.0, 0.0)), [], SETTINGS)
-    assert len(read_result(path, SETTINGS)[0].curves) == 0
+    write_result(path, Kept(Result(1, curves_of([]), Bias(0.0, 0.0, 0.0)), []), SETTINGS)
+    assert len(read_result(path, SETTINGS).result.curves) == 0
+    assert read_result(path, SETTINGS).refined is None
 
 
 @pytest.mark.parametrize(("name", "value"), [("seed", 4), ("target", "color-edges"), ("size", [80, 64])])
@@ -84,6 +92,9 @@ CHANGES = {
     "a point that is not finite": lambda t: t["points"].view(-1)[5:6].fill_(float("nan")),
     "floating point kinds": lambda t: t.update(kind=t["kind"].float()),
     "a kind that is none": lambda t: t["kind"].fill_(7),
+    "cameras without lenses": lambda t: t.pop("intrinsics"),
+    "fewer cameras than lenses": lambda t: t.update(world_to_camera=t["world_to_camera"][:2].clone()),
+    "a camera that is not finite": lambda t: t["world_to_camera"].view(-1)[3:4].fill_(float("inf")),
     "points of whole numbers": lambda t: t.update(points=t["points"].long()),
 }
 

@@ -15,7 +15,8 @@ from diff3ds.pictures.dataset import load_posed
 from diff3ds.tasks.views.color_sketch import plan_color, view_scores
 from diff3ds.tasks.views.edge_sketch import ridges_of
 from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import UNKNOWN, preview, run_views
+from diff3ds.tasks.views.preview import UNKNOWN, preview
+from diff3ds.tasks.views.run import run_views
 
 SIZE = (40, 60)
 # What stands in front of the camera: a black block at the lower right, within rows and columns from here on.

@@ -10,11 +10,14 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.edges.cameras.coarse_to_fine import Refined
+from diff3ds.formats import save_png
 from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.pictures.frame import Frame
 from diff3ds.tasks.cameras.run import are_estimated
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.refined_cameras import in_world, moves, save_refined
+from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import read_views, save_transforms
 
 
@@ -34,15 +37,41 @@ def turned(cameras, degrees):
     return replace(cameras, world_to_camera=turn @ cameras.world_to_camera)
 
 
+def moved(cameras, after, agreement):
+    names, refined = ["a", "b", "c", "d"], Refined(after.world_to_camera, after.intrinsics, np.array(agreement))
+    return moves(Frame(torch.zeros(3, dtype=torch.float64), 1.0), cameras, after, names, refined)
+
+
 def test_moves_say_degrees_and_units(source):
     cameras = source[1]
     after = turned(cameras, 0.5)
     after.world_to_camera[1, 0, 3] += 0.25
-    found = moves(cameras, after, ["a", "b", "c", "d"])
-    assert found["each"]["a"]["degrees"] == pytest.approx(0.5, abs=1e-3)
-    assert found["each"]["b"]["units"] == pytest.approx(0.25, abs=1e-4)
-    assert found["each"]["c"]["units"] == pytest.approx(0.0, abs=1e-5)
-    assert found["units_most"] == pytest.approx(0.25, abs=1e-4)
+    found = moved(cameras, after, [5.0, 5.0, 5.0, 5.0])
+    about = found.about
+    assert about["each"]["a"]["degrees"] == pytest.approx(0.5, abs=1e-3)
+    assert about["each"]["b"]["units"] == pytest.approx(0.25, abs=1e-4)
+    assert about["each"]["c"]["units"] == pytest.approx(0.0, abs=1e-5)
+    assert about["units_most"] == pytest.approx(0.25, abs=1e-4)
+    # A shift by .25 at a distance of 3, and a little of the turn.
+    focal = float(cameras.intrinsics[0, 0, 0])
+    assert about["each"]["b"]["pixels"] == pytest.approx(0.25 / 3 * focal, rel=0.1)
+    assert found.right == [0, 1, 2, 3]
+
+
+def test_views_that_are_lost_or_moved_far_are_said(source):
+    cameras = source[1]
+    after = turned(cameras, 0.1)
+    after.world_to_camera[1, 0, 3] += 0.5
+    found = moved(cameras, after, [5.0, 6.0, 1.2, 7.0])
+    assert found.right == [0, 1, 3]
+    assert found.about["lost"] == ["c"]
+    assert found.about["moved_far"] == ["b"]
+    assert "1 of 4 views" in found.lines[1]
+    assert found.lines[1].count(" c.") == 1
+    assert "b (" in found.lines[2]
+    # Where views hardly agree at all, or nothing is known, none is said to be lost.
+    for agreement in ([1.2, 1.1, 0.5, 1.0], [math.nan] * 4):
+        assert moved(cameras, after, agreement).right == [0, 1, 2, 3]
 
 
 def test_the_frame_of_a_fit_and_back(source):
@@ -102,3 +131,35 @@ def test_refined_cameras_keep_the_points(source, tmp_path):
     assert not are_estimated(path)
     path.write_text(json.dumps({**json.loads(path.read_text()), "cameras_from_pictures": True}))
     assert are_estimated(path)
+
+
+@pytest.mark.slow
+def test_a_run_leaves_lost_views_out_and_keeps_refined_cameras(tmp_path, monkeypatch):
+    """Of twelve drawings of a box one is of another thing."""
+    ends = torch.tensor([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    pairs = [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :] if int((a != b).sum()) == 1]
+    box = ds.Sketch(torch.stack([torch.stack([a, b]) for a, b in pairs]), width=0.015)
+    other = ds.Sketch(1.2 * torch.rand(12, 2, 3, generator=torch.Generator().manual_seed(0)) - 0.6, width=0.015)
+    i = torch.arange(12) + 0.5
+    cameras = ds.orbit(137.508 * i, torch.rad2deg(torch.asin(1 - i / 6)), 3.0, fov=45, size=64)
+    for view in range(12):
+        ink = ds.render(other if view == 4 else box, cameras[[view]]).alpha[0]
+        save_png(tmp_path / f"{view}.png", ink[..., None])
+    save_transforms(tmp_path / "transforms.json", cameras, [f"{view}.png" for view in range(12)])
+    said: list[str] = []
+    options = ViewsOptions(refine_cameras=True)
+    run_views(tmp_path, tmp_path / "out", options, say=said.append)
+    about = json.loads((tmp_path / "out" / "run.json").read_text())["cameras"]
+    assert about["lost"] == ["4.png"]
+    assert any("1 of 12 views" in line and "4.png" in line for line in said)
+    kept = [view.picture.name for view in read_views(tmp_path / "out" / "transforms_refined.json")]
+    assert kept == [f"{view}.png" for view in range(12) if view != 4]
+    sketch = (tmp_path / "out" / "sketch.json").read_bytes()
+
+    def again(*arguments):
+        raise AssertionError("the cameras are refined already")
+
+    monkeypatch.setattr("diff3ds.tasks.views.edge_sketch.refined_cameras", again)
+    run_views(tmp_path, tmp_path / "out", replace(options, resume=True), say=said.append)
+    assert (tmp_path / "out" / "sketch.json").read_bytes() == sketch
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["cameras"] == about

@@ -195,7 +195,7 @@ def test_ctrl_c_while_pictures_are_judged_leaves_the_sketch(colored, monkeypatch
     def stopped(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("diff3ds.tasks.views.run.color_scores", stopped)
+    monkeypatch.setattr("diff3ds.tasks.views.descents.color_scores", stopped)
     out = colored / "out"
     with pytest.raises(SystemExit) as end:
         main(["views", str(colored), "-o", str(out), "--strokes", "5", "--steps", "4", "--quiet"])

@@ -6,7 +6,8 @@ every sample point are solved for together, in Gauss-Newton steps with weights t
 Displacements are eliminated point by point, as in `evidence.bias`.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,25 +50,26 @@ def adjusted(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array, "
         x, tangent = x[chosen], tangent[chosen]
     first, seen = posed, posed.views(views, sides)
     alone = ~crowded(seen, x, tangent, at=inliers(seen, x, tangent, FAR))
-    for turn in range(ROUNDS):
-        fraction = turn / (ROUNDS - 1)
-        scatter = FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** fraction
-        shown = inliers(seen, x, tangent, FAR * (NEAR / FAR) ** fraction) & alone
+    for far, scatter in narrowing():
+        shown = inliers(seen, x, tangent, far) & alone
         shown &= shown.sum(0) >= LEAST_VIEWS
         posed, x = _stepped(start, posed, seen, sides, x, tangent, shown, scatter)
         seen = posed.views(views, sides)
     # A view that has lost its way shows less than before.
     now, before = (inliers(p.views(views, sides), x, tangent, SURE).sum(1) for p in (posed, first))
     lost = now < before
-    return replace(
-        posed,
-        rotation=np.where(lost[:, None, None], first.rotation, posed.rotation),
-        shift=np.where(lost[:, None], first.shift, posed.shift),
-    )
+    return posed.with_poses(first, lost)
+
+
+def narrowing() -> Iterator[tuple[float, float]]:
+    """For each Gauss-Newton step how far ridges may lie, and which residuals count half, pixels."""
+    for turn in range(ROUNDS):
+        fraction = turn / (ROUNDS - 1)
+        yield FAR * (NEAR / FAR) ** fraction, FIRST_SCATTER * (SCATTER / FIRST_SCATTER) ** fraction
 
 
 @dataclass(frozen=True)
-class _Equations:
+class Equations:
     """Linear equations of the residuals, one for each view and sample point."""
 
     residual: Float[Array, "V M"]
@@ -77,14 +79,14 @@ class _Equations:
     place: Float[Array, "V M 3"]
 
 
-def _equations(
+def equations(
     posed: Posed,
     seen: EdgeViews,
     sides: Float[Array, " R"],
     x: Float[Array, "M 3"],
     shown: Bool[NDArray[np.bool_], "V M"],
     scatter: float,
-) -> _Equations:
+) -> Equations:
     """How the offsets of ridges from the points, across them, change with poses, lens and places."""
     match = seen.match(x)
     normal = seen.normals[match.ridge]
@@ -99,7 +101,7 @@ def _equations(
     pose = np.concatenate([np.cross(local, before), before], -1)
     lens = np.stack([(normal * off).sum(-1), sides[match.ridge]], -1)
     weight = shown / (1 + (residual / scatter) ** 2)
-    return _Equations(residual, weight, pose, lens, before @ posed.rotation)
+    return Equations(residual, weight, pose, lens, before @ posed.rotation)
 
 
 def _stepped(
@@ -113,7 +115,7 @@ def _stepped(
     scatter: float,
 ) -> tuple[Posed, Float[Array, "M 3"]]:
     """One Gauss-Newton step of cameras and points."""
-    rows = _equations(posed, seen, sides, x, shown, scatter)
+    rows = equations(posed, seen, sides, x, shown, scatter)
     count, poses = len(posed.rotation), 6 * len(posed.rotation)
     weighted = rows.weight[..., None]
     left, right = np.zeros((poses + 2, poses + 2)), np.zeros(poses + 2)
@@ -141,13 +143,13 @@ def _stepped(
     halves = (root @ both).reshape(-1, poses + 2)
     left -= halves.T @ halves
     right -= halves.T @ (root @ offset[..., None]).ravel()
-    tight, back = _expected(start, posed)
+    tight, back = expected(start, posed)
     step = np.asarray(np.linalg.solve(left + np.diag(tight), right + tight * back), dtype=np.float64)
     moved = (square @ (offset - both @ step)[..., None])[..., 0] * seen.pixel
     return posed.stepped(step[:poses].reshape(-1, 6), step[poses:]), x + moved
 
 
-def _expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
+def expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
     """Weights of what is expected of the numbers, and the steps that lead back to it."""
     turned = rotation_vectors(start.rotation @ posed.rotation.transpose(0, 2, 1))
     aside = np.einsum("vij,vj->vi", posed.rotation, posed.centers - start.centers)

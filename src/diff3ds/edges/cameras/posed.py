@@ -1,11 +1,13 @@
 """Cameras as what an adjustment changes: rotations, shifts, and two numbers of the lens."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float
+from diff3ds._shapes import Array, Bool, Float
 from diff3ds.camera import Cameras
 from diff3ds.edges.evidence.edge_views import EdgeViews
 
@@ -31,6 +33,15 @@ class Posed:
         """These cameras, with nothing of their lens changed."""
         pose, matrix = (m.detach().double().numpy() for m in (cameras.world_to_camera, cameras.intrinsics))
         return Posed(pose[:, :3, :3], pose[:, :3, 3], matrix[:, [0, 1], [0, 1]], matrix[:, :2, 2], np.zeros(2))
+
+    def chosen(self, rows: Sequence[int] | NDArray[np.int64]) -> "Posed":
+        """These cameras, of which any may come several times."""
+        return Posed(self.rotation[rows], self.shift[rows], self.focal[rows], self.principal[rows], self.lens)
+
+    def with_poses(self, other: "Posed", where: Bool[NDArray[np.bool_], " V"]) -> "Posed":
+        """These cameras, but some where the others are."""
+        rotation = np.where(where[:, None, None], other.rotation, self.rotation)
+        return replace(self, rotation=rotation, shift=np.where(where[:, None], other.shift, self.shift))
 
     @property
     def centers(self) -> Float[Array, "V 3"]:

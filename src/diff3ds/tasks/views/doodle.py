@@ -32,9 +32,10 @@ from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
+from diff3ds.tasks.views.descents import CHECKPOINT
 from diff3ds.tasks.views.options import DoodleOptions
 from diff3ds.tasks.views.plan import Plan
-from diff3ds.tasks.views.run import CHECKPOINT, after_targets, preview
+from diff3ds.tasks.views.preview import after_targets, preview
 from diff3ds.weights.judge_files import find_file, read_network
 
 # Control points of a new stroke follow one another by this, plus up to ten times as much at random, along each axis;

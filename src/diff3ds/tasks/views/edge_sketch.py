@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,7 @@ from diff3ds.edges.evidence.ridges import (
     within,
     without_faint,
 )
-from diff3ds.edges.reconstruct import Result, nothing_yet, reconstruct
-from diff3ds.edges.resume import read_result, write_result
+from diff3ds.edges.reconstruct import reconstruct
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.edges.shapes.smooth_joints import sketch_of
@@ -34,11 +32,12 @@ from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, bound_by_points, frame_of
 from diff3ds.pictures.store import is_all_known
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import evenly_spaced
+from diff3ds.tasks.views.edge_course import EdgeCourse
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
-from diff3ds.tasks.views.refined_cameras import in_world, moves, said
+from diff3ds.tasks.views.refined_cameras import Moved, in_world, moves
 
 # Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
 # kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.
@@ -70,94 +69,73 @@ def fit_edges(
     """
     require_perspective(pictures.cameras)
     whole = frame_of(pictures.cameras, pictures.store)
-    frame = _bound(whole, pictures) if options.bound == "auto" and start is None else whole
-    bound: dict[str, Any] | None = None if frame is whole else {"center": frame.center.tolist(), "radius": frame.radius}
-    if bound:
-        say(
-            f"surroundings all over: curves are looked for where most cameras look, {frame.radius:.3g} units around "
-            f"({', '.join(f'{x:.3g}' for x in bound['center'])}), by the points of the reconstruction; --bound none "
-            "looks everywhere"
-        )
-    settings = {**_settings(pictures, options), "bound": bound}
-    results: list[Result] = []
-    losses: list[float] = []
-    if options.resume and checkpoint.exists():
-        reached, losses = read_result(checkpoint, settings)
-        results.append(reached)
-
-    def save(result: Result) -> None:
-        results.append(result)
-        write_result(checkpoint, result, losses, settings)
-
+    frame = _bound(whole, pictures, say) if options.bound == "auto" and start is None else whole
+    bound = None if frame is whole else {"center": frame.center.tolist(), "radius": frame.radius}
     width = line_width(pictures.store) if pictures.target == "edges" else DEFAULT_WIDTH
-
-    def drawn(curves: Curves) -> Sketch:
-        return frame.to_world(sketch_of(curves, width))
-
-    limited: dict[str, tuple[int, int]] = {}
-
-    def tell(stage: str, done: int, total: int | None, loss: float | None, strokes: int) -> None:
-        losses.extend([] if loss is None else [loss])
-        told = Progress(stage, done, total, loss, strokes)
-        report(replace(told, sketch=partial(drawn, results[-1].curves)) if results[-1].stage else told)
-
-    def capped(what: str, kept: int, found: int) -> None:
-        if what not in limited:
-            say(f"full of edges: of {found} {what} {kept} are looked at")
-        limited[what] = kept, found
-
-    if not results:
-        # From here on there is something to resume.
-        save(nothing_yet())
+    settings = {**_settings(pictures, options), "bound": bound}
+    course = EdgeCourse(checkpoint, settings, lambda c: frame.to_world(sketch_of(c, width)), report, say)
+    course.begin(options.resume)
     stopped = False
-    refined: dict[str, Any] = {}
-    views = torch.zeros(0, dtype=torch.int64)
+    right: Int[Tensor, " B"] | None = None
+    about: dict[str, Any] = {} if bound is None else {"bound": bound}
     try:
-        views, ridges = _found(pictures, tell, capped)
+        views, ridges = _found(pictures, course.tell, course.cap)
         if options.refine_cameras and start is None:
             # Surroundings tell of cameras as much as the object does.
-            pictures, refined = _refined(pictures, views, ridges, whole, tell)
-            say(said(refined))
+            pictures, moved = _refined(pictures, views, ridges, whole, course)
+            about["cameras"] = moved.about
+            for line in moved.lines:
+                say(line)
+            ridges = [ridges[i] for i in moved.right]
+            right = views = views[moved.right]
         reconstruct(
             frame.cameras(pictures.cameras[views]),
             ridges,
             start=None if start is None else _free(start),
-            reached=results[-1],
-            save=save,
-            report=tell,
-            capped=capped,
+            reached=course.kept.result,
+            save=course.save,
+            report=course.tell,
+            capped=course.cap,
             seed=options.seed,
         )
     except KeyboardInterrupt:
-        if not results[-1].stage:
+        if not course.kept.result.stage:
             raise
         stopped = True
-    chosen: dict[str, Any] = {"capped": {what: {"used": k, "of": n} for what, (k, n) in limited.items()}}
-    if bound:
-        chosen["bound"] = bound
-    if refined:
-        chosen["cameras"] = refined
-    fitted = _fitted(pictures, drawn(results[-1].curves), results[-1], losses, stopped, chosen)
-    return replace(fitted, refined=tuple(views.tolist())) if refined else fitted
+    fitted = _fitted(pictures, course, about, stopped)
+    return fitted if right is None else replace(fitted, refined=tuple(right.tolist()))
 
 
-def _bound(frame: Frame, pictures: PosedPictures) -> Frame:
-    """The frame, or a smaller one by the points of the reconstruction."""
+def _bound(frame: Frame, pictures: PosedPictures, say: Callable[[str], None]) -> Frame:
+    """The frame, or a smaller one by the points of the reconstruction, which is said."""
     if pictures.points is None:
         return frame
-    return bound_by_points(frame, pictures.cameras, pictures.store, pictures.points)
+    smaller = bound_by_points(frame, pictures.cameras, pictures.store, pictures.points)
+    if smaller is not frame:
+        say(
+            f"surroundings all over: curves are looked for where most cameras look, {smaller.radius:.3g} units around "
+            f"({', '.join(f'{x:.3g}' for x in smaller.center.tolist())}), by the points of the reconstruction; "
+            "--bound none looks everywhere"
+        )
+    return smaller
 
 
 def _refined(
-    pictures: PosedPictures, views: Int[Tensor, " B"], ridges: list[Ridges], frame: Frame, tell: Tell
-) -> tuple[PosedPictures, dict[str, Any]]:
+    pictures: PosedPictures, views: Int[Tensor, " B"], ridges: list[Ridges], frame: Frame, course: EdgeCourse
+) -> tuple[PosedPictures, Moved]:
     """The pictures with refined cameras of these views, and how far those have moved."""
     before = pictures.cameras[views]
-    after = in_world(frame, refined_cameras(frame.cameras(before), ridges, tell), before)
+    given = frame.cameras(before)
+    found = course.kept.refined
+    if found is None:
+        found = refined_cameras(given, ridges, course.tell)
+        course.save_cameras(found)
+    after = in_world(frame, found.cameras(given), before)
     pose, lens = pictures.cameras.world_to_camera.clone(), pictures.cameras.intrinsics.clone()
     pose[views], lens[views] = after.world_to_camera, after.intrinsics
     cameras = replace(pictures.cameras, world_to_camera=pose, intrinsics=lens)
-    return replace(pictures, cameras=cameras), moves(before, after, [pictures.names[i] for i in views.tolist()])
+    names = [pictures.names[i] for i in views.tolist()]
+    return replace(pictures, cameras=cameras), moves(frame, before, after, names, found)
 
 
 def most_views(size: tuple[int, int]) -> int:
@@ -229,16 +207,15 @@ def _free(start: Sketch) -> Curves:
     return Curves(start.elevate(3).points, kind, torch.arange(2 * count).reshape(count, 2))
 
 
-def _fitted(
-    pictures: PosedPictures, sketch: Sketch, result: Result, losses: list[float], stopped: bool, about: dict[str, Any]
-) -> Fitted:
-    curves, bias = result.curves, result.bias
+def _fitted(pictures: PosedPictures, course: EdgeCourse, about: dict[str, Any], stopped: bool) -> Fitted:
+    curves, bias = course.kept.result.curves, course.kept.result.bias
     of_kind = Counter(curves.kind.tolist())
     chosen = {
         # Several curves may make one stroke; whole circles and ellipses have no ends.
         "curves": {kind.name.lower(): of_kind[kind] for kind in Kind},
         "vertices": len(set(curves.vertex[~curves.closed].flatten().tolist())),
         "bias_pixels": {"dx": bias.dx, "dy": bias.dy, "outward": bias.outward},
+        "capped": {what: {"used": used, "of": of} for what, (used, of) in course.capped.items()},
         **about,
     }
-    return Fitted(sketch, pictures, chosen, losses, {}, stopped)
+    return Fitted(course.sketch, pictures, chosen, course.kept.losses, {}, stopped)

@@ -40,7 +40,7 @@ class Fitted:
         losses: of every step.
         scores: of the sketch.
         stopped: whether Ctrl-C came before the end.
-        refined: which of the pictures have refined cameras.
+        refined: which of the pictures have refined cameras that agree.
     """
 
     sketch: Sketch
@@ -50,3 +50,8 @@ class Fitted:
     scores: dict[str, float]
     stopped: bool
     refined: tuple[int, ...] = ()
+
+    @property
+    def views(self) -> tuple[int, ...]:
+        """Pictures whose cameras are those of the sketch: the refined ones, or all."""
+        return self.refined or tuple(range(len(self.pictures)))
