@@ -8,7 +8,7 @@ from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
 
 
-def show(sketch: Sketch, title: str = "sketch") -> Any:
+def show(sketch: Sketch, title: str = "sketch", *, surface: object | None = None) -> Any:
     """A widget of Jupyter, Colab, VS Code or marimo, on which a sketch is turned, looked through and edited.
 
     Assigning another sketch to its attribute `sketch` shows that one, seen from where one looks; edits that are not
@@ -17,20 +17,22 @@ def show(sketch: Sketch, title: str = "sketch") -> Any:
     Args:
         sketch: what it shows.
         title: of the page, and name of the file that is saved.
+        surface: what hides lines of the sketch and has contours, a `TriangleMesh` in its frame; it stays where another
+            sketch is assigned.
 
     Returns:
         The widget, an `anywidget.AnyWidget`. A cell that ends with it shows it.
 
     Raises:
         ImportError: anywidget is not installed.
-        TypeError: something other than a sketch.
-        ValueError: values that have become invalid since the sketch was made.
+        TypeError: something other than a sketch, or another surface.
+        ValueError: values that have become invalid since the sketch was made; a surface of more than 200,000 triangles.
     """
     try:
         made = _widget_class()
     except ImportError as error:
         raise ImportError('a sketch in a notebook takes anywidget: pip install "diff3ds[notebook]"') from error
-    return made(sketch, title)
+    return made(sketch, title, surface)
 
 
 @cache
@@ -45,9 +47,9 @@ def _widget_class() -> Any:
         _esm = files("diff3ds.viewer").joinpath("notebook.js").read_text(encoding="utf-8")
         page = traitlets.Unicode().tag(sync=True)
 
-        def __init__(self, sketch: Sketch, title: str) -> None:
-            super().__init__(page=_page(title, sketch))
-            self._title, self._sketch = title, sketch
+        def __init__(self, sketch: Sketch, title: str, surface: object | None) -> None:
+            super().__init__(page=_page(title, sketch, surface))
+            self._title, self._sketch, self._surface = title, sketch, surface
 
         @property
         def sketch(self) -> Sketch:
@@ -56,13 +58,13 @@ def _widget_class() -> Any:
 
         @sketch.setter
         def sketch(self, sketch: Sketch) -> None:
-            self.page = _page(self._title, sketch)
+            self.page = _page(self._title, sketch, self._surface)
             self._sketch = sketch
 
     return SketchWidget
 
 
-def _page(title: str, sketch: Sketch) -> str:
+def _page(title: str, sketch: Sketch, surface: object | None) -> str:
     if not isinstance(sketch, Sketch):
         raise TypeError(f"a widget shows a diff3ds.Sketch, got {type(sketch).__name__}")
-    return sketch_page(title, sketch, framed=True)
+    return sketch_page(title, sketch, framed=True, surface=surface)

@@ -16,11 +16,13 @@ from viewer_browser import CHROMIUM, PATIENCE, Browser
 
 import diff3ds as ds
 from diff3ds.formats.scenes.html import sketch_page
+from diff3ds.surfaces.mesh import TriangleMesh
 
 POINTS = torch.tensor([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]]])
 BLACK = ds.Sketch(POINTS, width=0.1)
 RED = ds.Sketch(POINTS, width=0.1, color=torch.tensor([[1.0, 0, 0]]))
 SCRIPT = re.compile(r'(?<=<script type="module">).*?(?=</script>)', re.DOTALL)
+SURFACE = re.compile(r'(?<=id="surface">).*?(?=</script>)', re.DOTALL)
 # Mean difference of pictures whose samples lie a rounding error apart.
 CLOSE = 0.5 / 255
 # As high as the frame is at first.
@@ -63,6 +65,19 @@ def test_another_sketch_is_another_page(anywidget):
     widget.sketch = changed
     assert widget.page == ds.show(ds.Sketch(2 * POINTS), "chair").page
     assert len(told) == 3
+
+
+def test_the_surface_stays_where_the_sketch_changes(anywidget, tmp_path):
+    surface = TriangleMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    widget = ds.show(BLACK, surface=surface)
+    ds.save(tmp_path / "sketch.html", BLACK, surface=surface)
+    held, saved = map(SURFACE.search, (widget.page, (tmp_path / "sketch.html").read_text(encoding="utf-8")))
+    assert json.loads(held[0])["closed"] is False
+    assert held[0] == saved[0]
+    widget.sketch = RED
+    assert SURFACE.search(widget.page)[0] == held[0]
+    with pytest.raises(TypeError, match="surface"):
+        ds.show(BLACK, surface="house.glb")
 
 
 def test_what_is_no_sketch_changes_nothing(anywidget):
