@@ -6,6 +6,7 @@ import zlib
 import pytest
 import torch
 from PIL import Image, ImageOps
+from red_network import red_network
 
 from diff3ds.formats import load_image, save_png
 from diff3ds.pictures.options import PictureOptions
@@ -243,24 +244,7 @@ def test_cutting_out_takes_rembg(tmp_path, monkeypatch):
 
 
 def test_an_object_is_cut_out_by_rembg(tmp_path, monkeypatch):
-    """By a network of one node, for which the object is what is red: rembg's own is nothing that tests fetch."""
-    pytest.importorskip("rembg", reason="rembg is not installed")
-    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
-    shape = [1, 3, 320, 320]
-    red, places = (onnx.helper.make_tensor(n, onnx.TensorProto.INT64, [1], [v]) for n, v in (("start", 0), ("end", 1)))
-    axis = onnx.helper.make_tensor("axis", onnx.TensorProto.INT64, [1], [1])
-    graph = onnx.helper.make_graph(
-        [onnx.helper.make_node("Slice", ["in", "start", "end", "axis"], ["out"])],
-        "red",
-        [onnx.helper.make_tensor_value_info("in", onnx.TensorProto.FLOAT, shape)],
-        [onnx.helper.make_tensor_value_info("out", onnx.TensorProto.FLOAT, [1, 1, 320, 320])],
-        [red, places, axis],
-    )
-    home = tmp_path / "models" / "u2net"
-    home.mkdir(parents=True)
-    onnx.save(onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 13)]), home / "u2net.onnx")
-    for name in ("REMBG_HOME", "U2NET_HOME"):
-        monkeypatch.setenv(name, str(tmp_path))
+    red_network(tmp_path, monkeypatch)
     picture = torch.rand(200, 300, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.0, 1, 1])
     picture[60:140, 100:180] = torch.tensor([1.0, 0, 0])
     cut = read_reference(picture, 100, PictureOptions(cut_out=True, frame="picture"))

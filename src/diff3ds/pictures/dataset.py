@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -73,6 +73,7 @@ def load_posed(
     masks: Masks = "ignore",
     told: Told = lambda done, total: None,
     edges: Path | None = None,
+    cut: Sequence[Path] | None = None,
 ) -> PosedPictures:
     """The pictures and cameras of a project; those whose pictures are missing are left out with a warning.
 
@@ -88,6 +89,7 @@ def load_posed(
             them for background.
         told: called with the number of pictures that have been read, and of all.
         edges: folder with edge maps of the pictures (`with_edge_maps`), which take their place: the target is edges.
+        cut: a mask of each picture, white where the object is, in place of its own; `masks` is object then.
 
     Raises:
         FileNotFoundError, ValueError: a missing or unreadable file; cameras that look at nothing in common, before any
@@ -96,6 +98,8 @@ def load_posed(
         OSError: no room in the folder.
     """
     views = present_views(path, "color" if edges else target)
+    if cut is not None:
+        views, masks = [replace(view, mask=mask) for view, mask in zip(views, cut, strict=True)], "object"
     if edges:
         views, target = with_edge_maps(views, edges), "edges"
     require_files(path, [view.mask for view in views if view.mask], "masks")

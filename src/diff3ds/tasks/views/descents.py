@@ -52,7 +52,8 @@ def fit_color(
     scores: dict[str, float] = {}
     try:
         with torch_on_one_thread():
-            scores = color_scores(world, plan, path, options.masks, report)
+            # Held-out pictures are not cut out.
+            scores = color_scores(world, plan, None if options.cut_out else path, options.masks, report)
     except KeyboardInterrupt:
         # The sketch is there, and is written without them.
         stopped = True

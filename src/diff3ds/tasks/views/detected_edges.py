@@ -1,19 +1,11 @@
-"""Edge maps that a network makes of posed photographs, kept beside the results: `diff3ds views --detector hed`."""
+"""Edge maps that a network makes of posed photographs: `diff3ds views --detector hed`."""
 
 from collections.abc import Callable
-from os.path import commonpath
 from pathlib import Path
 
 from diff3ds.detectors.hed import LICENCE, load_hed
-from diff3ds.formats import save_png
-from diff3ds.formats.png import load_reduced, size_of
-from diff3ds.photogrammetry.project import present_views
-from diff3ds.pictures.content.cutout import premultiplied
-from diff3ds.pictures.dataset import reduced
-from diff3ds.pictures.reading.read import DECODED
-from diff3ds.pictures.reading.resample import area_means
-from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.progress import Report
+from diff3ds.tasks.views.kept_maps import keep_maps, views_of
 
 # The folder of the maps in that of the results.
 EDGES = "edges_hed"
@@ -22,8 +14,7 @@ EDGES = "edges_hed"
 def detect_edges(path: Path, out: Path, size: int, resume: bool, report: Report, say: Callable[[str], None]) -> Path:
     """Writes an edge map of each photograph, and returns the folder with them, for `load_posed`.
 
-    Photographs are looked at as they were taken, over white where they are transparent, with the distortion of their
-    lenses, which the reader of the maps takes out.
+    Photographs are looked at with the distortion of their lenses, which the reader of the maps takes out.
 
     Args:
         path: project of the photographs.
@@ -37,21 +28,8 @@ def detect_edges(path: Path, out: Path, size: int, resume: bool, report: Report,
         ImportError, ValueError: as `load_hed`; a photograph that cannot be read.
         FileNotFoundError, OSError: as `present_views`; the folder cannot be written.
     """
-    pictures = [view.picture.absolute() for view in present_views(path, "color")]
+    views = views_of(path, "color")
     hed = load_hed()
     say(LICENCE)
-    folder, base = out / EDGES, Path(commonpath([picture.parent for picture in pictures]))
-    for stale in [] if resume else folder.rglob("*.png"):
-        stale.unlink()
-    # Torch's own threads wait for each other busily, which takes the time of others.
-    with torch_on_one_thread():
-        for done, picture in enumerate(pictures):
-            report(Progress("edges by hed", done, len(pictures), None, 0))
-            file = folder / picture.relative_to(base).with_suffix(".png")
-            small = reduced(size_of(picture), size)
-            if not (resume and file.is_file() and size_of(file) == small):
-                image, full, times = load_reduced(picture, (DECODED * small[0], DECODED * small[1]))
-                means = area_means(premultiplied(image)[None], small, (full[0] / times, full[1] / times))[0]
-                file.parent.mkdir(parents=True, exist_ok=True)
-                save_png(file, hed(means[..., :3] + 1 - means[..., 3:])[..., None])
-    return folder
+    keep_maps(views, out / EDGES, size, lambda c, _: hed(c)[..., None], False, "edges by hed", resume, report)
+    return out / EDGES

@@ -42,6 +42,8 @@ class ViewsOptions:
             pictures. By default alpha says where nothing is, or else the colour that nearly all of the borders have.
         masks: what the black pixels of a mask_path are: ignore leaves them out of the loss and the scores, as
             nerfstudio does; object takes them for background, so that masks cut the object out.
+        cut_out: have rembg's network find the object in each photograph, whatever is around it; its masks are kept in
+            the folder masks_rembg of the results.
         refine_cameras: edges: cameras are moved, and focal lengths scaled by one factor, until the edges of all
             pictures agree best. Those that were found from photographs, here or by "diff3ds cameras", always are.
         keep_cameras: not even those are moved.
@@ -70,6 +72,7 @@ class ViewsOptions:
     batch: int | None = None
     background: str | None = None
     masks: Masks = "ignore"
+    cut_out: bool = False
     refine_cameras: bool = False
     keep_cameras: bool = False
     bound: Bound = "auto"
@@ -89,6 +92,13 @@ class ViewsOptions:
         if self.detector == "hed" and (self.edges is not None or self.target not in (None, "color-edges")):
             given = "--edges" if self.edges is not None else f"--target {self.target}"
             raise ValueError(f"--detector hed finds the edges of coloured pictures: leave {given} out")
+        if self.cut_out and (self.background is not None or self.masks == "object"):
+            given = f"--background {self.background}" if self.background is not None else "--masks object"
+            raise ValueError(f"--cut-out or {given}? Each tells where the object is: give one of them")
+        if self.cut_out and self.pictures == "edges":
+            raise ValueError(
+                "--cut-out finds objects in photographs, and --target edges is line drawings: leave it out"
+            )
         if self.refine_cameras and self.keep_cameras:
             raise ValueError("--refine-cameras or --keep-cameras? Give one of them")
         require_finite(self)

@@ -14,6 +14,7 @@ from diff3ds.photogrammetry.project import NoCamerasError, find_project
 from diff3ds.pictures.content.background import color_or_path, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
+from diff3ds.pictures.content.foreground import require_rembg
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import opaque_views, store_of
@@ -26,6 +27,7 @@ from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.start_sketch import load_start
+from diff3ds.tasks.views.cut_out import INSTEAD, cut_out
 from diff3ds.tasks.views.descents import (
     CHECKPOINT,
     EDGES_CHECKPOINT,
@@ -79,11 +81,15 @@ def run_views(
     if source is None and options.pictures not in (None, "edges"):
         needless = "--edges" if options.edges else "--detector" if options.detector == "hed" else "--target"
         raise ValueError(f"the embedded scene is line drawings (--target edges): leave {needless} out")
+    if source is None and options.cut_out:
+        raise ValueError("the embedded scene is line drawings, of which nothing is cut out: leave --cut-out out")
     if source is None and (options.up == "auto" or options.scale is not None):
         raise ValueError("the embedded scene is upright and has a size: leave --up and --scale out")
     if options.detector == "hed":
         # Said before cameras are looked for, which takes minutes.
         require_hed()
+    if options.cut_out:
+        require_rembg(INSTEAD)
     given = None if options.start is None else load_start(options.start, out)
     times = StageTimes()
 
@@ -224,10 +230,15 @@ def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, 
 def _pictures(
     path: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]
 ) -> PosedPictures:
-    told, edges = _counted("read", report), options.edges
+    told, edges, cut = _counted("read", report), options.edges, None
+    if options.cut_out:
+        cut = cut_out(path, options.pictures, out, options.size, options.resume, report)
     if options.detector == "hed":
         edges = detect_edges(path, out, options.size, options.resume, report, say)
-    return load_posed(path, options.target, options.size, out, options.masks, told, edges)
+    pictures = load_posed(path, options.target, options.size, out, options.masks, told, edges, cut)
+    if cut is not None and pictures.target == "edges" and edges is None:
+        raise ValueError(f"{path}: the pictures are line drawings, of which nothing is cut out: leave --cut-out out")
+    return pictures
 
 
 def _counted(stage: str, report: Report) -> Told:
@@ -241,7 +252,7 @@ def _say_before(options: ViewsOptions, pictures: PosedPictures, say: Callable[[s
     if unused := options.unused(target):
         how = target if target == "color" else f"{target} --init {options.init}"
         say(f"{', '.join(unused)}: no effect with --target {how}")
-    if pictures.masked and options.masks == "ignore":
+    if pictures.masked and options.masks == "ignore" and not options.cut_out:
         some = f"{pictures.masked} of {len(pictures)} pictures" if pictures.masked < len(pictures) else "the pictures"
         say(f"masks: what is black in the masks of {some} counts nowhere; if white is the object, say --masks object")
     if target != "edges" and is_inverted(pictures.batch(evenly_spaced(len(pictures), PREVIEWS)).alpha):
