@@ -13,7 +13,7 @@ from diff3ds.bezier import evaluate, length
 from diff3ds.library import CATEGORIES, kinds, member
 
 ONE_EACH = [(name, a) for name, c in CATEGORIES.items() for a in ((), *((a.name,) for a in c.attributes))]
-SEEDS = range(3)
+SEEDS = range(2)
 # Few enough to draw and to distil, enough to tell what it is.
 STROKES = (8, 64)
 
@@ -93,10 +93,10 @@ def test_all_attributes_that_go_together_can_be_drawn(name):
 
 @sweep(("name", "attributes"), ONE_EACH)
 def test_one_seed_gives_the_same_bytes_and_another_other_proportions(name, attributes):
-    first = drawn(name, attributes, 7).sketch
-    again = member(name, torch.Generator().manual_seed(7), attributes).sketch
+    first = drawn(name, attributes, 0).sketch
+    again = member(name, torch.Generator().manual_seed(0), attributes).sketch
     assert all(torch.equal(value, again.tensors()[key]) for key, value in first.tensors().items())
-    assert hausdorff(on(name, attributes, 7), on(name, attributes, 8)) > 0.005
+    assert hausdorff(on(name, attributes, 0), on(name, attributes, 1)) > 0.005
 
 
 @sweep(("name", "attributes"), ONE_EACH)

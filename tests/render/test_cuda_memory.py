@@ -102,7 +102,7 @@ def test_proven_calls_do_not_wait(device, antialiasing):
 def test_pictures_alone_are_never_spoilt(device, memories, monkeypatch):
     """Without gradients every call waits: who draws a picture looks at it, and there may be no next call."""
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
-    thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    thin, thick = crowd(8, half_width=0.01), crowd(8, half_width=60.0)
     expected = rasterize(thick, (60, 80), backend="cpu").color
     rasterize(thin, (60, 80), backend="cuda")
     torch.testing.assert_close(rasterize(thick, (60, 80), backend="cuda").color, expected, rtol=0, atol=1e-4)
@@ -129,7 +129,7 @@ def test_small_drawings_never_outgrow_their_memory(device, antialiasing):
 def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memories, antialiasing, monkeypatch):
     """Strokes that turn from thin to thick in one step: NaN and gradients of 0, and a call later all is well."""
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
-    thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    thin, thick = crowd(8, half_width=0.01), crowd(8, half_width=60.0)
     expected = results(thick, (60, 80), antialiasing)
     memories.clear()
     results(thin, (60, 80), antialiasing)
@@ -142,7 +142,7 @@ def test_a_drawing_that_outgrows_its_memory_is_spoilt_never_wrong(device, memori
 
 def test_large_drawings_wait_and_take_little_more_than_they_need(device, memories, antialiasing, monkeypatch):
     """What spoils a smaller drawing only makes a large one wait; and a captured one cannot."""
-    thin, thick = crowd(20, half_width=0.01), crowd(20, half_width=60.0)
+    thin, thick = crowd(8, half_width=0.01), crowd(8, half_width=60.0)
     expected = results(thick, (60, 80), antialiasing)
     memories.clear()
     monkeypatch.setattr(limits, "LEAST", dict.fromkeys(limits.LISTS, 1024))
