@@ -117,3 +117,50 @@ def test_all_views_have_contours_of_their_own_and_what_is_behind_a_camera_has_no
 def test_a_tolerance_is_positive():
     with pytest.raises(ValueError, match="tolerance must be a positive number of pixels, got 0"):
         ds.contours(ds.TriangleMesh(*box()), view(), tolerance=0)
+
+
+def test_corners_of_a_contour_stay_sharp_where_few_strokes_are_drawn():
+    """Whichever edges of a box are drawn, contours run along the others; and straight sides of a slot stay straight."""
+    mesh = ds.TriangleMesh(*box())
+    sharp = torch.from_numpy(mesh.vertices[mesh.edges[mesh.is_crease]])
+    generator = np.random.default_rng(0)
+    cameras = view(azimuth=70.0)
+    for _ in range(8):
+        rows = generator.choice(12, 6, replace=False)
+        (lines,) = ds.visible_lines(ds.Sketch(sharp[rows]), cameras, mesh)
+        assert farthest(contour_of(lines), sharp) < 1e-9
+    turn = np.linspace(0, np.pi, 9)
+    half = np.stack([np.cos(turn), np.sin(turn) + 2], 1)
+    rim = np.concatenate([half, -half])
+    count = len(rim)
+    points = np.concatenate([np.column_stack([rim, np.full(count, z)]) for z in (-0.3, 0.3)])
+    k = np.arange(count)
+    n = (k + 1) % count
+    fan = np.stack([np.zeros(count - 2, int), k[1:-1], n[1:-1]], 1)
+    walls = [np.stack([k, n, n + count], 1), np.stack([k, n + count, k + count], 1)]
+    slot = ds.TriangleMesh(points, np.concatenate([*walls, fan[:, ::-1], fan + count]))
+    rims = torch.from_numpy(slot.vertices[slot.edges[slot.is_crease]])
+    (lines,) = ds.visible_lines(NOTHING, ds.orbit(90.0, 60.0, 12.0, size=512).to(torch.float64), slot)
+    outline = contour_of(lines)
+    dense = ds.bezier.evaluate(outline.points, outline.weights, torch.linspace(0, 1, 65, dtype=torch.float64))
+    straight = dense.reshape(-1, 3)[dense.reshape(-1, 3)[:, 1].abs() < 1.9]
+    assert len(straight) > 60
+    # Uprights from rim to rim lie at the rounds.
+    assert float((straight[:, 0].abs() - 1).abs().max()) < 1e-9
+    assert len(rims) == 2 * count
+
+
+NOTHING = ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
+
+
+def contour_of(lines):
+    return lines.sketch[[i for i, kind in enumerate(lines.kinds) if kind == "contour"]]
+
+
+def farthest(sketch, edges):
+    """The largest distance of strokes from edges, given by their ends."""
+    t = torch.linspace(0, 1, 17, dtype=torch.float64)
+    points = ds.bezier.evaluate(sketch.points, sketch.weights, t).reshape(-1, 1, 3)
+    way = edges[:, 1] - edges[:, 0]
+    share = (((points - edges[:, 0]) * way).sum(-1) / (way**2).sum(-1)).clamp(0, 1)
+    return float((points - edges[:, 0] - share[..., None] * way).norm(dim=-1).amin(1).max())

@@ -12,25 +12,25 @@ SAME = 1e-6
 
 def welded(
     vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]
-) -> tuple[Float[Array, "W 3"], Int[Index, "G 3"], Int[Index, " G"]]:
+) -> tuple[Int[Index, " W"], Int[Index, "G 3"], Int[Index, " G"]]:
     """The mesh with vertices in one place made one, without faces that have no area or were there before.
 
     Returns:
-        The vertices that faces use, as the file has the first of them; the faces that are kept; and which they were.
+        Which of the vertices faces use, of those in one place the first; the faces that are kept; and which they were.
     """
-    used, faces = _used(faces)
-    vertices = vertices[used]
+    rows, faces = _used(faces)
     if len(faces):
-        vertices, faces = _joined(vertices, faces)
+        first, faces = _joined(vertices[rows], faces)
+        rows = rows[first]
     apart = (faces != np.roll(faces, 1, axis=1)).all(1)
     kept = np.flatnonzero(apart)
     order = np.sort(faces[kept], axis=1)
     # Two keys, since three vertices of a large mesh do not fit into one.
-    _, pair = np.unique(order[:, 0] * len(vertices) + order[:, 1], return_inverse=True)
-    _, first = np.unique(pair * len(vertices) + order[:, 2], return_index=True)
+    _, pair = np.unique(order[:, 0] * len(rows) + order[:, 1], return_inverse=True)
+    _, first = np.unique(pair * len(rows) + order[:, 2], return_index=True)
     kept = kept[np.sort(first)]
     used, faces = _used(faces[kept])
-    return vertices[used], faces, kept
+    return rows[used], faces, kept
 
 
 def _used(faces: Int[Index, "F 3"]) -> tuple[Index, Int[Index, "F 3"]]:
@@ -38,8 +38,8 @@ def _used(faces: Int[Index, "F 3"]) -> tuple[Index, Int[Index, "F 3"]]:
     return used, faces_of_used.reshape(-1, 3)
 
 
-def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[Float[Array, "W 3"], Int[Index, "F 3"]]:
-    """Vertices in one place made one.
+def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[Int[Index, " W"], Int[Index, "F 3"]]:
+    """Vertices in one place made one: which ones are left, and the faces between these.
 
     Places are rounded to cells of the size `SAME`. Two that are less than a quarter of it apart lie on different sides
     of a border in at most one of four shifted grids for each of the three axes, so that one grid holds them together.
@@ -63,7 +63,7 @@ def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[Fl
     graph = coo_matrix((np.ones(int(apart.sum()), bool), (rows[apart], columns[apart])), shape=(count, count))
     _, group = connected_components(graph, directed=False)
     _, first, same = np.unique(group, return_index=True, return_inverse=True)
-    return vertices[first], same[faces]
+    return first, same[faces]
 
 
 def wound_alike(

@@ -13,15 +13,12 @@ from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.clean.simplify import simplest
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive
+from diff3ds.surfaces.corners import has_corner
 from diff3ds.surfaces.intersections import seams
 from diff3ds.surfaces.mesh import TriangleMesh
 
-# Edges that turn by more than this have a corner: rounds of ten sides and more are smooth. Degrees.
-SHARP = 38.0
 # Curves keep within half of this, as a share of the mesh's longest side.
 PIXEL = 1 / 256
-# Where edges so much longer than the next ones turn at all, degrees, a straight line goes over into a round.
-UNEVEN, STRAIGHT = 3.0, 1.0
 # From so many places a mesh's outlines are looked at.
 DIRECTIONS = 32
 # Three points are always on a circle, four on a cubic, and five of a plane on a conic.
@@ -137,11 +134,11 @@ def _chains(
         near.setdefault(a, []).append(b)
         near.setdefault(b, []).append(a)
         kind[a, b] = kind[b, a] = outer
-    ends = {
-        v
-        for v, beside in near.items()
-        if len(beside) != 2 or kind[v, beside[0]] != kind[v, beside[1]] or _turns(vertices[[beside[0], v, beside[1]]])
-    }
+    through = {v: beside for v, beside in near.items() if len(beside) == 2 and kind[v, beside[0]] == kind[v, beside[1]]}
+    middle = np.fromiter(through, np.int64, len(through))
+    one, other = np.array([*through.values()], np.int64).reshape(-1, 2).T
+    corner = has_corner(vertices[middle] - vertices[one], vertices[other] - vertices[middle])
+    ends = near.keys() - through.keys() | set(middle[corner].tolist())
     seen: set[tuple[int, int]] = set()
     for start in (*sorted(ends), *sorted(near.keys() - ends)):
         for after in near[start]:
@@ -154,14 +151,6 @@ def _chains(
             seen.update(pairwise(chain))
             seen.update(pairwise(chain[::-1]))
             yield chain, kind[chain[0], chain[1]]
-
-
-def _turns(points: Float[Array, "3 3"]) -> bool:
-    """Whether a line through three points has a corner, or its straight part ends where a round begins."""
-    first, second = np.diff(points, axis=0)
-    lengths = sorted((float(np.linalg.norm(first)), float(np.linalg.norm(second))))
-    turn = float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)))
-    return turn > SHARP or (lengths[1] > UNEVEN * lengths[0] and turn > STRAIGHT)
 
 
 # A run of vertices and the strokes that draw it.

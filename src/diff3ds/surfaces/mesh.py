@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike
 
-from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Int, Tensor
 from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.clean import welded, wound_alike
 
@@ -20,6 +21,9 @@ class TriangleMesh:
 
     Vertices in one place are made one (`clean.SAME`), faces that have two equal corners or were there before are
     dropped, and neighbours are wound alike, outwards where the mesh is closed.
+
+    Vertices may be given as a tensor that requires gradients: those of pictures and of contours flow to it, of vertices
+    in one place to the first (`points`).
 
     Attributes:
         vertices: those that faces use.
@@ -38,22 +42,25 @@ class TriangleMesh:
     source: Int[Index, " F"]
     part: Int[Index, " F"]
     crease: float
+    _given: tuple[Tensor | None, Index] = field(repr=False)
     _edges: tuple[Index, Index, Index] = field(repr=False)
 
     def __init__(
         self,
-        vertices: ArrayLike,
+        vertices: ArrayLike | Tensor,
         faces: ArrayLike,
         part: ArrayLike | None = None,
         crease: float = CREASE,
     ) -> None:
-        points, corners = _checked(vertices, faces)
+        given_points = vertices.cpu().double() if isinstance(vertices, Tensor) else None
+        points, corners = _checked(vertices if given_points is None else given_points.detach().numpy(), faces)
         if not (isinstance(crease, int | float) and 0 <= crease <= 180):
             raise ValueError(f"crease must be an angle from 0 to 180 degrees, got {crease!r}")
         given = np.zeros(len(corners), np.int64) if part is None else np.asarray(part, np.int64)
         if given.shape != (len(corners),):
             raise ValueError(f"part must be one number a face, {len(corners)}, got shape {given.shape}")
-        points, corners, source = welded(points, corners)
+        rows, corners, source = welded(points, corners)
+        points = points[rows]
         if not len(corners):
             raise ValueError(f"a mesh needs a face with an area: {len(given)} faces have none")
         edges, of_faces = _edges_of(corners)
@@ -70,6 +77,7 @@ class TriangleMesh:
             ("source", source),
             ("part", given[source]),
             ("crease", float(crease)),
+            ("_given", (given_points, rows)),
             ("_edges", (edges, of_faces, beside)),
         ):
             object.__setattr__(self, name, value)
@@ -90,6 +98,12 @@ class TriangleMesh:
 
     def __len__(self) -> int:
         return len(self.faces)
+
+    @property
+    def points(self) -> Float[Tensor, "V 3"]:
+        """The vertices as a float64 tensor on the processor, with the history that they were given with."""
+        given, rows = self._given
+        return torch.from_numpy(self.vertices) if given is None else given[torch.from_numpy(rows)]
 
     @property
     def edges(self) -> Int[Index, "E 2"]:

@@ -12,6 +12,8 @@ from diff3ds.chains import Chains
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.contour_gradients import contours_of
+from diff3ds.surfaces.corners import has_corner
 from diff3ds.surfaces.crossings import Outlines, at, chords_of, crossings
 from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chains
 from diff3ds.surfaces.mesh import TriangleMesh
@@ -61,22 +63,31 @@ class MeshSeen:
         self._own = np.concatenate(
             [np.zeros((0, 3), np.int64), *(c.own[row] for c, row in zip(chains, rows, strict=True))]
         )
+        on_crease = np.zeros(len(self._mesh.vertices), bool)
+        on_crease[self._mesh.edges[self._mesh.is_crease | (self._mesh.edge_counts != 2)]] = True
         cuts, convex = [], []
         for chain, start in zip(chains, first, strict=False):
             change, flags = cut_at_changes(chain.convex, chain.closed, LEAST_RUN)
-            cuts.append(change + start)
+            cuts += [change + start, _corners(chain, on_crease) + start]
             convex.append(np.append(flags, True))
         turns = np.concatenate([np.zeros(0, np.int64), *cuts])
         fitted = fit_chains(self._points, first, turns, self._picture, tolerance)
         self._fitted = fitted
         self._convex = np.concatenate([np.zeros(0, bool), *convex])[fitted.start]
-        control = torch.from_numpy(fitted.control)
+        control = self._control()
         weights = control[..., 3]
         points = control[..., :3] / weights[..., None]
         counts = np.bincount(fitted.chain, minlength=len(chains))
         made = Chains.of(counts.tolist(), [c.closed for c in chains])
         self.lines = Sketch(points, weights / weights[:, :1], chains=made)
         self.kinds = ("contour",) * len(self.lines)
+
+    def _control(self) -> Float[Tensor, "C 4 4"]:
+        """Homogeneous control points of the contours; functions of the vertices where gradients are wanted."""
+        vertices, fitted = self._mesh.points, self._fitted
+        if not (vertices.requires_grad and torch.is_grad_enabled() and len(fitted.start)):
+            return torch.from_numpy(fitted.control)
+        return contours_of(vertices, self._own, torch.from_numpy(self._points), fitted, self._cameras)
 
     @cached_property
     def _view(self) -> MeshView:
@@ -156,6 +167,13 @@ def _places_along(fitted: FittedChains) -> tuple[Float[Array, " A"], Float[Array
     t = fitted.t[place]
     t[offset], t[offset + counts - 1] = 0, 1
     return np.maximum.accumulate(cubic + t), place.astype(np.float64)
+
+
+def _corners(chain: Chain, on_crease: Bool[Mask, " V"]) -> Int[Index, " U"]:
+    """The corners of a chain at vertices on creases; what turns on a smooth part is noise."""
+    rows = np.arange(len(chain.points) + chain.closed) % len(chain.points)
+    steps = np.diff(chain.points[rows], axis=0)
+    return np.flatnonzero(has_corner(steps[:-1], steps[1:]) & on_crease[chain.own[rows[1:-1]]].all(1)) + 1
 
 
 def _ahead(chain: Chain, picture: Picture) -> list[Chain]:
