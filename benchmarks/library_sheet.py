@@ -1,6 +1,7 @@
 """Contact sheet of the library: every category, plain and with each attribute, captions underneath.
 
     python benchmarks/library_sheet.py sheet.png [--only chair,table] [--seeds 0,1,2] [--azimuth 35] [--cell 200]
+        [--hidden]
 
 One row a category and seed. Prints how many strokes the members have. Some ten seconds on one core.
 """
@@ -11,7 +12,7 @@ from pathlib import Path
 import torch
 from PIL import Image, ImageDraw, ImageFont
 
-from diff3ds import orbit, render
+from diff3ds import TriangleMesh, orbit, render
 from diff3ds._files import replacing
 from diff3ds.library import CATEGORIES, Member, member
 
@@ -20,10 +21,11 @@ DISTANCE, FIELD, ELEVATION = 3.0, 40.0, 20.0
 CAPTION = 34
 
 
-def cell(drawn: Member, azimuth: float, side: int) -> Image.Image:
-    """One member in a three-quarter view, with its caption."""
+def cell(drawn: Member, azimuth: float, side: int, hidden: bool) -> Image.Image:
+    """One member in a three-quarter view, with its caption, or without what its faces hide."""
     cameras = orbit(azimuth, ELEVATION, DISTANCE, fov=FIELD, size=side)
-    pixels = (render(drawn.sketch, cameras).color[0, ..., 0].clamp(0, 1) * 255).round().to(torch.uint8)
+    surface = TriangleMesh.of_triangles(drawn.faces) if hidden and len(drawn.faces) else None
+    pixels = (render(drawn.sketch, cameras, surface=surface).color[0, ..., 0].clamp(0, 1) * 255).round().to(torch.uint8)
     picture = Image.new("L", (side, side + CAPTION), "white")
     picture.paste(Image.fromarray(pixels.numpy()))
     words = drawn.caption.replace(" with", "\nwith", 1) if len(drawn.caption) > side // 8 else drawn.caption
@@ -58,13 +60,14 @@ def main() -> None:
     parser.add_argument("--azimuth", type=float, default=35.0, help="degrees from the front")
     parser.add_argument("--cell", type=int, default=200, help="side of one picture in pixels")
     parser.add_argument("--columns", type=int, default=12, help="pictures in a row")
+    parser.add_argument("--hidden", action="store_true", help="leave out what the faces of the things hide")
     chosen = parser.parse_args()
     rows = []
     for name in chosen.only.split(","):
         for seed in map(int, chosen.seeds.split(",")):
             sets = [(), *((a.name,) for a in CATEGORIES[name].attributes)]
             drawn = [member(name, torch.Generator().manual_seed(seed), attributes) for attributes in sets]
-            rows.append([cell(one, chosen.azimuth, chosen.cell) for one in drawn])
+            rows.append([cell(one, chosen.azimuth, chosen.cell, chosen.hidden) for one in drawn])
             print(f"{name:16} seed {seed}  strokes", *(len(one.sketch) for one in drawn))
     with replacing(chosen.output) as file:
         sheet(rows, chosen.columns).save(file, format="PNG", optimize=True)

@@ -188,3 +188,20 @@ def test_flesh_reaches_from_one_side_to_the_other():
     thin = shapes.flesh(shapes.line((0, 0, 1), (5, 0, 1)), shapes.line((0, 0, -1), (5, 0, -1)), 0.5, 0.5)
     assert volume(thin) == pytest.approx(volume(body) / 2)
     assert not len(body)
+
+
+def test_a_body_is_as_wide_as_its_sections_say():
+    """Between parallel lines; sections in any order, between which the width changes evenly."""
+    sides = shapes.line((0, 0, 1), (6, 0, 1)), shapes.line((0, 0, -1), (6, 0, -1))
+    body = shapes.body(*sides, ((6, 0, 0), 2.0), ((0, 0, 0), 0.5), ((3, 0, 0), 0.5))
+    points = body.faces.reshape(-1, 3)
+    for x, half in ((0, 0.5), (1.5, 0.5), (3, 0.5), (4.5, 1.25), (6, 2.0)):
+        assert float(points[(points[:, 0] - x).abs() < 1e-6, 1].abs().max()) == pytest.approx(half)
+    assert volume(body) == pytest.approx(48 / 2 * math.sin(math.tau / 48) * (3 * 0.5 + 3 * 1.25))
+    assert not len(body)
+
+
+def test_a_sheet_lies_between_two_chains():
+    a, b, c = shapes.sheet(shapes.line((0, 0, 0), (2, 0, 0)), shapes.line((0, 3, 0), (4, 3, 0))).faces.unbind(1)
+    assert float(torch.linalg.cross(b - a, c - a).norm(dim=1).sum() / 2) == pytest.approx(9)
+    assert not len(shapes.sheet(shapes.line((0, 0, 0), (2, 0, 0)), shapes.line((0, 3, 0), (4, 3, 0))))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from diff3ds.library.shapes import Part, curve, ellipse, join, line, mirror, ring
+from diff3ds.library.shapes import Part, body, curve, ellipse, flesh, join, line, mirror, ring
 
 # (x, z), as one sees it from the side.
 Point = Sequence[float]
@@ -26,8 +26,20 @@ def legs(front: Point, back: Point, foot: float, half: float, y: float, bend: fl
         return curve((x, side, z), ((x + end) / 2 + bend, side, 0.6 * z), (end - bend, side, 0.4 * z), (end, side, 0))
 
     toe, heel = foot + half, foot - half
-    edges = join(edge(front, toe, y + thick), edge(back, heel, y - thick))
-    return mirror(join(edges, line((toe, y + thick, 0), (heel, y - thick, 0))))
+    ahead, behind = edge(front, toe, y + thick), edge(back, heel, y - thick)
+    sole = line((toe, y + thick, 0), (heel, y - thick, 0))
+    return mirror(join(ahead, behind, sole, flesh(ahead, behind, thick)))
+
+
+def torso(back: Part, under: Part, *sections: tuple[Point, float]) -> Part:
+    """A round body between two outlines, as one sees them from the side: no stroke, but it hides what lies behind it.
+
+    Args:
+        back: from the nose over the back to the rear.
+        under: from the nose along the belly to the rear.
+        sections: places in the middle of the body, and half of its width across there.
+    """
+    return body(back, under, *(((x, 0, z), half) for (x, z), half in sections))
 
 
 def girth(middle: Point, wide: float, high: float) -> Part:

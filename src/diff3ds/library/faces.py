@@ -117,6 +117,24 @@ def lofted(a: Float[Tensor, "N 4 4"], b: Float[Tensor, "M 4 4"], half: Float[Ten
     return outwards(torch.cat([_grid(rings), _fan(rings[0, :-1].flip(0)), _fan(rings[-1, :-1])]))
 
 
+def lofted_through(a: Float[Tensor, "N 4 4"], b: Float[Tensor, "M 4 4"], sections: Float[Tensor, "S 4"]) -> Faces:
+    """A body as `lofted`, as wide at places as these sections say, and evenly wider or narrower between them.
+
+    Args:
+        a: as for `lofted`.
+        b: as for `lofted`.
+        sections: a place in the middle of the body, and half of the width across there.
+    """
+    steps = torch.linspace(0, 1, 2 * ALONG + 1, dtype=torch.float64)
+    middle = (_at(a, steps) + _at(b, steps)) / 2
+    at, order = torch.cdist(sections[:, :3], middle).argmin(1).sort()
+    half = sections[order, 3]
+    upper = torch.searchsorted(at, torch.arange(len(steps)), right=True).clamp(1, len(at) - 1)
+    span = (at[upper] - at[upper - 1]).clamp(min=1)
+    share = ((torch.arange(len(steps)) - at[upper - 1]) / span).clamp(0, 1)
+    return lofted(a, b, torch.lerp(half[upper - 1], half[upper], share.double()))
+
+
 def filled(loop: Float[Tensor, "P 3"]) -> Faces:
     """The triangles within a polygon that lies nearly in a plane, found by cutting off its ears (Meisters 1975)."""
     normal = torch.linalg.cross(loop, loop.roll(-1, 0)).sum(0)

@@ -201,6 +201,28 @@ def flesh(a: Part, b: Part, *half: float) -> Part:
     return _solid(partial(faces.lofted, a.strokes, b.strokes, _tensor(half)))
 
 
+def body(a: Part, b: Part, *sections: tuple[Vector, float]) -> Part:
+    """A round body as `flesh`, with half of its width across at two or more places in its middle.
+
+    Args:
+        a: as for `flesh`.
+        b: as for `flesh`.
+        sections: places and half widths, in any order.
+    """
+    table = _tensor([(*place, half) for place, half in sections])
+    return _solid(partial(faces.lofted_through, a.strokes, b.strokes, table))
+
+
+def sheet(a: Part, b: Part) -> Part:
+    """The faces from one chain of strokes to another of as many: no stroke, but they hide what lies behind them."""
+    return solid(between(a, b))
+
+
+def backwards(part: Part) -> Part:
+    """A chain of strokes from its end to its start, as wires."""
+    return Part(part.strokes.flip(0, 1))
+
+
 def move(part: Part, offset: Vector) -> Part:
     """The part moved by a vector."""
     matrix = torch.eye(4, dtype=torch.float64)

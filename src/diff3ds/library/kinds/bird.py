@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes, girth
+from diff3ds.library.animals import eyes, girth, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, line, mirror, polyline, side, spline
+from diff3ds.library.shapes import Part, curve, filled, join, line, mirror, polyline, side, solid, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -13,16 +13,27 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     crown = ((0.82, 0.6), (0.74, 0.78), (0.5, 0.86), (0.28, 0.68), (-0.1, 0.44), (-0.6, 0.12))
     parts = [side(*crown)]
     parts.append(side((0.82, 0.54), (0.7, 0.2), (0.36, -0.22 * plump), (-0.1, -0.26 * plump), (-0.6, 0.02)))
+    parts.append(
+        torso(
+            *parts,
+            ((0.8, 0.57), 0.06),
+            ((0.5, 0.62), 0.16),
+            ((0.24, 0.2), 0.95 * wide),
+            ((-0.2, 0.12), 0.7 * wide),
+            ((-0.6, 0.07), 0.03),
+        )
+    )
     parts.append(polyline((0.82, 0, 0.6), (0.82 + beak, 0, 0.54), (0.82, 0, 0.54)))
     parts.append(mirror(curve((0.82 + beak, 0, 0.54), (0.86, 0.06, 0.57), (0.84, 0.1, 0.57), (0.76, 0.12, 0.6))))
     parts.append(eyes(0.64, 0.15, 0.66, 0.045))
     parts += [girth((0.24, 0.2), wide, 0.42 * plump), girth((0.5, 0.62), 0.17, 0.24)]
-    parts.append(mirror(polyline((-0.6, 0, 0.12), (-0.6 - tail, 0.14, 0.02), (-0.6 - 0.9 * tail, 0, -0.02))))
+    parts.append(mirror(filled(polyline((-0.6, 0, 0.12), (-0.6 - tail, 0.14, 0.02), (-0.6 - 0.9 * tail, 0, -0.02)))))
     parts.append(line((-0.6, 0, 0.02), (-0.6 - 0.9 * tail, 0, -0.02)))
     if "spread wings" in attributes:
         root, rear, tip = (0.34, 0.2, 0.4), (-0.3, 0.2, 0.24), (-0.16, 1.3, 0.85)
-        parts.append(mirror(curve(root, (0.5, 0.5, 0.8), (0.3, 1.0, 0.9), tip)))
-        parts.append(mirror(spline(tip, (-0.3, 0.98, 0.62), (-0.3, 0.7, 0.44), rear)))
+        edge = curve(root, (0.5, 0.5, 0.8), (0.3, 1.0, 0.9), tip)
+        feathers = spline(tip, (-0.3, 0.98, 0.62), (-0.3, 0.7, 0.44), rear)
+        parts += [mirror(edge), mirror(feathers), mirror(solid(filled(join(edge, feathers))))]
         parts.append(mirror(curve((0.2, 0.35, 0.58), (0.1, 0.6, 0.68), (-0.05, 0.8, 0.7), (-0.3, 0.98, 0.62))))
     else:
         shoulder, tip = (0.4, wide, 0.3), (-0.7, 0.1, 0.14)

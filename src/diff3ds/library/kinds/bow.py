@@ -10,6 +10,7 @@ from diff3ds.library.shapes import (
     mirror,
     polyline,
     rectangle,
+    sheet,
 )
 
 
@@ -25,6 +26,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     # The limb's two edges meet at its tip.
     edges = [[(0, y - gap * (z < 1), z * half) for y, z in shape] for gap in (0.0, thick)]
     parts = [mirror(curve(*edge), "z") for edge in edges]
+    parts.append(mirror(sheet(*(curve(*edge) for edge in edges)), "z"))
     parts.append(mirror(line((0, tip, half), (0, string, 0)), "z"))
     if "recurve" in attributes:
         curl = [(tip, 1.0), (0.5 * bend, 1.06), (0.3 * bend, 1.1), (0.1 * bend, 1.1)]

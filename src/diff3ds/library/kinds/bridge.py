@@ -10,12 +10,15 @@ from diff3ds.library.shapes import (
     line,
     mirror,
     rectangle,
+    reflect,
+    sheet,
 )
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     half, deep, rise = vary(1.61, 2.09), vary(0.27, 0.43), vary(0.54, 0.86)
     parts = [rectangle((0, 0, z), (2 * deep, 2 * half)) for z in (rise, rise + 0.1)]
+    parts.append(sheet(*parts))
     deck = rise + 0.1
     if "suspension" in attributes:
         y, top = 0.58 * half, deck + vary(0.74, 1.06)
@@ -32,7 +35,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     else:
         foot = 0.85 * half
         arch = ellipse((deep, 0, 0), (0, foot, 0), (0, 0, rise), 0, 180)
-        parts.append(mirror(arch, "x"))
+        parts += [mirror(arch, "x"), sheet(arch, reflect(arch, "x"))]
         parts.append(mirror(line((-deep, foot, 0), (deep, foot, 0))))
         for share in (0.45, 0.8):
             z = rise * (1 - share**2) ** 0.5

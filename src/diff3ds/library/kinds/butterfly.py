@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, ellipse, mirror, ring, spline, turn
+from diff3ds.library.shapes import Part, ball, ellipse, filled, mirror, ring, spline, turn
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -16,12 +16,12 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         return mirror(turn(strokes, rise, "x"))
 
     parts = [
-        raised(spline(*((x, span * y, 0) for x, y in fore))),
-        raised(spline(*((rear * x, span * rear * y, 0) for x, y in hind))),
+        raised(filled(spline(*((x, span * y, 0) for x, y in fore)))),
+        raised(filled(spline(*((rear * x, span * rear * y, 0) for x, y in hind)))),
     ]
     parts.append(ellipse((-0.06, 0, 0), (0.42, 0, 0), (0, 0.06, 0)))
     parts.append(ellipse((-0.06, 0, 0), (0.42, 0, 0), (0, 0, 0.06)))
-    parts.append(ring((0.42, 0, 0.02), 0.07, "z"))
+    parts += [ring((0.42, 0, 0.02), 0.07, "z"), ball((-0.06, 0, 0), (0.42, 0.06, 0.06)), ball((0.42, 0, 0.02), 0.07)]
     parts.append(mirror(spline((0.46, 0.03, 0.06), (0.66, 0.12, 0.2), (0.84, 0.3, 0.26), (0.8, 0.34, 0.2))))
     if "spots" in attributes:
         for x, y, r in ((0.46, 0.76, 0.13), (-0.34, 0.56, 0.12)):

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes
+from diff3ds.library.animals import eyes, torso
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import Part, ball, curve, line, mirror, polyline, ring, side, spline
 
@@ -39,8 +39,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             mirror(line((front, 0.25 * r, top - (0.25 - 0.3 * dz) * r), (front, 1.4 * r, top + (dz * 2 - 0.2) * r)))
         )
     # Chest with forelegs, and back, from the side; the pear of the body from the front.
-    parts.append(side((x + 0.6 * r, top - 0.8 * r), (0.42, 0.72 * high), (0.36, 0.35 * high), (0.38, 0.06), (0.5, 0)))
-    parts.append(side((x - 0.75 * r, top - 0.65 * r), (-0.24, 0.72 * high), (-0.5, 0.3 * high), (-0.46, 0)))
+    chest = side((x + 0.6 * r, top - 0.8 * r), (0.42, 0.72 * high), (0.36, 0.35 * high), (0.38, 0.06), (0.5, 0))
+    back = side((x - 0.75 * r, top - 0.65 * r), (-0.24, 0.72 * high), (-0.5, 0.3 * high), (-0.46, 0))
+    parts += [chest, back]
+    widths = (((0.1, top - 0.75 * r), 0.5 * r), ((0, 0.62 * high), 0.7 * wide), ((-0.06, 0.25 * high), 0.95 * wide))
+    parts.append(torso(chest, back, *widths, ((0, 0), 0.85 * wide)))
     parts.append(
         mirror(
             spline(

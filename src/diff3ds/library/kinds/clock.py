@@ -9,12 +9,14 @@ from diff3ds.library.shapes import (
     box,
     ellipse,
     extrude,
+    filled,
     join,
     line,
     mirror,
     move,
     polyline,
     ring,
+    sheet,
     turn,
 )
 
@@ -24,6 +26,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     # About ten past ten, as in advertisements: the hands stay apart.
     minute = vary(4, 15)
     parts = [ring((x, 0, 0), rim, "x") for x in (0, -deep)]
+    parts.append(sheet(*parts))
     tick = around(line((0, 0, 0.86 * rim), (0, 0, 0.97 * rim)), 12, "x")
     parts += [tick, ring((0, 0, 0), 0.05, "x")]
     parts.append(turn(line((0, 0, 0), (0, 0, 0.5 * rim)), -30 * (10 + minute / 60), "x"))
@@ -32,7 +35,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         parts.append(box((-deep / 2, 0, 0), (deep, 2.15 * rim, 2.15 * rim)))
     if "alarm" in attributes:
         bell = join(
-            ellipse((0, 0, 0), (0, 0.34, 0), (0, 0, 0.3), 0, 180),
+            filled(ellipse((0, 0, 0), (0, 0.34, 0), (0, 0, 0.3), 0, 180)),
             line((0, -0.34, 0), (0, 0.34, 0)),
             line((0, 0, 0), (0, 0, -0.12)),
         )

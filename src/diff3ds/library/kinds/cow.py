@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import Point, eyes, girth, legs
+from diff3ds.library.animals import Point, eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import Part, curve, ellipse, mirror, ring, side, spline
 
@@ -29,6 +29,17 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         body(-0.5, 0.56),
     ]
     parts = [side(*back), side(*under)]
+    parts.append(
+        torso(
+            *parts,
+            (head(1.22, 0.84), 0.09),
+            (head(0.96, 1.08), 0.13 * big),
+            (body(0.7, 0.96), 0.18),
+            (body(0.36, 0.83), 0.3),
+            (body(-0.56, 0.85), 0.29),
+            (body(-0.8, 0.84), 0.2),
+        )
+    )
     parts.append(legs(body(0.66, 0.66), body(0.36, 0.49), 0.52 * long, 0.08, 0.2))
     parts.append(legs(body(-0.52, 0.58), body(-0.9, 0.86), -0.76 * long, 0.08, 0.2, 0.05))
     parts += [girth(body(0.36, 0.83), 0.32, 0.33), girth(body(-0.56, 0.85), 0.3, 0.28)]

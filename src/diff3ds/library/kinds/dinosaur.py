@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes, girth, legs
+from diff3ds.library.animals import eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, line, mirror, polyline, side
+from diff3ds.library.shapes import Part, curve, filled, flesh, line, mirror, polyline, side
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -35,6 +35,19 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         tip,
     )
     parts.append(side(*under))
+    parts.append(
+        torso(
+            *parts,
+            ((x + 0.28, z - 0.02), 0.04),
+            ((x + 0.06, z), 0.08),
+            ((0.66, high), 0.11),
+            ((0.5, 0.5 * high + 0.29), 0.2),
+            ((0.1, 0.5 * high + 0.22), 0.32),
+            ((-0.46, 0.5 * high + 0.23), 0.22),
+            ((-0.5 - 0.5 * tail, 0.48), 0.08),
+            (tip, 0.01),
+        )
+    )
     parts.append(legs((0.52, 0.54), (0.2, 0.44), 0.36, 0.1, 0.2, thick=0.06))
     parts.append(legs((-0.2, 0.44), (-0.6, 0.56), -0.44, 0.1, 0.2, thick=0.06))
     parts += [
@@ -52,11 +65,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     )
     if "plates" in attributes:
         for at, level in ((0.4, 0.06), (0.16, 0.05), (-0.08, 0.03), (-0.32, 0.0), (-0.56, -0.1)):
-            parts.append(
-                polyline(
-                    (at + 0.11, 0, high + level), (at, 0, high + level + 0.26), (at - 0.11, 0, high + level - 0.02)
-                )
-            )
+            plate = ((at + 0.11, 0, high + level), (at, 0, high + level + 0.26), (at - 0.11, 0, high + level - 0.02))
+            parts.append(filled(polyline(*plate)))
     return parts
 
 
@@ -75,8 +85,15 @@ def _hunter(tail: float, high: float) -> list[Part]:
     )
     parts = [side(*crown)]
     parts.append(side((0.4, up + 0.24), (0.5, up + 0.02), (0.36, up - 0.3), (-0.1, up - 0.4), (-0.5, up - 0.26), tip))
+    trunk = side((0.3, up + 0.46), (0.0, up + 0.22), (-0.5, up + 0.02), tip)
+    widths = (((0.3, up), 0.22), ((-0.2, up - 0.12), 0.24), ((-0.5, up - 0.12), 0.16), (tip, 0.01))
+    parts.append(torso(trunk, parts[1], *widths))
     jaw = ((0.98, 0, up + 0.42), (0.5, 0, up + 0.36), (0.9, 0, up + 0.22), (0.4, 0, up + 0.24))
     parts.append(polyline(*jaw))
+    skull, mouth = side(*crown[:4]), side((0.98, up + 0.42), (0.5, up + 0.36), (0.4, up + 0.24))
+    parts.append(torso(skull, mouth, ((0.96, up + 0.44), 0.04), ((0.56, up + 0.46), 0.13), ((0.36, up + 0.3), 0.16)))
+    chin = side((0.5, up + 0.36), (0.9, up + 0.22)), side((0.4, up + 0.24), (0.9, up + 0.22))
+    parts.append(flesh(*chin, 0.12, 0.03))
     parts.append(
         mirror(
             polyline(

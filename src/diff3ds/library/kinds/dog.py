@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import Point, eyes, girth, legs
+from diff3ds.library.animals import Point, eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import Part, curve, mirror, ring, side, spline
 
@@ -23,6 +23,17 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     back += [body(*p) for p in ((0.34, 1.04), (-0.1, 0.92), (-0.52, 0.92), (-0.7, 0.76))]
     under = [head(1.04, 1.12), head(0.98, 1.0), head(0.74, 0.98), body(0.52, 0.74), body(0.3, 0.52), body(-0.36, 0.64)]
     parts = [side(*back), side(*under)]
+    parts.append(
+        torso(
+            *parts,
+            (head(1.0, 1.08), 0.05),
+            (head(0.84, 1.14), 0.09),
+            (head(0.66, 1.18), 0.15 * big),
+            (body(0.44, 0.95), 0.15),
+            (body(0.3, 0.78), 0.2),
+            (body(-0.46, 0.77), 0.16),
+        )
+    )
     x, z = body(-0.64, 0.85)
     parts.append(curve((x, 0, z), (x - 0.28, 0, z + 0.02), (x - 0.36, 0, z + 0.2), (x - 0.3, 0, z + 0.46)))
     parts.append(legs(body(0.5, 0.66), body(0.2, 0.54), 0.36 * long, 0.07, 0.14))

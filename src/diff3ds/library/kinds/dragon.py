@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes, girth, legs
+from diff3ds.library.animals import eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, mirror, polyline, side
+from diff3ds.library.shapes import Part, backwards, curve, filled, join, mirror, polyline, side, solid
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -24,6 +24,18 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [side(*back)]
     throat = ((x + 0.06, z - 0.1), (0.76, 0.96), (0.52, 0.5), (-0.1, 0.42), (-0.7 - 0.3 * tail, 0.2), tip)
     parts.append(side(*throat))
+    parts.append(
+        torso(
+            *parts,
+            ((x + 0.38, z - 0.08), 0.03),
+            ((x, z + 0.03), 0.08),
+            ((0.66, 0.98), 0.1),
+            ((0.42, 0.72), 0.22),
+            ((-0.2, 0.62), 0.2),
+            ((-0.7 - 0.3 * tail, 0.27), 0.08),
+            (tip, 0.01),
+        )
+    )
     # Jaws, open; horns; eyes.
     parts.append(
         polyline((x + 0.42, 0, z - 0.06), (x + 0.16, 0, z - 0.04), (x + 0.38, 0, z - 0.16), (x + 0.06, 0, z - 0.1))
@@ -36,11 +48,13 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts.append(eyes(x + 0.14, 0.08, z + 0.05, 0.03))
     parts.append(girth((x, z + 0.03), 0.12, 0.13))
     parts.append(
-        polyline(
-            (tip[0] + 0.06, 0.12, tip[1] - 0.1),
-            (tip[0] - 0.2, 0, tip[1] + 0.16),
-            (tip[0] + 0.06, -0.12, tip[1] - 0.1),
-            closed=True,
+        filled(
+            polyline(
+                (tip[0] + 0.06, 0.12, tip[1] - 0.1),
+                (tip[0] - 0.2, 0, tip[1] + 0.16),
+                (tip[0] + 0.06, -0.12, tip[1] - 0.1),
+                closed=True,
+            )
         )
     )
     parts.append(legs((0.54, 0.52), (0.24, 0.42), 0.44, 0.09, 0.2, bend=-0.04))
@@ -50,23 +64,22 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     root, wrist = (0.3, 0.2, 0.9), (0.36, 0.62 * span, 1.6)
     tips = ((-0.2, 1.35 * span, 1.34), (-0.56, 1.0 * span, 0.98), (-0.58, 0.5 * span, 0.78))
     rear = (-0.28, 0.18, 0.8)
-    parts.append(mirror(curve(root, (0.3, 0.3, 1.2), (0.34, 0.4, 1.4), wrist)))
-    for end in tips:
-        parts.append(
-            mirror(
-                curve(
-                    wrist,
-                    ((wrist[0] + end[0]) / 2, (wrist[1] + end[1]) / 2, (wrist[2] + end[2]) / 2 + 0.14),
-                    ((wrist[0] + 2 * end[0]) / 3, (wrist[1] + 2 * end[1]) / 3, (wrist[2] + 2 * end[2]) / 3 + 0.08),
-                    end,
-                )
-            )
+    arm = curve(root, (0.3, 0.3, 1.2), (0.34, 0.4, 1.4), wrist)
+    fingers = [
+        curve(
+            wrist,
+            ((wrist[0] + end[0]) / 2, (wrist[1] + end[1]) / 2, (wrist[2] + end[2]) / 2 + 0.14),
+            ((wrist[0] + 2 * end[0]) / 3, (wrist[1] + 2 * end[1]) / 3, (wrist[2] + 2 * end[2]) / 3 + 0.08),
+            end,
         )
-    for a, b in zip(tips, (*tips[1:], rear), strict=True):
+        for end in tips
+    ]
+    parts += [mirror(part) for part in (arm, *fingers)]
+    for a, b, finger, other in zip(tips, (*tips[1:], rear), fingers, (*fingers[1:], backwards(arm)), strict=True):
         sag = tuple((p + q) / 2 for p, q in zip(a, b, strict=True))
-        parts.append(
-            mirror(curve(a, (sag[0] + 0.16, sag[1], sag[2] + 0.08), (sag[0] + 0.16, sag[1], sag[2] + 0.08), b))
-        )
+        hem = curve(a, (sag[0] + 0.16, sag[1], sag[2] + 0.08), (sag[0] + 0.16, sag[1], sag[2] + 0.08), b)
+        # The skin from this finger to the next one, or to the arm.
+        parts += [mirror(hem), mirror(solid(filled(join(finger, hem, backwards(other)))))]
     if "spikes" in attributes:
         for at, level in ((0.44, 1.0), (0.16, 0.89), (-0.12, 0.86), (-0.4, 0.79)):
             parts.append(polyline((at + 0.08, 0, level), (at - 0.06, 0, level + 0.2), (at - 0.1, 0, level - 0.04)))

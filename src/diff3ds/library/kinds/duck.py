@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes, girth
+from diff3ds.library.animals import eyes, girth, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, ellipse, mirror, side, spline
+from diff3ds.library.shapes import Part, ball, curve, ellipse, join, mirror, side, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -19,8 +19,21 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         throat = [(x + 0.6 * r, neck - 0.85 * r), (0.82, 0.3)]
     nape = [(x - 0.2 * r, neck + r), *nape, (-0.95, 0.6)]
     throat = [(x + 0.9 * r, neck - 0.3 * r), *throat, (0.76, 0.02)]
-    parts = [side(*nape), side(*throat)]
-    parts.append(curve((0.76, 0, 0.02), (0.5, 0, -0.3), (-0.7, 0, -0.36), (-0.95, 0, 0.6)))
+    keel = curve((0.76, 0, 0.02), (0.5, 0, -0.3), (-0.7, 0, -0.36), (-0.95, 0, 0.6))
+    parts = [side(*nape), side(*throat), keel]
+    parts.append(
+        torso(
+            parts[0],
+            join(parts[1], keel),
+            ((x + 0.3 * r, neck + 0.4 * r), 0.7 * r),
+            ((x, neck - 0.1 * r), 0.8 * r),
+            ((x - 0.1, 0.5), 0.6 * r),
+            ((0.3, 0.12), 0.85 * wide),
+            ((-0.3, 0.1), 0.85 * wide),
+            ((-0.9, 0.55), 0.02),
+        )
+    )
+    parts.append(ball((x, 0, neck), (0.95 * r, 0.82 * r, 0.97 * r)))
     parts.append(mirror(curve((0.8, 0, 0.14), (0.6, 1.3 * wide, 0.1), (-0.5, 1.3 * wide, 0.1), (-0.95, 0, 0.6))))
     parts += [girth((0.05, 0.1), 0.95 * wide, 0.31), girth((x, neck), 0.85 * r, r)]
     # The bill: two lips and how they widen.

@@ -2,9 +2,9 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes, girth, legs
+from diff3ds.library.animals import eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, mirror, side, spline
+from diff3ds.library.shapes import Part, curve, filled, flesh, mirror, side, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -32,8 +32,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     else:
         outer = ((x + 0.36, z - 0.12), (x + 0.5, z - 0.55), (x + 0.5, 0.3), (x + 0.64, 0.16), (x + 0.74, 0.24))
         inner = ((x + 0.14, z - 0.45), (x + 0.3, z - 0.7), (x + 0.34, 0.3), (x + 0.6, 0.02), (x + 0.84, 0.16))
-    parts += [side(*outer), side(*inner), side(outer[-1], inner[-1])]
-    parts.append(side((x + 0.14, z - 0.45), (x - 0.12, z - 0.5), (0.52 * long, 0.62), (0, 0.5), (-0.5 * long, 0.56)))
+    trunk = side(*outer), side(*inner)
+    parts += [*trunk, side(outer[-1], inner[-1]), flesh(*trunk, 0.17, 0.09, 0.06)]
+    under = side((x + 0.14, z - 0.45), (x - 0.12, z - 0.5), (0.52 * long, 0.62), (0, 0.5), (-0.5 * long, 0.56))
+    widths = (((x + 0.2, z - 0.2), 0.19), ((x, z - 0.14), 0.24), ((0.3 * long, 0.9), 0.45), ((-0.5 * long, 0.85), 0.4))
+    parts += [under, torso(parts[0], under, *widths)]
     parts.append(legs((0.66 * long, 0.72), (0.3 * long, 0.53), 0.46 * long, 0.15, 0.28, thick=0.08))
     parts.append(legs((-0.42 * long, 0.54), (-0.9 * long, 0.78), -0.7 * long, 0.15, 0.28, thick=0.08))
     parts += [girth((0.1 * long, 0.92), 0.48, 0.45), girth((x + 0.05, z - 0.14), 0.26, 0.32)]
@@ -44,7 +47,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         (x - 0.26 * ear, 0.5 * ear, z - 0.5),
         (x - 0.04, 0.26, z - 0.36),
     ]
-    parts.append(mirror(spline(*flap)))
+    parts.append(mirror(filled(spline(*flap))))
     parts.append(eyes(x + 0.24, 0.2, z - 0.02, 0.04))
     for drop in (0.0, 0.09):
         root, tip = (x + 0.22, 0.16, z - 0.42 - drop), (x + 0.66, 0.24, z - 0.52)

@@ -7,6 +7,8 @@ from diff3ds.library.shapes import (
     Part,
     curve,
     ellipse,
+    filled,
+    flesh,
     mirror,
     polyline,
     ring,
@@ -21,21 +23,22 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     back = curve((long, 0, 0), (0.6 * long, 0, 1.25 * high), (-0.3 * long, 0, 1.35 * high), (-long, 0, 0.09))
     belly = curve((long, 0, 0), (0.6 * long, 0, -1.2 * high), (-0.3 * long, 0, -1.3 * high), (-long, 0, -0.09))
     side = curve((long, 0, 0), (0.6 * long, 1.3 * wide, 0), (-0.3 * long, 1.3 * wide, 0), (-long, 0, 0))
-    parts = [back, belly, mirror(side)]
+    parts = [back, belly, mirror(side), flesh(back, belly, 0, 0.73 * wide, 0.97 * wide, 0.73 * wide, 0)]
     fan = [(-long, 0.09), (-1.55 * long, 0.5), (-1.35 * long, 0.0), (-1.55 * long, -0.5), (-long, -0.09)]
-    parts.append(polyline(*[(x, 0, z) for x, z in fan]))
+    parts.append(filled(polyline(*[(x, 0, z) for x, z in fan])))
     fin = 1.0 if "big fins" in attributes else 0.5
     parts.append(
-        curve(
-            (0.3 * long, 0, 0.9 * high),
-            (0, 0, (1 + fin) * high),
-            (-0.3 * long, 0, (1 + 1.3 * fin) * high),
-            (-0.45 * long, 0, 0.76 * high),
+        filled(
+            curve(
+                (0.3 * long, 0, 0.9 * high),
+                (0, 0, (1 + fin) * high),
+                (-0.3 * long, 0, (1 + 1.3 * fin) * high),
+                (-0.45 * long, 0, 0.76 * high),
+            )
         )
     )
-    parts.append(
-        mirror(smooth((0.35 * long, wide, -0.1), (-0.05, wide + 0.25 * fin, -0.25), (0.05 * long, wide, -0.2)))
-    )
+    pectoral = smooth((0.35 * long, wide, -0.1), (-0.05, wide + 0.25 * fin, -0.25), (0.05 * long, wide, -0.2))
+    parts.append(mirror(filled(pectoral)))
     parts.append(mirror(ring((0.68 * long, 0.5 * wide, 0.12), 0.05, "y")))
     parts.append(ellipse((0.4 * long, 0, 0), (0, 0.9 * wide, 0), (0, 0, 0.82 * high)))
     if "stripes" in attributes:

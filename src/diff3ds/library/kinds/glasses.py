@@ -6,6 +6,7 @@ from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
     Part,
     curve,
+    filled,
     join,
     line,
     mirror,
@@ -13,6 +14,7 @@ from diff3ds.library.shapes import (
     reflect,
     ring,
     smooth,
+    solid,
 )
 
 
@@ -41,6 +43,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     )
     parts.append(mirror(temple))
     if "tinted" in attributes:
+        # One looks through the others.
+        parts.append(mirror(solid(filled(frame))))
         for shift in (-0.25, 0.0, 0.25):
             a, b = shift * lens - 0.4 * tall, shift * lens + 0.4 * tall
             parts.append(line((0, -y + a, -0.5 * tall), (0, -y + b, 0.5 * tall)))

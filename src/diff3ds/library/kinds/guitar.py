@@ -6,13 +6,18 @@ from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
     Part,
     curve,
+    filled,
+    join,
     line,
     mirror,
     move,
     polyline,
     rectangle,
+    reflect,
     ring,
+    sheet,
     smooth,
+    solid,
 )
 
 
@@ -34,10 +39,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     side = smooth(*[(deep, y, z) for y, z in half])
     front = mirror(side)
     parts = [front, move(front, (-2 * deep, 0, 0)), line((deep, 0, 0), (-deep, 0, 0))]
+    half_front = solid(filled(side))
+    rear = move(join(side, half_front), (-2 * deep, 0, 0))
+    parts.append(mirror(join(half_front, solid(rear), sheet(side, rear))))
     parts.append(mirror(line((deep, low, half[2][1]), (-deep, low, half[2][1]))))
     root, nut = half[-1][1], half[-1][1] + neck - (0.2 if "electric" in attributes else 0.45)
     x = deep + 0.02
-    parts.append(mirror(polyline((x, 0.07, root), (x, 0.055, nut), (x, 0.1, nut + 0.05), (x, 0.08, nut + 0.35))))
+    edge = polyline((x, 0.07, root), (x, 0.055, nut), (x, 0.1, nut + 0.05), (x, 0.08, nut + 0.35))
+    parts += [mirror(edge), sheet(edge, reflect(edge))]
     parts.append(line((x, -0.08, nut + 0.35), (x, 0.08, nut + 0.35)))
     parts.append(line((x, -0.055, nut), (x, 0.055, nut)))
     bridge = 0.38

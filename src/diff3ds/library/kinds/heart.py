@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, join, line, mirror, move, polyline, stretch
+from diff3ds.library.shapes import Part, curve, filled, join, line, mirror, move, polyline, sheet, solid, stretch
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -14,10 +14,13 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         """Half of it, from the notch over the bump to the point."""
         bump = curve((0, 0, notch), (0, 0.16 * wide, top + 0.26), (0, 0.94 * wide, top + 0.3), (0, wide, 0.3))
         flank = curve((0, wide, 0.3), (0, 1.04 * wide, -0.12), (0, 0.4 * wide, -0.55 * low), (0, 0, -low))
-        return mirror(move(stretch(join(bump, flank), (1, size, size)), (x, 0, 0)))
+        return move(stretch(join(bump, flank), (1, size, size)), (x, 0, 0))
 
-    parts = [outline(0, 1)]
-    parts += [outline(x, 0.74) for x in (-deep, deep)]
+    parts = [mirror(outline(0, 1))]
+    parts += [mirror(outline(x, 0.74)) for x in (-deep, deep)]
+    for x in (-deep, deep):
+        cushion = join(sheet(outline(0, 1), outline(x, 0.74)), solid(filled(outline(x, 0.74))))
+        parts.append(mirror(cushion))
     for x in (-deep, deep):
         parts += [
             line((0, 0, notch), (x, 0, 0.74 * notch)),

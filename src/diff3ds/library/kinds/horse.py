@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import Point, eyes, girth, legs
+from diff3ds.library.animals import Point, eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import Part, curve, join, line, mirror, polyline, side, spline
 
@@ -21,6 +21,16 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     back += [body(*p) for p in ((0.36, 1.28), (-0.1, 1.16), (-0.56, 1.22), (-0.78, 0.98))]
     under = [head(1.14, 1.4), head(1.04, 1.33), head(0.84, 1.52), body(0.66, 1.16), body(0.4, 0.78), body(-0.42, 0.84)]
     parts = [side(*back), side(*under)]
+    parts.append(
+        torso(
+            *parts,
+            (head(1.1, 1.38), 0.06),
+            (head(0.84, 1.66), 0.09),
+            (body(0.52, 1.34), 0.11),
+            (body(0.34, 1.03), 0.24),
+            (body(-0.5, 1.02), 0.22),
+        )
+    )
     parts.append(legs(body(0.62, 0.98), body(0.28, 0.8), 0.46 * long, 0.07, 0.16))
     parts.append(legs(body(-0.42, 0.84), body(-0.78, 0.98), -0.68 * long, 0.07, 0.16, 0.07))
     parts += [girth(body(0.34, 1.03), 0.25, 0.26), girth(body(-0.5, 1.02), 0.23, 0.2)]

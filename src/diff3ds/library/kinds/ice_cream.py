@@ -4,13 +4,15 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, curve, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, around, ball, curve, lathe, line, mirror, polyline, ring, solid
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, long, scoop = vary(0.36, 0.44), vary(1.0, 1.2), vary(1.12, 1.25)
     parts = [ring((0, 0, long), r), ring((0, 0, long - 0.14), r * (long - 0.14) / long)]
-    parts.append(around(line((0, 0, 0), (r, 0, long)), 6))
+    # Narrower, for the lines of the waffle cut across its roundness.
+    cone = solid(lathe(line((0, 0, 0), (0.88 * r, 0, long)), []))
+    parts += [around(line((0, 0, 0), (r, 0, long)), 6), cone]
     # The waffle: two bands that wind the other way.
     for s in (-1, 1):
         coil = [(r * t * math.cos(s * 4 * t), r * t * math.sin(s * 4 * t), long * t) for t in (0.25, 0.5, 0.75, 1.0)]
@@ -19,12 +21,13 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     count = 3 if "three scoops" in attributes else 1
     z = long + 0.55 * size
     for _ in range(count):
-        parts += [ring((0, 0, z), size, axis) for axis in ("x", "y")]
+        parts += [ball((0, 0, z), size), *(ring((0, 0, z), size, axis) for axis in ("x", "y"))]
         z, size = z + 1.25 * size, 0.92 * size
     top = z - 1.25 * size / 0.92 + size / 0.92
     if "cherry" in attributes:
         parts += [
             ring((0, 0, top + 0.1), 0.11, "x"),
+            ball((0, 0, top + 0.1), 0.11),
             curve((0, 0, top + 0.21), (0, 0, top + 0.3), (-0.06, 0, top + 0.36), (-0.12, 0, top + 0.38)),
         ]
     if "wafer" in attributes:

@@ -3,7 +3,25 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, ellipse, join, line, mirror, move, polyline, ring, spline
+from diff3ds.library.shapes import (
+    Part,
+    ball,
+    curve,
+    ellipse,
+    filled,
+    flesh,
+    join,
+    lathe,
+    line,
+    mirror,
+    move,
+    polyline,
+    reflect,
+    ring,
+    sheet,
+    solid,
+    spline,
+)
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -14,14 +32,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         ellipse((0, 0, head), (0, 0.85 * r, 0), (0, 0, 1.1 * r)),
         ellipse((0, 0, head), (0.9 * r, 0, 0), (0, 0, 1.1 * r)),
     ]
+    parts.append(ball((0, 0, head), (0.9 * r, 0.85 * r, 1.1 * r)))
     parts.append(mirror(line((0, 0.08, head - 1.0 * r), (0, 0.08, chest + 0.02))))
     parts.append(mirror(ring((0.78 * r, 0.34 * r, head + 0.15 * r), 0.1 * r, "x")))
     parts.append(ellipse((0.82 * r, 0, head - 0.3 * r), (0, 0.38 * r, 0), (0, 0, 0.25 * r), 180, 360))
     dressed = "skirt" in attributes
     waist = hip + 0.12 if dressed else hip
-    parts.append(
-        mirror(curve((0, 0.08, chest + 0.02), (0, shoulder, chest), (0, shoulder, chest - 0.2), (0, 0.2, waist)))
-    )
+    flank = curve((0, 0.08, chest + 0.02), (0, shoulder, chest), (0, shoulder, chest - 0.2), (0, 0.2, waist))
+    parts += [mirror(flank), flesh(flank, reflect(flank), 0.08, 0.97 * deep, 1.05 * deep, deep)]
     parts += [ellipse((0, 0, z), (deep, 0, 0), (0, y, 0)) for z, y in ((chest - 0.1, shoulder - 0.03), (waist, 0.2))]
     # Arms hang down, away from the body; a knight's right one bears the sword ahead.
     reach = arm / 60
@@ -29,26 +47,28 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         (-0.06, shoulder + 0.3 * reach + 0.08, chest - 0.36),
         (0.12, shoulder + 0.6 * reach + 0.06, chest - 0.66),
     )
-    parts.append(mirror(spline((0, shoulder - 0.02, chest - 0.05), elbow, hand)))
-    parts.append(
-        mirror(
-            spline(
-                (0, shoulder - 0.1, chest - 0.2),
-                (elbow[0] + 0.1, elbow[1] - 0.09, elbow[2] + 0.02),
-                (hand[0] + 0.06, hand[1] - 0.07, hand[2]),
-            )
-        )
-    )
-    parts.append(mirror(ring((hand[0] + 0.03, hand[1] - 0.035, hand[2] - 0.06), 0.06, "x")))
+    sleeve = [
+        spline((0, shoulder - 0.02, chest - 0.05), elbow, hand),
+        spline(
+            (0, shoulder - 0.1, chest - 0.2),
+            (elbow[0] + 0.1, elbow[1] - 0.09, elbow[2] + 0.02),
+            (hand[0] + 0.06, hand[1] - 0.07, hand[2]),
+        ),
+    ]
+    palm = (hand[0] + 0.03, hand[1] - 0.035, hand[2] - 0.06)
+    hand_of_it = join(ring(palm, 0.06, "x"), ball(palm, 0.06))
+    parts += [mirror(part) for part in (*sleeve, flesh(*sleeve, 0.07, 0.05, 0.04), hand_of_it)]
     low = 0.6 * leg if dressed else hip
     if dressed:
         parts.append(mirror(line((0, 0.2, waist), (0, 0.44, 0.5 * leg))))
         parts.append(mirror(line((deep, 0, waist), (0.36, 0, 0.5 * leg)), "x"))
         parts.append(ellipse((0, 0, 0.5 * leg), (0.36, 0, 0), (0, 0.44, 0)))
+        parts.append(sheet(ellipse((0, 0, waist), (deep, 0, 0), (0, 0.2, 0)), parts[-1]))
         low = 0.5 * leg
     inner, outer = 0.06, 0.2
-    parts.append(mirror(line((-0.08, outer, low), (-0.05, 0.2, 0.06))))
-    parts.append(mirror(line((0.08, inner if dressed else 0.02, low), (0.06, 0.09, 0.06))))
+    rear = line((-0.08, outer, low), (-0.05, 0.2, 0.06))
+    front = line((0.08, inner if dressed else 0.02, low), (0.06, 0.09, 0.06))
+    parts += [mirror(part) for part in (rear, front, flesh(rear, front, 0.1, 0.07))]
     parts.append(mirror(polyline((-0.05, 0.2, 0.06), (-0.07, 0.15, 0), (0.26, 0.15, 0), (0.06, 0.09, 0.06))))
     parts.append(
         mirror(
@@ -57,7 +77,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     )
     if "hat" in attributes:
         brim = head + 0.55 * r
-        parts += [ring((0, 0, brim), 1.5 * r), ring((0, 0, brim + 0.8 * r), 0.75 * r)]
+        parts += [filled(ring((0, 0, brim), 1.5 * r)), ring((0, 0, brim + 0.8 * r), 0.75 * r)]
+        parts.append(solid(lathe(line((0.85 * r, 0, brim), (0.75 * r, 0, brim + 0.8 * r)), [])))
         parts += [
             mirror(line((0, 0.85 * r, brim), (0, 0.75 * r, brim + 0.8 * r))),
             mirror(line((0.85 * r, 0, brim), (0.75 * r, 0, brim + 0.8 * r)), "x"),
@@ -70,14 +91,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         ]
         shield = ((0.26, 0.3, 0.3), (0.26, -0.3, 0.3), (0.26, -0.26, -0.1), (0.26, 0, -0.45), (0.26, 0.26, -0.1))
         outline = join(line(shield[0], shield[1]), spline(*shield[1:], shield[0]))
-        parts.append(move(outline, (0, -y, z + 0.1)))
+        parts.append(move(filled(outline), (0, -y, z + 0.1)))
         # A helmet with a slit and a plume.
         parts.append(ring((0, 0, head - 0.1 * r), 1.02 * r))
         parts.append(
             curve((0, 0, head + 1.1 * r), (-0.1, 0, head + 2.4 * r), (-0.5, 0, head + 2 * r), (-0.5, 0, head + r))
         )
     if "ball" in attributes:
-        parts += [ring((0.55, 0.15, 0.2), 0.2, axis) for axis in ("x", "y", "z")]
+        parts += [ball((0.55, 0.15, 0.2), 0.2), *(ring((0.55, 0.15, 0.2), 0.2, axis) for axis in ("x", "y", "z"))]
     return parts
 
 

@@ -3,7 +3,21 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, curve, join, line, mirror, polyline, ring
+from diff3ds.library.shapes import (
+    Part,
+    around,
+    curve,
+    flesh,
+    join,
+    lathe,
+    line,
+    mirror,
+    polyline,
+    reflect,
+    ring,
+    solid,
+    stretch,
+)
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -12,11 +26,15 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         curve((0.1, 0, 0.86 * high), (0.3, 0, 1.25 * high), (wide, 0, 1.1 * high), (wide, 0, 0)),
         curve((wide, 0, 0), (wide, 0, -1.1 * high), (0.3, 0, -1.2 * high), (0.1, 0, -0.86 * high)),
     )
-    parts = [around(rib, 10), ring((0, 0, 0.86 * high), 0.1), ring((0, 0, -0.86 * high), 0.1)]
+    # The face is cut in flatter than the ribs bulge.
+    within = 0.85 if "face" in attributes else 1.0
+    bulge = stretch(solid(lathe(rib, [])), (within, within, 1))
+    parts = [around(rib, 10), bulge, ring((0, 0, 0.86 * high), 0.1), ring((0, 0, -0.86 * high), 0.1)]
     top = 0.86 * high
     # The stalk bends backwards.
     tip = (-0.2, 0.07, top + stalk)
-    parts.append(mirror(curve((0, 0.08, top), (0, 0.08, top + 0.5 * stalk), (-0.08, 0.07, top + 0.9 * stalk), tip)))
+    edge = curve((0, 0.08, top), (0, 0.08, top + 0.5 * stalk), (-0.08, 0.07, top + 0.9 * stalk), tip)
+    parts += [mirror(edge), flesh(edge, reflect(edge), 0.07)]
     parts.append(line((-0.2, -0.07, top + stalk), tip))
     if "face" in attributes:
         x = 0.93 * wide

@@ -2,15 +2,16 @@
 
 from collections.abc import Collection
 
-from diff3ds.library.animals import eyes, girth
+from diff3ds.library.animals import eyes, girth, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, ellipse, line, mirror, ring, side, spline
+from diff3ds.library.shapes import Part, ball, curve, ellipse, filled, line, mirror, ring, side, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, ear, long = vary(0.25, 0.3), vary(0.55, 0.75), vary(0.92, 1.1)
     x, top = 0.46 * long, 0.92
     parts = [ellipse((x, 0, top), (1.12 * r, 0, 0), (0, 0, r)), girth((x, top), 0.85 * r, r)]
+    parts.append(ball((x, 0, top), (1.12 * r, 0.77 * r, r)))
     back = (
         (x - 0.9 * r, top - 0.3 * r),
         (0.02 * long, 0.84),
@@ -19,9 +20,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         (-0.5 * long, 0.02),
     )
     parts.append(side(*back))
-    parts.append(
-        side((x + 0.2 * r, top - r), (0.46 * long, 0.45), (0.36 * long, 0.2), (0.36 * long, 0.06), (0.54 * long, 0))
-    )
+    breast = (x + 0.2 * r, top - r), (0.46 * long, 0.45), (0.36 * long, 0.2)
+    parts.append(side(*breast, (0.36 * long, 0.06), (0.54 * long, 0)))
+    under = side(*breast, (0, 0.05), (-0.5 * long, 0.02))
+    widths = (((0.4 * long, 0.7), 0.16), ((-0.2 * long, 0.4), 0.34), ((-0.5 * long, 0.1), 0.2))
+    parts.append(torso(side(*back), under, *widths))
     parts.append(girth((-0.2 * long, 0.4), 0.36, 0.38))
     # Haunch with its long foot, and foreleg.
     foot = (0.12 * long, 0.28, 0.06)
@@ -50,7 +53,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             (x + 0.06, 1.15 * r, top - 0.3),
             (x + 0.1, 0.9 * r, top + 0.1),
         )
-        parts.append(mirror(spline(*flap)))
+        parts.append(mirror(filled(spline(*flap))))
     else:
         lean = 0.3
         tall = (
@@ -60,11 +63,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             (x - 0.8 * lean, 0.34, top + r + 0.5 * ear),
             (x - 0.5 * r, 0.6 * r, top + 0.6 * r),
         )
-        parts.append(mirror(spline(*tall)))
+        parts.append(mirror(filled(spline(*tall))))
     parts.append(eyes(x + 0.5 * r, 0.68 * r, top + 0.2 * r, 0.16 * r))
     parts.append(mirror(line((x + 1.12 * r, 0, top - 0.05 * r), (x + 1.0 * r, 0.2 * r, top + 0.12 * r))))
     parts.append(mirror(line((x + r, 0.2 * r, top - 0.2 * r), (x + 0.9 * r, 1.2 * r, top - 0.1 * r))))
-    parts += [ring((-0.68 * long, 0, 0.22), 0.12, axis) for axis in ("y", "z")]
+    parts += [ball((-0.68 * long, 0, 0.22), 0.12), *(ring((-0.68 * long, 0, 0.22), 0.12, axis) for axis in ("y", "z"))]
     return parts
 
 

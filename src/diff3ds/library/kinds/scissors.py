@@ -3,16 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import (
-    Part,
-    curve,
-    ellipse,
-    join,
-    mirror,
-    polyline,
-    ring,
-    turn,
-)
+from diff3ds.library.shapes import Part, curve, ellipse, filled, join, mirror, polyline, ring, turn
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -21,7 +12,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     if "long blades" in attributes:
         blade *= 1.6
     # One half, upright around the pivot at the origin: its blade above, its ring below.
-    half = [polyline((0, 0.07, -0.1), (0, 0.09, 0.25), (0, -0.02, blade), (0, -0.07, 0.1), (0, -0.07, -0.1))]
+    half = [filled(polyline((0, 0.07, -0.1), (0, 0.09, 0.25), (0, -0.02, blade), (0, -0.07, 0.1), (0, -0.07, -0.1)))]
     half.append(curve((0, 0.07, -0.1), (0, 0.05, -0.25), (0, 0.1, -0.3), (0, 0.1, -shank)))
     half.append(curve((0, -0.07, -0.1), (0, -0.08, -0.25), (0, 0.0, -0.3), (0, 0.0, -shank)))
     y, z = 0.05 + 0.5 * finger, -shank - 1.2 * finger

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, ellipse, line, mirror, polyline, ring
+from diff3ds.library.shapes import Part, ball, ellipse, line, mirror, polyline, ring
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -16,6 +16,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     ]
     parts.append(ellipse((-0.5, 0, high + 0.06), (0, r, 0), (0, 0, 0.9 * r)))
     parts += [ring((0.12, 0, high), 0.24, axis) for axis in ("z", "y")]
+    parts += [ball((-0.5, 0, high + 0.06), (1.15 * r, r, 0.9 * r)), ball((0.12, 0, high), 0.24)]
     for x, ahead in ((0.24, 0.8), (0.15, 0.36), (0.06, -0.18), (-0.04, -0.72)):
         hip = (x, 0.2, high)
         bend = (x + 0.5 * ahead, 0.2 + 0.45 * reach, high + knee)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, line, polyline
+from diff3ds.library.shapes import Part, curve, filled, line, polyline, solid
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -17,7 +17,10 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             r = 0.577 + 0.3 * (inner - 0.42)
         corners.append((0.0, r * math.sin(angle), r * math.cos(angle)))
     parts = [polyline(*corners, closed=True)]
-    parts += [line((x, 0, 0), corner) for x in (-deep, deep) for corner in corners]
+    for x in (-deep, deep):
+        parts += [line((x, 0, 0), corner) for corner in corners]
+        for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+            parts.append(solid(filled(polyline((x, 0, 0), a, b, closed=True))))
     if "tail" in attributes:
         for y, z in ((-0.3, -0.72), (-0.62, -0.34), (-0.95, 0.1)):
             parts.append(curve((0, y - 0.1, z), (0, y - 0.5, z - 0.1), (0, y - 0.9, z - 0.4), (0, y - 1.1, z - 0.8)))

@@ -3,12 +3,12 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, ellipse, line, mirror, polyline, ring, turn
+from diff3ds.library.shapes import Part, around, ball, ellipse, line, mirror, polyline, ring, turn
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, near, far = vary(0.46, 0.56), vary(0.62, 0.7), vary(0.95, 1.1)
-    parts = [ring((0, 0, 0), r, axis) for axis in ("x", "y", "z")]
+    parts = [ball((0, 0, 0), r), *(ring((0, 0, 0), r, axis) for axis in ("x", "y", "z"))]
     if "pointed rays" in attributes:
         parts.append(around(polyline((0, -0.14, near), (0, 0, far), (0, 0.14, near)), 10, "x"))
         parts.append(mirror(polyline((near, 0, -0.14), (far, 0, 0), (near, 0, 0.14)), "x"))

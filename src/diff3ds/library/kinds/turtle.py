@@ -5,7 +5,22 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, ellipse, line, mirror, polyline, side, spline
+from diff3ds.library.shapes import (
+    Part,
+    curve,
+    ellipse,
+    flesh,
+    lathe,
+    line,
+    mirror,
+    move,
+    polyline,
+    sheet,
+    side,
+    solid,
+    spline,
+    stretch,
+)
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -14,6 +29,9 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [ellipse((0, 0, rim), (long, 0, 0), (0, wide, 0))]
     parts.append(ellipse((0, 0, rim), (long, 0, 0), (0, 0, high), 0, 180))
     parts.append(ellipse((0, 0, rim), (0, wide, 0), (0, 0, high), 0, 180))
+    # A little lower, for the edges of the plates are straight.
+    vault = lathe(ellipse((0, 0, 0), (1, 0, 0), (0, 0, 1), 0, 90), [])
+    parts.append(move(stretch(solid(vault), (0.95 * long, 0.95 * wide, 0.95 * high)), (0, 0, rim)))
     # The plates on top: a hexagon on the vault, with ribs down to the rim.
     level = math.sin(math.radians(50))
     six = [
@@ -26,6 +44,9 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         parts.append(
             mirror(curve((x, y, z), (1.25 * x, 1.25 * y, z - 0.08), (0.97 * end[0], 0.97 * end[1], rim + 0.16), end))
         )
+    brow = side((0.9 * long, rim), (long + 0.14, 0.34), (long + 0.3, 0.5), (long + 0.48, 0.42))
+    chin = side((0.9 * long, rim - 0.06), (long + 0.2, 0.2), (long + 0.46, 0.28), (long + 0.48, 0.42))
+    parts.append(flesh(brow, chin, 0.06, 0.07, 0.08, 0.1, 0.02))
     parts.append(
         side(
             (long, rim),
@@ -44,10 +65,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     for x, toward in ((0.55 * long, 0.22), (-0.55 * long, -0.2)):
         if "flippers" in attributes:
             a, tip = (x, 0.8 * wide, rim), (x + toward - 0.25, 0.8 * wide + (0.7 if toward > 0 else 0.35), 0.1)
-            parts.append(mirror(curve(a, (x + 0.3, 0.9 * wide, rim), (tip[0] + 0.3, tip[1], 0.12), tip)))
-            parts.append(
-                mirror(curve((x - 0.2, 0.8 * wide, rim), (x - 0.1, 0.9 * wide, rim), (tip[0], tip[1] - 0.2, 0.12), tip))
-            )
+            flipper = [
+                curve(a, (x + 0.3, 0.9 * wide, rim), (tip[0] + 0.3, tip[1], 0.12), tip),
+                curve((x - 0.2, 0.8 * wide, rim), (x - 0.1, 0.9 * wide, rim), (tip[0], tip[1] - 0.2, 0.12), tip),
+            ]
+            parts += [mirror(part) for part in (*flipper, sheet(*flipper))]
         else:
             parts.append(
                 mirror(

@@ -2,19 +2,10 @@
 
 import math
 from collections.abc import Collection
+from itertools import pairwise
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import (
-    Part,
-    around,
-    curve,
-    ellipse,
-    join,
-    line,
-    mirror,
-    ring,
-    turn,
-)
+from diff3ds.library.shapes import Part, around, curve, ellipse, join, line, mirror, ring, sheet, turn
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -33,7 +24,13 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     x, y = wide * math.cos(math.pi / 8), wide * math.sin(math.pi / 8)
     edge = curve((x, -y, rim), (0.93 * x, -y / 3, rim + 0.1), (0.93 * x, y / 3, rim + 0.1), (x, y, rim))
     edge = turn(edge, 22.5)
-    parts = [*shaft, around(join(rib, edge), 8)]
+    # Between two ribs the canopy is stretched straight across, from the edge up to the top.
+    rows = [edge]
+    for angle in (0.3, 0.6, 0.9, 1.2, math.pi / 2):
+        low, z = math.cos(angle), rim + (tall - rim) * math.sin(angle)
+        rows.append(turn(line((low * x, -low * y, z), (low * x, low * y, z)), 22.5))
+    canopy = [sheet(a, b) for a, b in pairwise(rows)]
+    parts = [*shaft, around(join(rib, edge, *canopy), 8)]
     if "stripes" in attributes:
         parts += [ring((0, 0, rim + (tall - rim) * (1 - share**2) ** 0.5), share * wide) for share in (0.45, 0.8)]
     return parts
