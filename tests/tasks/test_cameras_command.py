@@ -103,6 +103,13 @@ def test_which_photographs_are_compared():
     assert len(pairs) == 100 * 10
     assert {("f000", "f001"), ("f000", "f099"), ("f010", "f042")} <= pairs
     assert all(a < b for a, b in pairs)
+    # Without zeros before them, numbers sort otherwise than names do.
+    bare = sorted(Path(f"f{i}.jpg") for i in range(100))
+    of_bare = {
+        frozenset((bare[names.index(a)].stem, bare[names.index(b)].stem))
+        for a, b in _pairs(names, bare, CamerasOptions())
+    }
+    assert of_bare == {frozenset(f"f{int(name[1:])}" for name in pair) for pair in pairs}
     other = [Path(f"{i}-by-night.jpg") for i in range(100)]
     assert len(list(_pairs(names, other, CamerasOptions()))) == 100 * 99 // 2
     assert len(list(_pairs(names[:20], files[:20], CamerasOptions(order="sequence")))) < 20 * 19 // 2

@@ -179,7 +179,7 @@ def _reduced_masks(pictures: list[Path], names: list[str], place: Path) -> Path 
 
 def _pairs(names: list[str], pictures: list[Path], options: CamerasOptions) -> Iterator[tuple[str, str]]:
     """Which pictures are compared. A sequence is taken for closed: those of a turntable are."""
-    numbered = all(re.search(r"\d+$", picture.stem) for picture in pictures)
+    numbered = all(re.search(r"[0-9]+$", picture.stem) for picture in pictures)
     count = len(names)
     if options.order == "any" or (options.order == "auto" and not (numbered and count > MOST_PAIRED)):
         yield from ((names[i], names[j]) for i in range(count) for j in range(i + 1, count))
@@ -187,8 +187,15 @@ def _pairs(names: list[str], pictures: list[Path], options: CamerasOptions) -> I
     steps = [*range(1, NEIGHBOURS + 1)]
     while steps[-1] * 2 < count / 2:
         steps.append(steps[-1] * 2)
-    seen = {tuple(sorted((i, (i + step) % count))) for i in range(count) for step in steps}
+    # As people number them: 10 comes after 9.
+    order = sorted(range(count), key=lambda i: _by_number(pictures[i]))
+    seen = {tuple(sorted((order[i], order[(i + step) % count]))) for i in range(count) for step in steps}
     yield from ((names[i], names[j]) for i, j in sorted(seen) if i != j)
+
+
+def _by_number(picture: Path) -> list[str | int]:
+    """Sorts names with the numbers in them by these."""
+    return [int(part) if i % 2 else part for i, part in enumerate(re.split(r"([0-9]+)", str(picture)))]
 
 
 def _focal_of(picture: Path, size: tuple[int, int]) -> list[float] | None:
