@@ -44,10 +44,7 @@ def adjusted(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array, "
         sides: `outline_sides` of all ridge points.
         curves: near the edges, by the cameras so far.
     """
-    x, tangent = samples(curves)
-    if len(x) > MOST_SAMPLES:
-        chosen = np.arange(MOST_SAMPLES) * len(x) // MOST_SAMPLES
-        x, tangent = x[chosen], tangent[chosen]
+    x, tangent = some_samples(curves)
     first, seen = posed, posed.views(views, sides)
     alone = ~crowded(seen, x, tangent, at=inliers(seen, x, tangent, FAR))
     for far, scatter in narrowing():
@@ -59,6 +56,15 @@ def adjusted(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array, "
     now, before = (inliers(p.views(views, sides), x, tangent, SURE).sum(1) for p in (posed, first))
     lost = now < before
     return posed.with_poses(first, lost)
+
+
+def some_samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
+    """As `samples`, but no more than `MOST_SAMPLES`."""
+    x, tangent = samples(curves)
+    if len(x) > MOST_SAMPLES:
+        chosen = np.arange(MOST_SAMPLES) * len(x) // MOST_SAMPLES
+        x, tangent = x[chosen], tangent[chosen]
+    return x, tangent
 
 
 def narrowing() -> Iterator[tuple[float, float]]:

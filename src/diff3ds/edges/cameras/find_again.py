@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.edges.cameras.adjust import SURE, equations, expected, narrowing
+from diff3ds.edges.cameras.adjust import SURE, equations, expected, narrowing, some_samples
 from diff3ds.edges.cameras.posed import Posed
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import inliers, samples
+from diff3ds.edges.evidence.support import inliers
 from diff3ds.edges.shapes.curve_set import Curves
 
 # [px; empirical] Turns that are tried move the picture by up to so much to each side, in steps that leave no place
@@ -40,7 +40,7 @@ def found_again(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array
         views, sides: as for `adjusted`.
         curves: by the cameras so far.
     """
-    x, tangents = samples(curves)
+    x, tangents = some_samples(curves)
     now = _shown(posed, views, sides, x, tangents)
     steps = np.arange(-REACH, REACH + STEP / 2, STEP)
     shifts = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
@@ -67,7 +67,7 @@ def agreement(posed: Posed, views: EdgeViews, sides: Float[Array, " R"], curves:
         views, sides: as for `adjusted`.
         curves: by these cameras.
     """
-    x, tangents = samples(curves)
+    x, tangents = some_samples(curves)
     angle = np.arange(AROUND) * (2 * np.pi / AROUND)
     away = np.resize(WRONG, AROUND)
     shifts = np.stack([away * np.cos(angle), away * np.sin(angle)], 1)
