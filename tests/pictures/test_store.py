@@ -31,6 +31,17 @@ def test_a_pass_over_all_views_sees_each_once_and_few_at_a_time():
     assert all(4 * 4 * 256 * 256 * len(part) <= 1 << 23 for part in parts)
 
 
+def test_some_of_the_pictures_alone(tmp_path):
+    pixels = torch.arange(5, dtype=torch.uint8).reshape(5, 1, 1, 1).expand(5, 4, 6, 4)
+    known = torch.arange(5).reshape(5, 1, 1) % 2 == torch.zeros(1, 4, 6)
+    for store in (Store(pixels, known, tmp_path), Store(pixels, all_known(5, (4, 6)))):
+        some = store.chosen([3, 0])
+        assert torch.equal(some.pixels, store.pixels[[3, 0]])
+        assert torch.equal(some.known, store.known[[3, 0]])
+        assert is_all_known(some.known) == is_all_known(store.known)
+        assert store.chosen(range(5)) is store
+
+
 def test_a_mask_that_is_true_takes_no_memory():
     mask = all_known(1000, (512, 512))
     assert mask.shape == (1000, 512, 512)

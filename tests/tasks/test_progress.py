@@ -67,6 +67,12 @@ def test_lines_come_now_and_then(clock):
             lines(Progress(stage, 0, None, None, 0))
             clock.seconds += 0.25
     assert len(said) == 4
+    # Of a stage that takes long it is said how long, once a tenth of it is done.
+    for step in range(50):
+        lines(Progress("fit", step, 400, None, 0))
+        clock.seconds += 2
+    assert said[4:7] == ["fit 1/400", "fit 9/400", "fit 17/400"]
+    assert said[9] == "fit 41/400, about 12 min left"
 
 
 def test_off_a_terminal_progress_is_lines(monkeypatch, capsys):

@@ -100,19 +100,21 @@ def test_written_cameras_are_read_from_another_folder(source, tmp_path):
     assert [view.distortion.radial[:1] for view in views] == [(), (0.01,)]
 
 
-def test_the_option_is_said_to_be_unused_where_it_is():
-    assert "--refine-cameras" in ViewsOptions(refine_cameras=True).unused("color")
+def test_the_option_is_said_to_be_unused_where_it_is(tmp_path):
+    assert "--refine-cameras" in ViewsOptions(refine_cameras=True, start=tmp_path).unused("color")
+    assert ViewsOptions(refine_cameras=True).unused("color") == []
     assert "--refine-cameras" in ViewsOptions(refine_cameras=True, init="random").unused("edges")
     assert ViewsOptions(refine_cameras=True).unused("edges") == []
 
 
 def test_cameras_that_were_found_from_photographs_are_refined(tmp_path):
-    """Unless colours are wanted, strokes are given, or the user says no; those of others are refined if asked for."""
+    """Unless strokes are given, or the user says no; those of others are refined if asked for."""
     assert ViewsOptions().refining("edges", estimated=True)
     assert ViewsOptions().refining("color-edges", estimated=True)
     assert not ViewsOptions().refining("color-edges", estimated=False)
     assert not ViewsOptions(keep_cameras=True).refining("edges", estimated=True)
-    assert not ViewsOptions().refining("color", estimated=True)
+    assert ViewsOptions().refining("color", estimated=True)
+    assert not ViewsOptions(start=tmp_path).refining("color", estimated=True)
     assert not ViewsOptions(start=tmp_path).refining("edges", estimated=True)
     assert not ViewsOptions(init="random").refining("edges", estimated=True)
     assert ViewsOptions(refine_cameras=True).refining("edges", estimated=False)
@@ -159,7 +161,7 @@ def test_a_run_leaves_lost_views_out_and_keeps_refined_cameras(tmp_path, monkeyp
     def again(*arguments):
         raise AssertionError("the cameras are refined already")
 
-    monkeypatch.setattr("diff3ds.tasks.views.edge_sketch.refined_cameras", again)
+    monkeypatch.setattr("diff3ds.tasks.views.refined_views.refined_cameras", again)
     run_views(tmp_path, tmp_path / "out", replace(options, resume=True), say=said.append)
     assert (tmp_path / "out" / "sketch.json").read_bytes() == sketch
     assert json.loads((tmp_path / "out" / "run.json").read_text())["cameras"] == about

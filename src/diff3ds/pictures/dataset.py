@@ -60,6 +60,11 @@ class PosedPictures:
         posed += b"orthographic" if self.cameras.orthographic else b""
         return hashlib.sha256(posed + self.store.digest().encode()).hexdigest()
 
+    def chosen(self, views: Sequence[int]) -> "PosedPictures":
+        """These pictures alone, with their cameras; `masked` is still of all."""
+        names = tuple(self.names[view] for view in views)
+        return replace(self, cameras=self.cameras[list(views)], store=self.store.chosen(views), names=names)
+
     def batch(self, views: Sequence[int] | Int[Tensor, " B"]) -> Batch:
         """These views as floating point numbers."""
         return self.store.batch(views)

@@ -65,6 +65,20 @@ class Store:
         rows = torch.as_tensor(views, dtype=torch.long)
         return Batch(self.pixels[rows].float().div_(255), self.known[rows])
 
+    def chosen(self, views: Sequence[int]) -> "Store":
+        """These pictures alone."""
+        if list(views) == list(range(len(self))):
+            return self
+        pixels = byte_array((len(views), *self.pixels.shape[1:]), self.scratch)
+        known = self.known[: len(views)]
+        if not is_all_known(self.known):
+            known = byte_array((len(views), *self.known.shape[1:]), self.scratch).view(torch.bool)
+        for row, view in enumerate(views):
+            pixels[row] = self.pixels[view]
+            if not is_all_known(self.known):
+                known[row] = self.known[view]
+        return Store(pixels, known, self.scratch)
+
     def digest(self) -> str:
         """The digest of all that the pictures show: equal for equal pictures."""
         digest = hashlib.sha256(str(tuple(self.pixels.shape)).encode())

@@ -52,19 +52,29 @@ class Lines:
         """
         self._say, self._clock = say, clock
         self._stage, self._due = "", math.inf
+        self._began, self._first = 0.0, 0
 
     def __call__(self, progress: Progress) -> None:
         """Reports this."""
         now = self._clock()
         if progress.stage != self._stage:
             self._stage, self._due = progress.stage, now + self.SHORT
+            self._began, self._first = now, progress.done
         if now < self._due:
             return
         self._due = now + self.EVERY
         of = f" {progress.done}/{progress.total}" if progress.total else ""
         loss = "" if progress.loss is None else f", loss {progress.loss:.5g}"
         strokes = f", {progress.strokes} strokes {progress.note}".rstrip() if progress.strokes else ""
-        self._say(f"{progress.stage}{of}{loss}{strokes}")
+        self._say(f"{progress.stage}{of}{loss}{strokes}{self._left(progress, now)}")
+
+    def _left(self, progress: Progress, now: float) -> str:
+        """How long the stage will take from here, once a tenth of it is done, where that is a minute or more."""
+        done = progress.done - self._first
+        if not progress.total or done <= 0 or progress.done < progress.total / 10:
+            return ""
+        minutes = (progress.total - progress.done) * (now - self._began) / done / 60
+        return f", about {minutes:.0f} min left" if minutes >= 1 else ""
 
 
 class ShownLoss:

@@ -1,6 +1,7 @@
 """Pictures of what lies behind the objects: one for all views, or a clean plate of each."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +28,10 @@ class CleanPlates:
 
     source: Path
     store: Store
+
+    def chosen(self, views: Sequence[int]) -> "CleanPlates":
+        """Those of these pictures alone."""
+        return replace(self, store=self.store.chosen(views))
 
     def digest(self) -> str:
         """SHA-256 of the pixels."""

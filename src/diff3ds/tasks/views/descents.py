@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.optimize.checkpoint import read_checkpoint
@@ -21,6 +22,7 @@ from diff3ds.tasks.views.edge_sketch import fit_edges
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
 from diff3ds.tasks.views.random_start import plan_random_edges
+from diff3ds.tasks.views.refined_views import refine_for_color
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"
@@ -36,6 +38,7 @@ def fit_color(
     given: Sketch | None,
     out: Path,
     report: Report,
+    say: Callable[[str], None],
 ) -> Fitted:
     """The coloured strokes of coloured pictures, found or given.
 
@@ -43,12 +46,18 @@ def fit_color(
         ValueError: as `plan_color` and `held_out_views`; strokes of another world.
     """
     held_out_views(path)
+    right: tuple[int, ...] = ()
+    moved: dict[str, Any] = {}
+    if options.refine_cameras and given is None:
+        pictures, right, about = refine_for_color(pictures, options, out / EDGES_CHECKPOINT, report, say)
+        clean_plates = clean_plates and clean_plates.chosen(right)
+        moved = {"cameras": about}
     # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.
     with torch_on_one_thread():
         plan = _going_on(plan_color(pictures, options, out / CHECKPOINT, clean_plates, report), given, options)
     sketch, losses, stopped = _descended(plan, "fit", report)
     world = _in_world(sketch, plan, given)
-    chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background)}
+    chosen = {"steps": plan.config.steps, "strokes": len(plan.start), "background": described(plan.background), **moved}
     scores: dict[str, float] = {}
     try:
         with torch_on_one_thread():
@@ -57,7 +66,7 @@ def fit_color(
     except KeyboardInterrupt:
         # The sketch is there, and is written without them.
         stopped = True
-    return Fitted(world, plan.pictures, chosen, losses, scores, stopped)
+    return Fitted(world, plan.pictures, chosen, losses, scores, stopped, right)
 
 
 def fit_given_edges(pictures: PosedPictures, options: ViewsOptions, given: Sketch, out: Path, report: Report) -> Fitted:

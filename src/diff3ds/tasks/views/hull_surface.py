@@ -1,7 +1,5 @@
 """The surface of what posed pictures show: their visual hull, smoothed, which hides lines and has contours."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 
@@ -26,7 +24,7 @@ ROUNDS, FORTH, BACK = 10, 0.5, -0.53
 LEAST = 1e-4
 
 
-def hull_surface(pictures: PosedPictures, side: int = SIDE, views: Sequence[int] | None = None) -> TriangleMesh:
+def hull_surface(pictures: PosedPictures, side: int = SIDE) -> TriangleMesh:
     """The visual hull of the pictures' silhouettes, in the world of their cameras.
 
     A point is as deep in the hull as it is in the silhouettes of nearly all views that see it; one in twenty may be
@@ -35,19 +33,17 @@ def hull_surface(pictures: PosedPictures, side: int = SIDE, views: Sequence[int]
     Args:
         pictures: with alpha, or drawings with closed outlines.
         side: points of the grid along each axis.
-        views: those that say it, whose cameras are right; default all.
 
     Raises:
         ValueError: coloured pictures without alpha; nothing is in all silhouettes, or all is; as `frame_of`.
     """
     frame = frame_of(pictures.cameras, pictures.store)
-    right = range(len(pictures)) if views is None else views
-    chosen = [right[i] for i in evenly_spaced(len(right), VIEWS).tolist()]
-    cameras = frame.cameras(pictures.cameras[chosen])
+    views = evenly_spaced(len(pictures), VIEWS)
+    cameras = frame.cameras(pictures.cameras[views])
     spacing = 2 * REACH / (side - 1)
     axis = np.linspace(-REACH, REACH, side)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    depth = np.stack([_depth(grid, cameras, i, pictures.batch([view])) for i, view in enumerate(chosen)])
+    depth = np.stack([_depth(grid, cameras, v, pictures.batch(views[v : v + 1])) for v in range(len(cameras))])
     found = _carved(depth).reshape(side, side, side)
     if (found > 0).mean() < LEAST:
         raise ValueError(

@@ -44,8 +44,8 @@ class ViewsOptions:
             nerfstudio does; object takes them for background, so that masks cut the object out.
         cut_out: have rembg's network find the object in each photograph, whatever is around it; its masks are kept in
             the folder masks_rembg of the results.
-        refine_cameras: edges: cameras are moved, and focal lengths scaled by one factor, until the edges of all
-            pictures agree best. Those that were found from photographs, here or by "diff3ds cameras", always are.
+        refine_cameras: cameras are moved, and focal lengths scaled by one factor, until the edges of all pictures
+            agree best. Those that were found from photographs, here or by "diff3ds cameras", always are.
         keep_cameras: not even those are moved.
         bound: edges: auto looks for curves where most cameras look, by the points of the reconstruction that found the
             cameras, where pictures show surroundings all over; none looks wherever pictures show something.
@@ -128,13 +128,14 @@ class ViewsOptions:
             target: what the pictures are.
             estimated: whether their cameras were found from photographs.
         """
-        looked_for = target != "color" and self.init == "carve" and self.start is None
+        looked_for = (target == "color" or self.init == "carve") and self.start is None
         return self.refine_cameras or (estimated and looked_for and not self.keep_cameras)
 
     def unused(self, target: Target) -> list[str]:
         """Lists the options that were given and change nothing for pictures of this target: `--steps 500`."""
         if target == "color":
-            given = {"--init random": self.init == "random", "--refine-cameras": self.refine_cameras}
+            unmoved = self.refine_cameras and self.start is not None
+            given = {"--init random": self.init == "random", "--refine-cameras": unmoved}
             return [option for option, chosen in given.items() if chosen]
         descends = self.init == "random" or self.start is not None
         without = ["background", *([] if descends else ["strokes", "steps", "batch"])]

@@ -35,12 +35,12 @@ class Fitted:
 
     Attributes:
         sketch: in the world of the cameras.
-        pictures: that it shows.
+        pictures: that it shows: those with refined cameras alone, where cameras are refined.
         chosen: what was found out or filled in, for run.json.
         losses: of every step.
         scores: of the sketch.
         stopped: whether Ctrl-C came before the end.
-        refined: which of the pictures have refined cameras that agree.
+        refined: which pictures of the project have refined cameras that agree.
     """
 
     sketch: Sketch
@@ -50,8 +50,3 @@ class Fitted:
     scores: dict[str, float]
     stopped: bool
     refined: tuple[int, ...] = ()
-
-    @property
-    def views(self) -> tuple[int, ...]:
-        """Pictures whose cameras are those of the sketch: the refined ones, or all."""
-        return self.refined or tuple(range(len(self.pictures)))

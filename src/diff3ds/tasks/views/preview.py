@@ -1,6 +1,5 @@
 """Pictures of a run beside what they became: some of the targets, before there are strokes and after."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -21,29 +20,21 @@ TARGETS = "targets.png"
 UNKNOWN = 0.5
 
 
-def preview(
-    sketch: Sketch,
-    pictures: PosedPictures,
-    surface: TriangleMesh | None = None,
-    views: Sequence[int] | None = None,
-) -> Float[Tensor, "H W 3"]:
+def preview(sketch: Sketch, pictures: PosedPictures, surface: TriangleMesh | None = None) -> Float[Tensor, "H W 3"]:
     """Eight views, each target beside the rendering of the sketch; gray is what is not known of a target.
 
     Args:
         sketch: in the world of the cameras.
         pictures: the targets.
         surface: hides lines of the sketch, and is drawn by its contours.
-        views: those to choose from; default all.
     """
-    among = range(len(pictures)) if views is None else views
-    chosen = [among[i] for i in evenly_spaced(len(among), PREVIEWS).tolist()]
-    drawn = render(sketch, pictures.cameras[chosen], surface=surface).color
-    return tile_images(torch.cat([_known(pictures, chosen), drawn.clamp(0, 1)], 2), columns=2)
+    drawn = render(sketch, pictures.cameras[evenly_spaced(len(pictures), PREVIEWS)], surface=surface).color
+    return tile_images(torch.cat([_some(pictures), drawn.clamp(0, 1)], 2), columns=2)
 
 
-def _known(pictures: PosedPictures, views: Sequence[int]) -> Float[Tensor, "B H W 3"]:
-    """These pictures; gray is what is not known of them."""
-    targets = pictures.batch(views)
+def _some(pictures: PosedPictures) -> Float[Tensor, "B H W 3"]:
+    """The pictures of the preview's views; gray is what is not known of them."""
+    targets = pictures.batch(evenly_spaced(len(pictures), PREVIEWS))
     return torch.where(targets.known[..., None], targets.images, torch.tensor(UNKNOWN))
 
 
@@ -55,8 +46,7 @@ def after_targets(pictures: PosedPictures, out: Path, report: Report) -> Report:
         nonlocal written
         if progress.sketch is not None and not written:
             written = True
-            some = _known(pictures, evenly_spaced(len(pictures), PREVIEWS).tolist())
-            save_png(out / TARGETS, tile_images(some, columns=4))
+            save_png(out / TARGETS, tile_images(_some(pictures), columns=4))
         report(progress)
 
     return told

@@ -18,7 +18,7 @@ from diff3ds.pictures.pyramid import Pyramid, build_pyramid
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.results import evenly_spaced
-from diff3ds.tasks.views.edge_sketch import most_views
+from diff3ds.tasks.views.edges_of_pictures import most_views
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
 

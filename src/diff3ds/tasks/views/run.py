@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -145,7 +145,7 @@ def _run(
     if scene.surface is not None and fitted.refined:
         scene = dataclasses.replace(scene, surface=_surface_again(scene, fitted, options, report, say))
     fitted, scene = _placed(fitted, scene, options, say)
-    shown = preview(fitted.sketch, fitted.pictures, scene.surface, fitted.views)
+    shown = preview(fitted.sketch, fitted.pictures, scene.surface)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
         {"target": scene.pictures.target, **fitted.chosen, "stages": times.seconds()},
@@ -154,7 +154,7 @@ def _run(
         fitted.scores,
         fitted.stopped,
     )
-    write_results(out, fitted.sketch, fitted.pictures.cameras[list(fitted.views)], shown, info, scene.surface)
+    write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info, scene.surface)
     if scene.path is not None and (fitted.refined or scene.placing is not None):
         _write_cameras(out, scene.path, scene, fitted, options)
     return fitted
@@ -199,16 +199,16 @@ def _placed(fitted: Fitted, scene: _Scene, options: ViewsOptions, say: Callable[
 
 def _write_cameras(out: Path, path: Path, scene: _Scene, fitted: Fitted, options: ViewsOptions) -> None:
     """Writes the cameras of the sketch, where they are others than those of the project."""
-    pictures, placing = scene.pictures, scene.placing
+    pictures, placing, cameras = scene.pictures, scene.placing, fitted.pictures.cameras
     zoom = fitted.chosen["cameras"]["focal"] if fitted.refined else 1.0
     points = pictures.points
     if placing is not None:
-        zoom /= placing.scale if fitted.pictures.cameras.orthographic else 1.0
+        zoom /= placing.scale if cameras.orthographic else 1.0
         points = None if points is None else placing.scale * points @ placing.turn.mT
-    views = list(fitted.refined or range(len(pictures)))
+    views = fitted.refined or range(len(pictures))
     target = options.pictures or pictures.target
     file = out / (REFINED if fitted.refined else PLACED)
-    save_refined(file, path, target, views, fitted.pictures.cameras[views], zoom, points)
+    save_refined(file, path, target, views, cameras, zoom, points)
 
 
 def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]) -> Path:
@@ -273,7 +273,7 @@ def _fitted(
     """Fits a sketch in the way that suits the pictures."""
     pictures = scene.pictures
     if pictures.target == "color":
-        return fit_color(pictures, scene.clean_plates, scene.path, options, given, out, report)
+        return fit_color(pictures, scene.clean_plates, scene.path, options, given, out, report, say)
     if given is not None:
         return fit_given_edges(pictures, options, given, out, report)
     if options.init == "random":
@@ -286,14 +286,13 @@ def _surface(
     clean_plates: CleanPlates | None,
     options: ViewsOptions,
     report: Report,
-    views: Sequence[int] | None = None,
 ) -> TriangleMesh:
-    """The surface of what the pictures show, by these views or by all."""
+    """The surface of what the pictures show."""
     report(Progress("visual hull", 0, None, None, 0))
     if pictures.target == "edges":
-        return hull_surface(pictures, views=views)
+        return hull_surface(pictures)
     color = None if options.background is None or clean_plates else parse_background(options.background)
-    return hull_surface(with_alpha(pictures, clean_plates or color)[0], views=views)
+    return hull_surface(with_alpha(pictures, clean_plates or color)[0])
 
 
 def _surface_again(
@@ -301,7 +300,8 @@ def _surface_again(
 ) -> TriangleMesh | None:
     """The surface by the refined cameras; by those before them if they show none, which must not cost the sketch."""
     try:
-        return _surface(fitted.pictures, scene.clean_plates, options, report, fitted.views)
+        plates = scene.clean_plates and scene.clean_plates.chosen(fitted.refined)
+        return _surface(fitted.pictures, plates, options, report)
     except ValueError as error:
         say(f"{error} This is of the refined cameras: {SURFACE} is by those that were given")
         return scene.surface

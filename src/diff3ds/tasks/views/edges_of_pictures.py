@@ -1,0 +1,87 @@
+"""The edges of posed pictures that a run looks at: of how many views, and how many of them."""
+
+from diff3ds._shapes import Int, Tensor
+from diff3ds.edges.evidence.ridges import (
+    MOST_INK,
+    Ridges,
+    color_ridges,
+    map_ridges,
+    narrowed,
+    strongest,
+    within,
+    without_faint,
+)
+from diff3ds.edges.watch import Capped, no_report
+from diff3ds.edges.watch import Report as Tell
+from diff3ds.pictures.content.line_width import line_width
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.store import is_all_known
+from diff3ds.tasks.results import evenly_spaced
+
+# Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
+# kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.
+MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
+# Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
+# cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
+FEW_VIEWS, MOST_RIDGES = 50, 400_000
+
+
+def most_views(size: tuple[int, int]) -> int:
+    """Counts the views of this size that are looked at, at most."""
+    return max(FEWEST_VIEWS, min(MOST_VIEWS, MOST_PIXELS // (size[0] * size[1])))
+
+
+def look(pictures: PosedPictures, tell: Tell, capped: Capped, few: int = FEW_VIEWS) -> tuple[list[int], list[Ridges]]:
+    """Views that together are not too full of edges, and the edges that all that follows looks at.
+
+    Args:
+        tell: called with how many views are done.
+        capped: told of what there was too much.
+        few: so many views do where the pictures are full of edges.
+    """
+    most = min(len(pictures), most_views(pictures.cameras.size))
+    views = evenly_spaced(len(pictures), min(most, few))
+    known: dict[int, Ridges] = {}
+    ridges = ridges_of(pictures, views, tell, known)
+    height, width = pictures.cameras.size
+    full = int(MOST_INK * height * width)
+    if most > len(views):
+        ink = min(full, sum(map(len, ridges)) // len(views))
+        wanted = min(most, max(few, MOST_RIDGES // max(1, ink)))
+        if wanted < most:
+            capped("views", wanted, most)
+        views = evenly_spaced(len(pictures), wanted)
+        ridges = ridges_of(pictures, views, tell, known)
+    room = min(full * len(views), MOST_RIDGES)
+    count = sum(map(len, ridges))
+    if count > room:
+        capped("ridge points", room, count)
+    return views.tolist(), strongest(ridges, room)
+
+
+def ridges_of(
+    pictures: PosedPictures,
+    views: Int[Tensor, " B"],
+    tell: Tell = no_report,
+    known: dict[int, Ridges] | None = None,
+) -> list[Ridges]:
+    """The edges of these views, at subpixel precision.
+
+    Args:
+        tell: called with how many views are done.
+        known: those of views that were looked at before; the others are added.
+    """
+    known = {} if known is None else known
+    drawn = pictures.store.pixels.shape[3] == 1
+    width = line_width(pictures.store) * pictures.cameras.size[0] if drawn else 0.0
+    for done, view in enumerate(views.tolist()):
+        tell("edges of the pictures", done, len(views), None, 0)
+        if view in known:
+            continue
+        batch = pictures.batch([view])
+        pixels = batch.pixels[0].numpy()
+        ridges = map_ridges(narrowed(pixels[..., 0], width)) if drawn else color_ridges(pixels)
+        known[view] = ridges if is_all_known(pictures.store.known) else within(ridges, batch.known[0].numpy())
+    found = [known[view] for view in views.tolist()]
+    # The logarithm of a gradient says nothing about doubt.
+    return without_faint(found) if pictures.target == "edges" else found

@@ -1,0 +1,77 @@
+"""Pictures with refined cameras, for a fit of their edges or of their colours."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
+from diff3ds.edges.evidence.edge_views import require_perspective
+from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.pictures.dataset import PosedPictures
+from diff3ds.pictures.frame import Frame, frame_of
+from diff3ds.sketch import DEFAULT_WIDTH
+from diff3ds.tasks.progress import Report
+from diff3ds.tasks.views.edge_course import EdgeCourse
+from diff3ds.tasks.views.edges_of_pictures import MOST_VIEWS, look
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.refined_cameras import in_world, moves
+
+
+def refine(
+    pictures: PosedPictures,
+    views: list[int],
+    ridges: list[Ridges],
+    frame: Frame,
+    course: EdgeCourse,
+    say: Callable[[str], None],
+) -> tuple[PosedPictures, list[Ridges], tuple[int, ...], dict[str, Any]]:
+    """The pictures of these views whose refined cameras agree, their ridges, which they are, and how far they moved.
+
+    Args:
+        pictures: of all views.
+        views: those that are looked at.
+        ridges: of these.
+        frame: in which what the pictures show fills the unit ball.
+        course: keeps refined cameras, and has them where a run goes on.
+        say: told how far cameras have moved, and which are lost.
+    """
+    pictures = pictures.chosen(views)
+    given = frame.cameras(pictures.cameras)
+    found = course.kept.refined
+    if found is None:
+        found = refined_cameras(given, ridges, course.tell)
+        course.save_cameras(found)
+    after = in_world(frame, found.cameras(given), pictures.cameras)
+    moved = moves(frame, pictures.cameras, after, pictures.names, found)
+    for line in moved.lines:
+        say(line)
+    pictures = replace(pictures, cameras=after).chosen(moved.right)
+    return pictures, [ridges[i] for i in moved.right], tuple(views[i] for i in moved.right), moved.about
+
+
+def refine_for_color(
+    pictures: PosedPictures,
+    options: ViewsOptions,
+    checkpoint: Path,
+    report: Report,
+    say: Callable[[str], None],
+) -> tuple[PosedPictures, tuple[int, ...], dict[str, Any]]:
+    """Coloured pictures with cameras refined on their edges, which of the pictures these are, and how far they moved.
+
+    Args:
+        checkpoint: file that keeps refined cameras.
+
+    Raises:
+        ValueError: as `require_perspective`, `frame_of` and `read_result`.
+    """
+    require_perspective(pictures.cameras)
+    frame = frame_of(pictures.cameras, pictures.store)
+    settings = {"target": pictures.target, "size": list(pictures.cameras.size), "pictures": pictures.digest()}
+    course = EdgeCourse(checkpoint, settings, lambda curves: sketch_of(curves, DEFAULT_WIDTH), report, say)
+    course.begin(options.resume)
+    # Colours need all views: of each fewer edges do.
+    views, ridges = look(pictures, course.tell, course.cap, MOST_VIEWS)
+    found, _, right, about = refine(pictures, views, ridges, frame, course, say)
+    return found, right, about
