@@ -9,6 +9,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.orientation import orientation_of
+from diff3ds.photogrammetry.markers import is_marker, marker_corners
 from diff3ds.transforms import View
 
 # What points upwards in a picture as it is stored, camera axes (x right, y down), by its EXIF orientation.
@@ -77,13 +78,17 @@ def moved(views: Sequence[View], origin: Float[Tensor, " 3"], turn: Float[Tensor
 
 
 def distance_between(views: Sequence[View], names: tuple[str, str]) -> float:
-    """Of two places: cameras by the names of their pictures, with or without folder and suffix, or points "X,Y,Z".
+    """Of two places: cameras by their pictures' names, with or without folder and suffix, points "X,Y,Z", or markers.
 
     Raises:
-        ValueError: no such picture, several, or the same place.
+        ImportError, ValueError: as `marker_corners`; no such picture, several, or the same place.
     """
     cameras, found = centers_of(views), []
+    corners = marker_corners(views, [name for name in names if is_marker(name)])
     for name in names:
+        if is_marker(name):
+            found.append(corners.pop(0))
+            continue
         if (point := _point(name)) is not None:
             found.append(point)
             continue

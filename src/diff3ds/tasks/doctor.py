@@ -45,6 +45,7 @@ OPTIONAL = {
     "cameras": ("pycolmap",),
     "notebook": ("anywidget",),
     "hed": ("h5py",),
+    "markers": ("opencv-python-headless",),
     "cuda": ("cuda-core", "cuda-bindings"),
 }
 

@@ -22,8 +22,8 @@ class CamerasOptions:
         features: of each photograph, at most about so many are compared.
         up: auto turns the world so that z points up, as the photographs were held; keep leaves that of a project.
         scale: with --between, a distance in units of yours, such as millimetres.
-        between: what lies so far apart: two cameras by the names of their photographs, or, of a project, two points in
-            its world as X,Y,Z.
+        between: what lies so far apart: two cameras by the names of their photographs, two corners of printed ArUco
+            markers as aruco:7:0 (marker 7, corner 0 to 3), or, of a project, two points in its world as X,Y,Z.
     """
 
     order: Order = "auto"

@@ -52,7 +52,8 @@ class ViewsOptions:
         up: auto turns the sketch so that z points up, as the photographs were held, and along its own lines where these
             follow axes; keep leaves it in the world of the cameras.
         scale: with --between, a distance in units of yours, such as millimetres.
-        between: what lies so far apart: two cameras by the names of their pictures, or two points as X,Y,Z.
+        between: what lies so far apart: two cameras by the names of their pictures, two points as X,Y,Z, or two corners
+            of printed ArUco markers as aruco:7:0 (marker 7, corner 0 to 3).
         contours: the pictures' silhouettes, alpha or what the outlines of drawings close in, give a coarse surface as
             well, surface.glb, which hides lines and has contours: in the preview, and with "diff3ds render --hidden".
         size: larger pictures are reduced to this many pixels along the longer side.
