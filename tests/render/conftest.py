@@ -13,6 +13,18 @@ CUDA = ["cuda", *on_device("cuda on the device")]
 KERNELS = [*(name for name in available_backends() if name == "cpu"), *CUDA]
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items) -> None:
+    """The reference takes seconds to sample; with the kernels' samples its own are compared in any run."""
+    for item in items:
+        if "render" not in item.path.parts or not hasattr(item, "callspec"):
+            continue
+        given = item.callspec.params
+        sampled = given.get("antialiasing") == "montecarlo" or "sample" in item.originalname
+        if given.get("backend") == "reference" and sampled:
+            item.add_marker("slow")
+
+
 @pytest.fixture(params=["reference", *KERNELS])
 def backend(request, monkeypatch) -> str:
     """A backend that draws tensors on the CPU, or as if they were there."""
