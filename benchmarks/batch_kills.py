@@ -8,7 +8,7 @@ as a batch to which at random times one of four things happens: a worker is kill
 processes is (all by SIGKILL), or the disk is full for a while. Whenever the batch has ended and jobs are left, the same
 command is begun again. At the end every job must be done once, with the bytes of the first time, and the table must say
 so. The batch that is killed lies on a disk in memory that only this script sees (Linux: unshare, mount), which it fills
-to the last byte. With --ray a Ray of this machine does the jobs as well, with as many workers.
+to the last byte; --kills 0 leaves it out. With --ray a Ray of this machine does the jobs too, with as many workers.
 
 Prints Markdown, and exits with 1 if anything was lost. On a loaded machine believe the processor's seconds.
 """
@@ -78,14 +78,16 @@ def main() -> None:
     if options.ray:
         times.append(("Ray", len(jobs), *_together(file, options.out / "ray", options.workers, RAY)))
         faults += _same(options.out / "together", options.out / "ray")
-    events, lost = _killed(file, options.out / "disk" / "killed", options, options.out / "together")
-    faults += lost
+    events: list[Event] = []
+    if options.kills:
+        events, lost = _killed(file, options.out / "disk" / "killed", options, options.out / "together")
+        faults += lost
     print(f"{environment()['cpu']}; {options.jobs} jobs of {options.steps} steps, {options.workers} workers\n")
     print("| | jobs | s | processor's s a job | jobs a minute |\n|---|---|---|---|---|")
     for name, count, seconds, busy in times:
         print(f"| {name} | {count} | {seconds:.1f} | {busy / count:.1f} | {60 * count / seconds:.1f} |")
-    print()
-    print("| | at s | done by then | the batch ended |\n|---|---|---|---|")
+    if events:
+        print("\n| | at s | done by then | the batch ended |\n|---|---|---|---|")
     for event in events:
         print(f"| {event.what} | {event.seconds:.1f} | {event.done} | {'yes' if event.ended else 'no'} |")
     print("\n" + ("\n".join(faults) or f"Nothing lost, nothing done twice: {options.jobs} jobs with the same bytes."))

@@ -3,19 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import (
-    Part,
-    around,
-    curve,
-    join,
-    lathe,
-    line,
-    mirror,
-    move,
-    polyline,
-    smooth,
-    turn,
-)
+from diff3ds.library.shapes import Part, around, curve, filled, join, lathe, line, mirror, move, polyline, smooth, turn
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -36,16 +24,15 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         outline = polyline(
             (x, 0.1, z), (tip, span * size, z), (tip - 0.5 * chord * size, span * size, z), (x - chord * size, 0.1, z)
         )
-        return mirror(outline)
+        return mirror(filled(outline))
 
     levels = (-0.1, 0.5) if "two wings" in attributes else (-0.05,)
     parts += [wing(0.35, z, 1.0) for z in levels]
     if "two wings" in attributes:
         parts += [mirror(line((x, y, -0.1), (x, y, 0.5))) for x in (0.25, -0.08) for y in (0.35, 1.3)]
     parts.append(wing(-0.75 * long, 0.05, 0.4))
-    parts.append(
-        polyline((-0.65 * long, 0, 0.8 * body), (-0.95 * long, 0, 0.62), (-1.08 * long, 0, 0.62), (-long, 0, 0.05))
-    )
+    fin = (-0.65 * long, 0, 0.8 * body), (-0.95 * long, 0, 0.62), (-1.08 * long, 0, 0.62), (-long, 0, 0.05)
+    parts.append(filled(polyline(*fin)))
     if "propeller" in attributes:
         hub = (long, 0, 0)
         blade = smooth(hub, (long, 0.07, 0.3), (long, 0, 0.5), (long, -0.07, 0.3), closed=True)

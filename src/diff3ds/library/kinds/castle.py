@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, ellipse, join, lathe, line, mirror, move, polyline
+from diff3ds.library.shapes import Part, ellipse, filled, join, lathe, line, mirror, move, polyline, solid
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -25,7 +25,16 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts += [line((half, s * gate, 0), (half, s * far, 0)) for s in (-1, 1)]
     parts += [mirror(line((near, half, wall), (far, half, wall))), line((-half, near, wall), (-half, far, wall))]
     parts += [line((half, y, 0), (half, y, 0.22)) for y in (-gate, gate)]
-    parts.append(ellipse((half, 0, 0.22), (0, gate, 0), (0, 0, gate), 0, 180))
+    arch = ellipse((half, 0, 0.22), (0, gate, 0), (0, 0, gate), 0, 180)
+    parts.append(arch)
+    front = join(
+        polyline(*((half, y, z) for y, z in (*ups, (far, 0), (gate, 0), (gate, 0.22)))),
+        arch,
+        polyline(*((half, y, z) for y, z in ((-gate, 0.22), (-gate, 0), (near, 0), ups[0]))),
+    )
+    flank = polyline((near, half, wall), (far, half, wall), (far, half, 0), (near, half, 0), closed=True)
+    rear = polyline((-half, near, wall), (-half, far, wall), (-half, far, 0), (-half, near, 0), closed=True)
+    parts += [solid(filled(front)), mirror(solid(filled(flank))), solid(filled(rear))]
     if "flags" in attributes:
         pole = join(
             line((0, 0, roof), (0, 0, roof + 0.4)),

@@ -3,7 +3,21 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, box, ellipse, join, line, mirror, move, rectangle, ring, turn
+from diff3ds.library.shapes import (
+    Part,
+    box,
+    ellipse,
+    filled,
+    join,
+    line,
+    mirror,
+    move,
+    rectangle,
+    ring,
+    sheet,
+    solid,
+    turn,
+)
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -12,6 +26,9 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     arc = ellipse((0, 0, high), (deep, 0, 0), (0, 0, vault), 0, 180)
     lid = join(*(move(arc, (0, y, 0)) for y in (-wide, -0.6 * wide, 0.6 * wide, wide)))
     lid = join(lid, line((0, -wide, high + vault), (0, wide, high + vault)))
+    # The vault, and what closes it at both sides.
+    ends = move(arc, (0, -wide, 0)), move(arc, (0, wide, 0))
+    lid = join(lid, sheet(*ends), *(solid(filled(end)) for end in ends))
     if "open" in attributes:
         edge = line((deep, -wide, high), (deep, wide, high))
         parts.append(turn(join(lid, edge), 62, "y", (-deep, 0, high)))

@@ -13,7 +13,9 @@ from diff3ds.library.shapes import (
     line,
     mirror,
     polyline,
+    reflect,
     ring,
+    sheet,
     turn,
 )
 
@@ -25,7 +27,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         hub, wide, long = 1.3 * height, vary(0.08, 0.13), vary(0.81, 1.29)
         at, x = (0.22, 0, hub), 0.22
         edge = curve(at, (x, 1.5 * wide, hub + 0.15), (x, wide, hub + 0.3), (x, 0, hub + long))
-        blade = mirror(edge)
+        blade = join(mirror(edge), sheet(edge, reflect(edge)))
         tower = lathe(line((0.09, 0, 0), (0.05, 0, hub - 0.08)), [(0.09, 0), (0.05, hub - 0.08)])
         return [around(blade, 3, "x", at), ring(at, 0.07, "x"), tower, box((0, 0, hub), (0.4, 0.16, 0.16))]
     cap = curve((head, 0, height), (head, 0, height + 0.25), (0.2, 0, height + 0.38), (0, 0, height + 0.4))
