@@ -1,8 +1,8 @@
 """Contours of a mesh once more, as functions of its vertices, so that gradients flow to these.
 
 The points of a contour stay at their places on the edges of the mesh. On a smooth surface that is exact to first order:
-where a contour slides as the surface moves, it slides along the line of sight, which moves nothing in the picture. So it
-does where the camera moves, which therefore has no part here: a camera's gradients are those of fixed strokes.
+where a contour slides as the surface moves, it slides along the line of sight, which moves nothing in the picture. So
+it does where the camera moves, which therefore has no part here: a camera's gradients are those of fixed strokes.
 """
 
 import torch
