@@ -15,7 +15,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts.append(side((0.82, 0.54), (0.7, 0.2), (0.36, -0.22 * plump), (-0.1, -0.26 * plump), (-0.6, 0.02)))
     parts.append(
         torso(
-            *parts,
+            parts[0],
+            parts[1],
             ((0.8, 0.57), 0.06),
             ((0.5, 0.62), 0.16),
             ((0.24, 0.2), 0.95 * wide),

@@ -40,10 +40,10 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         )
     # Chest with forelegs, and back, from the side; the pear of the body from the front.
     chest = side((x + 0.6 * r, top - 0.8 * r), (0.42, 0.72 * high), (0.36, 0.35 * high), (0.38, 0.06), (0.5, 0))
-    back = side((x - 0.75 * r, top - 0.65 * r), (-0.24, 0.72 * high), (-0.5, 0.3 * high), (-0.46, 0))
-    parts += [chest, back]
+    spine = side((x - 0.75 * r, top - 0.65 * r), (-0.24, 0.72 * high), (-0.5, 0.3 * high), (-0.46, 0))
+    parts += [chest, spine]
     widths = (((0.1, top - 0.75 * r), 0.5 * r), ((0, 0.62 * high), 0.7 * wide), ((-0.06, 0.25 * high), 0.95 * wide))
-    parts.append(torso(chest, back, *widths, ((0, 0), 0.85 * wide)))
+    parts.append(torso(chest, spine, *widths, ((0, 0), 0.85 * wide)))
     parts.append(
         mirror(
             spline(

@@ -31,7 +31,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [side(*back), side(*under)]
     parts.append(
         torso(
-            *parts,
+            parts[0],
+            parts[1],
             (head(1.22, 0.84), 0.09),
             (head(0.96, 1.08), 0.13 * big),
             (body(0.7, 0.96), 0.18),

@@ -37,7 +37,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts.append(side(*under))
     parts.append(
         torso(
-            *parts,
+            parts[0],
+            parts[1],
             ((x + 0.28, z - 0.02), 0.04),
             ((x + 0.06, z), 0.08),
             ((0.66, high), 0.11),

@@ -25,7 +25,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [side(*back), side(*under)]
     parts.append(
         torso(
-            *parts,
+            parts[0],
+            parts[1],
             (head(1.0, 1.08), 0.05),
             (head(0.84, 1.14), 0.09),
             (head(0.66, 1.18), 0.15 * big),

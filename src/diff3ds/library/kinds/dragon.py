@@ -26,7 +26,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts.append(side(*throat))
     parts.append(
         torso(
-            *parts,
+            parts[0],
+            parts[1],
             ((x + 0.38, z - 0.08), 0.03),
             ((x, z + 0.03), 0.08),
             ((0.66, 0.98), 0.1),

@@ -12,7 +12,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [side((0.72, -0.08), (0.5, 0.26), (0.16, high), (-0.2, 0.34), (-0.5, 0.14), (-boom, 0.16))]
     parts.append(side((0.72, -0.08), (0.5, -0.34), (0.1, -high), (-0.3, -0.24), (-0.5, -0.02), (-boom, 0.08)))
     cabin = (((0.7, -0.08), 0.04), ((0.5, -0.04), 0.75 * wide), ((0.1, 0), 0.97 * wide), ((-0.2, 0.05), 0.7 * wide))
-    parts.append(torso(*parts, *cabin, ((-0.5, 0.06), 0.08), ((-boom, 0.12), 0.03)))
+    parts.append(torso(parts[0], parts[1], *cabin, ((-0.5, 0.06), 0.08), ((-boom, 0.12), 0.03)))
     parts.append(mirror(curve((0.72, 0, -0.08), (0.66, 1.3 * wide, -0.06), (-0.1, 1.25 * wide, 0), (-0.5, 0.08, 0.06))))
     parts += [ellipse((0.1, 0, 0), (0, wide, 0), (0, 0, high)), ring((-0.5, 0, 0.06), 0.08, "x")]
     parts.append(mirror(line((-0.5, 0.08, 0.06), (-boom, 0.03, 0.12))))

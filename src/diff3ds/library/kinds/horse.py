@@ -23,7 +23,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [side(*back), side(*under)]
     parts.append(
         torso(
-            *parts,
+            parts[0],
+            parts[1],
             (head(1.1, 1.38), 0.06),
             (head(0.84, 1.66), 0.09),
             (body(0.52, 1.34), 0.11),

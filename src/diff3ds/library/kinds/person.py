@@ -47,14 +47,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         (-0.06, shoulder + 0.3 * reach + 0.08, chest - 0.36),
         (0.12, shoulder + 0.6 * reach + 0.06, chest - 0.66),
     )
-    sleeve = [
+    sleeve = (
         spline((0, shoulder - 0.02, chest - 0.05), elbow, hand),
         spline(
             (0, shoulder - 0.1, chest - 0.2),
             (elbow[0] + 0.1, elbow[1] - 0.09, elbow[2] + 0.02),
             (hand[0] + 0.06, hand[1] - 0.07, hand[2]),
         ),
-    ]
+    )
     palm = (hand[0] + 0.03, hand[1] - 0.035, hand[2] - 0.06)
     hand_of_it = join(ring(palm, 0.06, "x"), ball(palm, 0.06))
     parts += [mirror(part) for part in (*sleeve, flesh(*sleeve, 0.07, 0.05, 0.04), hand_of_it)]
