@@ -84,11 +84,11 @@ def moves(frame: Frame, before: Cameras, after: Cameras, names: Sequence[str], r
 
 
 def _moved_pixels(frame: Frame, before: Cameras, after: Cameras) -> list[float]:
-    """How far the places of the frame have moved in each picture, root mean square, pixels."""
+    """How far places of the frame have moved in each picture, pixels: the median, for some may lie beside a camera."""
     corners = torch.tensor([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=torch.float64)
     places = torch.nn.functional.pad(frame.center + INNER * frame.radius * corners, (0, 1), value=1.0)
     here, there = (c.seen(places @ c.projection.double().mT)[0] for c in (before, after))
-    found: list[float] = (here - there).square().sum(-1).mean(-1).sqrt().tolist()
+    found: list[float] = (here - there).norm(dim=-1).median(-1).values.tolist()
     return found
 
 
@@ -106,9 +106,9 @@ def _warned(about: dict[str, Any], far: dict[str, float]) -> list[str]:
     lines, lost = [], about["lost"]
     if lost:
         lines.append(
-            f"{len(lost)} of {len(about['each'])} views show the same edges as the others nowhere near their cameras, "
-            f"and are left out, in {REFINED} as well: {_list(lost)}. Are they sharp, and of the same thing that stood "
-            "still? Other photographs from there, or a better start of their cameras, help"
+            f"{len(lost)} of {len(about['each'])} views agree with the edges of the others hardly more than by chance, "
+            f"and are left out, in {REFINED} as well: {_list(lost)}. Are they sharp, and of the same thing, standing "
+            "still? Other photographs from there help, or cameras that are better to begin with"
         )
     if far:
         named = _list([f"{name} ({pixels:.1f} pixels)" for name, pixels in far.items()])
