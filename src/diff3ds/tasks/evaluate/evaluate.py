@@ -160,8 +160,8 @@ def _about(options: EvaluateOptions, runs: Sequence[Run], rows: Sequence[Row]) -
         "CLIP-I": "mean cosine of the views with the picture",
         "BLIP-ITC": "mean cosine of image-text contrast; comparable for this checkpoint only",
         "acc_mm": "mean distance of the curves to the true ones, where the longest side of the object is 1000 mm, by "
-        "the protocol of EMAP: curves sampled every 5 mm and averaged in voxels of 7.8 mm. Sketches without strokes "
-        "are left out",
+        "the protocol of EMAP: curves sampled every 5 mm and averaged in voxels of 7.8 mm; of DTU's scans their own "
+        "millimetres. Sketches without strokes are left out",
         "comp_mm": "mean distance of the true curves to the sketch's, alike",
         "P5": "P, R, F: precision, recall and F-score within 5, 10 and 20 mm",
         "PSNR": "of held-out pictures, in dB, mean over the views, as the runs measured it; so SSIM",
