@@ -127,6 +127,19 @@ def smooth_meshes() -> str:
     return markdown(head, rows) + source_of("smooth_meshes")
 
 
+def hidden_lines() -> str:
+    """Hidden lines beside OCCT's."""
+    rows = [
+        [
+            row["solid"], f"{row['faces']:,}", f"{row['first']:.2f}", f"{row['view']:.3f}", f"{row['occt']:.3f}",
+            f"{row['ratio']:.1f}",
+        ]
+        for row in results_of("hidden_lines")["figures"]["rows"]
+    ]  # fmt: skip
+    head = ["solid", "faces", "first view, s", "a further view, s", "OCCT, s", "further view / OCCT"]
+    return markdown(head, rows) + source_of("hidden_lines")
+
+
 def categories_small() -> str:
     """Every kind by the small network."""
     return _kinds("categories_small")
@@ -280,5 +293,5 @@ def _kinds(file: str) -> str:
 TABLES: tuple[Callable[[], str], ...] = (
     edges, circles, damage, sensitivity, color,
     categories, categories_small, combinations_small, ablations, known_answer, known_answer_ablations, recognised,
-    by_people, drawn_again, follow_drawings, meshes, smooth_meshes, clean_strokes,
+    by_people, drawn_again, follow_drawings, meshes, smooth_meshes, hidden_lines, clean_strokes,
 )  # fmt: skip

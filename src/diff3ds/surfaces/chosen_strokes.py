@@ -14,13 +14,12 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.bezier import evaluate
-from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.coarse import without_specks
 from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.line_drawings import SAMPLES, LinePoints, points_along, sides_and_corners
+from diff3ds.surfaces.line_drawings import LinePoints, points_along, sides_and_corners
 from diff3ds.surfaces.mesh import TriangleMesh
 
 # A line is shown by a stroke that lies so near, pixels, in its direction: a quarter turn counts as so many pixels. A
@@ -74,7 +73,7 @@ def choose_strokes(
     for view in range(len(cameras)):
         lines = visible_lines(features.to(torch.float64), cameras[view], mesh, kinds=kinds)[0]
         targets.append(points_along(lines.strokes(True), cameras[view]))
-        contours = _long(lines.strokes(True, "contour"), SHORT * mesh.size)
+        contours = without_specks(lines.strokes(True, "contour"), SHORT * mesh.size)
         found.append(contours)
         whose += ["contour"] * len(contours)
         report(view + 1, 2 * len(cameras))
@@ -148,12 +147,3 @@ def _greedy(
 def _plain(sketch: Sketch) -> Sketch:
     """Black strokes of the default width."""
     return Sketch(sketch.points.detach(), sketch.weights.detach(), chains=sketch.chains)
-
-
-def _long(sketch: Sketch, least: float) -> Sketch:
-    """The strokes of some length."""
-    chains = sketch.chains or Chains.plain(len(sketch))
-    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, SAMPLES, dtype=torch.float64))
-    lengths = (points[:, 1:] - points[:, :-1]).norm(dim=-1).sum(1)
-    whole = torch.zeros(len(sketch), dtype=torch.float64).index_add_(0, chains.stroke, lengths)
-    return sketch[whole >= least]

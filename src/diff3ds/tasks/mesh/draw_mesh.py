@@ -19,6 +19,7 @@ from diff3ds.formats.movie import save_movie
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
+from diff3ds.surfaces.coarse import coarse, without_specks
 from diff3ds.surfaces.drawn import Lines, visible_lines
 from diff3ds.surfaces.feature_curves import FeatureCurves, feature_curves, loose_share, outline_share
 from diff3ds.surfaces.load import load_colored_surface, load_surface
@@ -41,6 +42,9 @@ MOST_RUNS = 20_000
 FRAME, FPS = 384, 12
 # So large a share of the creases may end nowhere: of a machine part few do, of an animal most. Empirical.
 MOST_LOOSE = 0.5
+# Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
+# that strokes are fitted to and in a turntable. Of the finer one features are nearer than what counts as on a surface.
+FIT_CELLS, FINE_CELLS = 128, 256
 CONTOUR = "contour"
 
 
@@ -188,6 +192,7 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
         report(Progress("strokes", done, of, None, len(features)))
 
     count, keep = options.strokes or SMOOTH_STROKES, options.strokes is None
+    mesh = coarse(mesh, FINE_CELLS if len(features) else FIT_CELLS)
     chosen = choose_strokes(mesh, features, kinds, count, keep, told)
     if not len(chosen.sketch):
         raise ValueError("the mesh shows no line from any side: it may lie in one plane without a border")
@@ -236,9 +241,13 @@ def _frames(
     count = options.turntable
     start = options.view.azimuth[0]
     cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
+    shown = coarse(mesh, FINE_CELLS)
     for i in range(count):
-        (lines,) = visible_lines(features, cameras[i], mesh, contours=options.contours)
-        drawn = render(_drawn(lines, options, mesh, colors), cameras[i])
+        (lines,) = visible_lines(features, cameras[i], shown, contours=options.contours)
+        strokes = _drawn(lines, options, mesh, colors)
+        if shown is not mesh:
+            strokes = without_specks(strokes, 3 * mesh.size / FINE_CELLS)
+        drawn = render(strokes, cameras[i])
         yield drawn.color[0].float()
         report(Progress("turntable", i + 1, count, None, len(features)))
 
