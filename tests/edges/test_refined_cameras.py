@@ -61,8 +61,8 @@ def scene():
 
 @pytest.fixture(scope="module")
 def refined(scene):
-    """Wrong cameras, by 3 pixels in the mean and one by 14, and what refinement makes of them."""
-    wrong, farther = moved(scene[0], 0.3, 0.03), moved(scene[0], 2.5, 0.03, seed=1)
+    """Wrong cameras, by 2.6 pixels in the mean and one by 8, and what refinement makes of them."""
+    wrong, farther = moved(scene[0], 0.3, 0.03), moved(scene[0], 1.5, 0.03, seed=1)
     wrong.world_to_camera[5] = farther.world_to_camera[5]
     return wrong, refined_cameras(wrong, scene[1]).cameras(wrong)
 
