@@ -18,7 +18,7 @@ from diff3ds.edges.shapes.curve_set import Curves
 
 # [px; empirical] Turns that are tried move the picture by up to so much to each side, in steps that leave no place
 # farther than `NEAR` from one of them. Of 150 photographs of three parts, with cameras that were off by 5 pixels in the
-# mean, the adjustment lost ten, by 4 to 14 pixels; all were found again.
+# mean, the adjustment lost ten, by 4 to 14 pixels; eight were found again.
 REACH, STEP = 15.0, 3.0
 # [tries; speed] So many of the best are followed to the end.
 FOLLOWED = 4
