@@ -30,8 +30,8 @@ MOST_SAMPLES = 3000
 # relative to the distance, of the focal length and of outlines counts as one sample point that is a pixel off, next to
 # nothing, but where the ridges say nothing.
 TURNED, MOVED, ZOOMED, OUTWARD = 0.001, 0.002, 0.002, 0.2
-# [times; empirical] Cameras so many times as far from what was given are pulled half as much: those that are lost by far
-# were not given well.
+# [times; empirical] Cameras so many times as far from what was given are pulled half as much: what is lost by far was
+# not given well.
 DOUBTED = 10.0
 # [views; derived] Fewer views than this fix no sample point and no camera at once.
 LEAST_VIEWS = 3
