@@ -13,6 +13,10 @@ from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.photogrammetry.markers import is_marker, marker_corners
 from diff3ds.photogrammetry.placing import distance_between
+from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.run import run_cameras
+from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import View
 
 SIDE, SIZE = 0.3, (300, 400)
@@ -74,10 +78,15 @@ def test_corners_are_where_the_marker_lies(tmp_path):
         marker_corners([views[0], aside], ["aruco:7:0"])
 
 
-def test_which_names_are_markers(monkeypatch):
+def test_which_names_are_markers(tmp_path, monkeypatch):
     assert is_marker("aruco:7:0")
     assert not any(is_marker(name) for name in ("aruco:7", "aruco:7:4", "aruco:123:0", "IMG_7", "1,2,3"))
     monkeypatch.setitem(sys.modules, "cv2", None)
     assert marker_corners([], []) == []
     with pytest.raises(ImportError, match=r'pip install "diff3ds\[markers\]"'):
         marker_corners([], ["aruco:7:0"])
+    # Before anything is looked at.
+    options = {"scale": 40.0, "between": ("aruco:7:0", "aruco:7:1")}
+    for run, given in ((run_cameras, CamerasOptions(**options)), (run_views, ViewsOptions(**options))):
+        with pytest.raises(ImportError, match="markers are found by OpenCV"):
+            run(tmp_path / "nothing", tmp_path / "out", given)

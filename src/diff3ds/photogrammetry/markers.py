@@ -25,6 +25,12 @@ def is_marker(name: str) -> bool:
     return PLACE.fullmatch(name) is not None
 
 
+def require_opencv(between: Sequence[str] | None) -> None:
+    """Raises ImportError where these places are corners of markers, and OpenCV is not installed."""
+    if any(map(is_marker, between or ())):
+        _detector()
+
+
 def marker_corners(views: Sequence[View], names: Sequence[str]) -> list[Float[Tensor, " 3"]]:
     """Where the corners of markers are: nearest to the rays of all views that show them, less those that miss.
 

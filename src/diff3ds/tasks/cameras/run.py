@@ -11,6 +11,7 @@ import torch
 
 from diff3ds._files import existing_folder, read_json, write_text
 from diff3ds._shapes import Float, Tensor
+from diff3ds.photogrammetry.markers import require_opencv
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
 from diff3ds.photogrammetry.point_files import save_points
@@ -65,12 +66,13 @@ def run_cameras(
 
     Raises:
         FileNotFoundError: no photographs.
-        ImportError: pycolmap is not installed.
+        ImportError: pycolmap is not installed, or OpenCV, where places are markers.
         ValueError: cameras that cannot be found, or as `present_views`; names of `between` that are none.
         OSError: the folder cannot be written.
     """
     existing_folder(out)
     options = options or CamerasOptions()
+    require_opencv(options.between)
     try:
         path = find_project(source)
         views = of_picture_sizes(path, present_views(path))

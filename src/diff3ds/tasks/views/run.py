@@ -10,6 +10,7 @@ from diff3ds.detectors.hed import require_hed
 from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.photogrammetry.edge_maps import edge_maps_of
+from diff3ds.photogrammetry.markers import require_opencv
 from diff3ds.photogrammetry.project import NoCamerasError, find_project
 from diff3ds.pictures.content.background import color_or_path, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
@@ -90,6 +91,7 @@ def run_views(
         require_hed()
     if options.cut_out:
         require_rembg(INSTEAD)
+    require_opencv(options.between)
     given = None if options.start is None else load_start(options.start, out)
     times = StageTimes()
 
