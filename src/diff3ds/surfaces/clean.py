@@ -4,6 +4,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds.surfaces.t_junctions import without_t_junctions
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
 # every face or texture, and write them in six digits. Of vertices farther apart than this none are.
@@ -15,22 +16,30 @@ def welded(
 ) -> tuple[Int[Index, " W"], Int[Index, "G 3"], Int[Index, " G"]]:
     """The mesh with vertices in one place made one, without faces that have no area or were there before.
 
+    Edges are split where corners of other faces lie on them.
+
     Returns:
-        Which of the vertices faces use, of those in one place the first; the faces that are kept; and which they were.
+        Which of the vertices faces use, of those in one place the first; the faces; and which each was, or is a
+        part of.
     """
     rows, faces = _used(faces)
     if len(faces):
         first, faces = _joined(vertices[rows], faces)
         rows = rows[first]
-    apart = (faces != np.roll(faces, 1, axis=1)).all(1)
-    kept = np.flatnonzero(apart)
-    order = np.sort(faces[kept], axis=1)
+    kept = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(1))
+    if len(kept):
+        size = float(np.ptp(vertices[rows], axis=0).max())
+        faces, whole = without_t_junctions(vertices[rows], faces[kept], SAME * size)
+        kept = kept[whole]
+    else:
+        faces = faces[kept]
+    order = np.sort(faces, axis=1)
     # Two keys, since three vertices of a large mesh do not fit into one.
     _, pair = np.unique(order[:, 0] * len(rows) + order[:, 1], return_inverse=True)
     _, first = np.unique(pair * len(rows) + order[:, 2], return_index=True)
-    kept = kept[np.sort(first)]
-    used, faces = _used(faces[kept])
-    return rows[used], faces, kept
+    first = np.sort(first)
+    used, faces = _used(faces[first])
+    return rows[used], faces, kept[first]
 
 
 def _used(faces: Int[Index, "F 3"]) -> tuple[Index, Int[Index, "F 3"]]:

@@ -20,7 +20,8 @@ class TriangleMesh:
     """A mesh of triangles in world units: closed or open, in one piece or many, with any number of faces at an edge.
 
     Vertices in one place are made one (`clean.SAME`), faces that have two equal corners or were there before are
-    dropped, and neighbours are wound alike, outwards where the mesh is closed.
+    dropped, edges are split where corners of other faces lie on them, needles without a height left out, and neighbours
+    wound alike, outwards where the mesh is closed.
 
     Vertices may be given as a tensor that requires gradients: those of pictures and of contours flow to it, of vertices
     in one place to the first (`points`).
@@ -28,7 +29,7 @@ class TriangleMesh:
     Attributes:
         vertices: those that faces use.
         faces: vertices of each triangle, counter-clockwise seen from outside.
-        source: which of the given faces each one is.
+        source: which of the given faces each one is, or is a part of.
         part: which object of the file each face belongs to; 0 where there is one.
         crease: faces that meet at more than this make a crease, over which normals are not smoothed; degrees.
 

@@ -29,7 +29,7 @@ class SurfaceColors:
 
     Attributes:
         colors: of the file's triangles.
-        source: which of these each face of the mesh is.
+        source: which of these each face of the mesh is, or is a part of.
         corners: where the corners of these lie, in the mesh's frame.
     """
 
