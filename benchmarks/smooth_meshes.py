@@ -19,10 +19,10 @@ import torch
 from report import environment, show, write_json
 
 import diff3ds as ds
-from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.level_set import level_set
-from diff3ds.surfaces.line_drawings import MARGIN, all_around, mean_distances, points_along
+from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
+from diff3ds.surfaces.meshes.level_set import level_set
+from diff3ds.surfaces.meshes.line_drawings import MARGIN, all_around, mean_distances, points_along
 from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 
 # Points of the grid along each axis, and half its side.

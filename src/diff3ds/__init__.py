@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     )
     from diff3ds.sketch import Sketch
     from diff3ds.surfaces.drawn import contours, visible_lines
-    from diff3ds.surfaces.load import load_surface
-    from diff3ds.surfaces.mesh import TriangleMesh
-    from diff3ds.surfaces.quadrics import Quadrics
+    from diff3ds.surfaces.meshes.load import load_surface
+    from diff3ds.surfaces.meshes.mesh import TriangleMesh
+    from diff3ds.surfaces.quadrics.union import Quadrics
     from diff3ds.tasks.functions import image_to_sketch, mesh_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
@@ -112,9 +112,9 @@ _HOMES = {
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Chains": "chains",
     "Sketch": "sketch",
-    "Quadrics": "surfaces.quadrics",
-    "TriangleMesh": "surfaces.mesh",
-    "load_surface": "surfaces.load",
+    "Quadrics": "surfaces.quadrics.union",
+    "TriangleMesh": "surfaces.meshes.mesh",
+    "load_surface": "surfaces.meshes.load",
     **dict.fromkeys(("contours", "visible_lines"), "surfaces.drawn"),
     **dict.fromkeys(
         ("image_to_sketch", "mesh_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"

@@ -6,7 +6,7 @@ from needs import needs
 from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
-from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 
 def soup(solid) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from diff3ds.bezier.measure import chord_intervals
 from diff3ds.render.visible import visible_spans
 from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.boxes import BoxIndex
-from diff3ds.surfaces.mesh_view import Picture
+from diff3ds.surfaces.meshes.view import Picture
 
 # Chords stay so near to strokes, pixels: where a stroke crosses an outline, its chord is taken to do so as well.
 CHORD = 0.05

@@ -14,11 +14,11 @@ from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch, faint
 from diff3ds.surfaces.dashes import dashed
-from diff3ds.surfaces.mesh import TriangleMesh
-from diff3ds.surfaces.mesh_seen import MeshSeen, creases_along
-from diff3ds.surfaces.mesh_view import Picture
-from diff3ds.surfaces.quadrics import Quadrics
-from diff3ds.surfaces.quadrics_seen import QuadricsSeen
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.seen import MeshSeen, creases_along
+from diff3ds.surfaces.meshes.view import Picture
+from diff3ds.surfaces.quadrics.seen import QuadricsSeen
+from diff3ds.surfaces.quadrics.union import Quadrics
 from diff3ds.surfaces.visibility import Parts
 
 Hidden = Literal["drop", "faint", "dashed", "show"]

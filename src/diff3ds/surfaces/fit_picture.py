@@ -10,7 +10,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.mesh_view import Picture
+from diff3ds.surfaces.meshes.view import Picture
 
 # Rounds of improved parameters; empirical.
 ROUNDS = 4

@@ -16,8 +16,8 @@ from diff3ds.formats.vector.drawn_paths import TOLERANCE
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.load import load_surface
-from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.load import load_surface
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.options import (

@@ -21,7 +21,7 @@ from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped

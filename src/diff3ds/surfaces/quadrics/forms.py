@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.quadrics import Quadrics
+from diff3ds.surfaces.quadrics.union import Quadrics
 
 
 @dataclass(frozen=True, eq=False)

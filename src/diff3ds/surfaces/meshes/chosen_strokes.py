@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.coarse import without_specks
 from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.line_drawings import LinePoints, points_along, sides_and_corners
-from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.coarse import without_specks
+from diff3ds.surfaces.meshes.line_drawings import LinePoints, points_along, sides_and_corners
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # A line is shown by a stroke that lies so near, pixels, in its direction: a quarter turn counts as so many pixels. A
 # stroke is false where no line lies so near. Empirical, as all that follows.

@@ -17,10 +17,10 @@ from diff3ds.surfaces.bernstein_roots import bernstein_roots, quadratic_form
 from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.fit_picture import fit_chains
-from diff3ds.surfaces.mesh_view import Picture
-from diff3ds.surfaces.quadric_forms import Forms
-from diff3ds.surfaces.quadric_meets import bounds, meeting_chains, onto_both
-from diff3ds.surfaces.quadrics import ARCS, Quadrics, conics
+from diff3ds.surfaces.meshes.view import Picture
+from diff3ds.surfaces.quadrics.forms import Forms
+from diff3ds.surfaces.quadrics.meets import bounds, meeting_chains, onto_both
+from diff3ds.surfaces.quadrics.union import ARCS, Quadrics, conics
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
 # What lies so deep in a solid, as a share of its radius, is inside: rounding; and strokes that lie on it, which float32

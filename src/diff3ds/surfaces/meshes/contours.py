@@ -6,8 +6,8 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.mesh import TriangleMesh
-from diff3ds.surfaces.mesh_view import Picture
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.view import Picture
 
 
 @dataclass(frozen=True, eq=False)

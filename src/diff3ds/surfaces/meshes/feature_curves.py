@@ -13,9 +13,9 @@ from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.clean.simplify import simplest
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive
-from diff3ds.surfaces.corners import has_corner
-from diff3ds.surfaces.intersections import seams
-from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.corners import has_corner
+from diff3ds.surfaces.meshes.intersections import seams
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # Curves keep within half of this, as a share of the mesh's longest side.
 PIXEL = 1 / 256

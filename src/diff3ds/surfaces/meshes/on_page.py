@@ -9,9 +9,9 @@ from diff3ds._shapes import Array, Float, Int
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.arrays import Index
-from diff3ds.surfaces.mesh import TriangleMesh
-from diff3ds.surfaces.mesh_seen import creases_along
-from diff3ds.surfaces.nearest import ON_SURFACE
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.nearest import ON_SURFACE
+from diff3ds.surfaces.meshes.seen import creases_along
 
 # Triangles that a page takes: 4 MB, and in software rendering some frames a second. Empirical.
 MOST_TRIANGLES = 200_000

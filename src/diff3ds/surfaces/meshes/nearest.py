@@ -7,8 +7,8 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.boxes import BoxIndex, slices
-from diff3ds.surfaces.mesh import TriangleMesh
-from diff3ds.surfaces.mesh_view import MOST_BOXES
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.view import MOST_BOXES
 
 # Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
 # Empirical.

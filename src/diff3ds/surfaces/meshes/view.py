@@ -8,7 +8,7 @@ from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
 from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.boxes import BoxIndex, slices
-from diff3ds.surfaces.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
 TOUCHING = 1e-7

@@ -12,14 +12,14 @@ from diff3ds.chains import Chains
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.contour_gradients import contours_of
-from diff3ds.surfaces.corners import has_corner
 from diff3ds.surfaces.crossings import Outlines, at, chords_of, crossings
 from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chains
-from diff3ds.surfaces.mesh import TriangleMesh
-from diff3ds.surfaces.mesh_contours import Chain, contour_chains
-from diff3ds.surfaces.mesh_view import MeshView, Picture
-from diff3ds.surfaces.nearest import ON_SURFACE, Nearest, edges_along
+from diff3ds.surfaces.meshes.contour_gradients import contours_of
+from diff3ds.surfaces.meshes.contours import Chain, contour_chains
+from diff3ds.surfaces.meshes.corners import has_corner
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.nearest import ON_SURFACE, Nearest, edges_along
+from diff3ds.surfaces.meshes.view import MeshView, Picture
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
 # Faces within two rings of a contour's point do not hide it: beside a contour facets hide each other.

@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from diff3ds.formats.mesh import UP_IS_KNOWN, MeshFile, read_mesh
-from diff3ds.surfaces.mesh import CREASE, TriangleMesh
-from diff3ds.surfaces.surface_colors import SurfaceColors
+from diff3ds.surfaces.meshes.colors import SurfaceColors
+from diff3ds.surfaces.meshes.mesh import CREASE, TriangleMesh
 
 
 def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> TriangleMesh:

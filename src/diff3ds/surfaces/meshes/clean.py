@@ -4,7 +4,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.t_junctions import without_t_junctions
+from diff3ds.surfaces.meshes.t_junctions import without_t_junctions
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
 # every face or texture, and write them in six digits. Of vertices farther apart than this none are.

@@ -6,8 +6,8 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.surfaces.arrays import Index
-from diff3ds.surfaces.mesh_contours import walks
-from diff3ds.surfaces.quadric_forms import Forms
+from diff3ds.surfaces.meshes.contours import walks
+from diff3ds.surfaces.quadrics.forms import Forms
 
 # The smaller one of two solids is triangulated so finely around and along to find where it meets the other. What is
 # smaller than a triangle is missed. Empirical.

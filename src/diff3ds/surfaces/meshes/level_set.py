@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.mesh import CREASE, TriangleMesh
+from diff3ds.surfaces.meshes.mesh import CREASE, TriangleMesh
 
 
 def level_set(

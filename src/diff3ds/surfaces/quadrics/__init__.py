@@ -1,0 +1,1 @@
+"""Unions of ellipsoids, cylinders and cones, whose contours are conics."""
