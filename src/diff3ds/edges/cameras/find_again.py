@@ -37,7 +37,8 @@ def found_again(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array
     Args:
         start: the cameras that were given, near which they are looked for.
         posed: the cameras so far.
-        views, sides: as for `adjusted`.
+        views: as for `adjusted`.
+        sides: the same.
         curves: by the cameras so far.
     """
     x, tangents = some_samples(curves)
@@ -64,7 +65,8 @@ def agreement(posed: Posed, views: EdgeViews, sides: Float[Array, " R"], curves:
 
     Args:
         posed: the cameras.
-        views, sides: as for `adjusted`.
+        views: as for `adjusted`.
+        sides: the same.
         curves: by these cameras.
     """
     x, tangents = some_samples(curves)
