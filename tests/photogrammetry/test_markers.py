@@ -73,6 +73,8 @@ def test_corners_are_where_the_marker_lies(tmp_path):
         marker_corners(views, ["aruco:8:0"])
     with pytest.raises(ValueError, match="aruco:7:0 is seen in 1 photographs"):
         marker_corners(views[:1], ["aruco:7:0"])
+    with pytest.raises(ValueError, match="aruco:7:0 is seen from one direction only"):
+        marker_corners([views[0], views[0]], ["aruco:7:0"])
     aside = replace(views[1], world_to_camera=views[1].world_to_camera + torch.eye(4)[:, [3, 0, 1, 2]] * 0.5)
     with pytest.raises(ValueError, match="do not fit together"):
         marker_corners([views[0], aside], ["aruco:7:0"])

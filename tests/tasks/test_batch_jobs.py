@@ -1,5 +1,6 @@
 """Files of jobs: what is read from them, and what is refused before anything runs."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from diff3ds.tasks.batch.job_file import read_jobs
 from diff3ds.tasks.batch.machine import places
 from diff3ds.tasks.batch.options import BatchOptions
+from diff3ds.tasks.batch.summary import JobState, write_summary
 
 
 def written(folder: Path, name: str, text: str) -> Path:
@@ -147,3 +149,11 @@ def test_shards_are_parts(tmp_path):
 def test_a_missing_file_of_jobs_is_said(tmp_path):
     with pytest.raises(ValueError, match=r"jobs\.toml is not there: give a file of jobs"):
         read_jobs(tmp_path / "jobs.toml")
+
+
+def test_an_option_called_as_a_result_has_a_column_of_its_own(tmp_path):
+    jobs = read_jobs(lines(tmp_path, *({"command": "text", "phrase": "a chair", "strokes": n} for n in (8, 16))))
+    write_summary(tmp_path, [JobState(job, "done", 1, strokes=found) for job, found in zip(jobs, (7, 15), strict=True)])
+    with (tmp_path / "summary.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["--strokes"], row["strokes"]) for row in rows] == [("8", "7"), ("16", "15")]

@@ -16,6 +16,9 @@ DICTIONARY = "DICT_4X4_50"
 PLACE = re.compile(r"aruco:([0-9]{1,2}):([0-3])")
 # Views that must show a corner, and how far it may lie from their rays, of the distance to the cameras. [empirical]
 LEAST_VIEWS, FARTHEST = 2, 0.01
+# [degrees; empirical] Rays that are turned by less, root mean square about their mean, do not say how far their meeting
+# is: of two that are twice so much apart, a third of a pixel moves it by some per cent.
+LEAST_TURN = 1.0
 # Rounds that take a lens's distortion out of a direction: each leaves a small part of what the last left.
 ROUNDS = 30
 
@@ -107,4 +110,10 @@ def _meeting(name: str, rays: list[tuple[Array, Array]]) -> Float[Tensor, " 3"]:
         kept = off <= max(3 * float(np.median(off)), 1e-9)
     if float(np.median(off)) > FARTHEST:
         raise ValueError(f"between: the photographs see {name} at places that do not fit together: are there two?")
+    turned = np.degrees(np.sqrt(max(0.0, np.linalg.eigvalsh(across[kept].mean(0))[0])))
+    if not turned >= LEAST_TURN:
+        raise ValueError(
+            f"between: {name} is seen from one direction only ({turned:.1f} degrees of turn, {LEAST_TURN:g} are "
+            "needed): show it in photographs from several sides"
+        )
     return torch.from_numpy(np.asarray(point))

@@ -63,7 +63,9 @@ def write_summary(out: Path, states: Sequence[JobState]) -> None:
     """Writes summary.csv and summary.md: a line a job, with the options in which jobs differ."""
     swept = _differing([state.job for state in states])
     scores = list(dict.fromkeys(name for state in states for name in state.scores or {}))
-    head = ["job", "state", "command", "subject", *swept, "strokes", "seconds", "tries", *scores, "message"]
+    about, found = ["job", "state", "command", "subject"], ["strokes", "seconds", "tries", *scores, "message"]
+    # An option called as what was found, such as strokes, is told apart as on the command line.
+    head = [*about, *(f"--{name}" if name in (*about, *found) else name for name in swept), *found]
     lines = [_line(state, swept, scores) for state in states]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
