@@ -22,7 +22,8 @@ import diff3ds as ds
 from diff3ds.surfaces.drawn import visible_lines
 from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
 from diff3ds.surfaces.meshes.level_set import level_set
-from diff3ds.surfaces.meshes.line_drawings import MARGIN, all_around, mean_distances, points_along
+from diff3ds.surfaces.meshes.line_drawings import MARGIN, SIZE, all_around, mean_distances, points_along
+from diff3ds.surfaces.meshes.smooth_surface import smooth_for_pictures
 from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 
 # Points of the grid along each axis, and half its side.
@@ -82,6 +83,7 @@ def _cone(p: Values, start: tuple[float, ...], stop: tuple[float, ...], first: f
 
 def rows(name: str, mesh: ds.TriangleMesh, counts: list[int]) -> list[dict[str, Any]]:
     """One mesh with several numbers of strokes."""
+    mesh = smooth_for_pictures(mesh, SIZE)
     nothing = ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
     cameras = all_around(mesh, HELD_OUT, TURN)
     drawings = [points_along(visible_lines(nothing, c, mesh)[0].strokes(True), c) for c in _each(cameras)]

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from diff3ds.surfaces.drawn import contours, visible_lines
     from diff3ds.surfaces.meshes.load import load_surface
     from diff3ds.surfaces.meshes.mesh import TriangleMesh
+    from diff3ds.surfaces.meshes.smooth_surface import smooth_surface
     from diff3ds.surfaces.quadrics.union import Quadrics
     from diff3ds.tasks.functions import image_to_sketch, mesh_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
@@ -82,6 +83,7 @@ __all__ = [
     "save_transforms",
     "set_num_threads",
     "show",
+    "smooth_surface",
     "styles",
     "text_to_sketch",
     "views_to_sketch",
@@ -115,6 +117,7 @@ _HOMES = {
     "Quadrics": "surfaces.quadrics.union",
     "TriangleMesh": "surfaces.meshes.mesh",
     "load_surface": "surfaces.meshes.load",
+    "smooth_surface": "surfaces.meshes.smooth_surface",
     **dict.fromkeys(("contours", "visible_lines"), "surfaces.drawn"),
     **dict.fromkeys(
         ("image_to_sketch", "mesh_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"

@@ -23,9 +23,11 @@ from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
 from diff3ds.surfaces.meshes.coarse import coarse, without_specks
 from diff3ds.surfaces.meshes.colors import SurfaceColors, colored
 from diff3ds.surfaces.meshes.feature_curves import FeatureCurves, feature_curves, loose_share, outline_share
+from diff3ds.surfaces.meshes.line_drawings import SIZE
 from diff3ds.surfaces.meshes.load import load_colored_surface, load_surface
 from diff3ds.surfaces.meshes.mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.smooth_surface import smooth_for_pictures
 from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
@@ -109,9 +111,10 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         )
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
     features, kinds = made.features
+    shown = smooth_for_pictures(mesh, options.size)
     views: list[Lines] = []
     for view in range(len(cameras)):
-        views += visible_lines(features, cameras[view], mesh, kinds=kinds, contours=options.contours)
+        views += visible_lines(features, cameras[view], shown, kinds=kinds, contours=options.contours)
         report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
     drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
@@ -192,7 +195,7 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
         report(Progress("strokes", done, of, None, len(features)))
 
     count, keep = options.strokes or SMOOTH_STROKES, options.strokes is None
-    mesh = coarse(mesh, FINE_CELLS if len(features) else FIT_CELLS)
+    mesh = _in_small(mesh, FINE_CELLS if len(features) else FIT_CELLS, SIZE)
     chosen = choose_strokes(mesh, features, kinds, count, keep, told)
     if not len(chosen.sketch):
         raise ValueError("the mesh shows no line from any side: it may lie in one plane without a border")
@@ -207,6 +210,12 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
         report(Progress("fit", done, of, None, len(start)))
 
     return MeshSketch(fit_strokes(mesh, features.to(torch.float64), start, held, fitting), named, outlines)
+
+
+def _in_small(mesh: TriangleMesh, cells: int, size: int) -> TriangleMesh:
+    """What stands for a mesh in small pictures: a coarse mesh for one of many faces, a smooth one for one of few."""
+    less = coarse(mesh, cells)
+    return less if less is not mesh else smooth_for_pictures(mesh, size)
 
 
 def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:
@@ -241,11 +250,11 @@ def _frames(
     count = options.turntable
     start = options.view.azimuth[0]
     cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
-    shown = coarse(mesh, FINE_CELLS)
+    shown = _in_small(mesh, FINE_CELLS, FRAME)
     for i in range(count):
         (lines,) = visible_lines(features, cameras[i], shown, contours=options.contours)
         strokes = _drawn(lines, options, mesh, colors)
-        if shown is not mesh:
+        if len(shown) < len(mesh):
             strokes = without_specks(strokes, 3 * mesh.size / FINE_CELLS)
         drawn = render(strokes, cameras[i])
         yield drawn.color[0].float()

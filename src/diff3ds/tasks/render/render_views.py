@@ -18,6 +18,7 @@ from diff3ds.sketch import Sketch
 from diff3ds.surfaces.drawn import visible_lines
 from diff3ds.surfaces.meshes.load import load_surface
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.smooth_surface import smooth_for_pictures
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.options import (
@@ -89,13 +90,15 @@ def run_render(
         _check_styled(file, picture, styles.style)
     sketch = load_sketch(source).detach()
     surface = _surface(source, hiding)
-    scene = _Scene(sketch, surface, hiding, None if styles.style is None else Styling(styles))
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
             raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
         draw_in_blender(file, sketch, views_of(sketch, view, picture), view, picture)
         return [file]
     cameras = views_of(sketch, view, picture)
+    if surface is not None:
+        surface = smooth_for_pictures(surface, max(cameras.size))
+    scene = _Scene(sketch, surface, hiding, None if styles.style is None else Styling(styles))
     if picture.turntable is not None:
         frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)

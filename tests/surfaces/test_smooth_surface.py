@@ -1,0 +1,110 @@
+"""Coarse meshes made smooth: known radii, corners and flat faces that stay, edges that fit together."""
+
+import numpy as np
+import pytest
+import torch
+from solids import icosphere, torus
+
+import diff3ds as ds
+from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.surfaces.meshes import smooth_surface as module
+from diff3ds.surfaces.meshes.feature_curves import feature_curves
+
+
+def prism(sides: int, height: float = 2.0) -> ds.TriangleMesh:
+    """A closed prism around z, its corners on the unit circle."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    rim = np.stack([np.cos(angle), np.sin(angle)], 1)
+    points = np.concatenate([np.c_[rim, np.full(sides, z)] for z in (0, height)] + [[[0, 0, 0], [0, 0, height]]])
+    i, j = np.arange(sides), np.roll(np.arange(sides), -1)
+    low, high = np.full(sides, 2 * sides), np.full(sides, 2 * sides + 1)
+    sides_ = [(i, j, j + sides), (i, j + sides, i + sides), (low, j, i), (high, i + sides, j + sides)]
+    return ds.TriangleMesh(points, np.concatenate([np.stack(t, 1) for t in sides_]))
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_a_sphere_becomes_rounder(level: int) -> None:
+    coarse = ds.TriangleMesh(*icosphere(level))
+    smooth = ds.smooth_surface(coarse, 1e-4)
+
+    def off(mesh: ds.TriangleMesh) -> float:
+        return float(np.abs(np.linalg.norm(mesh.vertices[mesh.faces].mean(1), axis=1) - 1).max())
+
+    assert off(smooth) < off(coarse) / 4
+    assert off(smooth) < 3e-3
+    assert smooth.is_closed
+
+
+def test_a_torus_becomes_rounder() -> None:
+    coarse = ds.TriangleMesh(*torus(1.0, 0.4, 16, 10))
+    smooth = ds.smooth_surface(coarse, 1e-3)
+
+    def off(mesh: ds.TriangleMesh) -> float:
+        x, y, z = mesh.vertices[mesh.faces].mean(1).T
+        return float(np.abs(np.hypot(np.hypot(x, y) - 1, z) - 0.4).max())
+
+    assert off(smooth) < off(coarse) / 8
+    assert smooth.is_closed
+    assert not smooth.is_crease.any()
+
+
+def test_the_first_middles_lie_on_the_sphere() -> None:
+    # An icosahedron's normals are exact, and an arc between tangents of a circle is the circle.
+    smooth = ds.smooth_surface(ds.TriangleMesh(*icosphere(0), crease=90.0), 0.1)
+    assert len(smooth) == 80
+    np.testing.assert_allclose(np.linalg.norm(smooth.vertices, axis=1), 1, atol=1e-12)
+
+
+@pytest.mark.parametrize("sides", [10, 12, 24])
+def test_rims_of_cylinders_become_circles(sides: int) -> None:
+    mesh = prism(sides)
+    smooth = ds.smooth_surface(mesh, 1e-3)
+    crease = np.unique(smooth.edges[smooth.is_crease])
+    np.testing.assert_allclose(np.linalg.norm(smooth.vertices[crease, :2], axis=1), 1, atol=1e-12)
+    assert len(crease) > 2 * sides
+    # Caps stay flat, and the round side is nearer to its cylinder than flat sides are.
+    assert set(np.round(smooth.vertices[crease, 2], 12)) == {0.0, 2.0}
+    side = smooth.vertices[(smooth.vertices[:, 2] > 1e-9) & (smooth.vertices[:, 2] < 2 - 1e-9)]
+    assert len(side)
+    assert np.abs(np.linalg.norm(side[:, :2], axis=1) - 1).max() < (1 - np.cos(np.pi / sides)) / 2
+    assert smooth.is_closed
+
+
+@pytest.mark.parametrize("sides", [3, 4, 9])
+def test_what_has_flat_faces_stays_as_it_is(sides: int) -> None:
+    mesh = prism(sides)
+    assert ds.smooth_surface(mesh, 1e-6) is mesh
+
+
+def test_the_border_of_an_open_cylinder_becomes_round() -> None:
+    mesh = prism(12)
+    ends = np.isin(mesh.faces, [24, 25]).any(1)
+    smooth = ds.smooth_surface(ds.TriangleMesh(mesh.vertices, mesh.faces[~ends]), 1e-3)
+    border = np.unique(smooth.edges[smooth.is_border])
+    assert len(border) > 24
+    np.testing.assert_allclose(np.linalg.norm(smooth.vertices[border, :2], axis=1), 1, atol=1e-12)
+
+
+def test_circles_of_a_coarse_cylinder_are_hidden_in_one_piece() -> None:
+    mesh = prism(12)
+    circles = sketch_of(feature_curves(mesh).curves, 0.02).to(torch.float64)
+    assert len(circles) == 2
+    cameras = ds.orbit(azimuth=10, elevation=30, distance=8, size=256).to(torch.float64)
+    (lines,) = ds.visible_lines(circles, cameras, ds.smooth_surface(mesh, 1e-3))
+    # The upper circle is seen, half of the lower one is, and two lines are the contours.
+    assert len(lines.strokes(True)) == 4
+    assert len(lines.strokes(False)) == 1
+
+
+def test_no_more_faces_are_made_than_are_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = ds.TriangleMesh(*icosphere(2))
+    monkeypatch.setattr(module, "MOST_FACES", 4 * len(mesh))
+    assert len(ds.smooth_surface(mesh, 1e-6)) == 4 * len(mesh)
+    monkeypatch.setattr(module, "MOST_FACES", 4 * len(mesh) - 1)
+    assert ds.smooth_surface(mesh, 1e-6) is mesh
+
+
+@pytest.mark.parametrize("tolerance", [0, -1.0, float("nan")])
+def test_a_tolerance_is_a_length(tolerance: float) -> None:
+    with pytest.raises(ValueError, match="tolerance must be a positive length"):
+        ds.smooth_surface(prism(12), tolerance)
