@@ -77,6 +77,8 @@ def test_a_compiler_older_than_torch(gpu, monkeypatch):
 
 def test_fits_side_by_side_leave_the_number_of_threads_as_it_was():
     """They overlap: the second begins while the first is inside, and ends after it."""
+    torch_threads = torch.get_num_threads()
+    torch.set_num_threads(2)
     inside, second_inside, left = threading.Event(), threading.Event(), threading.Event()
     seen: list[int] = []
 
@@ -102,7 +104,14 @@ def test_fits_side_by_side_leave_the_number_of_threads_as_it_was():
             run.join(60)
         assert seen == [3]
         assert get_num_threads() == 3
+        # Also in threads that begin later.
+        later: list[int] = []
+        thread = threading.Thread(target=lambda: later.append(torch.get_num_threads()))
+        thread.start()
+        thread.join(60)
+        assert later == [torch.get_num_threads()] == [2]
         set_num_threads(2)
         assert get_num_threads() == 2
     finally:
         set_num_threads(None)
+        torch.set_num_threads(torch_threads)

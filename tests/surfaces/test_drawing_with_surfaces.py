@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from solids import box, icosphere
+from solids import box, icosphere, torus
 
 import diff3ds as ds
+from diff3ds.render.backends import set_num_threads
+from diff3ds.surfaces.drawn import Lines
 
 BEHIND = torch.tensor([[[-3.0, 3, 0.2], [3, 3, 0.2]]], dtype=torch.float64)
 
@@ -91,6 +93,37 @@ def test_kinds_are_kept_and_chosen_by():
     assert lines.kinds[2:] == ("contour",) * (len(lines.sketch) - 2)
     assert len(lines.strokes(True, "border")) + len(lines.strokes(False, "border")) >= 1
     assert float(lines.strokes(False, "crease").points[..., 2].max()) == pytest.approx(0.2)
+
+
+def test_views_of_large_meshes_are_the_same_on_any_number_of_threads(monkeypatch):
+    monkeypatch.setattr("diff3ds.surfaces.drawn.LARGE", 1000)
+    mesh = ds.TriangleMesh(*torus(1.0, 0.4, 40, 20))
+    ring = ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.2), 1.4))
+    cameras = ds.orbit([0.0, 40.0, 80.0, 120.0], 30.0, 4.0, size=200)
+    found = []
+    for threads in (1, 2, 3):
+        set_num_threads(threads)
+        told: list[int] = []
+        # A mesh of which nothing is known yet.
+        views = ds.visible_lines(ring, cameras, mesh.with_crease(50.0), told=told.append)
+        assert told == [1, 2, 3, 4]
+        found.append([numbers(view) for view in views])
+    alone = [numbers(*ds.visible_lines(ring, cameras[view], mesh)) for view in range(4)]
+    assert found == [alone, alone, alone]
+    # Other threads do not know of the caller's `no_grad` by themselves.
+    points = torch.tensor(mesh.vertices, requires_grad=True)
+    given = ds.TriangleMesh(points, mesh.faces)
+    with torch.no_grad():
+        assert not ds.contours(given, cameras)[0].points.requires_grad
+    assert ds.contours(given, cameras)[0].points.requires_grad
+    set_num_threads(None)
+
+
+def numbers(lines: Lines) -> list[list[float]]:
+    """All that a view found."""
+    parts = lines.parts
+    values = (lines.sketch.points.flatten(), parts.segment, parts.start, parts.stop, parts.visible)
+    return [np.asarray(value).tolist() for value in values]
 
 
 @pytest.mark.parametrize(

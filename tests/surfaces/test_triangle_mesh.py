@@ -6,6 +6,7 @@ from needs import needs
 from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
+from diff3ds.surfaces.meshes.clean import MIXED, different
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 
@@ -31,6 +32,34 @@ def test_soup_of_triangles_is_welded_within_rounding_and_no_farther():
     assert len(mesh.vertices) - len(mesh.edges) + len(mesh) == 2
     # Neighbours that are farther apart than the cells stay two.
     assert len(TriangleMesh(points + 3e4 * noise, faces).vertices) == len(points)
+
+
+def test_rows_that_differ_are_found_even_where_their_mixed_numbers_do_not():
+    rows = np.random.default_rng(0).integers(-4, 5, (500, 3))
+    first, same = different(list(rows.T))
+    _, index, whose = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    assert first.tolist() == sorted(index)
+    assert np.array_equal(first[same], index[whose])
+    # The factors are odd, so that a third column can make up for the second.
+    b, c = (int(factor) for factor in MIXED[1:])
+    third = -b * pow(c, -1, 1 << 64) % (1 << 64)
+    rows = np.array([[0, 0, 0], [0, 1, third ^ (third >> 32)]] * 3)
+    assert len(set(((rows ^ (rows >> 32)) * MIXED).sum(1))) == 1
+    first, same = different(list(rows.T))
+    assert first.tolist() == [0, 1]
+    assert same.tolist() == [0, 1] * 3
+
+
+def test_another_angle_of_creases_changes_nothing_else():
+    mesh = TriangleMesh(*box())
+    assert mesh.is_crease.sum() == 12
+    other = mesh.with_crease(95)
+    assert not other.is_crease.any()
+    assert mesh.is_crease.sum() == 12
+    assert other.vertices is mesh.vertices
+    assert other.faces is mesh.faces
+    with pytest.raises(ValueError, match="crease must be an angle from 0 to 180 degrees, got 181"):
+        mesh.with_crease(181)
 
 
 def test_duplicate_and_degenerate_faces_go_and_the_source_says_which_stay():

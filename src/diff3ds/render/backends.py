@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from threading import Lock
 from types import ModuleType
 from typing import Literal
 
@@ -23,6 +24,8 @@ _ANY_GPU = torch.device("cuda")
 _thread_count: int | None = None
 # Of the kernels inside `torch_on_one_thread`, in one thread of Python: fits may run side by side.
 _fixed_threads: ContextVar[int | None] = ContextVar("threads of the CPU kernels", default=None)
+# How often `torch_on_one_thread` is entered and not left, and torch's threads before.
+_entering, _inside, _torch_threads = Lock(), 0, 1
 
 
 @functools.cache
@@ -60,13 +63,20 @@ def torch_on_one_thread() -> Iterator[None]:
     Torch splits its sums over its threads, so that their last bits depend on the number of threads; the kernels' do
     not.
     """
-    torch_threads = torch.get_num_threads()
-    token = _fixed_threads.set(get_num_threads())
-    torch.set_num_threads(1)
+    global _inside, _torch_threads
+    nested = _fixed_threads.get()
+    with _entering:
+        # They may overlap, on several threads of Python: what the first to enter finds is what all bring back.
+        _torch_threads = _torch_threads if _inside else torch.get_num_threads()
+        _inside += 1
+        token = _fixed_threads.set(nested or _thread_count or _torch_threads)
+        torch.set_num_threads(1)
     try:
         yield
     finally:
-        torch.set_num_threads(torch_threads)
+        with _entering:
+            _inside -= 1
+            torch.set_num_threads(1 if nested else _torch_threads)
         _fixed_threads.reset(token)
 
 

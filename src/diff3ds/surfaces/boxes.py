@@ -4,15 +4,16 @@ Boxes of all sizes are kept in grids of which each is twice as coarse as the one
 are as large as it is, where it lies in at most two cells along each axis. A point is looked up in one cell a grid.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.arrays import Index
+from diff3ds.surfaces.arrays import Index, Mask
 
 # Triangles so much longer than high, and than triangles of a mesh of such a size would be if all were of one, are
 # looked for in halves. Speed only.
@@ -53,20 +54,25 @@ class BoxIndex:
         origin = low.min(0)
         reach = float((high.max(0) - origin).max())
         cell = max(cell, reach / (1 << (BITS - 1)), 1e-300)
-        size = (high - low).max(1) / cell
+        size = largest(high - low) / cell
         level = np.clip(np.ceil(np.log2(np.maximum(size, 1e-9))), 0, LEVELS).astype(np.int64)
-        side = cell * 2.0 ** level[:, None]
-        first = np.floor((low - origin) / side).astype(np.int64)
-        last = np.floor((high - origin) / side).astype(np.int64)
+        side = np.ldexp(cell, level)
+        first, last = (
+            # Axis by axis, see `largest`.
+            [np.floor((x - start) / side).astype(np.int64) for x, start in zip(corner.T, origin, strict=True)]
+            for corner in (low, high)
+        )
         keys, boxes = [], []
         rows = np.arange(len(low))
-        for corner in range(1 << low.shape[1]):
-            chosen = np.array([corner >> axis & 1 for axis in range(low.shape[1])], bool)
+        for corner in range(1 << len(origin)):
+            chosen = [corner >> axis & 1 for axis in range(len(origin))]
             # A box within one cell along an axis is there once.
-            real = ((last > first) | ~chosen).all(1)
-            place = np.where(chosen, last, first)[real]
-            keys.append(_keys(level[real], place))
-            boxes.append(rows[real])
+            real = rows
+            for a, b, far in zip(first, last, chosen, strict=True):
+                real = real[b[real] > a[real]] if far else real
+            ends = [b if far else a for a, b, far in zip(first, last, chosen, strict=True)]
+            keys.append(_keys(level[real], [end[real] for end in ends]))
+            boxes.append(real)
         flat, box = np.concatenate(keys), np.concatenate(boxes)
         order = np.argsort(flat, kind="stable")
         return BoxIndex(origin, cell, np.unique(level), flat[order], box[order])
@@ -76,8 +82,8 @@ class BoxIndex:
         queries, boxes = [], []
         for level in self.levels:
             place = np.floor((points - self.origin) / (self.cell * 2.0**level))
-            query = np.flatnonzero(((place >= 0) & (place < 1 << BITS)).all(1))
-            found = self._entries(query, _keys(level, place[query].astype(np.int64)))
+            query = np.flatnonzero(_in_grid(place))
+            found = self._entries(query, _keys(level, place[query].astype(np.int64).T))
             queries.append(found[0])
             boxes.append(found[1])
         return _joined(queries), _joined(boxes)
@@ -87,8 +93,8 @@ class BoxIndex:
         total = np.zeros(len(points), np.int64)
         for level in self.levels:
             place = np.floor((points - self.origin) / (self.cell * 2.0**level))
-            inside = np.flatnonzero(((place >= 0) & (place < 1 << BITS)).all(1))
-            keys = _keys(level, place[inside].astype(np.int64))
+            inside = np.flatnonzero(_in_grid(place))
+            keys = _keys(level, place[inside].astype(np.int64).T)
             total[inside] += np.searchsorted(self.keys, keys, "right") - np.searchsorted(self.keys, keys, "left")
         return total
 
@@ -116,8 +122,8 @@ class BoxIndex:
             for axis in range(low.shape[1]):
                 number, rest = np.divmod(number, counts[query, axis])
                 place[:, axis] = first[query, axis] + rest
-            real = ((place >= 0) & (place < 1 << BITS)).all(1)
-            found = self._entries(query[real], _keys(level, place[real]))
+            real = _in_grid(place)
+            found = self._entries(query[real], _keys(level, place[real].T))
             queries.append(found[0])
             boxes.append(found[1])
         return _joined(queries), _joined(boxes)
@@ -129,11 +135,32 @@ class BoxIndex:
         return np.repeat(query, counts), self.boxes[entry]
 
 
-def _keys(level: Int[Index, " N"] | np.int64, place: Int[Index, "N D"]) -> Int[Index, " N"]:
-    key = np.broadcast_to(level, len(place)).astype(np.int64)
-    for axis in range(place.shape[1]):
-        key = (key << BITS) | place[:, axis]
+def _keys(level: Int[Index, " N"] | np.int64, place: Sequence[Index] | Int[Index, "D N"]) -> Int[Index, " N"]:
+    key = np.broadcast_to(level, len(place[0])).astype(np.int64)
+    for number in place:
+        key = (key << BITS) | number
     return key
+
+
+def _in_grid(place: Float[Array, "N D"] | Int[Index, "N D"]) -> Mask:
+    return all_of((place >= 0) & (place < 1 << BITS))
+
+
+# Numpy takes five times as long to go along axes of two or three values as to take their columns one by one.
+def largest(values: Float[Array, "N D"]) -> Float[Array, " N"]:
+    """The largest value of each row; of few columns."""
+    return reduce(np.maximum, values.T)
+
+
+def all_of(flags: NDArray[np.bool_]) -> Mask:
+    """Whether all flags of a row are set; of few columns."""
+    return reduce(np.logical_and, flags.T)
+
+
+def around_triangles(corners: Float[Array, "N 3 D"]) -> tuple[Float[Array, "N D"], Float[Array, "N D"]]:
+    """The low and high corners of boxes around triangles."""
+    a, b, c = corners.transpose(1, 0, 2)
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _joined(parts: list[Index]) -> Index:
@@ -151,40 +178,47 @@ def slices(corners: Float[Array, "N 3 D"], most: int) -> tuple[Float[Array, "M D
         Low and high corners of the boxes, and the triangle of each.
     """
     source = np.arange(len(corners))
-    # Were all in one layer and of one size, each would be as large as this.
-    spacing = float(np.ptp(corners, axis=(0, 1)).max()) / len(corners) ** 0.5 if len(corners) else 0.0
-    done: list[tuple[Array, Index]] = []
+    done: list[tuple[Array, Array, Index]] = []
     count = len(corners)
+    # Were all in one layer and of one size, each would be as large as this.
+    spacing = max(float(np.ptp(x)) for x in corners.transpose(2, 0, 1)) / count**0.5 if count else 0.0
     while len(corners):
-        thin, extent = _shapes(corners)
-        thin &= extent > LARGE * spacing
-        done.append((corners[~thin], source[~thin]))
-        corners, source, extent = corners[thin], source[thin], extent[thin]
+        low, high = around_triangles(corners)
+        extent = largest(high - low)
+        thin = _are_thin(corners, extent, LARGE * spacing)
         # The largest first.
-        now = extent > extent.max(initial=0.0) / 2
-        if count + now.sum() > most:
-            now[:] = False
-        if not now.any():
-            done.append((corners, source))
+        now = thin & (extent > extent[thin].max(initial=0.0) / 2)
+        if not now.any() or count + now.sum() > most:
+            done.append((low, high, source))
             break
-        rest, others, corners, source = corners[~now], source[~now], corners[now], source[now]
-        count += len(corners)
-        sides = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
-        turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
-        a, b, c = (np.take_along_axis(corners, turn[:, k, None, None], 1)[:, 0] for k in range(3))
-        middle = (a + b) / 2
-        corners = np.concatenate([rest, np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-        source = np.concatenate([others, source, source])
+        done.append((low[~thin], high[~thin], source[~thin]))
+        count += int(now.sum())
+        later = thin & ~now
+        halves, of = _halves(corners[now]), source[now]
+        corners, source = np.concatenate([corners[later], *halves]), np.concatenate([source[later], of, of])
     if not done:
         nothing = np.zeros((0, corners.shape[2]))
         return nothing, nothing, source
-    parts, of = np.concatenate([part for part, _ in done]), np.concatenate([row for _, row in done])
-    return parts.min(1), parts.max(1), of
+    if len(done) == 1:
+        return done[0]
+    return np.concatenate([b[0] for b in done]), np.concatenate([b[1] for b in done]), _joined([b[2] for b in done])
 
 
-def _shapes(corners: Float[Array, "N 3 D"]) -> tuple[NDArray[np.bool_], Float[Array, " N"]]:
-    """Whether triangles are much longer than high, and how large they are."""
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    base_by_height = np.maximum((u * u).sum(1) * (v * v).sum(1) - (u * v).sum(1) ** 2, 0) ** 0.5
-    extent = np.ptp(corners, axis=1).max(1)
-    return extent**2 > THIN * base_by_height, extent
+def _are_thin(corners: Float[Array, "N 3 D"], extent: Float[Array, " N"], least: float) -> Mask:
+    """Which triangles are larger than this and much longer than high."""
+    thin = extent > least
+    rows = np.flatnonzero(thin)
+    a, b, c = corners[rows].transpose(1, 2, 0)
+    u, v = b - a, c - a
+    base_by_height = np.sqrt(np.maximum(sum(u * u) * sum(v * v) - sum(u * v) ** 2, 0))
+    thin[rows] = extent[rows] ** 2 > THIN * base_by_height
+    return thin
+
+
+def _halves(corners: Float[Array, "N 3 D"]) -> tuple[Float[Array, "N 3 D"], Float[Array, "N 3 D"]]:
+    """Triangles cut across their longest sides."""
+    sides = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2)
+    turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
+    a, b, c = (np.take_along_axis(corners, turn[:, k, None, None], 1)[:, 0] for k in range(3))
+    middle = (a + b) / 2
+    return np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)

@@ -1,8 +1,8 @@
 """Contours of surfaces as strokes, and sketches drawn with surfaces that hide what lies behind them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, cast, get_args
+from typing import Literal, TypeVar, cast, get_args
 
 import numpy as np
 import torch
@@ -10,12 +10,13 @@ import torch
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import project
+from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch, faint
 from diff3ds.surfaces.dashes import dashed
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.seen import MeshSeen, creases_along
+from diff3ds.surfaces.meshes.seen import MeshSeen, creases_along, prepare
 from diff3ds.surfaces.meshes.view import Picture
 from diff3ds.surfaces.quadrics.seen import QuadricsSeen
 from diff3ds.surfaces.quadrics.union import Quadrics
@@ -23,11 +24,16 @@ from diff3ds.surfaces.visibility import Parts
 
 Hidden = Literal["drop", "faint", "dashed", "show"]
 Surface = TriangleMesh | Quadrics
+Result = TypeVar("Result")
 
 # Largest distance between a contour and the strokes that are fitted to it, pixels.
 TOLERANCE = 0.2
 # Opacity of faint strokes, as a share of that of visible ones.
 FAINT = 0.25
+# Meshes of so many triangles are large: threads gain something. Empirical.
+LARGE = 20_000
+# Bytes that views take which are looked at side by side, and what each triangle takes then, as measured.
+LOOKING, PER_FACE = 3 << 29, 350
 # What the strokes of a sketch are called where nobody says.
 STROKE = "stroke"
 
@@ -117,18 +123,37 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
     _checked(surface)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive number of pixels, got {tolerance!r}")
-    return [seen.lines for seen in _seen(surface, cameras, tolerance, None)]
+    return _each_view(surface, cameras, None, True, lambda seen: seen.lines, tolerance)
 
 
-def _seen(
-    surface: Surface, cameras: Cameras, tolerance: float, sketch: Sketch | None
-) -> Iterator[MeshSeen | QuadricsSeen]:
-    """Each view of a surface, with contours along the creases that a sketch does not draw."""
+def _each_view(
+    surface: Surface,
+    cameras: Cameras,
+    sketch: Sketch | None,
+    contours: bool,
+    take: Callable[[MeshSeen | QuadricsSeen], Result],
+    tolerance: float = TOLERANCE,
+    told: Callable[[int], None] = lambda done: None,
+) -> list[Result]:
+    """What is taken from each view of a surface, with contours along the creases that a sketch does not draw.
+
+    Views of large meshes are looked at side by side. Those of small ones are short steps of Python, which would wait
+    for each other, and with gradients their sums would come in the order of the threads.
+    """
     if isinstance(surface, Quadrics):
-        yield from (QuadricsSeen(surface, cameras, view) for view in range(len(cameras)))
-        return
+        return side_by_side(lambda view: take(QuadricsSeen(surface, cameras, view)), len(cameras), 1, told)
     drawn = np.zeros(len(surface.edges), bool) if sketch is None else creases_along(surface, sketch)
-    yield from (MeshSeen(surface, cameras, view, tolerance, drawn) for view in range(len(cameras)))
+    gradients = surface.points.requires_grad and torch.is_grad_enabled()
+
+    def look(view: int) -> Result:
+        # Other threads do not know what the caller's wants.
+        with torch.set_grad_enabled(gradients):
+            return take(MeshSeen(surface, cameras, view, tolerance if contours else None, drawn))
+
+    threads = 1 if gradients or len(surface) < LARGE else LOOKING // (PER_FACE * len(surface))
+    if threads > 1:
+        prepare(surface, with_strokes=sketch is not None and len(sketch) > 0)
+    return side_by_side(look, len(cameras), threads, told)
 
 
 def visible_lines(
@@ -138,6 +163,7 @@ def visible_lines(
     *,
     kinds: Sequence[str] | None = None,
     contours: bool = True,
+    told: Callable[[int], None] = lambda done: None,
 ) -> list[Lines]:
     """The strokes of a sketch and the contours of a surface, with the parts that the surface hides from each camera.
 
@@ -152,6 +178,7 @@ def visible_lines(
         surface: what hides.
         kinds: what each stroke is, such as "crease"; "stroke" where it is left out.
         contours: whether the surface's own contours are among the lines: along creases only where no stroke draws them.
+        told: told how many views are done.
 
     Returns:
         The lines of each view. Strokes that no view shows, behind the near plane, have no parts.
@@ -163,13 +190,19 @@ def visible_lines(
     named = (STROKE,) * len(sketch) if kinds is None else tuple(kinds)
     if len(named) != len(sketch):
         raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
+
+    def look(seen: MeshSeen | QuadricsSeen) -> tuple[Parts, Sketch, tuple[str, ...], Parts | None]:
+        own = seen.line_parts() if contours and len(seen.lines) else None
+        return seen.parts(sketch), seen.lines, seen.kinds, own
+
     lines = []
-    for view, seen in enumerate(_seen(surface, cameras, TOLERANCE, sketch)):
-        whole, parts, all_kinds = sketch, seen.parts(sketch), named
-        if contours and len(seen.lines):
-            whole = Sketch.concatenate([sketch, _drawn_like(seen.lines, sketch)])
-            parts = Parts.concatenate(parts, seen.line_parts(), len(sketch.points))
-            all_kinds = (*named, *seen.kinds)
+    found = _each_view(surface, cameras, sketch, contours, look, told=told)
+    for view, (parts, own_lines, own_kinds, own_parts) in enumerate(found):
+        whole, all_kinds = sketch, named
+        if own_parts is not None:
+            whole = Sketch.concatenate([sketch, _drawn_like(own_lines, sketch)])
+            parts = Parts.concatenate(parts, own_parts, len(sketch.points))
+            all_kinds = (*named, *own_kinds)
         lines.append(Lines(whole, all_kinds, parts, cameras[view]))
     return lines
 

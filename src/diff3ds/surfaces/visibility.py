@@ -41,6 +41,11 @@ class Parts:
         return Parts(self.segment[rows], self.start[rows], self.stop[rows], self.visible[rows])
 
     @staticmethod
+    def none() -> "Parts":
+        """Those of no segments."""
+        return Parts(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, bool))
+
+    @staticmethod
     def concatenate(first: "Parts", second: "Parts", segments: int) -> "Parts":
         """Parts of two sketches as parts of both together; the first has so many segments."""
         return Parts(
@@ -59,8 +64,7 @@ def parts_of(chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], 
         stray: so large a share of a part's points that answer otherwise than the others is noise.
     """
     if not len(chords.segment):
-        nothing = np.zeros(0)
-        return Parts(nothing.astype(np.int64), nothing, nothing, nothing.astype(bool))
+        return Parts.none()
     segment, start, stop = _between(chords, *cuts)
     ruler = Ruler(chords)
     hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray)

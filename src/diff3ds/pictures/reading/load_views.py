@@ -2,7 +2,6 @@
 
 import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks
 from diff3ds.pictures.reading.read import read_view
 from diff3ds.pictures.store import MEMORY, Store, all_known, as_bytes, byte_array
-from diff3ds.render.backends import get_num_threads, torch_on_one_thread
+from diff3ds.render.side_by_side import side_by_side
 from diff3ds.transforms import View
 
 # The sizes of a pyramid, each half the last, take a third more than the first.
@@ -67,7 +66,7 @@ def load_some(
         rgba, seen = read(views[chosen[place]], size, masks)
         store.pixels[place, :height, :width], store.known[place, :height, :width] = as_bytes(rgba), seen
 
-    _side_by_side(put, views, list(range(len(chosen))), lambda done: told(done, len(views)))
+    _put_all(put, len(chosen), views, told)
     return Some({index: place for place, index in enumerate(chosen)}, store)
 
 
@@ -111,25 +110,15 @@ def load_views(
         if not whole:
             store.known[i, :height, :width] = seen
 
-    _side_by_side(put, views, list(range(len(views))), lambda done: told(done, len(views)))
+    _put_all(put, len(views), views, told)
     return store
 
 
-def _side_by_side(put: Callable[[int], None], views: list[View], jobs: list[int], told: Callable[[int], None]) -> None:
-    """Does these jobs on several threads, with torch on one in each: what decodes a file lets others work.
-
-    An error is that of the first job that fails in their order, whatever the threads do.
-    """
+def _put_all(put: Callable[[int], None], count: int, views: list[View], told: Told) -> None:
+    """Reads so many of the views, several at a time."""
     largest = max(view.size[0] * view.size[1] for view in views)
-    with torch_on_one_thread():
-        threads = max(1, min(get_num_threads(), READING // (PER_PIXEL * largest)))
-        pool = ThreadPoolExecutor(threads)
-        try:
-            told(0)
-            for done, _ in enumerate(pool.map(put, jobs)):
-                told(done + 1)
-        finally:
-            pool.shutdown(cancel_futures=True)
+    told(0, len(views))
+    side_by_side(put, count, READING // (PER_PIXEL * largest), lambda done: told(done, len(views)))
 
 
 def _room(views: list[View], canvas: tuple[int, int], channels: int, scratch: Path | None, whole: bool) -> Store:

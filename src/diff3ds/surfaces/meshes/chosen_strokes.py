@@ -70,23 +70,25 @@ def choose_strokes(
     """
     cameras = sides_and_corners(mesh)
     targets, found, whose = [], [features.to(torch.float64)], [*kinds]
-    for view in range(len(cameras)):
-        lines = visible_lines(features.to(torch.float64), cameras[view], mesh, kinds=kinds)[0]
-        targets.append(points_along(lines.strokes(True), cameras[view]))
+    drawings = visible_lines(
+        features.to(torch.float64), cameras, mesh, kinds=kinds, told=lambda done: report(done, 2 * len(cameras))
+    )
+    for lines in drawings:
+        targets.append(points_along(lines.strokes(True), lines.cameras))
         contours = without_specks(lines.strokes(True, "contour"), SHORT * mesh.size)
         found.append(contours)
         whose += ["contour"] * len(contours)
-        report(view + 1, 2 * len(cameras))
     candidates = Sketch.concatenate([_plain(sketch) for sketch in found])
     shows, false = [], np.zeros(len(candidates))
-    for view in range(len(cameras)):
-        parts = visible_lines(candidates, cameras[view], mesh, contours=False)[0].parts
-        parts = parts[parts.visible]
+    tries = visible_lines(
+        candidates, cameras, mesh, contours=False, told=lambda done: report(len(cameras) + done, 2 * len(cameras))
+    )
+    for target, lines in zip(targets, tries, strict=True):
+        parts = lines.parts[lines.parts.visible]
         seen, owner = cut_sketch(candidates, parts.segment, parts.start, parts.stop)
-        shown, wrong = _compared(targets[view], points_along(seen, cameras[view], owner), len(candidates))
+        shown, wrong = _compared(target, points_along(seen, lines.cameras, owner), len(candidates))
         shows.append(shown)
         false += wrong
-        report(len(cameras) + view + 1, 2 * len(cameras))
     weights = np.concatenate([target.weight for target in targets])
     order, share = _greedy(np.concatenate(shows, 1), weights, false, count, len(features) if keep else None)
     strokes = candidates[torch.from_numpy(order)]

@@ -1,5 +1,7 @@
 """Triangles of any origin made a mesh: vertices welded, faces that are twice there dropped, all wound alike."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
@@ -9,6 +11,8 @@ from diff3ds.surfaces.meshes.t_junctions import without_t_junctions
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
 # every face or texture, and write them in six digits. Of vertices farther apart than this none are.
 SAME = 1e-6
+# Factors that mix whole numbers: the first 64 bits of the fractions of the square roots of 2, 3 and 5, made odd.
+MIXED = np.array([0x6A09E667F3BCC909, 0xBB67AE8584CAA73B, 0x3C6EF372FE94F82B], np.uint64).view(np.int64)
 
 
 def welded(
@@ -33,18 +37,53 @@ def welded(
         kept = kept[whole]
     else:
         faces = faces[kept]
-    order = np.sort(faces, axis=1)
-    # Two keys, since three vertices of a large mesh do not fit into one.
-    _, pair = np.unique(order[:, 0] * len(rows) + order[:, 1], return_inverse=True)
-    _, first = np.unique(pair * len(rows) + order[:, 2], return_index=True)
-    first = np.sort(first)
+    a, b, c = faces.T
+    least, most = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    first, _ = different([least, most, a + b + c])
     used, faces = _used(faces[first])
     return rows[used], faces, kept[first]
 
 
 def _used(faces: Int[Index, "F 3"]) -> tuple[Index, Int[Index, "F 3"]]:
-    used, faces_of_used = np.unique(faces, return_inverse=True)
-    return used, faces_of_used.reshape(-1, 3)
+    is_used = np.zeros(int(faces.max(initial=-1)) + 1, bool)
+    is_used[faces.ravel()] = True
+    return np.flatnonzero(is_used), (np.cumsum(is_used) - 1)[faces]
+
+
+def different(columns: Sequence[Int[Index, " N"]]) -> tuple[Int[Index, " D"], Int[Index, " N"]]:
+    """Rows without those that are equal to one before: which these are, rising, and which of them each row is equal to.
+
+    One number is sorted that mixes the columns; all columns are where two rows have it by chance.
+
+    Args:
+        columns: three, of whole numbers.
+    """
+    key = np.zeros(len(columns[0]), np.int64)
+    for column, factor in zip(columns, MIXED, strict=True):
+        # What are numbers of 32 bits as float64 differs in its upper half only.
+        key += (column ^ (column >> 32)) * factor
+    order = np.argsort(key, kind="stable")
+    fresh = _changes(columns, order)
+    if (fresh != _changes([key], order)).any():
+        order = np.lexsort(list(columns))
+        fresh = _changes(columns, order)
+    first = order[fresh]
+    rank = np.argsort(first)
+    number = np.empty_like(rank)
+    number[rank] = np.arange(len(rank))
+    same = np.empty_like(order)
+    same[order] = number[np.cumsum(fresh) - 1]
+    return first[rank], same
+
+
+def _changes(columns: Sequence[Int[Index, " N"]], order: Int[Index, " N"]) -> Bool[Mask, " N"]:
+    """Which rows, in this order, are not equal to the one before."""
+    fresh = np.zeros(len(order), bool)
+    fresh[:1] = True
+    for column in columns:
+        ordered = column[order]
+        fresh[1:] |= ordered[1:] != ordered[:-1]
+    return fresh
 
 
 def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[Int[Index, " W"], Int[Index, "F 3"]]:
@@ -56,6 +95,9 @@ def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[In
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
+    # Exact copies first: of each vertex a file of triangles without an index has six.
+    copied, whose = different(list((vertices + 0.0).view(np.int64).T))
+    vertices, faces = vertices[copied], whose[faces]
     low = vertices.min(0)
     side = float((vertices.max(0) - low).max())
     cells = (vertices - low) / (SAME * side) if side > 0 else np.zeros_like(vertices)
@@ -72,7 +114,7 @@ def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[In
     graph = coo_matrix((np.ones(int(apart.sum()), bool), (rows[apart], columns[apart])), shape=(count, count))
     _, group = connected_components(graph, directed=False)
     _, first, same = np.unique(group, return_index=True, return_inverse=True)
-    return first, same[faces]
+    return copied[first], same[faces]
 
 
 def wound_alike(

@@ -1,6 +1,6 @@
 """Triangle meshes as surfaces: which faces meet at which edges, creases and borders, normals."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -55,8 +55,7 @@ class TriangleMesh:
     ) -> None:
         given_points = vertices.cpu().double() if isinstance(vertices, Tensor) else None
         points, corners = _checked(vertices if given_points is None else given_points.detach().numpy(), faces)
-        if not (isinstance(crease, int | float) and 0 <= crease <= 180):
-            raise ValueError(f"crease must be an angle from 0 to 180 degrees, got {crease!r}")
+        angle = _angle(crease)
         given = np.zeros(len(corners), np.int64) if part is None else np.asarray(part, np.int64)
         if given.shape != (len(corners),):
             raise ValueError(f"part must be one number a face, {len(corners)}, got shape {given.shape}")
@@ -77,7 +76,7 @@ class TriangleMesh:
             ("faces", wound),
             ("source", source),
             ("part", given[source]),
-            ("crease", float(crease)),
+            ("crease", angle),
             ("_given", (given_points, rows)),
             ("_edges", (edges, of_faces, beside)),
         ):
@@ -97,6 +96,18 @@ class TriangleMesh:
             raise ValueError(f"corners must have shape (F, 3, 3), got {points.shape}")
         return cls(points.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3), crease=crease)
 
+    def with_crease(self, crease: float) -> "TriangleMesh":
+        """The same mesh with another angle that makes a crease, degrees.
+
+        Raises:
+            ValueError: not an angle.
+        """
+        other = object.__new__(TriangleMesh)
+        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name, value in {**kept, "crease": _angle(crease)}.items():
+            object.__setattr__(other, name, value)
+        return other
+
     def __len__(self) -> int:
         return len(self.faces)
 
@@ -110,6 +121,11 @@ class TriangleMesh:
     def edges(self) -> Int[Index, "E 2"]:
         """The two vertices of each edge, the smaller one first."""
         return self._edges[0]
+
+    @cached_property
+    def edge_keys(self) -> Int[Index, " E"]:
+        """A number for each edge, the first of its vertices times their count plus the second; rising."""
+        return self.edges[:, 0] * len(self.vertices) + self.edges[:, 1]
 
     @property
     def face_edges(self) -> Int[Index, "F 3"]:
@@ -228,6 +244,12 @@ class TriangleMesh:
         graph = coo_matrix((np.ones(len(one), bool), (one, other)), shape=(count, count))
         fans, fan = connected_components(graph, directed=False)
         return fan.astype(np.int64), int(fans)
+
+
+def _angle(crease: float) -> float:
+    if not (isinstance(crease, int | float) and 0 <= crease <= 180):
+        raise ValueError(f"crease must be an angle from 0 to 180 degrees, got {crease!r}")
+    return float(crease)
 
 
 def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[Float[Array, "V 3"], Int[Index, "F 3"]]:

@@ -1,7 +1,5 @@
 """What one camera sees of a mesh and of strokes around it: contours, and which parts of strokes are hidden."""
 
-from functools import cached_property
-
 import numpy as np
 import torch
 
@@ -40,7 +38,7 @@ class MeshSeen:
     """
 
     def __init__(
-        self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float, drawn: Bool[Mask, " E"]
+        self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float | None, drawn: Bool[Mask, " E"]
     ) -> None:
         """Finds the contours.
 
@@ -48,12 +46,14 @@ class MeshSeen:
             mesh: what is seen.
             cameras: the views.
             view: which of them.
-            tolerance: largest distance between contours and the strokes that are fitted to them, pixels.
+            tolerance: largest distance between contours and the strokes that are fitted to them, pixels; None where no
+                contours are wanted.
             drawn: creases along which no contours are wanted.
         """
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
-        chains = [part for c in contour_chains(mesh, self._picture, drawn) for part in _ahead(c, self._picture)]
-        self._fit_contours(chains, tolerance)
+        self._kept: tuple[MeshView, Outlines] | None = None
+        found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn)
+        self._fit_contours([part for c in found for part in _ahead(c, self._picture)], tolerance or 1.0)
 
     def _fit_contours(self, chains: list[Chain], tolerance: float) -> None:
         # Closed chains come back to their first point.
@@ -89,18 +89,23 @@ class MeshSeen:
             return torch.from_numpy(fitted.control)
         return contours_of(vertices, self._own, torch.from_numpy(self._points), fitted, self._cameras)
 
-    @cached_property
-    def _view(self) -> MeshView:
-        return MeshView(self._mesh, self._picture)
+    def _hiding(self) -> tuple[MeshView, Outlines]:
+        """What hides: the mesh in the picture, and where in the picture that may change.
 
-    @cached_property
-    def _outlines(self) -> Outlines:
+        Made when it is first asked for. Until Python 3.12 a `cached_property` made it for one view at a time.
+        """
+        if self._kept is None:
+            view = MeshView(self._mesh, self._picture)
+            self._kept = view, self._outlines(view)
+        return self._kept
+
+    def _outlines(self, view: MeshView) -> Outlines:
         """Edges between a face that is seen from outside and one from inside, and edges without just two faces."""
         one, other = self._mesh.edge_faces.T
-        outside = self._view.above > 0
+        outside = view.above > 0
         chosen = (self._mesh.edge_counts != 2) | (outside[one] != outside[other])
         ends, near = self._mesh.edges[chosen], self._picture.near
-        depths = self._view.depths[ends]
+        depths = view.depths[ends]
         ends, depths = ends[(depths > near).any(1)], depths[(depths > near).any(1)]
         # What reaches behind the near plane is cut there.
         way = depths[:, ::-1] - depths
@@ -120,12 +125,14 @@ class MeshSeen:
             share = (along - before)[:, None]
             points = self._points[before] * (1 - share) + self._points[before + 1] * share
             own = self._own[np.rint(along).astype(np.int64)]
-            return self._view.in_front(points, own, RINGS) | inside[segment]
+            return self._hiding()[0].in_front(points, own, RINGS) | inside[segment]
 
         return self._parts(self.lines, hidden, 0.0, STRAY)
 
     def parts(self, sketch: Sketch) -> Parts:
         """Which parts of a sketch's segments are seen; those that are near the mesh lie on it."""
+        if not len(sketch):
+            return Parts.none()
         tolerance = ON_SURFACE * self._mesh.size
         nearest = Nearest.of(self._mesh, tolerance)
         control = _homogeneous(sketch)
@@ -133,14 +140,21 @@ class MeshSeen:
         def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
             value = at(control[segment], t)
             points, own = nearest.places(value[:, :3] / value[:, 3:])
-            return self._view.in_front(points, own)
+            return self._hiding()[0].in_front(points, own)
 
         return self._parts(sketch, hidden, tolerance, 0.0)
 
     def _parts(self, sketch: Sketch, hidden: Ask, behind: float, stray: float) -> Parts:
         cubics = project(sketch.detach(), self._cameras).cubics[0].detach().cpu().numpy()
         chords = chords_of(cubics, self._picture)
-        return parts_of(chords, crossings(cubics, chords, self._outlines, self._picture, behind), hidden, stray)
+        return parts_of(chords, crossings(cubics, chords, self._hiding()[1], self._picture, behind), hidden, stray)
+
+
+def prepare(mesh: TriangleMesh, with_strokes: bool) -> None:
+    """Makes what all views need of a mesh, so that those that are looked at side by side do not each make it."""
+    _ = mesh.corner_normals, mesh.is_closed, mesh.edge_keys
+    if with_strokes:
+        Nearest.of(mesh, ON_SURFACE * mesh.size)
 
 
 def creases_along(mesh: TriangleMesh, sketch: Sketch) -> Bool[Mask, " E"]:

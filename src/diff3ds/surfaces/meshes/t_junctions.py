@@ -57,13 +57,15 @@ def _junctions(
     """Faces, their sides, the corners of others that lie on these, and how far along."""
     start, stop = faces.ravel(), np.roll(faces, -1, 1).ravel()
     base = int(faces.max()) + 1
-    _, first, counts = np.unique(
-        np.minimum(start, stop) * base + np.maximum(start, stop), return_index=True, return_counts=True
-    )
-    side = first[counts == 1]
+    key = np.minimum(start, stop) * base + np.maximum(start, stop)
+    ordered = np.sort(key)
+    changes = np.concatenate([[True], ordered[1:] != ordered[:-1], [True]])
+    alone = ordered[changes[1:] & changes[:-1]]
     nothing = np.zeros(0, np.int64)
-    if not len(side):
+    if not len(alone):
         return nothing, nothing, nothing, np.zeros(0)
+    side = np.flatnonzero(np.isin(key, alone))
+    side = side[np.argsort(key[side])]
     ends = vertices[np.stack([start[side], stop[side]], 1)]
     corner = np.unique(np.concatenate([start[side], stop[side]]))
     low, high = ends.min(1) - tolerance, ends.max(1) + tolerance

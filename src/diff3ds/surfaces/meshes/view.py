@@ -7,7 +7,7 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.boxes import BoxIndex, slices
+from diff3ds.surfaces.boxes import BoxIndex, all_of, largest, slices
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
@@ -72,7 +72,7 @@ class MeshView:
         pixels, depths, face = _clipped(mesh, self.pixels, self.depths, picture)
         self._corners, self._depths, self._face = pixels, depths, face
         low, high, self._triangle = slices(pixels, max(2 * len(face), MOST_BOXES))
-        middle = float(np.median((high - low).max(1))) if len(low) else 1.0
+        middle = float(np.median(largest(high - low))) if len(low) else 1.0
         self._index = BoxIndex.of(low, high, middle)
 
     def in_front(
@@ -100,12 +100,12 @@ class MeshView:
         pixels, depths = self.picture.seen(points)
         query, box = self._index.around(pixels)
         box = self._triangle[box]
-        a, b, c = (self._corners[box, k] for k in range(3))
+        a, b, c = self._corners.take(box, 0).transpose(1, 0, 2)
         p = pixels[query]
         shares = np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)], 1)
         area = shares.sum(1)
         shares /= np.where(area == 0, np.inf, area)[:, None]
-        inside = (shares >= -SEAM).all(1) & (area != 0)
+        inside = all_of(shares >= -SEAM) & (area != 0)
         query, box, shares = query[inside], box[inside], shares[inside]
         corner = self._depths[box]
         # Across a triangle depth is linear without perspective, and its inverse with it.
@@ -128,12 +128,9 @@ def _is_near(mesh: TriangleMesh, own: Int[Index, "P 3"], corners: Int[Index, "P 
         return near
     far = np.flatnonzero(~near & (own >= 0).all(1))
     pairs = np.sort(np.stack(np.broadcast_arrays(own[far][:, :, None], corners[far][:, None, :]), -1), -1)
-    base = len(mesh.vertices)
-    # The edges are sorted.
-    keys = mesh.edges[:, 0] * base + mesh.edges[:, 1]
-    wanted = pairs[..., 0] * base + pairs[..., 1]
-    found = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    near[far] = (keys[found] == wanted).any((1, 2))
+    wanted = pairs[..., 0] * len(mesh.vertices) + pairs[..., 1]
+    found = np.minimum(np.searchsorted(mesh.edge_keys, wanted), len(mesh.edge_keys) - 1)
+    near[far] = (mesh.edge_keys[found] == wanted).any((1, 2))
     return near
 
 
@@ -142,10 +139,10 @@ def _clipped(
 ) -> tuple[Float[Array, "T 3 2"], Float[Array, "T 3"], Int[Index, " T"]]:
     """Corners in the picture, depths and faces of the triangles, those that cross the near plane cut there."""
     ahead = depths > picture.near
-    count = ahead[mesh.faces].sum(1)
+    count = sum(ahead[corner].astype(np.int64) for corner in mesh.faces.T)
     whole = np.flatnonzero(count == 3)
-    corners = mesh.faces[whole]
-    parts = [(pixels[corners], depths[corners], whole)]
+    corners = mesh.faces.take(whole, 0)
+    parts = [(pixels.take(corners, 0), depths[corners], whole)]
     for kept in (1, 2):
         face = np.flatnonzero(count == kept)
         if not len(face):
@@ -157,10 +154,12 @@ def _clipped(
         points = [mesh.vertices[k] for k in (a, b, c)]
         pieces = [(points[0], ab, ac)] if kept == 1 else [(ab, points[1], points[2]), (ab, points[2], ac)]
         for piece in pieces:
-            parts.append((*picture.seen(np.stack(piece, 1)), face))
-    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
-    pixel, depth, face = joined
-    return pixel, np.maximum(depth, picture.near), face
+            pixel, depth = picture.seen(np.stack(piece, 1))
+            parts.append((pixel, np.maximum(depth, picture.near), face))
+    if len(parts) == 1:
+        return parts[0]
+    pixel, depth, face = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return pixel, depth, face
 
 
 def _at_near(

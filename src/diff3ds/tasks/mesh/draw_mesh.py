@@ -112,10 +112,11 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
     features, kinds = made.features
     shown = smooth_for_pictures(mesh, options.size)
-    views: list[Lines] = []
-    for view in range(len(cameras)):
-        views += visible_lines(features, cameras[view], shown, kinds=kinds, contours=options.contours)
-        report(Progress("drawings", view + 1, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
+
+    def told(done: int) -> None:
+        report(Progress("drawings", done, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
+
+    views = visible_lines(features, cameras, shown, kinds=kinds, contours=options.contours, told=told)
     drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
@@ -149,8 +150,7 @@ def _read(source: Path, options: MeshOptions, say: Callable[[str], None]) -> tup
         say(
             f"warning: {name} cannot be read from the folder of {source.name}: what it colours may be of another colour"
         )
-    smooth = creased(mesh, options.angle)
-    return smooth, colors if smooth is mesh else colors[smooth.source]
+    return creased(mesh, options.angle), colors
 
 
 def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
@@ -174,7 +174,7 @@ def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
         return mesh
     if loose_share(mesh) <= MOST_LOOSE:
         return mesh
-    return TriangleMesh(mesh.vertices, mesh.faces, mesh.part, 180.0)
+    return mesh.with_crease(180.0)
 
 
 def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambda progress: None) -> MeshSketch:
@@ -251,14 +251,15 @@ def _frames(
     start = options.view.azimuth[0]
     cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
     shown = _in_small(mesh, FINE_CELLS, FRAME)
-    for i in range(count):
-        (lines,) = visible_lines(features, cameras[i], shown, contours=options.contours)
+
+    def told(done: int) -> None:
+        report(Progress("turntable", done, count, None, len(features)))
+
+    for i, lines in enumerate(visible_lines(features, cameras, shown, contours=options.contours, told=told)):
         strokes = _drawn(lines, options, mesh, colors)
         if len(shown) < len(mesh):
             strokes = without_specks(strokes, 3 * mesh.size / FINE_CELLS)
-        drawn = render(strokes, cameras[i])
-        yield drawn.color[0].float()
-        report(Progress("turntable", i + 1, count, None, len(features)))
+        yield render(strokes, cameras[i]).color[0].float()
 
 
 def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:

@@ -59,10 +59,7 @@ def fit_strokes(
         The strokes as they were, but for their control points; float64.
     """
     cameras = all_around(mesh, VIEWS)
-    drawings = []
-    for view in range(VIEWS):
-        lines = visible_lines(features, cameras[view], mesh)[0]
-        drawings.append(_Drawing(lines.strokes(True), cameras[view]))
+    drawings = [_Drawing(lines.strokes(True), lines.cameras) for lines in visible_lines(features, cameras, mesh)]
     low, high = mesh.bounds
     frame = Frame(torch.from_numpy((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
     start, views = frame.from_world(strokes), frame.cameras(cameras)
