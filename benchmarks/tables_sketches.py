@@ -9,6 +9,7 @@ from sensitivity import NAMED, changes
 from tables_format import about_run, command, digits, link_to, markdown, percent, results_of, source_of
 
 NEAR = ("missing", "extra", "chamfer", "before_chamfer", "contours_chamfer")
+NEAR += ("doodle_missing", "doodle_extra", "doodle_chamfer")
 
 
 def edges() -> str:
@@ -120,10 +121,13 @@ def meshes() -> str:
 def smooth_meshes() -> str:
     """Strokes of smooth meshes against their drawings."""
     rows = [
-        [row["mesh"], row["strokes"], *(f"{row[name]:.1f}" for name in NEAR), f"{row['seconds']:.0f}"]
+        [row["mesh"], row["strokes"], row["cubics"], *(f"{row[name]:.1f}" for name in NEAR), f"{row['seconds']:.0f}"]
         for row in results_of("smooth_meshes")["figures"]["rows"]
     ]
-    head = ["", "strokes", "line to stroke", "stroke to line", "mean", "before the fit", "with contours", "seconds"]
+    head = [
+        "", "strokes", "cubics", "line to stroke", "stroke to line", "mean", "before the fit", "with contours",
+        "3Doodle's way: line to stroke", "stroke to line", "mean", "seconds",
+    ]  # fmt: skip
     return markdown(head, rows) + source_of("smooth_meshes")
 
 
