@@ -107,7 +107,8 @@ def render(
             gradient knows of the places where strokes begin to be hidden.
         hidden: what becomes of hidden parts of strokes where there is a surface: "drop" leaves them out, "faint" draws
             them with a quarter of their opacity, "dashed" in dashes, and "show" as if they were visible.
-        contours: whether the surface's contours are drawn, black and as wide as the sketch's strokes.
+        contours: whether the surface's contours are drawn, and the lines where its solids or pieces meet, black and as
+            wide as the sketch's strokes.
 
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the

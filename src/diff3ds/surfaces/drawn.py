@@ -16,7 +16,7 @@ from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch, faint
 from diff3ds.surfaces.dashes import dashed
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.seen import MeshSeen, creases_along, prepare
+from diff3ds.surfaces.meshes.seen import Drawn, MeshSeen, prepare
 from diff3ds.surfaces.meshes.view import Picture
 from diff3ds.surfaces.quadrics.seen import QuadricsSeen
 from diff3ds.surfaces.quadrics.union import Quadrics
@@ -45,7 +45,7 @@ class Lines:
     Attributes:
         sketch: all strokes, hidden ones too: those of a sketch, then the surface's own lines.
         kinds: what each stroke is: what the caller has called it, then "contour" (a line that depends on the view) or
-            "crease" (the end of a cylinder or cone).
+            "crease" (the end of a cylinder or cone), or "intersection" (where solids or pieces of a mesh meet).
         parts: which parts of the segments are seen and which hidden.
         cameras: the view.
     """
@@ -110,7 +110,8 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
     Contours of a mesh are where its normals, interpolated between creases, are at right angles to the line of sight,
     and along creases where the surface turns over; borders are none. Strokes are rational cubics in float64, black and
     of the default width, one a contour. Those of quadrics are exact conics; with the ends of cylinders and cones among
-    them, and without what lies inside of other solids. Gradients flow to quadrics and from there to cameras.
+    them, and without what lies inside of other solids. Then come the lines where solids, or pieces of a mesh, go
+    through each other. Gradients flow to quadrics and from there to cameras.
 
     Args:
         surface: what is seen.
@@ -142,7 +143,7 @@ def _each_view(
     """
     if isinstance(surface, Quadrics):
         return side_by_side(lambda view: take(QuadricsSeen(surface, cameras, view)), len(cameras), 1, told)
-    drawn = np.zeros(len(surface.edges), bool) if sketch is None else creases_along(surface, sketch)
+    drawn = Drawn.by(Sketch(torch.zeros(0, 4, 3)) if sketch is None else sketch, surface)
     gradients = surface.points.requires_grad and torch.is_grad_enabled()
 
     def look(view: int) -> Result:
@@ -177,7 +178,8 @@ def visible_lines(
         cameras: V views.
         surface: what hides.
         kinds: what each stroke is, such as "crease"; "stroke" where it is left out.
-        contours: whether the surface's own contours are among the lines: along creases only where no stroke draws them.
+        contours: whether the surface's own contours are among the lines, and where solids or pieces of a mesh meet:
+            along creases and there only where no stroke draws them.
         told: told how many views are done.
 
     Returns:

@@ -7,14 +7,13 @@ from typing import Literal
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float
 from diff3ds.edges.clean.simplify import simplest
 from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive
-from diff3ds.surfaces.meshes.corners import has_corner
-from diff3ds.surfaces.meshes.intersections import seams
+from diff3ds.surfaces.meshes.edge_runs import Run, edge_runs, seam_runs
+from diff3ds.surfaces.meshes.intersections import Seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # Curves keep within half of this, as a share of the mesh's longest side.
@@ -59,9 +58,9 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     Raises:
         ValueError: there are more than `most`.
     """
-    seam = seams(mesh)
+    seam = Seams.of(mesh)
     chains = _runs(mesh)
-    cuts = [chain for chain, _ in _chains(seam.points, seam.steps, np.zeros(len(seam.steps), bool))]
+    cuts = seam_runs(seam.points, seam.steps)
     if most is not None and len(chains) + len(cuts) > most:
         raise ValueError(
             f"the mesh has {len(chains) + len(cuts)} feature lines, more than {most}: smooth or simplify it"
@@ -104,53 +103,17 @@ def outline_share(mesh: TriangleMesh) -> float:
     return float(drawn / whole) if whole else 1.0
 
 
-# Vertices along a run of edges, and whether these are borders.
-_Run = tuple[list[int], bool]
-
-
-def _runs(mesh: TriangleMesh) -> list[_Run]:
+def _runs(mesh: TriangleMesh) -> list[Run]:
     """The creases and borders, from where they branch, end or turn sharply."""
     sharp = mesh.is_crease | (mesh.edge_counts != 2)
-    return list(_chains(mesh.vertices, mesh.edges[sharp], (mesh.edge_counts != 2)[sharp]))
+    return list(edge_runs(mesh.vertices, mesh.edges[sharp], (mesh.edge_counts != 2)[sharp]))
 
 
-def _loose(mesh: TriangleMesh, runs: list[_Run]) -> int:
+def _loose(mesh: TriangleMesh, runs: list[Run]) -> int:
     """How many runs have an end where no other begins."""
     ends = np.array([(chain[0], chain[-1]) for chain, _ in runs], np.int64).reshape(-1, 2)
     count = np.bincount(ends.ravel(), minlength=len(mesh.vertices))
     return int((count[ends] == 1).any(1).sum())
-
-
-def _chains(
-    vertices: Float[Array, "V 3"], edges: Int[NDArray[np.int64], "E 2"], border: NDArray[np.bool_]
-) -> Iterator[_Run]:
-    """Vertices along the edges, from where they branch, end, turn sharply or become a border; and whether they are one.
-
-    Loops end where they begin.
-    """
-    near: dict[int, list[int]] = {}
-    kind: dict[tuple[int, int], bool] = {}
-    for (a, b), outer in zip(edges.tolist(), border.tolist(), strict=True):
-        near.setdefault(a, []).append(b)
-        near.setdefault(b, []).append(a)
-        kind[a, b] = kind[b, a] = outer
-    through = {v: beside for v, beside in near.items() if len(beside) == 2 and kind[v, beside[0]] == kind[v, beside[1]]}
-    middle = np.fromiter(through, np.int64, len(through))
-    one, other = np.array([*through.values()], np.int64).reshape(-1, 2).T
-    corner = has_corner(vertices[middle] - vertices[one], vertices[other] - vertices[middle])
-    ends = near.keys() - through.keys() | set(middle[corner].tolist())
-    seen: set[tuple[int, int]] = set()
-    for start in (*sorted(ends), *sorted(near.keys() - ends)):
-        for after in near[start]:
-            if (start, after) in seen:
-                continue
-            chain = [start, after]
-            while chain[-1] not in ends and chain[-1] != start:
-                a, b = near[chain[-1]]
-                chain.append(b if a == chain[-2] else a)
-            seen.update(pairwise(chain))
-            seen.update(pairwise(chain[::-1]))
-            yield chain, kind[chain[0], chain[1]]
 
 
 # A run of vertices and the strokes that draw it.

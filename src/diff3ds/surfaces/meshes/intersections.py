@@ -1,6 +1,7 @@
 """Where the parts of a mesh go through each other: runs of points along the seams."""
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # Parts are moved by so little against each other, as a share of the mesh's size, that no corner lies on a face.
 APART = 1e-9
+# Segments that meet reach a little farther, as a share of their length: rounding.
+MET = 1e-6
 # Pairs of an edge and a face that are looked at together: 100 bytes each.
 AT_ONCE = 1 << 21
 
@@ -23,10 +26,42 @@ class Seams:
     Attributes:
         points: where an edge of one part goes through a face of another.
         steps: pairs of points between which two faces cut each other.
+        faces: one of these.
     """
 
     points: Float[Array, "N 3"]
     steps: Int[Index, "S 2"]
+    faces: Int[Index, " S"]
+
+    @staticmethod
+    def of(mesh: TriangleMesh) -> "Seams":
+        """The seams of a mesh, which keeps them."""
+        kept = mesh.__dict__.get("_seams")
+        if kept is None:
+            kept = mesh.__dict__["_seams"] = seams(mesh)
+        return cast(Seams, kept)
+
+
+def places_on_seams(
+    points: Float[Array, "M 3"], found: Seams, tolerance: float
+) -> tuple[Int[Index, " P"], Float[Array, " P"]]:
+    """Where a line from point to point goes through seams: the point before, and the share of the way to the next."""
+    start, way = points[:-1], np.diff(points, axis=0)
+    ends = found.points[found.steps]
+    low, high = ends.min(1) - tolerance, ends.max(1) + tolerance
+    cell = float(np.median((high - low).max(1))) if len(low) else 1.0
+    index = BoxIndex.of(low, high, cell)
+    step, row = index.meeting(np.minimum(start, points[1:]), np.maximum(start, points[1:]))
+    u, v, w = way[step], ends[row, 1] - ends[row, 0], ends[row, 0] - start[step]
+    # The shortest way between both is at right angles to them.
+    uu, uv, vv, uw, vw = (np.einsum("pi,pi->p", *pair) for pair in ((u, u), (u, v), (v, v), (u, w), (v, w)))
+    det = uu * vv - uv * uv
+    safe = np.where(det > 0, det, np.inf)
+    along, across = (uw * vv - vw * uv) / safe, (uw * uv - vw * uu) / safe
+    away = np.linalg.norm(along[:, None] * u - w - across[:, None] * v, axis=1)
+    inside = (np.abs(along - 0.5) <= 0.5 + MET) & (np.abs(across - 0.5) <= 0.5 + MET)
+    met = inside & (det > 0) & (away <= tolerance)
+    return step[met], np.clip(along[met], 0, 1)
 
 
 def seams(mesh: TriangleMesh) -> Seams:
@@ -35,7 +70,7 @@ def seams(mesh: TriangleMesh) -> Seams:
     Two faces cut each other along a segment. At each end of it an edge of one goes through the other, and the next face
     at this edge goes on from there. Points are known by edge and face, so that seams hang together for any rounding.
     """
-    none = Seams(np.zeros((0, 3)), np.zeros((0, 2), np.int64))
+    none = Seams(np.zeros((0, 3)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64))
     piece = _pieces_of(mesh)
     if not piece.any():
         return none
@@ -52,21 +87,24 @@ def seams(mesh: TriangleMesh) -> Seams:
     pairs = met.sum(1) == 2
     ends = slot.reshape(edges.shape)[pairs][met[pairs]].reshape(-1, 2)
     used, steps = np.unique(ends, return_inverse=True)
-    return _without_tiny_steps(place[used], steps.reshape(-1, 2), SAME * mesh.size)
+    return _without_tiny_steps(Seams(place[used], steps.reshape(-1, 2), one[pairs]), SAME * mesh.size)
 
 
-def _without_tiny_steps(points: Float[Array, "N 3"], steps: Int[Index, "S 2"], least: float) -> Seams:
+def _without_tiny_steps(found: Seams, least: float) -> Seams:
     """The seams with points made one that short steps join: where corners nearly lie on faces."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
+    points, steps = found.points, found.steps
     tiny = np.linalg.norm(points[steps[:, 0]] - points[steps[:, 1]], axis=1) < least
     a, b = steps[tiny].T
     graph = coo_matrix((np.ones(len(a), bool), (a, b)), shape=(len(points), len(points)))
     _, group = connected_components(graph, directed=False)
     _, first = np.unique(group, return_index=True)
-    left = np.sort(group[steps[~tiny]], axis=1)
-    return Seams(points[first], np.unique(left[left[:, 0] != left[:, 1]], axis=0).astype(np.int64))
+    left = np.sort(group[steps[~tiny]], axis=1).astype(np.int64)
+    apart = left[:, 0] != left[:, 1]
+    steps, row = np.unique(left[apart], axis=0, return_index=True)
+    return Seams(points[first], steps, found.faces[~tiny][apart][row])
 
 
 def _pieces_of(mesh: TriangleMesh) -> Int[Index, " F"]:
@@ -76,8 +114,9 @@ def _pieces_of(mesh: TriangleMesh) -> Int[Index, " F"]:
 
     count = len(mesh.faces)
     rows = np.repeat(np.arange(count), 3)
-    graph = coo_matrix((np.ones(3 * count, bool), (rows, mesh.face_edges.ravel())), shape=(count, len(mesh.edges)))
-    _, piece = connected_components(graph @ graph.T, directed=False)
+    first = mesh.edge_faces[:, 0][mesh.face_edges.ravel()]
+    graph = coo_matrix((np.ones(3 * count, bool), (rows, first)), shape=(count, count))
+    _, piece = connected_components(graph, directed=False)
     return piece.astype(np.int64)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.boxes import BoxIndex, slices
+from diff3ds.surfaces.meshes.intersections import Seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.view import MOST_BOXES
 
@@ -22,8 +23,8 @@ ON_EDGE = 1e-9
 class Nearest:
     """Finds the places of points on a mesh.
 
-    Creases, borders and branches come before faces: a curve that was fitted to an edge runs on either side of it within
-    the tolerance, and is seen where the edge is.
+    Creases, borders, branches and seams, where pieces go through each other, come before faces: a curve that was fitted
+    to one runs on either side of it within the tolerance, and is seen where the edge or the seam is.
     """
 
     def __init__(self, mesh: TriangleMesh, tolerance: float, edges_first: bool = True) -> None:
@@ -32,12 +33,14 @@ class Nearest:
         Args:
             mesh: where points are looked for.
             tolerance: how far from the mesh a point may be and still lie on it, world units.
-            edges_first: whether creases, borders and branches come before faces that are nearer.
+            edges_first: whether creases, borders, branches and seams come before faces that are nearer.
         """
         self.mesh, self.tolerance = mesh, tolerance
         self._sharp = mesh.edges[(mesh.is_crease | (mesh.edge_counts != 2)) & edges_first]
-        ends = mesh.vertices[self._sharp]
-        self._edges = _index(ends.min(1), ends.max(1), tolerance)
+        seam = Seams.of(mesh)
+        self._seam_faces = seam.faces[: len(seam.faces) if edges_first else 0]
+        self._lines = np.concatenate([mesh.vertices[self._sharp], seam.points[seam.steps[: len(self._seam_faces)]]])
+        self._edges = _index(self._lines.min(1), self._lines.max(1), tolerance)
         low, high, self._triangle = slices(mesh.vertices[mesh.faces], max(2 * len(mesh), MOST_BOXES))
         self._faces = _index(low, high, tolerance)
 
@@ -56,10 +59,10 @@ class Nearest:
         """
         moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
         for batch in self._edges.batches(points):
-            query, edge = self._edges.around(points[batch])
+            query, line = self._edges.around(points[batch])
             query = batch.start + query
-            found, share = _on_segments(points[query], self.mesh.vertices[self._sharp[edge]])
-            self._take(points, query, found, _of_segment(self._sharp[edge], share), moved, own)
+            found, share = _on_segments(points[query], self._lines[line])
+            self._take(points, query, found, self._of_line(line, share), moved, own)
         rest = np.flatnonzero(own[:, 0] < 0)
         for batch in self._faces.batches(points[rest]):
             query, box = self._faces.around(points[rest[batch]])
@@ -67,6 +70,14 @@ class Nearest:
             found, shares = closest_on_triangles(points[query], self.mesh.vertices[self.mesh.faces[face]])
             self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
         return moved, own
+
+    def _of_line(self, line: Int[Index, " P"], share: Float[Array, " P"]) -> Int[Index, "P 3"]:
+        """The vertices of edges, or of one of the two faces of seams: the other face is as near to the camera there."""
+        is_edge = line < len(self._sharp)
+        own = np.empty((len(line), 3), np.int64)
+        own[is_edge] = _of_segment(self._sharp[line[is_edge]], share[is_edge])
+        own[~is_edge] = self.mesh.faces[self._seam_faces[line[~is_edge] - len(self._sharp)]]
+        return own
 
     def _take(
         self,
@@ -109,19 +120,15 @@ def faces_at(mesh: TriangleMesh, own: Int[Index, "Q 3"]) -> tuple[Int[Index, " P
     return query[held], face[held]
 
 
-def edges_along(
-    mesh: TriangleMesh, chosen: Bool[Mask, " E"], chords: Float[Array, "C 2 3"], tolerance: float
-) -> Bool[Mask, " E"]:
-    """Which of the chosen edges have their middles on straight chords of curves, within the tolerance."""
-    along = np.zeros(len(chosen), bool)
-    edge = np.flatnonzero(chosen)
-    middles = mesh.vertices[mesh.edges[edge]].mean(1)
+def along_chords(middles: Float[Array, "N 3"], chords: Float[Array, "C 2 3"], tolerance: float) -> Bool[Mask, " N"]:
+    """Which points lie on straight chords of curves, within the tolerance."""
+    along = np.zeros(len(middles), bool)
     index = _index(chords.min(1), chords.max(1), tolerance)
     for batch in index.batches(middles):
         query, chord = index.around(middles[batch])
         query = batch.start + query
         found, _ = _on_segments(middles[query], chords[chord])
-        along[edge[query[np.linalg.norm(found - middles[query], axis=1) <= tolerance]]] = True
+        along[query[np.linalg.norm(found - middles[query], axis=1) <= tolerance]] = True
     return along
 
 

@@ -1,5 +1,7 @@
 """What one camera sees of a mesh and of strokes around it: contours, and which parts of strokes are hidden."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 
@@ -15,8 +17,10 @@ from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chain
 from diff3ds.surfaces.meshes.contour_gradients import contours_of
 from diff3ds.surfaces.meshes.contours import Chain, contour_chains
 from diff3ds.surfaces.meshes.corners import has_corner
+from diff3ds.surfaces.meshes.edge_runs import seam_runs
+from diff3ds.surfaces.meshes.intersections import APART, Seams, places_on_seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.nearest import ON_SURFACE, Nearest, edges_along
+from diff3ds.surfaces.meshes.nearest import ON_SURFACE, Nearest, along_chords
 from diff3ds.surfaces.meshes.view import MeshView, Picture
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
@@ -28,32 +32,39 @@ LEAST_RUN = 4
 # Of the points that a part of a contour is asked about, so large a share is noise: facets beside it. Empirical.
 STRAY = 0.25
 
+# Segments and parameters at which something may change.
+Cuts = tuple[Int[Index, " X"], Float[Array, " X"]]
+
 
 class MeshSeen:
     """A mesh in one view.
 
     Attributes:
-        lines: the contours as strokes, black, of the default width, hidden ones too.
-        kinds: "contour" for each.
+        lines: the contours as strokes, black, of the default width, hidden ones too; then the seams where pieces of the
+            mesh go through each other.
+        kinds: "contour" or "intersection" for each.
     """
 
     def __init__(
-        self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float | None, drawn: Bool[Mask, " E"]
+        self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float | None, drawn: "Drawn"
     ) -> None:
-        """Finds the contours.
+        """Finds the lines.
 
         Args:
             mesh: what is seen.
             cameras: the views.
             view: which of them.
-            tolerance: largest distance between contours and the strokes that are fitted to them, pixels; None where no
-                contours are wanted.
-            drawn: creases along which no contours are wanted.
+            tolerance: largest distance between lines and the strokes that are fitted to them, pixels; None where no
+                lines are wanted.
+            drawn: what strokes draw already.
         """
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
         self._kept: tuple[MeshView, Outlines] | None = None
-        found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn)
+        found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
         self._fit_contours([part for c in found for part in _ahead(c, self._picture)], tolerance or 1.0)
+        self._seams = _fitted_seams(Seams.of(mesh), ~drawn.seams, self._picture, tolerance)
+        self.lines = Sketch.concatenate([self._contours, self._seams]) if len(self._seams) else self._contours
+        self.kinds = ("contour",) * len(self._contours) + ("intersection",) * len(self._seams)
 
     def _fit_contours(self, chains: list[Chain], tolerance: float) -> None:
         # Closed chains come back to their first point.
@@ -79,8 +90,7 @@ class MeshSeen:
         points = control[..., :3] / weights[..., None]
         counts = np.bincount(fitted.chain, minlength=len(chains))
         made = Chains.of(counts.tolist(), [c.closed for c in chains])
-        self.lines = Sketch(points, weights / weights[:, :1], chains=made)
-        self.kinds = ("contour",) * len(self.lines)
+        self._contours = Sketch(points, weights / weights[:, :1], chains=made)
 
     def _control(self) -> Float[Tensor, "C 4 4"]:
         """Homogeneous control points of the contours; functions of the vertices where gradients are wanted."""
@@ -115,19 +125,20 @@ class MeshSeen:
         return Outlines(pixels, np.maximum(depths, near))
 
     def line_parts(self) -> Parts:
-        """Which parts of the contours are seen."""
+        """Which parts of the lines are seen."""
         axis, place = _places_along(self._fitted)
         inside = ~self._convex & self._mesh.is_closed
 
         def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
             along = np.interp(segment + t, axis, place)
             before = np.minimum(along.astype(np.int64), len(self._points) - 2)
-            share = (along - before)[:, None]
+            share = self._in_perspective(before, along - before, 1)[:, None]
             points = self._points[before] * (1 - share) + self._points[before + 1] * share
             own = self._own[np.rint(along).astype(np.int64)]
             return self._hiding()[0].in_front(points, own, RINGS) | inside[segment]
 
-        return self._parts(self.lines, hidden, 0.0, STRAY)
+        contours = self._parts(self._contours, hidden, 0.0, STRAY, self._through_seams(axis, place))
+        return Parts.concatenate(contours, self.parts(self._seams), len(self._contours.points))
 
     def parts(self, sketch: Sketch) -> Parts:
         """Which parts of a sketch's segments are seen; those that are near the mesh lie on it."""
@@ -144,26 +155,86 @@ class MeshSeen:
 
         return self._parts(sketch, hidden, tolerance, 0.0)
 
-    def _parts(self, sketch: Sketch, hidden: Ask, behind: float, stray: float) -> Parts:
+    def _through_seams(self, axis: Float[Array, " A"], place: Float[Array, " A"]) -> Cuts:
+        """Where contours go into another piece of the mesh: their pictures only touch that of the seam there."""
+        seam = Seams.of(self._mesh)
+        before, share = places_on_seams(self._points, seam, APART * self._mesh.size)
+        segment, t = np.divmod(np.interp(before + self._in_perspective(before, share, -1), place, axis), 1)
+        return segment.astype(np.int64), t
+
+    def _in_perspective(self, before: Int[Index, " Q"], share: Float[Array, " Q"], power: int) -> Float[Array, " Q"]:
+        """Shares of the way from one point of a contour to the next, in the picture (power 1), in space, or back (-1).
+
+        Strokes that are fitted in the picture go along it evenly, and faster in space where it is farther away.
+        """
+        if self._picture.orthographic:
+            return share
+        near, far = (self._picture.seen(self._points[row])[1] ** power for row in (before, before + 1))
+        return share * near / ((1 - share) * far + share * near)
+
+    def _parts(self, sketch: Sketch, hidden: Ask, behind: float, stray: float, more: Cuts | None = None) -> Parts:
         cubics = project(sketch.detach(), self._cameras).cubics[0].detach().cpu().numpy()
         chords = chords_of(cubics, self._picture)
-        return parts_of(chords, crossings(cubics, chords, self._hiding()[1], self._picture, behind), hidden, stray)
+        cuts = crossings(cubics, chords, self._hiding()[1], self._picture, behind)
+        if more is not None:
+            cuts = np.concatenate([cuts[0], more[0]]), np.concatenate([cuts[1], more[1]])
+        return parts_of(chords, cuts, hidden, stray)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What strokes of a sketch draw of a mesh already.
+
+    Attributes:
+        creases: of the edges, those creases that strokes run along.
+        seams: which steps of its seams they run along.
+    """
+
+    creases: Bool[Mask, " E"]
+    seams: Bool[Mask, " S"]
+
+    @staticmethod
+    def by(sketch: Sketch, mesh: TriangleMesh) -> "Drawn":
+        """By the strokes of this sketch."""
+        seam = Seams.of(mesh)
+        return Drawn(creases_along(mesh, sketch), _on_strokes(mesh, seam.points[seam.steps].mean(1), sketch))
 
 
 def prepare(mesh: TriangleMesh, with_strokes: bool) -> None:
     """Makes what all views need of a mesh, so that those that are looked at side by side do not each make it."""
     _ = mesh.corner_normals, mesh.is_closed, mesh.edge_keys
-    if with_strokes:
+    if with_strokes or len(Seams.of(mesh).steps):
         Nearest.of(mesh, ON_SURFACE * mesh.size)
+
+
+def _fitted_seams(seam: Seams, chosen: Bool[Mask, " S"], picture: Picture, tolerance: float | None) -> Sketch:
+    """Strokes along some steps of seams, where these are in front of the near plane."""
+    steps = seam.steps[chosen & (picture.seen(seam.points)[1] > picture.near)[seam.steps].all(1)]
+    chains = [] if tolerance is None else seam_runs(seam.points, steps)
+    rows = np.concatenate([np.zeros(0, np.int64), *(np.array(chain) for chain in chains)])
+    first = np.cumsum([0, *(len(chain) for chain in chains)])
+    fitted = fit_chains(seam.points[rows], first, np.zeros(0, np.int64), picture, tolerance or 1.0)
+    control = torch.from_numpy(fitted.control)
+    weights = control[..., 3]
+    counts = np.bincount(fitted.chain, minlength=len(chains)).tolist()
+    made = Chains.of(counts, [chain[0] == chain[-1] for chain in chains])
+    return Sketch(control[..., :3] / weights[..., None], weights / weights[:, :1], chains=made)
 
 
 def creases_along(mesh: TriangleMesh, sketch: Sketch) -> Bool[Mask, " E"]:
     """The creases of a mesh that strokes of a sketch run along."""
+    along = mesh.is_crease.copy()
+    along[along] = _on_strokes(mesh, mesh.vertices[mesh.edges[along]].mean(1), sketch)
+    return along
+
+
+def _on_strokes(mesh: TriangleMesh, points: Float[Array, "N 3"], sketch: Sketch) -> Bool[Mask, " N"]:
+    """Which points of a mesh strokes of a sketch run along."""
     tolerance = ON_SURFACE * mesh.size
-    points, weights = sketch.points.detach().cpu().double(), sketch.weights.detach().cpu().double()
-    lines = [vertices.numpy() for _, vertices in tessellate(points, weights, tolerance / 4)] if len(sketch) else []
+    control, weights = sketch.points.detach().cpu().double(), sketch.weights.detach().cpu().double()
+    lines = [vertices.numpy() for _, vertices in tessellate(control, weights, tolerance / 4)] if len(sketch) else []
     chords = [np.stack([line[:-1], line[1:]], 1) for line in lines]
-    return edges_along(mesh, mesh.is_crease, np.concatenate([np.zeros((0, 2, 3)), *chords]), tolerance)
+    return along_chords(points, np.concatenate([np.zeros((0, 2, 3)), *chords]), tolerance)
 
 
 def _homogeneous(sketch: Sketch) -> Float[Array, "M 4 4"]:
