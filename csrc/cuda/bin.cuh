@@ -2,7 +2,7 @@
 // pieces and chords, so sums and ties do not hang on which thread came first.
 #pragma once
 #include "common/bin.h"
-#include "cuda/warp.cuh"
+#include "cuda/sort.cuh"
 
 namespace stroke {
 // The intersections of one chord.
@@ -23,21 +23,13 @@ template <bool WRITE> __device__ void bin_chord(const Job &J, u32 chord) {
   if (!WRITE) J.intersection_first[chord] = n;
 }
 
-// Sorts n numbers by one block: Batcher's merge exchange (Knuth, The Art of Computer Programming 3, algorithm 5.2.2M), which compares the same
-// places whatever lies there.
+// Sorts n numbers by one block.
 __device__ inline void sort_by_block(u32 *a, u32 n) {
-  u32 top = 1;
-  while (2 * top < n) top *= 2;
-  for (u32 p = top; p > 0; p /= 2)
-    for (u32 q = top, r = 0, d = p;; d = q - p, q /= 2, r = p) {
-      for (u32 i = threadIdx.x; i + d < n; i += blockDim.x)
-        if ((i & p) == r && a[i] > a[i + d]) {
-          const u32 x = a[i];
-          a[i] = a[i + d], a[i + d] = x;
-        }
-      __syncthreads();
-      if (q == p) break;
-    }
+  auto exchange = [&](u32 i, u32 j) {
+    const u32 x = a[i], y = a[j];
+    if (x > y) a[i] = y, a[j] = x;
+  };
+  sort_together(n, threadIdx.x, blockDim.x, exchange, [] { __syncthreads(); });
 }
 
 // Whether the chords of a part of tile_list follow on each other and turn so little that they have one nearest point.

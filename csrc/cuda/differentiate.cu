@@ -5,11 +5,11 @@
 #include "cuda/project.cuh"
 
 namespace stroke {
-KERNEL(differentiate_image, 256) { differentiate_tile<EVEN, false, false>(J); }
-KERNEL(differentiate_image_depth, 256) { differentiate_tile<EVEN, true, false>(J); }
-KERNEL(differentiate_world, 256) { differentiate_tile<WORLD, true, false>(J); }
-KERNEL(differentiate_image_along, 256) { differentiate_tile<ALONG, true, false>(J); }
-KERNEL(differentiate_world_along, 256) { differentiate_tile<WORLD | ALONG, true, false>(J); }
+KERNEL(differentiate_image, 256, BLOCKS) { differentiate_tile<EVEN, false, false>(J); }
+KERNEL(differentiate_image_depth, 256, BLOCKS) { differentiate_tile<EVEN, true, false>(J); }
+KERNEL(differentiate_world, 256, BLOCKS) { differentiate_tile<WORLD, true, false>(J); }
+KERNEL(differentiate_image_along, 256, BLOCKS) { differentiate_tile<ALONG, true, false>(J); }
+KERNEL(differentiate_world_along, 256, BLOCKS) { differentiate_tile<WORLD | ALONG, true, false>(J); }
 KERNEL(finish_gradients, 128) {
   each_warp(segment_count(J), [&](u32 i) { finish_segment(J, i); });
 }

@@ -3,9 +3,9 @@
 #include "cuda/composite.cuh"
 
 namespace stroke {
-KERNEL(draw_image, 256) { draw_tile<EVEN>(J); }
-KERNEL(draw_world, 256) { draw_tile<WORLD>(J); }
-KERNEL(draw_image_along, 256) { draw_tile<ALONG>(J); }
-KERNEL(draw_world_along, 256) { draw_tile<WORLD | ALONG>(J); }
+KERNEL(draw_image, 256, BLOCKS) { draw_tile<EVEN>(J); }
+KERNEL(draw_world, 256, BLOCKS) { draw_tile<WORLD>(J); }
+KERNEL(draw_image_along, 256, BLOCKS) { draw_tile<ALONG>(J); }
+KERNEL(draw_world_along, 256, BLOCKS) { draw_tile<WORLD | ALONG>(J); }
 KERNEL(conclude_drawing, 256) { conclude(J); }
 }  // namespace stroke

@@ -3,14 +3,22 @@
 #include "cuda/warp.cuh"
 
 namespace stroke {
+constexpr u32 AT_ONCE = 8;  // numbers that are waited for together (empirical)
 // This lane's number among the sums of a piece: over its intersections, that is chords and then tiles.
 __device__ inline double piece_sum(const Job &J, u32 piece, u32 first_intersection, u32 last_intersection) {
   double sum = 0;
   for (u32 base = first_intersection; base < last_intersection; base += WARP) {
     const u32 intersection = base + lane(), tile_piece = intersection < last_intersection ? J.intersection_tile_piece[intersection] : NONE;
-    for (u32 mask = __ballot_sync(ALL, tile_piece != NONE); mask; mask &= mask - 1) {
-      const u32 from = __shfl_sync(ALL, tile_piece, __ffs(mask) - 1);
-      if (lane() < NGRAD) sum += J.g_tile_piece[u64(from) * NGRAD + lane()];
+    for (u32 mask = __ballot_sync(ALL, tile_piece != NONE); mask;) {
+      real some[AT_ONCE];
+#pragma unroll
+      for (u32 k = 0; k < AT_ONCE; k++) {
+        const u32 from = __shfl_sync(ALL, tile_piece, __ffs(mask) - 1);
+        some[k] = mask && lane() < NGRAD ? J.g_tile_piece[u64(from) * NGRAD + lane()] : 0;
+        mask &= mask - 1;
+      }
+#pragma unroll
+      for (u32 k = 0; k < AT_ONCE; k++) sum += some[k];
     }
   }
   if (J.strata && lane() < NGRAD) sum += J.outline_sums[u64(piece) * NGRAD + lane()];

@@ -1,8 +1,8 @@
 // From the strokes of a tile to its fragments, one thread for every point: the nearest point of each stroke within reach, kept per warp, and
 // each point's fragments sorted by depth: the first half of occlusion; composite.cuh blends them.
 #pragma once
+#include "cuda/sort.cuh"
 #include "cuda/tile.cuh"
-#include "cuda/warp.cuh"
 
 namespace stroke {
 // A stroke over a point; tile piece: NONE if it does not reach it.
@@ -123,28 +123,7 @@ struct Pool {
   }
 };
 
-// Whether fragment i is nearer than j; equal depths are in the order of strokes, as their numbers are.
-__device__ inline bool nearer(const Cover *f, u32 i, u32 j) { return f[i].z < f[j].z || (f[i].z == f[j].z && i < j); }
-// Heap sort, near to far, of a list of any length.
-__device__ inline void sort_long(u32 *a, u32 n, const Cover *f) {
-  for (u32 start = n / 2, end = n;;) {
-    u32 x;
-    if (start > 0) x = a[--start];
-    else {
-      if (--end == 0) return;
-      x = a[end], a[end] = a[0];
-    }
-    u32 i = start;
-    for (u32 child; (child = 2 * i + 1) < end; i = child) {
-      if (child + 1 < end && nearer(f, a[child], a[child + 1])) child++;
-      if (!nearer(f, x, a[child])) break;
-      a[i] = a[child];
-    }
-    a[i] = x;
-  }
-}
-
-// A point's fragments near to far: the first few as they come, in shared memory; if there are more, they are sorted where they lie.
+// A point's fragments near to far: the first few as they come, in shared memory. Equal depths are in the order of strokes, as fragments' numbers are.
 constexpr u32 SHORT_LIST = 64 / sizeof(real);  // half of the 48 kB that every GPU has for a block (empirical: few points have more)
 struct ShortLists {
   real z[SHORT_LIST][PIX];
@@ -155,6 +134,33 @@ __device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
   const u32 t = threadIdx.x;
   for (; n > 0 && s.z[n - 1][t] > z; n--) s.z[n][t] = s.z[n - 1][t], s.fragment[n][t] = s.fragment[n - 1][t];
   s.z[n][t] = z, s.fragment[n][t] = fragment;
+}
+
+// A longer list, of any length, by all lanes: in the warp's part of the shared memory, which its short lists have left, or where it lies if that is
+// too small.
+__device__ inline void sort_long(ShortLists &s, u32 *list, u32 n, const Cover *fragments) {
+  auto wait = [] { __syncwarp(); };
+  auto farther = [](real z, u32 i, real other, u32 j) { return z > other || (z == other && i > j); };
+  if (n > SHORT_LIST * WARP) {
+    auto exchange = [&](u32 i, u32 j) {
+      const u32 a = list[i], b = list[j];
+      if (farther(fragments[a].z, a, fragments[b].z, b)) list[i] = b, list[j] = a;
+    };
+    sort_together(n, lane(), WARP, exchange, wait);
+    return;
+  }
+  const u32 own = threadIdx.x - lane();
+  auto z = [&](u32 k) -> real & { return s.z[k / WARP][own + k % WARP]; };
+  auto fragment = [&](u32 k) -> u32 & { return s.fragment[k / WARP][own + k % WARP]; };
+  for (u32 k = lane(); k < n; k += WARP) fragment(k) = list[k], z(k) = fragments[list[k]].z;
+  wait();
+  auto exchange = [&](u32 i, u32 j) {
+    const u32 a = fragment(i), b = fragment(j);
+    const real za = z(i), zb = z(j);
+    if (farther(za, a, zb, b)) fragment(i) = b, fragment(j) = a, z(i) = zb, z(j) = za;
+  };
+  sort_together(n, lane(), WARP, exchange, wait);
+  for (u32 k = lane(); k < n; k += WARP) list[k] = fragment(k);
 }
 
 // The fragments of this thread's point, relative to the tile, if `active`: their number, and in `first` where their order begins. accept: which
@@ -195,8 +201,13 @@ __device__ u32 collect(const Job &J, const Tile &p, real x, real y, bool active,
       const WarpFragments s = pool.warp_fragments[u64(r - p.tile_piece_first) * WARPS + warp];
       if (s.mask >> lane() & 1) order[k++] = s.first + __popc(below(s.mask));
     }
-    sort_long(order, n, pool.fragments);
   }
+  __syncwarp();
+  for (u32 mask = __ballot_sync(ALL, n > SHORT_LIST); mask; mask &= mask - 1) {
+    const u32 of = __ffs(mask) - 1;
+    sort_long(lists, pool.order + __shfl_sync(ALL, first, of), __shfl_sync(ALL, n, of), pool.fragments);
+  }
+  __syncwarp();
   return n;
 }
 }  // namespace stroke

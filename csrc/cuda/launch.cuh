@@ -1,8 +1,9 @@
-// How the kernels that Python launches are written: each takes the job, and lists whose length only the device knows in strides.
+// How the kernels that Python launches are written: each takes the job, and lists whose length only the device knows in strides. Behind the threads of a
+// block may stand how many blocks a processor shall have registers for.
 #pragma once
 #include "cuda/warp.cuh"
 
-#define KERNEL(name, threads) extern "C" __global__ void __launch_bounds__(threads) name(const __grid_constant__ Job J)
+#define KERNEL(name, ...) extern "C" __global__ void __launch_bounds__(__VA_ARGS__) name(const __grid_constant__ Job J)
 
 namespace stroke {
 template <class Work> __device__ void each_thread(u32 n, Work work) {

@@ -35,28 +35,37 @@ template <class T> __device__ T block_prefix(typename Same<T>::type x, T &total)
   __syncthreads();
   if (lane() == 0) sums[warp] = of_warp;
   __syncthreads();
-  T at = 0;
-  total = 0;
-  for (u32 w = 0; w < blockDim.x / WARP; w++) at += w < warp ? sums[w] : 0, total += sums[w];
-  return at + before;
+  const T of_warps = warp_prefix(lane() < blockDim.x / WARP ? sums[lane()] : 0, total);
+  return __shfl_sync(ALL, of_warps, warp) + before;
 }
 
-// From n counts to the first of each, and behind them their sum; one block. Each thread takes several numbers in a row, for which it waits once.
-constexpr u32 IN_A_ROW = 8;
+// Four numbers in a row, which are read and written at once; those from the n-th of an array on are 0, and stay as they are there.
+struct alignas(16) InARow {
+  u32 k[4];
+};
+__device__ inline InARow load_row(const u32 *a, u32 first, u32 n) {
+  if (first + 4 <= n) return *reinterpret_cast<const InARow *>(a + first);
+  InARow some = {};
+  for (u32 k = 0; first + k < n; k++) some.k[k] = a[first + k];
+  return some;
+}
+__device__ inline void store_row(u32 *a, u32 first, u32 n, const InARow &some) {
+  if (first + 4 <= n) *reinterpret_cast<InARow *>(a + first) = some;
+  else
+    for (u32 k = 0; first + k < n; k++) a[first + k] = some.k[k];
+}
+// From n counts to the first of each, and behind them their sum; one block. The next counts are on their way while these are added up.
 __device__ inline u64 add_up(u32 *a, u32 n) {
   u64 sum = 0;
-  for (u32 start = 0; start < n; start += IN_A_ROW * blockDim.x) {
-    const u32 first = start + IN_A_ROW * threadIdx.x;
-    u32 counts[IN_A_ROW];
-    u64 own = 0, total;
-#pragma unroll
-    for (u32 k = 0; k < IN_A_ROW; k++) counts[k] = first + k < n ? a[first + k] : 0, own += counts[k];
-    u64 at = sum + block_prefix(own, total);
-#pragma unroll
-    for (u32 k = 0; k < IN_A_ROW; k++) {
-      if (first + k < n) a[first + k] = u32(at);
-      at += counts[k];
-    }
+  const u32 step = 4 * blockDim.x;
+  InARow next = load_row(a, 4 * threadIdx.x, n);
+  for (u32 first = 4 * threadIdx.x, start = 0; start < n; start += step, first += step) {
+    const InARow counts = next;
+    next = load_row(a, first + step, n);
+    u64 total, at = sum + block_prefix(u64(counts.k[0]) + counts.k[1] + counts.k[2] + counts.k[3], total);
+    InARow places;
+    for (u32 k = 0; k < 4; k++) places.k[k] = u32(at), at += counts.k[k];
+    store_row(a, first, n, places);
     sum += total;
   }
   if (threadIdx.x == 0) a[n] = u32(sum);

@@ -46,11 +46,11 @@ def source_digest() -> str:
 
 @functools.cache
 def kernels() -> dict[str, Kernel]:
-    """All kernels by name, as their sources declare them: KERNEL(name, threads)."""
+    """All kernels by name, as their sources declare them: KERNEL(name, threads) and what else bounds them."""
     return {
         name: Kernel(part, int(threads))
         for part in PARTS
         for name, threads in re.findall(
-            r"^KERNEL\((\w+), (\d+)\)", (source_folder() / "cuda" / f"{part}.cu").read_text(encoding="utf-8"), re.M
+            r"^KERNEL\((\w+), (\d+)\b", (source_folder() / "cuda" / f"{part}.cu").read_text(encoding="utf-8"), re.M
         )
     }
