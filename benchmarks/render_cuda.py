@@ -1,7 +1,8 @@
 """Speed and memory of `diff3ds.render` on an NVIDIA GPU: run by `python benchmarks/render.py --device cuda`.
 
 "device" is the time of a replayed CUDA graph between two events: what the kernels take. "user" is the time of a call
-and a wait, graphs off. "must move" are the bytes of images, upstream gradients and strokes, and "floor" is the time
+and a wait, graphs off; "one thread" the same with the backward pass in the caller's thread, not in one that autograd
+wakes for a GPU. "must move" are the bytes of images, upstream gradients and strokes, and "floor" is the time
 that the memory needs for them, at the speed of a large copy.
 """
 
@@ -143,6 +144,9 @@ def measure(workload: Workload) -> dict[str, float | None]:
     figures: dict[str, float | None] = {"memory, MB": (torch.cuda.max_memory_allocated() - before) / 1e6}
     for name, way in (("forward", passes.forward), ("kept", passes.kept_forward), ("both", passes.both)):
         figures[f"{name}, device"], figures[f"{name}, user"] = device_ms(way), user_ms(way)
+    # Without the thread that autograd has for a GPU.
+    with torch.autograd.set_multithreading_enabled(False):
+        figures["both, one thread"] = user_ms(passes.both)
     for clock in ("device", "user"):
         figures[f"backward, {clock}"] = float(figures[f"both, {clock}"] or 0) - float(
             figures.pop(f"kept, {clock}") or 0
@@ -201,6 +205,7 @@ def main(names: str, quick: bool, json: Path | None) -> None:
             for p in ("forward", "backward", "both")
         ]
         show(f"{name}: {workload}", ["", "device, ms", "user, ms", "floor, ms", "must move, MB"], rows)
+        say(f"both, backward in the caller's thread, ms: {found['both, one thread']:.4g}")
         say("  ".join(f"{k}: {found[k]:.4g}" for k in ("memory, MB", "reference", "cpu") if k in found))
     aims = [(f"{n} {what}", figures["workloads"][n][what], bound) for (n, what), bound in AIMS.items() if n in names]
     aims += [(k, v, b) for (k, v), b in zip(figures["first"].items(), (FIRST_CALL, LATER_PROCESS), strict=True)]

@@ -76,11 +76,13 @@ def gpu() -> str:
     rows = []
     for key, found in figures["workloads"].items():
         for pass_ in ("forward", "backward", "both"):
-            times = (digits(found[f"{pass_}, {clock}"]) for clock in ("device", "user"))
+            times = [digits(found[f"{pass_}, {clock}"]) for clock in ("device", "user")]
+            times.append(digits(found["both, one thread"]) if pass_ == "both" else "")
             first = pass_ == "forward"
             rows.append([f"**{key}**: {GPU_WORKLOADS[key]}" if first else "", pass_, *times,
                          f"{found[f'{pass_}, floor']:.3f}", digits(found["memory, MB"]) if first else ""])  # fmt: skip
-    head = ["workload", "pass", "device, ms", "a call and a wait, ms", "floor, ms", "memory above the strokes, MB"]
+    clocks = ["device, ms", "a call and a wait, ms", "in one thread, ms"]
+    head = ["workload", "pass", *clocks, "floor, ms", "memory above the strokes, MB"]
     first, later = (figures["first"][name] for name in ("first call, s", "later process, s"))
     text = (
         f"A copy moves {figures['copy, TB/s']:.1f} TB/s, reading and writing. A first call takes {first:.2f} s where "

@@ -28,6 +28,19 @@ template <class S> HD void control_of(const S *points, const S *weights, int K, 
   else if (K == 3) elevate<3>(points, weights, out);
   else elevate<4>(points, weights, out);
 }
+// The matrix of a camera with this pose (4, 4) and these intrinsics (3, 3), as Cameras.projection of camera.py has it.
+template <class S> HD void matrix_of(const S *pose, const S *intrinsics, bool orthographic, double *out) {
+  // Without perspective weight and depth trade places.
+  const int rows[4] = {0, 1, orthographic ? 3 : 2, orthographic ? 2 : 3};
+  for (int c = 0; c < 4; c++) {
+    for (int i = 0; i < 3; i++) {
+      double sum = 0;
+      for (int k = 0; k < 3; k++) sum += double(intrinsics[3 * i + k]) * pose[4 * rows[k] + c];
+      out[4 * i + c] = sum;
+    }
+    out[12 + c] = pose[4 * rows[3] + c];
+  }
+}
 // As a camera with this matrix (4, 4) sees it.
 HD void to_view(const double *matrix, const double *control, double *out) {
   for (int i = 0; i < 4; i++)

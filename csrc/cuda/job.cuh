@@ -43,7 +43,9 @@ enum { PIECES, CHORDS, INTERSECTIONS, TILE_PIECES, FRAGMENTS, OUTLINE, OUTLINE_F
 struct Job {
   // strokes in space and the cameras' matrices, as in project.h; null where cubics are given
   const real *points, *weights;
-  const double *matrices;
+  double *matrices;
+  // the cameras of which the drawing makes the matrices, of float or double; null where those are given
+  const void *poses, *intrinsics;
   // strokes and images, as the CPU kernels' (kernel.h); half widths are half_width times width_scale
   double *cubics;
   const real *half_width, *color, *opacity, *background;
@@ -102,6 +104,7 @@ struct Job {
   int views, strokes, segments, height, width, tiles_x, tiles_y, world, along, orthographic, strata, half_width_per_view, save;
   int sketches;  // of a batch
   int controls;  // control points of a segment in space; 0 where cubics are given
+  int cameras_double;
 };
 
 // What job.py repeats to know how much memory the arrays take.

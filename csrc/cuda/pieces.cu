@@ -4,8 +4,12 @@
 #include "cuda/project.cuh"
 
 namespace stroke {
-KERNEL(project_strokes, 128) {
-  each_thread(segment_count(J), [&](u32 i) { project_segment(J, i); });
+KERNEL(begin_drawing, 128) {
+  each_thread(COUNTERS, [&](u32 k) { J.counters[k] = 0; });
+  each_thread(tile_count(J) + 1, [&](u32 tile) { J.tile_first[tile] = 0; });
+  each_thread(tile_count(J), [&](u32 tile) { J.tile_cursor[tile] = 0; });
+  if (J.poses) each_thread(u32(J.views), [&](u32 view) { make_matrix(J, view, J.matrices + 16 * view); });
+  if (J.controls) each_thread(segment_count(J), [&](u32 i) { project_segment(J, i); });
 }
 KERNEL(measure_strokes, 128) {  // of several segments
   each_thread(stroke_count(J), [&](u32 i) { measure_stroke(J, i); });

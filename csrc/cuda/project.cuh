@@ -8,12 +8,23 @@ namespace stroke {
 __device__ inline const real *points_of(const Job &J, u32 m) { return J.points + u64(m) * J.controls * 3; }
 __device__ inline const real *weights_of(const Job &J, u32 m) { return J.weights + u64(m) * J.controls; }
 
+template <class S> __device__ void matrix_of_view(const Job &J, u32 view, double *out) {
+  matrix_of(static_cast<const S *>(J.poses) + 16 * view, static_cast<const S *>(J.intrinsics) + 9 * view, J.orthographic, out);
+}
+// Made anew: those that other threads make may not be there yet.
+__device__ inline void make_matrix(const Job &J, u32 view, double *out) {
+  if (J.cameras_double) matrix_of_view<double>(J, view, out);
+  else matrix_of_view<float>(J, view, out);
+}
 // i: the row of a segment.
 __device__ inline void project_segment(const Job &J, u32 i) {
   const Seen seen = seen_in(layout_of(J), SEGMENTS, i);
-  double control[16];
+  double control[16], matrix[16];
+  if (J.poses) make_matrix(J, seen.view, matrix);
+  else
+    for (int k = 0; k < 16; k++) matrix[k] = J.matrices[16 * seen.view + k];
   control_of(points_of(J, seen.index), weights_of(J, seen.index), J.controls, control);
-  to_view(J.matrices + 16 * seen.view, control, J.cubics + 16 * u64(i));
+  to_view(matrix, control, J.cubics + 16 * u64(i));
 }
 
 constexpr int OF_APPEARANCE = NGRAD - 16;  // numbers of g_appearance: of the half width's polynomial, opacity and colour

@@ -40,7 +40,8 @@ def use_device(monkeypatch) -> None:
             return draw(inputs, kernels)
         curves, appearance = (tuple(t.cuda() for t in tensors) for tensors in (inputs.curves, inputs.appearance))
         chains = None if inputs.chains is None else inputs.chains.to("cuda")
-        there = inputs._replace(curves=curves, appearance=appearance, chains=chains)
+        cameras = None if inputs.cameras is None else tuple(t.cuda() for t in inputs.cameras)
+        there = inputs._replace(curves=curves, cameras=cameras, appearance=appearance, chains=chains)
         return tuple(x.cpu() for x in draw(there, kernels))
 
     monkeypatch.setattr(module, "draw", there_and_back)

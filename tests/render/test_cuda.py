@@ -8,6 +8,7 @@ from emulated import compiler
 from gpu_promise import lack
 from scenes import TENSORS, draw, strokes_at, tracked
 
+import diff3ds as ds
 from diff3ds.render import available_backends, rasterize
 from diff3ds.render.cuda.job import BAD
 
@@ -44,6 +45,26 @@ def test_more_strokes_than_a_block_adds_up_at_a_time(device):
     strokes = strokes_at(points, depth=1 + torch.rand(9000, 4, generator=g), **appearance)
     expected, got = (draw(strokes, 48, backend) for backend in ("cpu", "cuda"))
     assert ((got.color - expected.color).abs() < 1e-4).double().mean() > 0.999
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+@pytest.mark.parametrize("lens", [{"fov": 40.0}, {"height": 2.0}])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_kernels_make_the_matrices_of_cameras(device, monkeypatch, dtype, lens):
+    """Of those that want no gradients; torch has no part in it."""
+    sketch = ds.Sketch.random(12, generator=torch.Generator().manual_seed(0), width=0.1)
+    points = sketch.points.clone().requires_grad_()
+    sketch = ds.Sketch(points, width=sketch.width)
+    cameras = ds.orbit([20.0, 130.0], 35.0, 3.0, size=(20, 28), **lens).to(dtype)
+
+    def drawn(backend: str) -> list[torch.Tensor]:
+        image = ds.render(sketch, cameras, backend=backend)
+        return [image.color, image.depth, *torch.autograd.grad(image.color.square().sum(), [points])]
+
+    expected = drawn("cpu")
+    monkeypatch.setattr(ds.Cameras, "projection", property(lambda _: pytest.fail("torch made the matrices")))
+    for got, known in zip(drawn("cuda"), expected, strict=True):
+        assert (got - known).norm() < 1e-3 * known.norm()
 
 
 def test_backward_twice(device, antialiasing):

@@ -48,10 +48,9 @@ def test_lists_have_room_for_what_they_hold(real):
 class Dirty(Arrays):
     """Memory that nobody wrote holds anything."""
 
-    def __init__(self, *args, zeros=False):
-        super().__init__(*args, zeros=zeros)
-        if not zeros:
-            self.memory.random_()
+    def __init__(self, *args):
+        super().__init__(*args)
+        self.memory.random_()
 
 
 def test_memory_that_nobody_wrote_may_hold_anything(device, antialiasing, monkeypatch):

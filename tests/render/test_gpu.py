@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -171,6 +172,18 @@ def test_a_step_of_fit_waits_for_nothing(gpu, monkeypatch):
         torch.cuda.set_sync_debug_mode("default")
     assert not waits
     assert math.isfinite(next(steps).loss)
+
+
+def test_a_step_of_fit_wakes_no_thread_of_autograd(gpu):
+    sketch, cameras = scene(gpu)
+    threads = []
+
+    def objective(rendering, cameras, step):
+        rendering.color.register_hook(lambda _: threads.append(threading.get_ident()))
+        return rendering.color.square().mean()
+
+    next(iter(ds.fit(sketch.detach(), objective, cameras, ds.FitConfig(steps=1))))
+    assert threads == [threading.get_ident()]
 
 
 def small_prior(device: torch.device) -> SmallDenoiser:

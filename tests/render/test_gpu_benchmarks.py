@@ -20,6 +20,7 @@ FORWARD, BACKWARD = 20 * PIXELS + STROKES, 12 * PIXELS + 2 * STROKES
 def test_bytes_and_speed_of_a_copy_are_told(monkeypatch, capsys, tmp_path):
     """Beside the times, on the terminal and in the file."""
     times = {f"{way}, {clock}": 0.125 for way in ("forward", "backward", "both") for clock in ("device", "user")}
+    times["both, one thread"] = 0.125
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda: "a GPU")
     monkeypatch.setattr(render_cuda, "copy_speed", lambda: 4e9)
     monkeypatch.setattr(render_cuda, "first_calls", lambda: {"first call, s": 1.0, "later process, s": 0.05})

@@ -77,6 +77,18 @@ def test_ties_go_to_the_lower_index(backend, antialiasing):
     assert (image.color[0][inked] == colors[2]).all()
 
 
+@pytest.mark.parametrize("count", [40, 600])
+def test_ties_of_many_go_to_the_lower_index(backend, count):
+    """In lists of which each kernel has its own way to sort them."""
+    line = torch.tensor([[-3.0, 0.4], [4.0, 0.6]]).expand(count, 2, 2)
+    color = torch.rand(count, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    strokes = strokes_at(line, half_width=50.0, color=color, opacity=0.05)
+    image = draw(strokes, 1, backend, background=0.3)
+    front = 0.05 * 0.95 ** torch.arange(count, dtype=torch.float64)
+    expected = front @ color + 0.3 * 0.95**count
+    torch.testing.assert_close(image.color[0, 0, 0], expected, rtol=1e-12, atol=0)
+
+
 def test_many_strokes_over_one_pixel(backend, antialiasing):
     """alpha = 1 - prod(1 - a), d alpha / d a_i = the product of the others: 300 of them, no list is cut short."""
     generator = torch.Generator().manual_seed(0)

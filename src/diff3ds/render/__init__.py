@@ -146,7 +146,7 @@ def render(
         if chosen == "reference":
             images = _by_reference(project(sketch, cameras), cameras.size, canvas, how)
         else:
-            images = drawn_by(chosen, of_sketch(sketch, cameras, canvas, how))
+            images = drawn_by(chosen, of_sketch(sketch, cameras, canvas, how, chosen))
         as_given = place == home and drawn == dtype
         return Rendering(*(images if as_given else (image.to(home, dtype) for image in images)))
     except ValueError:
@@ -269,7 +269,7 @@ def _drawn_together(
     if raised != dtype:
         sketches, ground = [sketch.to(raised) for sketch in sketches], ground.to(raised)
     chosen = choose_backend(backend, points.device, dtype)
-    images = drawn_by(chosen, of_sketches(sketches, cameras, ground, antialiasing))
+    images = drawn_by(chosen, of_sketches(sketches, cameras, ground, antialiasing, chosen))
     parts = zip(*(torch.split(image.to(dtype), counts) for image in images), strict=True)
     return [Rendering(*part) for part in parts]
 

@@ -11,7 +11,7 @@ import torch
 from diff3ds._modes import transformed
 from diff3ds._shapes import Tensor
 from diff3ds.chains import Chains
-from diff3ds.render.kernel_inputs import Appearance, Batch, Curves, Images, KernelInputs, Options
+from diff3ds.render.kernel_inputs import Appearance, Batch, Curves, Images, KernelInputs, Options, PlainCameras
 
 # The gradient of each image, None where it is not used; then those of the appearance, and of the curves.
 Upstream = tuple[Tensor | None, Tensor | None, Tensor | None]
@@ -87,7 +87,7 @@ def _refuse_legacy_batches(upstream: tuple[Tensor | None, ...]) -> None:
 
 
 def _drawn(operation: type[torch.autograd.Function], inputs: KernelInputs, kernels: Kernels) -> Images:
-    rest = inputs.chains, inputs.batch, inputs.size, inputs.options
+    rest = inputs.cameras, inputs.chains, inputs.batch, inputs.size, inputs.options
     images = operation.apply(kernels, *rest, *inputs.tensors())  # type: ignore[no-untyped-call]
     return cast(Images, images[:3])
 
@@ -98,6 +98,7 @@ class _Draw(torch.autograd.Function):
     @staticmethod
     def forward(
         kernels: Kernels,
+        cameras: PlainCameras | None,
         chains: Chains | None,
         batch: Batch | None,
         size: tuple[int, int],
@@ -105,13 +106,15 @@ class _Draw(torch.autograd.Function):
         *tensors: Tensor,
     ) -> tuple[Any, ...]:
         appearance, curves = cast(Appearance, tensors[:4]), cast(Curves, tensors[4:])
-        images, saved = kernels.forward(KernelInputs(curves, chains, batch, appearance, size, options), save=True)
+        images, saved = kernels.forward(
+            KernelInputs(curves, cameras, chains, batch, appearance, size, options), save=True
+        )
         return *images, saved
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Any, ...]) -> None:
         ctx.set_materialize_grads(False)
-        ctx.kernels, _, _, _, ctx.options, *tensors = inputs
+        ctx.kernels, _, _, _, _, ctx.options, *tensors = inputs
         _, alpha, depth, ctx.saved = output
         # What was saved points to tensors among these: held here too, a change of one before the backward is an error.
         ctx.save_for_backward(alpha, depth, *tensors)
@@ -120,11 +123,11 @@ class _Draw(torch.autograd.Function):
     def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
         _refuse_legacy_batches(upstream)
         alpha, depth, *tensors = ctx.saved_tensors
-        given = (ctx.kernels, ctx.saved, ctx.options, ctx.needs_input_grad[5:], *upstream[:3], alpha, depth, *tensors)
+        given = (ctx.kernels, ctx.saved, ctx.options, ctx.needs_input_grad[6:], *upstream[:3], alpha, depth, *tensors)
         # Only a graph of the gradients must refuse to be differentiated; tiny images feel what it costs.
         as_operation = torch.is_grad_enabled() or transformed()
         gradients = _Gradients.apply(*given) if as_operation else _Gradients.forward(*given)  # type: ignore[no-untyped-call]
-        return None, None, None, None, None, *gradients
+        return None, None, None, None, None, None, *gradients
 
     @staticmethod
     def jvp(ctx: Any, *tangents: object) -> NoReturn:

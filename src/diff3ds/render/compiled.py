@@ -191,7 +191,7 @@ def _inputs(
     (world, orthographic), (near, blur, width_scale) = flags, numbers
     options = Options(world, orthographic, near, blur, strata, int(seed), width_scale)
     appearance, curves = cast(Appearance, tensors[:4]), cast(Curves, tensors[4:])
-    return KernelInputs(curves, chains, None, appearance, cast(tuple[int, int], tuple(size)), options)
+    return KernelInputs(curves, None, chains, None, appearance, cast(tuple[int, int], tuple(size)), options)
 
 
 def _projected(inputs: KernelInputs) -> Strokes2D:

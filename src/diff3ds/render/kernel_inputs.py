@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import torch
 
+from diff3ds._modes import is_ordinary
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
@@ -18,6 +19,8 @@ from diff3ds.sketch import Sketch
 Images = tuple[Float[Tensor, "V H W 3"], Float[Tensor, "V H W"], Float[Tensor, "V H W"]]
 # Homogeneous cubics in pixels, or what gives them: control points, weights, and the projections of the views.
 Curves = tuple[Tensor] | tuple[Tensor, Tensor, Tensor]
+# Poses (V, 4, 4) and intrinsics (V, 3, 3), both in float32 or in float64, of cameras without gradients.
+PlainCameras = tuple[Tensor, Tensor]
 # Half widths in pixels, a row for all views or one a view (`Strokes2D.half_width`), or with one axis the full widths of
 # a sketch's strokes, in units of which `Options.width_scale` speaks; colours; opacities; the background, whose first
 # three axes may be 1.
@@ -73,11 +76,13 @@ class Batch:
 class KernelInputs(NamedTuple):
     """One call of the kernels; `size` is (height, width), `chains` as of `Strokes2D`, `batch` None for one sketch.
 
+    Where there are `cameras`, the projections of `curves` are room for what the kernels make of them.
     The tensors of a batch are those of its sketches one after the other; half widths that differ between views stand in
     one row, (1, rows) or (1, rows, 4).
     """
 
     curves: Curves
+    cameras: PlainCameras | None
     chains: Chains | None
     batch: Batch | None
     appearance: Appearance
@@ -90,15 +95,23 @@ class KernelInputs(NamedTuple):
 
 
 def of_sketch(
-    sketch: Sketch, cameras: Cameras, background: Float[Tensor, "V1 H1 W1 3"], antialiasing: Analytic | MonteCarlo
+    sketch: Sketch,
+    cameras: Cameras,
+    background: Float[Tensor, "V1 H1 W1 3"],
+    antialiasing: Analytic | MonteCarlo,
+    backend: str = "",
 ) -> KernelInputs:
-    """Those of a sketch, projected by the kernels: a tenth faster than before them where images are tiny."""
+    """Those of a sketch, projected by the kernels: a tenth faster than before them where images are tiny.
+
+    Those of the backend "cuda" make the cameras' matrices as well, if nothing wants gradients of those.
+    """
     widths, scale = (sketch.width, cameras.size[0] / 2) if is_plain(sketch) else (half_widths(sketch, cameras), 1.0)
     appearance = (widths, sketch.color, sketch.opacity, background)
     world = width_space(sketch, cameras) == "world"
     options = _options(antialiasing, (world, cameras.orthographic, cameras.near), scale)
-    curves = (sketch.points, sketch.weights, cameras.projection)
-    return KernelInputs(curves, sketch.chains, None, appearance, cameras.size, options)
+    matrices, of_kernels = _projections([cameras], backend)
+    curves = (sketch.points, sketch.weights, matrices)
+    return KernelInputs(curves, of_kernels, sketch.chains, None, appearance, cameras.size, options)
 
 
 def of_sketches(
@@ -106,6 +119,7 @@ def of_sketches(
     cameras: Sequence[Cameras],
     background: Float[Tensor, "V1 H1 W1 3"],
     antialiasing: Analytic,
+    backend: str = "",
 ) -> KernelInputs:
     """Those of sketches of one kind (`kind`), each seen by its own cameras, of which there is one at least."""
     first, seen = sketches[0], cameras[0]
@@ -121,11 +135,12 @@ def of_sketches(
         device = first.points.device
         chains = Chains.concatenate([s.chains or Chains.plain(len(s), device) for s in sketches])
     points, weights = (torch.cat([getattr(s, name) for s in sketches]) for name in ("points", "weights"))
-    curves = (points, weights, torch.cat([c.projection for c in cameras]))
+    matrices, of_kernels = _projections(cameras, backend)
+    curves = (points, weights, matrices)
     world = width_space(first, seen) == "world"
     options = _options(antialiasing, (world, seen.orthographic, seen.near), scale)
     batch = Batch.of(sketches, cameras)
-    return KernelInputs(curves, chains, batch, (widths, color, opacity, background), seen.size, options)
+    return KernelInputs(curves, of_kernels, chains, batch, (widths, color, opacity, background), seen.size, options)
 
 
 def kind(sketch: Sketch, cameras: Cameras) -> tuple[object, ...]:
@@ -150,7 +165,23 @@ def of_strokes(
     appearance = (strokes.half_width, strokes.color, strokes.opacity, background)
     how = strokes.width_space == "world", strokes.orthographic, strokes.near
     options = _options(antialiasing, how, 1.0)
-    return KernelInputs((strokes.cubics,), strokes.chains, None, appearance, size, options)
+    return KernelInputs((strokes.cubics,), None, strokes.chains, None, appearance, size, options)
+
+
+def _projections(cameras: Sequence[Cameras], backend: str) -> tuple[Tensor, PlainCameras | None]:
+    """The projections of all views, or room for them and the cameras that kernels make them of."""
+    given = [t for c in cameras for t in (c.world_to_camera, c.intrinsics)]
+    dtype = given[0].dtype
+    # On a GPU the five operations of torch that it takes last longer than many a drawing.
+    plain = dtype in (torch.float32, torch.float64) and all(t.dtype == dtype and is_ordinary(t) for t in given)
+    if backend != "cuda" or not plain:
+        return _joined([c.projection for c in cameras]), None
+    poses, intrinsics = _joined(given[::2]).contiguous(), _joined(given[1::2]).contiguous()
+    return poses.new_empty(poses.shape, dtype=torch.float64), (poses, intrinsics)
+
+
+def _joined(parts: Sequence[Tensor]) -> Tensor:
+    return parts[0] if len(parts) == 1 else torch.cat(list(parts))
 
 
 def _options(antialiasing: Analytic | MonteCarlo, how: tuple[bool, bool, float], width_scale: float) -> Options:

@@ -36,6 +36,8 @@ class Codes:
         """Those that have not begun begin now, all at once: the first one's kernels do not wait for the last one."""
         new = [part for part in parts if part not in self._codes]
         if new:
+            # Once, not by each of the threads.
+            source_digest()
             pool = ThreadPoolExecutor(len(new), thread_name_prefix="diff3ds-compile")
             self._codes |= {part: pool.submit(compiled, part, *self._kind) for part in new}
             pool.shutdown(wait=False)

@@ -41,9 +41,10 @@ class Gpu:
         with torch.cuda.device(self._device):
             self._bind()
             stream = torch.cuda.current_stream(self._device).cuda_stream or driver.CU_STREAM_LEGACY
+            known = kernels()
             for name, blocks in launches:
                 kernel = self._kernels.get(name) or self._load(name, job)
-                threads = kernels()[name].threads
+                threads = known[name].threads
                 started = driver.cuLaunchKernel(kernel, blocks, 1, 1, threads, 1, 1, 0, stream, address, 0)
                 self._checked(started, name)
 
@@ -106,4 +107,4 @@ class Gpu:
 
     def report(self, length: int) -> Int[Tensor, " C"]:
         """Pinned memory, which the GPU sees at the same address."""
-        return torch.zeros(length, dtype=torch.int64).pin_memory()
+        return torch.zeros(length, dtype=torch.int64, device="cpu").pin_memory()

@@ -18,9 +18,9 @@ SUMS = 24
 OF_APPEARANCE = 8
 
 _POINTERS = (
-    "points", "weights", "matrices", "cubics", "half_width", "color", "opacity", "background", "stroke_first",
-    "segment_stroke", "closed", "batch", "out_color", "out_alpha", "out_depth", "reach", "scale", "piece_first",
-    "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents",
+    "points", "weights", "matrices", "poses", "intrinsics", "cubics", "half_width", "color", "opacity", "background",
+    "stroke_first", "segment_stroke", "closed", "batch", "out_color", "out_alpha", "out_depth", "reach", "scale",
+    "piece_first", "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents",
     "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor",
     "tile_piece_first", "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order",
     "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
@@ -42,6 +42,7 @@ class Job(ctypes.Structure):
         *((name, ctypes.c_int32) for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y")),
         *((name, ctypes.c_int32) for name in ("world", "along", "orthographic", "strata")),
         *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "sketches", "controls")),
+        ("cameras_double", ctypes.c_int32),
     )
 
     def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
@@ -110,12 +111,8 @@ class Shape:
         """Of a pixel."""
         return max(1, self.strata**2)
 
-    def zeroed(self) -> dict[str, int]:
-        """Bytes of the arrays that begin as zeros."""
-        return {"counters": 8 * COUNTERS, "tile_first": 4 * (self.tiles + 1), "tile_cursor": 4 * self.tiles}
-
     def forward(self, limits: Mapping[str, int]) -> dict[str, int]:
-        """Bytes of the other arrays of a forward pass; they are kept for the backward pass."""
+        """Bytes of the arrays of a forward pass; they are kept for the backward pass."""
         pieces, chords, intersections, tile_pieces, fragments = (limits[name] for name in LISTS[:5])
         kept = self.samples if self.save else 1
         points = PIXELS * self.tiles * self.samples if self.save else 0
@@ -141,6 +138,9 @@ class Shape:
             "order": 4 * fragments,
             "point_first": 4 * points,
             "point_count": 4 * points,
+            "counters": 8 * COUNTERS,
+            "tile_first": 4 * (self.tiles + 1),
+            "tile_cursor": 4 * self.tiles,
         }
 
     def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
@@ -168,10 +168,10 @@ class Arrays:
     """Arrays of given sizes in bytes, parts of one allocation; those of no size are not there.
 
     Attributes:
-        memory: the allocation, not initialised unless `zeros`.
+        memory: the allocation, not initialised.
     """
 
-    def __init__(self, sizes: Mapping[str, int], device: torch.device, *, zeros: bool = False) -> None:
+    def __init__(self, sizes: Mapping[str, int], device: torch.device) -> None:
         # Addresses that any vector load may start at, and lines of the memory do.
         self._places: dict[str, tuple[int, int]] = {}
         total = 0
@@ -179,8 +179,7 @@ class Arrays:
             if size:
                 self._places[name] = (total, size)
             total += -(-size // 256) * 256
-        make = torch.zeros if zeros else torch.empty
-        self.memory: Tensor = make(total, dtype=torch.uint8, device=device)
+        self.memory: Tensor = torch.empty(total, dtype=torch.uint8, device=device)
 
     def addresses(self) -> Iterator[tuple[str, int]]:
         """Names and where the arrays begin."""

@@ -33,11 +33,13 @@ class Limits:
         report: greatest needs so far, written by the device.
         length: bounds of each list.
         proven: of each pass ("forward", "backward"), the number of strokes up to which calls need not wait.
+        looked_at: what was told when a call last looked at it; until there is more, there is nothing to do.
     """
 
     report: Int[Tensor, " C"]
     length: dict[str, int] = field(default_factory=dict)
     proven: dict[str, int] = field(default_factory=dict)
+    looked_at: list[int] = field(default_factory=list)
 
     def guess(self, shape: Shape) -> None:
         """Raises the bounds to what a drawing like this may need."""
@@ -58,8 +60,11 @@ class Limits:
 
     def may_skip_waiting(self, shape: Shape, which: str, capturing: bool) -> bool:
         """Whether a pass needs no look at what it needed; grows the bounds that earlier passes came near."""
-        self._look_back()
-        large = any(need > LARGE for need in self.needs().values())
+        told = self.report.tolist()
+        if told != self.looked_at:
+            self._look_back()
+            self.looked_at = told
+        large = max(told[: len(LISTS)]) > LARGE
         return shape.strokes <= self.proven.get(which, -1) and (capturing or not large)
 
     def _look_back(self) -> None:
@@ -107,12 +112,13 @@ class Limits:
         """All needs, once memory has run out: what a large drawing needed is not taken for the next, smaller one."""
         self.length.clear()
         self.proven.clear()
+        self.looked_at.clear()
         self.report.zero_()
         self.guess(shape)
 
     def take_bad(self) -> bool:
         """Whether a stroke could not be drawn since the last question."""
-        bad = bool(self.report[BAD])
+        bad = bool(self.report.tolist()[BAD])
         if bad:
             self.report[BAD] = 0
         return bad

@@ -73,7 +73,7 @@ def forward(inputs: KernelInputs, save: bool) -> tuple[Images, _Drawn]:
         work.clear()
         lengths = dict(limits.length)
         with _remembering_less(device, limits, shape):
-            work += _work(shape, lengths, color.device)
+            work.append(Arrays(shape.forward(lengths), color.device))
         _run(device, job, work, lengths, limits)
         if not waiting or _settled(device, limits, shape, "forward"):
             break
@@ -101,6 +101,8 @@ def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
     if inputs.chains is not None:
         chains = inputs.chains
         tensors |= {"stroke_first": chains.first, "segment_stroke": chains.stroke, "closed": chains.closed}
+    if inputs.cameras is not None:
+        tensors["poses"], tensors["intrinsics"] = inputs.cameras
     if inputs.batch is not None:
         tensors["batch"] = inputs.batch.table.to(tensors["color"].device)
     return tensors
@@ -111,8 +113,8 @@ def _remembered(shape: Shape, like: Tensor, device: Device) -> Limits:
     if key not in _limits:
         if device.capturing():
             raise _unknown_needs(shape)
-        # Kept: inference mode and a default device of the first drawing have no part in it.
-        with torch.inference_mode(False), torch.device("cpu"):
+        # Kept: inference mode of the first drawing has no part in it.
+        with torch.inference_mode(False):
             _limits[key] = Limits(device.report(COUNTERS))
     _limits[key].guess(shape)
     return _limits[key]
@@ -159,6 +161,7 @@ def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
     job = Job(seed=options.seed, near=options.near, world=options.world, orthographic=options.orthographic)
     widths = tensors["half_width"]
     job.along = widths.ndim == 3
+    job.cameras_double = "poses" in tensors and tensors["poses"].dtype == torch.float64
     if shape.batch is None:
         job.half_width_per_view = widths.ndim > 1 and len(widths) > 1
     else:
@@ -176,17 +179,13 @@ def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
     return job
 
 
-def _work(shape: Shape, lengths: dict[str, int], device: torch.device) -> list[Arrays]:
-    return [Arrays(shape.zeroed(), device, zeros=True), Arrays(shape.forward(lengths), device)]
-
-
 def _run(device: Device, job: Job, work: list[Arrays], lengths: dict[str, int], limits: Limits) -> None:
     for arrays in work:
         job.point(arrays)
     job.report = limits.report.data_ptr()
     job.limit[:] = list(lengths.values())
     tiles = job.views * job.tiles_x * job.tiles_y
-    launches = [("project_strokes", device.strides)] if job.controls else []
+    launches = [("begin_drawing", device.strides)]
     if job.stroke_first:
         launches.append(("measure_strokes", device.strides))
     for part in ("pieces", "chords", "intersections"):
@@ -279,4 +278,7 @@ def _differentiate(device: Device, job: Job, work: list[Arrays | dict[str, Tenso
     launches += [("finish_gradients", strides), ("gather_strokes", strides)]
     if job.g_matrices:
         launches.append(("gather_cameras", job.views))
-    device.launch([*launches, ("conclude_gradients", 1)], job)
+    if job.strata:
+        # Nothing else is counted here.
+        launches.append(("conclude_gradients", 1))
+    device.launch(launches, job)

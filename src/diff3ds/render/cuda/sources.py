@@ -39,7 +39,8 @@ def source_folder() -> Path:
 def source_digest() -> str:
     """A digest of all that the kernels are compiled from."""
     digest = hashlib.sha256()
-    for path in sorted(p for p in source_folder().rglob("*") if p.suffix in SUFFIXES):
+    folders = [source_folder() / name for name in ("common", "cuda")]
+    for path in sorted(p for folder in folders for p in folder.iterdir() if p.suffix in SUFFIXES):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
