@@ -3,8 +3,7 @@
     python benchmarks/host_cuda.py [A|B|C|D]
 
 Tensors are on the CPU, so that what a GPU would do in PyTorch's own operations is in these times as well; what the
-driver does with a launch is not, nor the cameras' matrices, which the CPU keeps. Prints medians with quartiles,
-launches and PyTorch's operations of a call.
+driver does with a launch is not. Prints medians with quartiles, launches and PyTorch's operations of a call.
 """
 
 import argparse

@@ -63,8 +63,19 @@ def test_kernels_make_the_matrices_of_cameras(device, monkeypatch, dtype, lens):
 
     expected = drawn("cpu")
     monkeypatch.setattr(ds.Cameras, "projection", property(lambda _: pytest.fail("torch made the matrices")))
+    # So that the first threads find no matrix of another.
+    device.backwards = True
     for got, known in zip(drawn("cuda"), expected, strict=True):
         assert (got - known).norm() < 1e-3 * known.norm()
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
+def test_a_stroke_over_many_tiles(device):
+    """More than a warp adds up at once."""
+    strokes = strokes_at([[[5.0, 3.0], [200.0, 14.0], [395.0, 6.0]]], half_width=2.0, dtype=torch.float32)
+    got, expected = (results(strokes, (16, 400), backend=b)[3:] for b in ("cuda", "cpu"))
+    for name, a, b in zip(TENSORS, got, expected, strict=False):
+        assert (a - b).norm() < 1e-4 * b.norm(), name
 
 
 def test_backward_twice(device, antialiasing):

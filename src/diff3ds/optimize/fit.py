@@ -200,7 +200,7 @@ def _gradients(loss: Tensor, leaves: dict[str, Tensor], index: int) -> tuple[Flo
     at_once = _known_at_once(loss)
     if at_once and not bool(loss.isfinite()):
         raise FloatingPointError(f"the loss of step {index} is {loss.item()}")
-    # By this thread: to wake autograd's own for a GPU takes longer than a small drawing and its gradients.
+    # By this thread: autograd's own for a GPU may take longer to wake than a small drawing takes.
     with torch.autograd.set_multithreading_enabled(False):
         values = torch.autograd.grad(loss, list(leaves.values()), allow_unused=True)
     gradients = {}
