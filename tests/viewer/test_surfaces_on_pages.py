@@ -316,6 +316,27 @@ def test_what_a_page_has_of_a_surface():
     assert np.array_equal(points[creases[:, :2]], points[creases[:, 2:]])
     assert (creases[:, :2] != creases[:, 2:]).all()
     assert embedded(sketch_page("a", bare)) is None
+    # Of another sketch.
+    all_drawn = {"creases": "", "convex": 0}
+    assert on_page.bare_creases(box(), ds.Sketch(edges())) == all_drawn
+    assert on_page.bare_creases(box(), bare) == {name: data[name] for name in all_drawn}
+
+
+@in_browser
+def test_a_served_sketch_draws_the_creases_that_it_has_by_itself(browser, tmp_path):
+    """Where those of the sketch before were drawn by the surface, in black and on top."""
+    path = tmp_path / "a.json"
+    ds.save(path, ds.Sketch(edges()[:1], width=0.05))
+    save_surface(tmp_path / "box.glb", box().vertices, box().faces)
+    sketch = ds.Sketch(edges(), width=0.05, color=(1.0, 0, 0))
+    with served(path, surface=tmp_path / "box.glb") as server:
+        browser.open(server.address)
+        ds.save(path, sketch)
+        browser.settle("document.getElementById('strokes').children.length === 12")
+        browser.key("0")
+        image = seen(browser)
+        assert difference(image, drawn(sketch, box(), image)) < CLOSE / 2
+        assert not browser.errors
 
 
 def test_surfaces_that_no_page_takes(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 POINTS = torch.tensor([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]]])
 BLACK = ds.Sketch(POINTS, width=0.1)
-RED = ds.Sketch(POINTS, width=0.1, color=torch.tensor([[1.0, 0, 0]]))
+RED = ds.Sketch(POINTS, width=0.1, color=(1.0, 0, 0))
 SCRIPT = re.compile(r'(?<=<script type="module">).*?(?=</script>)', re.DOTALL)
 SURFACE = re.compile(r'(?<=id="surface">).*?(?=</script>)', re.DOTALL)
 # Mean difference of pictures whose samples lie a rounding error apart.
@@ -141,15 +141,19 @@ def becomes(browser, wanted):
 
 @pytest.mark.xdist_group("browser")
 def test_the_frame_shows_the_page_and_follows_the_notebook(browser, tmp_path):
+    tetrahedron = TriangleMesh(np.vstack([np.zeros(3), np.eye(3)]), [[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]])
+    ends = torch.from_numpy(tetrahedron.vertices[tetrahedron.edges]).float()
+    # Creases that no stroke draws are black.
+    edges = ds.Sketch(ends, width=0.1, color=(1.0, 0, 0))
     wanted = []
-    for sketch in (BLACK, RED):
-        saved_page(tmp_path, sketch)
+    for sketch in (BLACK, edges):
+        ds.save(tmp_path / "sketch.html", sketch, surface=tetrahedron)
         browser.open((tmp_path / "sketch.html").as_uri(), **SIZE)
         wanted.append(seen(browser))
     assert abs(wanted[0] - wanted[1]).mean() > 10 * CLOSE
 
     script = files("diff3ds.viewer").joinpath("notebook.js").read_text(encoding="utf-8")
-    pages = [sketch_page("sketch", sketch, framed=True) for sketch in (BLACK, RED)]
+    pages = [sketch_page("sketch", sketch, framed=True, surface=tetrahedron) for sketch in (BLACK, edges)]
     text = NOTEBOOK % json.dumps([script, *pages]).replace("<", "\\u003c")
     (tmp_path / "notebook.html").write_text(text, encoding="utf-8")
     browser.open((tmp_path / "notebook.html").as_uri(), **SIZE)

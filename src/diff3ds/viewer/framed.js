@@ -2,7 +2,7 @@
 
 window.addEventListener("message", ({ source, data }) => {
   if (source !== window.parent) return;
-  const change = () => showSketch(data.sketch, data.start);
+  const change = () => showSketch(data.sketch, data.start, data.bare);
   if (!isUnsaved()) change();
   else notify("The notebook has another sketch. Your edits are still here.", ["Download", () => download(edits.now.doc)], ["Show the other", change]);
 });

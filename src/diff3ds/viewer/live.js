@@ -30,7 +30,7 @@ async function follow() {
   if (!lost && before) tell("");
   const [news] = found;
   if (news && (saving || news.start.version === start.version || keepsEdits(news))) passOver(news);
-  else if (news && news.page === start.page) showSketch(news.sketch, news.start);
+  else if (news && news.page === start.page) showSketch(news.sketch, news.start, news.bare);
   else if (news) {
     // What stands beside or behind the sketch is another one.
     sessionStorage.setItem("camera", JSON.stringify(camera));

@@ -2,11 +2,12 @@
 
 const STYLE = "width: 100%; height: 480px; min-height: 200px; border: 0; display: block; resize: vertical;";
 
-// Sketch and start of a page, as its showSketch wants them.
+// Sketch and start of a page, and the creases that the sketch leaves bare, as its showSketch wants them.
 function dataOf(page) {
   const parsed = new DOMParser().parseFromString(page, "text/html");
   const read = (id) => JSON.parse(parsed.getElementById(id).textContent);
-  return { sketch: read("sketch"), start: read("start") };
+  const { creases, convex } = read("surface") ?? {};
+  return { sketch: read("sketch"), start: read("start"), bare: { creases, convex } };
 }
 
 function render({ model, el }) {

@@ -97,11 +97,11 @@ function drawFrame(now) {
 }
 
 // Another sketch in place of this one, seen from where one looks.
-function showSketch(data, begun) {
+function showSketch(data, begun, bare) {
   if (sketch.strokes.length) camera = sameView(camera, start, begun);
   else if (camera) camera = startAgain(begun);
   start = begun;
-  openSurface(start);
+  openSurface(start, bare);
   sketch = readSketch(data, start);
   chosen = chosen.filter((index) => index < sketch.strokes.length);
   selected = chosen.at(-1) ?? null;

@@ -43,18 +43,21 @@ def surface_on_page(surface: object, sketch: Sketch) -> dict[str, Any]:
     corners[fan] = surface.vertices[surface.faces.ravel()]
     faces = fan.reshape(-1, 3)
     low, step = surface.bounds[0], (surface.size or 1.0) / STEPS
-    creases, convex = _bare_creases(surface, faces, sketch)
     return {
         "low": low.tolist(),
         "step": step,
         "points": _packed(np.rint((corners - low) / step), "<u2"),
         "faces": _packed(faces, "<u2" if fans <= STEPS + 1 else "<u4"),
         "wide": bool(fans > STEPS + 1),
-        "creases": _packed(creases, "<u4"),
-        "convex": convex,
+        **_bare_creases(surface, faces, sketch),
         "closed": surface.is_closed,
         "near": ON_SURFACE * surface.size,
     }
+
+
+def bare_creases(surface: TriangleMesh, sketch: Sketch) -> dict[str, Any]:
+    """Of `surface_on_page` what is another for another sketch."""
+    return _bare_creases(surface, surface.fans[0].reshape(-1, 3), sketch)
 
 
 def check_size(surface: TriangleMesh) -> None:
@@ -76,13 +79,14 @@ def reach_of(surface: TriangleMesh, *sketches: Sketch) -> float:
     return float(np.linalg.norm(surface.vertices - middle.numpy(), axis=1).max()) / radius
 
 
-def _bare_creases(mesh: TriangleMesh, faces: Int[Index, "F 3"], sketch: Sketch) -> tuple[Int[Index, "C 4"], int]:
+def _bare_creases(mesh: TriangleMesh, faces: Int[Index, "F 3"], sketch: Sketch) -> dict[str, Any]:
     """Creases that no stroke runs along, as corners of both sides, the convex ones first, and how many these are."""
     edge = np.flatnonzero(mesh.is_crease & ~creases_along(mesh, sketch))
     edge = edge[np.argsort(mesh.turns[edge] <= 0, kind="stable")]
     sides = mesh.edge_faces[edge]
     place = (mesh.faces[sides][:, :, None] == mesh.edges[edge][:, None, :, None]).argmax(3)
-    return faces[sides[..., None], place].reshape(-1, 4), int((mesh.turns[edge] > 0).sum())
+    corners = faces[sides[..., None], place].reshape(-1, 4)
+    return {"creases": _packed(corners, "<u4"), "convex": int((mesh.turns[edge] > 0).sum())}
 
 
 def _packed(values: Float[Array, "..."] | Int[Index, "..."], kind: str) -> str:

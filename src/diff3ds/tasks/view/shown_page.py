@@ -11,6 +11,7 @@ from diff3ds.formats.scenes.html import sketch_page, start_of
 from diff3ds.formats.sketch_json import json_text
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.on_page import bare_creases
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.surface_input import SurfaceInput
 from diff3ds.tasks.view import saving
@@ -67,7 +68,8 @@ class ShownPage:
         state, solid = self.solid()
         solids = [solid] if self.beside is None else [solid, self.beside.solid()[1]]
         start = {**start_of(*sketches, surfaces=solids), "version": version, "page": state}
-        return f'{{"page": "{state}", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}}}'
+        bare = json.dumps({} if solid is None else bare_creases(solid, sketch))
+        return f'{{"page": "{state}", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}, "bare": {bare}}}'
 
     def solid(self) -> tuple[str, TriangleMesh | None]:
         """Which state of the surface the page shows, and the surface.

@@ -7,9 +7,11 @@ const CONTOUR_COLOR = [0, 0, 0];
 let surface = null;
 let [hidden, contoured] = ["drop", true];
 
-// The surface of the page, read for a sketch's place and size.
-function openSurface(begun) {
-  surface = readSurface(JSON.parse(document.getElementById("surface").textContent), begun);
+// The surface of the page, read for a sketch's place and size, with the creases that another sketch than the page's
+// leaves bare.
+function openSurface(begun, bare = {}) {
+  const data = JSON.parse(document.getElementById("surface").textContent);
+  surface = readSurface(data && { ...data, ...bare }, begun);
   if (surface) document.getElementById("hiding").hidden = false;
   Object.assign(document.querySelector('#plane [value="surface"]'), { hidden: !surface, disabled: !surface });
 }
