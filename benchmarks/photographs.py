@@ -1,10 +1,11 @@
 """`diff3ds views` on photographs of parts whose edges are known: with cameras that are true, wrong, found, and refined.
 
-    python benchmarks/photographs.py OUT [--seeds 30-41] [--rows true wrong refined] [--json FILE] [--detector hed ...]
+    python benchmarks/photographs.py OUT [--seeds 30-41] [--rows true wrong refined] [--k1 -0.05] [--json FILE] [...]
 
 Parts are those of cad_objects.py, as photographs (cad/photograph.py): printed surfaces, shadows, cluttered walls, blur,
 exposure and noise. Wrong cameras are turned by .3 degrees about random axes and moved by 1 % of their distance; those
-of pycolmap are found from the photographs alone (`diff3ds cameras`). More options go to `diff3ds views`. Scores
+of pycolmap are found from the photographs alone (`diff3ds cameras`). With `--k1` the lens has a radial distortion that
+true cameras know of and wrong ones do not. More options, such as `--detector hed`, go to `diff3ds views`. Scores
 are F-scores at 5 mm, where the longest side is one metre, of the curves within the part's bounding box and a margin,
 against the sharp edges that three views show. Cameras say nothing of where the world lies: curves are moved there first
 by the similarity that brings what the cameras see to where the true cameras see it. The CAD kernel is needed:
@@ -50,16 +51,17 @@ ROWS = {
 }
 
 
-def generate(seed: int, folder: Path) -> None:
+def generate(seed: int, folder: Path, k1: float = 0.0) -> None:
     """Writes the photographs of a part, its true and its wrong cameras, and the edges that they show."""
     part, rng = random_part(seed), np.random.default_rng([seed, 3000])
     views, scene = random_views(rng, VIEWS), scene_of(part.mesh, rng)
     (folder / "photographs").mkdir(parents=True, exist_ok=True)
     for i, view in enumerate(views):
-        image = Image.fromarray(np.round(255 * photograph(scene, view, rng)).astype(np.uint8))
+        image = Image.fromarray(np.round(255 * photograph(scene, view, rng, k1)).astype(np.uint8))
         image.save(folder / "photographs" / f"{i:03d}.jpg", quality=95)
     for name, given in {"true": views, "wrong": [_wrong(view, rng) for view in views]}.items():
-        (folder / f"{name}.json").write_text(json.dumps(_named_jpg(transforms(given, "photographs"))))
+        lens = {"k1": k1} if k1 and name == "true" else {}
+        (folder / f"{name}.json").write_text(json.dumps(_named_jpg({**transforms(given, "photographs"), **lens})))
     (folder / "ground_truth.json").write_text(json.dumps(_seen(part, views)))
 
 
@@ -178,14 +180,15 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", default="30-41")
     parser.add_argument("--rows", nargs="+", choices=list(ROWS), default=list(ROWS))
+    parser.add_argument("--k1", type=float, default=0.0)
     parser.add_argument("--json", type=Path)
     chosen, extra = parser.parse_known_args()
     first, _, last = chosen.seeds.partition("-")
     rows = []
     for seed in range(int(first), int(last or first) + 1):
-        folder = chosen.out / f"{seed:02d}"
+        folder = chosen.out / (f"{seed:02d}" + (f" k1 {chosen.k1:g}" if chosen.k1 else ""))
         if not (folder / "ground_truth.json").is_file():
-            generate(seed, folder)
+            generate(seed, folder, chosen.k1)
         for name in chosen.rows:
             rows.append(row(name, seed, folder, folder / "sketches", extra))
             shown = {k: round(v, 3) if isinstance(v, float) else v for k, v in rows[-1].items()}

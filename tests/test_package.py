@@ -55,14 +55,14 @@ ALLOWED = {
     "notebook": {"formats"} | SCENE,
     "styles": {"formats", "render", "project"} | SCENE,
     "pictures": {"distortion", "formats", "photogrammetry", "render", "transforms"} | SCENE,
-    "edges": {"optimize", "render", "project"} | SCENE,
+    "edges": {"distortion", "optimize", "render", "project"} | SCENE,
     "surfaces": {"edges", "formats", "project", "render"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "notebook", "render",
                 "project", "styles", "surfaces", "transforms"} | SCENE,
-    "tasks": {"constraints", "detectors", "edges", "surfaces", "optimize", "pictures", "guidance", "weights", "losses",
-              "formats", "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
+    "tasks": {"constraints", "detectors", "distortion", "edges", "surfaces", "optimize", "pictures", "guidance",
+              "weights", "losses", "formats", "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
               "viewer"} | SCENE,
     "cli": {"tasks", "command_line", "_version"},
 }  # fmt: skip

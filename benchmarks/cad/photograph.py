@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from scipy.ndimage import convolve, gaussian_filter
+from scipy.ndimage import convolve, gaussian_filter, map_coordinates
 
 from cad.boundary import Mesh
 from cad.raster import AMBIENT, HEAD, LAMPS, SAMPLES, STRENGTHS, Buffer, face_colours, normals_of, rasterise
@@ -20,6 +20,8 @@ LAMP_DISTANCE, SHADOW_BIAS = 5.0, 0.01
 # Of a camera: standard deviation of its blur in pixels, of the part and of the walls, which lie out of focus; one
 # picture in so many shaken, over so many pixels; standard deviation of exposure in stops and of noise, of full scale.
 BLUR, DEFOCUS, SHAKEN, SHAKE, EXPOSURE, NOISE = (0.4, 1.0), 3.0, 8, 5, 0.15, 0.012
+# Rounds of r = r' / (1 + k1 r^2), each of which leaves less than a tenth of the error: |k1| is below .2.
+INVERSE = 12
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ def scene_of(mesh: Mesh, rng: Generator) -> Scene:
     return Scene(mesh, colours, prints, walls, tones, (lamp, rasterise(mesh, lamp)))
 
 
-def photograph(scene: Scene, view: View, rng: Generator) -> np.ndarray:
-    """One photograph (SIZE, SIZE, 3) in 0..1."""
+def photograph(scene: Scene, view: View, rng: Generator, k1: float = 0.0) -> np.ndarray:
+    """One photograph (SIZE, SIZE, 3) in 0..1, by a lens with this radial distortion."""
     buffer = rasterise(scene.mesh, view)
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5
     behind = gaussian_filter(_walls(scene, view.eye, _rays(view, x, y)), (DEFOCUS, DEFOCUS, 0))
@@ -60,8 +62,22 @@ def photograph(scene: Scene, view: View, rng: Generator) -> np.ndarray:
     light = AMBIENT + HEAD * np.clip(normals @ -view.axes[2], 0, 1) + lambert.sum(1)
     printed = 1 + CONTRAST * _pattern(scene.prints, points)
     image[row, column] = light[:, None] * printed[:, None] * scene.colours[buffer.face[index]]
+    if k1:
+        image = _bent(image, k1)
     picture = image.reshape(SIZE, SAMPLES, SIZE, SAMPLES, 3).mean((1, 3))
     return _taken(picture, rng)
+
+
+def _bent(image: np.ndarray, k1: float) -> np.ndarray:
+    """What the lens makes of a straight picture; beyond its border lies more of the same."""
+    side = len(image)
+    y, x = (np.mgrid[:side, :side] + 0.5) / SAMPLES - SIZE / 2
+    shown = np.hypot(x, y) / FOCAL
+    straight = shown.copy()
+    for _ in range(INVERSE):
+        straight = shown / (1 + k1 * straight**2)
+    places = [SAMPLES * (axis / (1 + k1 * straight**2) + SIZE / 2) - 0.5 for axis in (y, x)]
+    return np.stack([map_coordinates(image[..., c], places, order=1, mode="nearest") for c in range(3)], -1)
 
 
 def _rays(view: View, x: np.ndarray, y: np.ndarray) -> np.ndarray:

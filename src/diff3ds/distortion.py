@@ -1,12 +1,15 @@
 """Lens distortion: where a lens shows the directions that a pinhole would see straight."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from numpy.polynomial import Polynomial
 
 from diff3ds._shapes import Float, Tensor
+
+# Rounds of Newton's method, which doubles the digits that are right, and the step of its derivatives.
+ROUNDS, STEP = 12, 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,34 @@ class Distortion:
             x * gain + 2 * p1 * across + p2 * (square + 2 * x * x) + s1 * square,
             y * gain + p1 * (square + 2 * y * y) + 2 * p2 * across + s2 * square,
         )
+
+    def straight(
+        self, x: Float[Tensor, " M"], y: Float[Tensor, " M"]
+    ) -> tuple[Float[Tensor, " M"], Float[Tensor, " M"]]:
+        """Directions (x, y, 1) that are shown at these places, by Newton's method: the inverse of `bent`.
+
+        Places that no direction is shown at get one that is shown elsewhere.
+        """
+        wanted = torch.stack([x, y], -1)
+        found = wanted.clone()
+        for _ in range(ROUNDS):
+            off = wanted - torch.stack(self.bent(*found.unbind(-1)), -1)
+            columns = []
+            for axis in range(2):
+                step = STEP * torch.eye(2, dtype=found.dtype)[axis]
+                ahead, behind = (torch.stack(self.bent(*(found + s * step).unbind(-1)), -1) for s in (1, -1))
+                columns.append((ahead - behind) / (2 * STEP))
+            (a, c), (b, d) = (column.unbind(-1) for column in columns)
+            scale = a * d - b * c
+            scale = torch.where(scale.abs() < 1e-9, torch.ones_like(scale), scale)
+            u, v = off.unbind(-1)
+            found = found + torch.stack([(d * u - b * v) / scale, (a * v - c * u) / scale], -1)
+        return found[..., 0], found[..., 1]
+
+    def with_more_k1(self, change: float) -> "Distortion":
+        """The lens with this added to k1."""
+        first, rest = (self.radial[0], self.radial[1:]) if self.radial else (0.0, ())
+        return replace(self, radial=(first + change, *rest)) if change else self
 
     def fold(self) -> float:
         """Square of the least radius r at which r g stops growing: beyond, the formula shows the same things again."""

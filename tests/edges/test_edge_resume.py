@@ -19,7 +19,7 @@ SETTINGS = {"target": "edges", "seed": 3, "size": [64, 80]}
 CURVES = lines_between(((0, 0, 0), (0.1, 0.2, 1 / 3)), ((1, 0, 0), (0, 1, 0)))
 LOSSES = [0.5, 1 / 3]
 RESULT = Result(2, CURVES, Bias(0.1, -1 / 3, 0.7))
-REFINED = Refined(torch.eye(4).repeat(3, 1, 1), torch.eye(3).repeat(3, 1, 1) / 3, np.array([1.5, 1 / 3, np.nan]))
+REFINED = Refined(torch.eye(4).repeat(3, 1, 1), torch.eye(3).repeat(3, 1, 1) / 3, np.array([1.5, 1 / 3, np.nan]), -0.05)
 KEPT = Kept(RESULT, LOSSES, REFINED)
 
 
@@ -95,6 +95,9 @@ CHANGES = {
     "cameras without lenses": lambda t: t.pop("intrinsics"),
     "fewer cameras than lenses": lambda t: t.update(world_to_camera=t["world_to_camera"][:2].clone()),
     "a camera that is not finite": lambda t: t["world_to_camera"].view(-1)[3:4].fill_(float("inf")),
+    "no distortion": lambda t: t.pop("k1"),
+    "a distortion of several lenses": lambda t: t.update(k1=t["agreement"].clone()),
+    "a distortion that is not finite": lambda t: t["k1"].fill_(float("nan")),
     "points of whole numbers": lambda t: t.update(points=t["points"].long()),
 }
 

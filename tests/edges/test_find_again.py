@@ -7,7 +7,8 @@ from edge_scenes import around, lines_between, ridges_along, segment
 
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.cameras.find_again import agreement, found_again
-from diff3ds.edges.cameras.posed import Posed
+from diff3ds.edges.cameras.lens_effect import LensEffect
+from diff3ds.edges.cameras.posed import NUMBERS, Posed
 from diff3ds.edges.evidence.edge_views import edge_views
 
 CORNERS = 0.55 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -27,7 +28,13 @@ def scene():
     # About 12 pixels to the side, and some about the axis of sight.
     turns = np.zeros((len(cameras), 6))
     turns[WRONG, :3] = [0.02, -0.035, 0.01]
-    return truth, truth.stepped(turns, np.zeros(2)), views, np.zeros(len(views.points)), lines_between(*ENDS)
+    return (
+        truth,
+        truth.stepped(turns, np.zeros(NUMBERS)),
+        views,
+        LensEffect.fixed(np.zeros(len(views.points))),
+        lines_between(*ENDS),
+    )
 
 
 def project(posed, x):
@@ -35,15 +42,15 @@ def project(posed, x):
     return posed.focals[:, None] * local[..., :2] / local[..., 2:] + posed.principal[:, None]
 
 
-def lost_of(posed, views, sides, curves):
+def lost_of(posed, views, effect, curves):
     count = len(views)
-    agrees = agreement(posed, views, sides, curves)
+    agrees = agreement(posed, views, effect, curves)
     return np.nonzero(Refined(torch.zeros(count, 4, 4), torch.zeros(count, 3, 3), agrees).lost)[0].tolist()
 
 
 def test_lost_cameras_are_found_again_and_the_others_stay(scene):
-    truth, wrong, views, sides, curves = scene
-    back = found_again(wrong, wrong, views, sides, curves)
+    truth, wrong, views, effect, curves = scene
+    back = found_again(wrong, wrong, views, effect, curves)
     seen = [project(posed, CORNERS)[WRONG] for posed in (wrong, back, truth)]
     assert np.linalg.norm(seen[0] - seen[2], axis=-1).min() > 8
     assert np.linalg.norm(seen[1] - seen[2], axis=-1).mean() < 1.0
@@ -53,14 +60,14 @@ def test_lost_cameras_are_found_again_and_the_others_stay(scene):
 
 
 def test_lost_cameras_agree_with_no_more_than_chance(scene):
-    truth, wrong, views, sides, curves = scene
-    assert lost_of(wrong, views, sides, curves) == [2, STRANGE, 9, 17]
-    right = agreement(truth, views, sides, curves)
+    truth, wrong, views, effect, curves = scene
+    assert lost_of(wrong, views, effect, curves) == [2, STRANGE, 9, 17]
+    right = agreement(truth, views, effect, curves)
     assert np.delete(right, STRANGE).min() > 3
     assert right[STRANGE] < 2
 
 
 def test_what_shows_another_thing_stays_lost(scene):
-    _, wrong, views, sides, curves = scene
-    back = found_again(wrong, wrong, views, sides, curves)
-    assert lost_of(back, views, sides, curves) == [STRANGE]
+    _, wrong, views, effect, curves = scene
+    back = found_again(wrong, wrong, views, effect, curves)
+    assert lost_of(back, views, effect, curves) == [STRANGE]

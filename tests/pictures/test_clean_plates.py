@@ -13,6 +13,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.optimize.fit import fit
+from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.pictures.content.background import with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
@@ -151,6 +152,16 @@ def test_a_plate_of_each_view_is_read_as_its_picture_is(tmp_path, generator, len
     assert torch.equal(found.known, pictures.known)
     assert found.pixels.shape == (4, 30, 30, 4)
     assert not found.known.all()
+
+
+def test_plates_are_read_again_with_the_lens_of_their_pictures(tmp_path, generator):
+    images = [torch.rand(40, 60, 3, generator=generator) for _ in range(4)]
+    path, change = write(tmp_path / "data", images, k1=0.1), LensChange(1.05, -0.3)
+    plates, pictures = load_clean_plates(path, tmp_path / "data", 30), load_posed(path, "color", 30).again(change)
+    found = plates.refined(change, [2, 0])
+    assert torch.equal(found.store.pixels, pictures.store.pixels[[2, 0]])
+    assert not torch.equal(found.store.pixels, plates.chosen([2, 0]).store.pixels)
+    assert torch.equal(plates.refined(LensChange(1.05), [2, 0]).store.pixels, plates.chosen([2, 0]).store.pixels)
 
 
 def test_plates_in_folders_of_the_same_names(tmp_path):

@@ -9,7 +9,9 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.distortion import NO_DISTORTION, Distortion
 from diff3ds.formats import save_png
+from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.pyramid import build_pyramid
@@ -273,3 +275,36 @@ def test_memory_of_a_view(tmp_path):
         peaks.append(int(subprocess.run(command, capture_output=True, text=True, check=True).stdout))
     # The tenth is for the allocator; float32 would take four times as much.
     assert peaks[1] - peaks[0] < 1.1 * 100 * 512 * 512 * 4 * 4 / 3
+
+
+def test_pictures_are_read_again_with_another_lens(scene, tmp_path):
+    """As if the file had said so, in another size and with masks as before."""
+    sketch, cameras = scene
+    path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
+    content = json.loads(path.read_text())
+    content["frames"] = [{**frame, "k1": 0.1, "k2": 0.02} for frame in content["frames"]]
+    path.write_text(json.dumps(content))
+    found = load_posed(path, size=30)
+    assert found.lens == Distortion((0.1, 0.02))
+    again = found.again(LensChange(1.1, -0.25))
+    for frame in content["frames"]:
+        frame |= {"k1": -0.15, "fl_x": 1.1 * frame["fl_x"], "fl_y": 1.1 * frame["fl_y"]}
+    path.write_text(json.dumps(content))
+    said = load_posed(path, size=30)
+    assert torch.equal(again.store.pixels, said.store.pixels)
+    assert torch.equal(again.store.known, said.store.known)
+    assert not torch.equal(again.store.pixels, found.store.pixels)
+    torch.testing.assert_close(again.cameras.intrinsics, said.cameras.intrinsics)
+
+
+@pytest.mark.parametrize("change", [{"k1": 0.2}, {"fl_x": 61.0}, {"w": 61, "cx": 30.0}])
+def test_pictures_of_several_lenses_have_none_in_common(scene, tmp_path, change):
+    sketch, cameras = scene
+    path = write(tmp_path, cameras, ds.render(sketch, cameras).color)
+    assert load_posed(path).lens == NO_DISTORTION
+    content = json.loads(path.read_text())
+    content["frames"][1] |= change
+    if "w" in change:
+        save_png(tmp_path / content["frames"][1]["file_path"], torch.zeros(40, 61, 3))
+    path.write_text(json.dumps(content))
+    assert load_posed(path, "color").lens is None

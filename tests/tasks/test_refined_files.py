@@ -10,8 +10,10 @@ import torch
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.formats import save_png
+from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange
 from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.pictures.frame import Frame
 from diff3ds.tasks.cameras.run import are_estimated
@@ -37,9 +39,9 @@ def turned(cameras, degrees):
     return replace(cameras, world_to_camera=turn @ cameras.world_to_camera)
 
 
-def moved(cameras, after, agreement):
-    names, refined = ["a", "b", "c", "d"], Refined(after.world_to_camera, after.intrinsics, np.array(agreement))
-    return moves(Frame(torch.zeros(3, dtype=torch.float64), 1.0), cameras, after, names, refined)
+def moved(cameras, after, agreement, k1=0.0, lens=None):
+    names, refined = ["a", "b", "c", "d"], Refined(after.world_to_camera, after.intrinsics, np.array(agreement), k1)
+    return moves(Frame(torch.zeros(3, dtype=torch.float64), 1.0), cameras, after, names, refined, lens)
 
 
 def test_moves_say_degrees_and_units(source):
@@ -56,6 +58,23 @@ def test_moves_say_degrees_and_units(source):
     focal = float(cameras.intrinsics[0, 0, 0])
     assert about["each"]["b"]["pixels"] == pytest.approx(0.25 / 3 * focal, rel=0.1)
     assert found.right == [0, 1, 2, 3]
+
+
+def test_distortion_is_said_in_pixels_at_the_corners(source):
+    cameras = source[1]
+    assert moved(cameras, cameras, [5.0] * 4).about["distortion"] is None
+    kept = moved(cameras, cameras, [5.0] * 4, 0.0, Distortion())
+    assert kept.about["distortion"] == {"k1": 0.0, "pixels_at_corners": 0.0}
+    assert "distortion as given" in kept.lines[0]
+    found = moved(cameras, cameras, [5.0] * 4, 0.1, Distortion())
+    # A corner that was taken 20 pixels from the middle lies where r + .1 r^3 says so.
+    focal = float(cameras.intrinsics[0, 0, 0])
+    pixels = found.about["distortion"]["pixels_at_corners"]
+    r = (20 - pixels) / focal
+    assert focal * (r + 0.1 * r**3) == pytest.approx(20, abs=0.01)
+    assert pixels > 0.2
+    assert f"distortion k1 +0.1000, {pixels:.1f} pixels at the corners" in found.lines[0]
+    assert found.lens == LensChange(1.0, 0.1)
 
 
 def test_views_that_are_lost_or_moved_far_are_said(source):
@@ -88,7 +107,9 @@ def test_written_cameras_are_read_from_another_folder(source, tmp_path):
     path.write_text(json.dumps(content))
     after = turned(cameras, 1.0)
     (tmp_path / "out").mkdir()
-    save_refined(tmp_path / "out" / "transforms.json", path, "color-edges", [0, 2], after[[0, 2]], 1.1)
+    save_refined(
+        tmp_path / "out" / "transforms.json", path, "color-edges", [0, 2], after[[0, 2]], LensChange(1.1, -0.02)
+    )
     views = read_views(tmp_path / "out" / "transforms.json")
     assert [view.picture.name for view in views] == ["0.png", "2.png"]
     assert all(view.picture.is_file() for view in views)
@@ -97,7 +118,7 @@ def test_written_cameras_are_read_from_another_folder(source, tmp_path):
     )
     focal = [float(v.intrinsics[0, 0]) for v in views]
     assert focal == pytest.approx([1.1 * float(cameras.intrinsics[0, 0, 0])] * 2, rel=1e-5)
-    assert [view.distortion.radial[:1] for view in views] == [(), (0.01,)]
+    assert [view.distortion.radial[:1] for view in views] == [(-0.02,), (-0.01,)]
 
 
 def test_the_option_is_said_to_be_unused_where_it_is(tmp_path):
@@ -127,7 +148,7 @@ def test_refined_cameras_keep_the_points(source, tmp_path):
     (tmp_path / "out").mkdir()
     points = torch.rand(4, 3, dtype=torch.float64)
     out = tmp_path / "out" / "transforms_refined.json"
-    save_refined(out, path, "color-edges", [0, 1, 2, 3], cameras, 1.0, points)
+    save_refined(out, path, "color-edges", [0, 1, 2, 3], cameras, UNCHANGED, points)
     assert torch.equal(sparse_points(out), points)
     assert not are_estimated(out)
     assert not are_estimated(path)

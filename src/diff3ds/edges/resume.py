@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from diff3ds._shapes import Tensor
@@ -16,11 +17,11 @@ from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import Kind
 
 # [version; derived] Of the layout of the file: one with another is refused.
-VERSION = 5
+VERSION = 6
 MAX_BYTES = 1 << 28
 FIELDS = ("points", "kind", "vertex")
 # Of refined cameras, if there are any.
-CAMERAS = ("world_to_camera", "intrinsics", "agreement")
+CAMERAS = ("world_to_camera", "intrinsics", "agreement", "k1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ def write_result(path: Path, kept: Kept, settings: dict[str, Any]) -> None:
     tensors["vertex"] = torch.unique(result.curves.vertex, return_inverse=True)[1]
     tensors["losses"] = torch.tensor(kept.losses, dtype=torch.float64)
     if kept.refined is not None:
-        tensors |= {name: torch.as_tensor(getattr(kept.refined, name)) for name in CAMERAS}
+        tensors |= {name: torch.as_tensor(np.asarray(getattr(kept.refined, name))) for name in CAMERAS}
     write_tensors(path, tensors, {"diff3ds edges": json.dumps(about)})
 
 
@@ -91,12 +92,13 @@ def read_result(path: Path, settings: dict[str, Any]) -> Kept:
 def _cameras(tensors: dict[str, Tensor]) -> Refined:
     """The cameras, if their tensors fit together."""
     count = len(tensors["agreement"])
-    for name, shape in zip(CAMERAS, ((count, 4, 4), (count, 3, 3), (count,)), strict=True):
+    for name, shape in zip(CAMERAS, ((count, 4, 4), (count, 3, 3), (count,), ()), strict=True):
         if tensors[name].shape != shape or not tensors[name].is_floating_point():
             raise ValueError(f"{name} has shape {tuple(tensors[name].shape)} and dtype {tensors[name].dtype}")
-    if not bool(tensors["world_to_camera"].isfinite().all() & tensors["intrinsics"].isfinite().all()):
+    if not all(bool(tensors[name].isfinite().all()) for name in CAMERAS if name != "agreement"):
         raise ValueError("cameras out of range")
-    return Refined(tensors["world_to_camera"], tensors["intrinsics"], tensors["agreement"].numpy())
+    pose, matrix, agreement, k1 = (tensors[name] for name in CAMERAS)
+    return Refined(pose, matrix, agreement.numpy(), float(k1))
 
 
 def _checked(curves: Curves) -> Curves:

@@ -1,15 +1,18 @@
 """Posed pictures: brought onto one canvas, told apart into drawings and coloured pictures."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.distortion import Distortion
 from diff3ds.photogrammetry.edge_maps import with_edge_maps
+from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange, shared_lens
 from diff3ds.photogrammetry.project import present_views, sparse_points
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks, Target
@@ -41,6 +44,8 @@ class PosedPictures:
         masked: how many of them have a `mask_path`.
         points: of the reconstruction that found the cameras, in their world, float64, unless colours are wanted; None
             where there are none.
+        lens: that was taken out of all of them; None if several cameras have taken them.
+        again: reads all of them again, with lenses that have changed; None if they were not read.
     """
 
     cameras: Cameras
@@ -49,6 +54,8 @@ class PosedPictures:
     names: tuple[str, ...]
     masked: int = 0
     points: Float[Tensor, "P 3"] | None = None
+    lens: Distortion | None = None
+    again: Callable[[LensChange], "PosedPictures"] | None = None
 
     def __len__(self) -> int:
         return len(self.cameras)
@@ -79,6 +86,7 @@ def load_posed(
     told: Told = lambda done, total: None,
     edges: Path | None = None,
     cut: Sequence[Path] | None = None,
+    change: LensChange = UNCHANGED,
 ) -> PosedPictures:
     """The pictures and cameras of a project; those whose pictures are missing are left out with a warning.
 
@@ -95,6 +103,7 @@ def load_posed(
         told: called with the number of pictures that have been read, and of all.
         edges: folder with edge maps of the pictures (`with_edge_maps`), which take their place: the target is edges.
         cut: a mask of each picture, white where the object is, in place of its own; `masks` is object then.
+        change: how the lenses differ from what the project says.
 
     Raises:
         FileNotFoundError, ValueError: a missing or unreadable file; cameras that look at nothing in common, before any
@@ -102,7 +111,8 @@ def load_posed(
             nothing.
         OSError: no room in the folder.
     """
-    views = present_views(path, "color" if edges else target)
+    again = partial(load_posed, path, target, size, scratch, masks, told, edges, cut)
+    views = [change.of(view) for view in present_views(path, "color" if edges else target)]
     if cut is not None:
         views, masks = [replace(view, mask=mask) for view, mask in zip(views, cut, strict=True)], "object"
     if edges:
@@ -129,7 +139,8 @@ def load_posed(
     found: Target = target or ("color" if background is None else "edges")
     names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
     points = None if found == "color" else sparse_points(path)
-    return PosedPictures(cameras, found, store, names, masked, points if points is not None and len(points) else None)
+    points = points if points is not None and len(points) else None
+    return PosedPictures(cameras, found, store, names, masked, points, shared_lens(views), again)
 
 
 def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:

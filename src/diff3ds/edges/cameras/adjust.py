@@ -1,19 +1,20 @@
 """Bundle adjustment on edges: cameras, a lens and the points of curves, so that curves meet the ridges of all views.
 
 A sample point of a curve lies beside a ridge in each view that shows it; how far is known across the ridge, and not
-along it. Poses of all views, one factor of all focal lengths, the outward offset of outlines and a displacement of
-every sample point are solved for together, in Gauss-Newton steps with weights that fall off for ridges that fit badly.
-Displacements are eliminated point by point, as in `evidence.bias`.
+along it. Poses of all views, one factor of all focal lengths, the outward offset of outlines, a radial distortion and a
+displacement of every sample point are solved for together, in Gauss-Newton steps with weights that fall off for ridges
+that fit badly. Displacements are eliminated point by point, as in `evidence.bias`.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.cameras.posed import Posed, rotation_vectors
+from diff3ds.edges.cameras.lens_effect import LensEffect
+from diff3ds.edges.cameras.posed import NUMBERS, Posed, rotation_vectors
 from diff3ds.edges.evidence.bias import ACROSS, ALONG
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import crowded, inliers, samples
@@ -26,10 +27,10 @@ ROUNDS, FIRST_SCATTER, SCATTER = 15, 1.5, 0.3
 FAR, NEAR, SURE = 5.0, 2.5, 1.0
 # [samples; speed] Sample points that are looked at, at most: evenly chosen ones, of long curves as of short ones.
 MOST_SAMPLES = 3000
-# [rad, ratio, ratio, px; empirical] Of the pull towards the cameras that were given: so much of a turn, of a move
-# relative to the distance, of the focal length and of outlines counts as one sample point that is a pixel off, next to
-# nothing, but where the ridges say nothing.
-TURNED, MOVED, ZOOMED, OUTWARD = 0.001, 0.002, 0.002, 0.2
+# [rad, ratio, ratio, px, 1; empirical] Of the pull towards the cameras that were given: so much of a turn, of a move
+# relative to the distance, of the focal length, of outlines and of k1 counts as one sample point that is a pixel off,
+# next to nothing, but where the ridges say nothing.
+TURNED, MOVED, ZOOMED, OUTWARD, BENT = 0.001, 0.002, 0.002, 0.2, 0.1
 # [times; empirical] Cameras so many times as far from what was given are pulled half as much: what is lost by far was
 # not given well.
 DOUBTED = 10.0
@@ -37,28 +38,30 @@ DOUBTED = 10.0
 LEAST_VIEWS = 3
 
 
-def adjusted(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -> Posed:
-    """The cameras with which the curves, free to move, meet the ridges best.
+def adjusted(start: Posed, posed: Posed, views: EdgeViews, effect: LensEffect, curves: Curves) -> tuple[Posed, float]:
+    """The cameras with which the curves, free to move, meet the ridges best, and what k1 gains (`_Normal.gain`).
 
     Args:
         start: the cameras that were given, near which they stay where the ridges say nothing.
         posed: the cameras so far.
         views: ridges as the pictures show them; their cameras do not count.
-        sides: `outline_sides` of all ridge points.
+        effect: of the lens, on all ridge points.
         curves: near the edges, by the cameras so far.
     """
     x, tangent = some_samples(curves)
-    first, seen = posed, posed.views(views, sides)
+    first, seen = posed, posed.views(views, effect)
     alone = ~crowded(seen, x, tangent, at=inliers(seen, x, tangent, FAR))
     for far, scatter in narrowing():
         shown = inliers(seen, x, tangent, far) & alone
         shown &= shown.sum(0) >= LEAST_VIEWS
-        posed, x = _stepped(start, posed, seen, sides, x, tangent, shown, scatter)
-        seen = posed.views(views, sides)
+        normal = _normal(start, posed, equations(posed, seen, effect, x, shown, scatter), seen.pixel, tangent)
+        step, moved = normal.solved()
+        posed, x = posed.stepped(step[:-NUMBERS].reshape(-1, 6), step[-NUMBERS:]), x + moved
+        seen = posed.views(views, effect)
     # A view that has lost its way shows less than before.
-    now, before = (inliers(p.views(views, sides), x, tangent, SURE).sum(1) for p in (posed, first))
+    now, before = (inliers(p.views(views, effect), x, tangent, SURE).sum(1) for p in (posed, first))
     lost = now < before
-    return posed.with_poses(first, lost)
+    return posed.with_poses(first, lost), normal.gain(float(posed.lens[2]))
 
 
 def some_samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
@@ -84,14 +87,14 @@ class Equations:
     residual: Float[Array, "V M"]
     weight: Float[Array, "V M"]
     pose: Float[Array, "V M 6"]
-    lens: Float[Array, "V M 2"]
+    lens: Float[Array, "V M 3"]
     place: Float[Array, "V M 3"]
 
 
 def equations(
     posed: Posed,
     seen: EdgeViews,
-    sides: Float[Array, " R"],
+    effect: LensEffect,
     x: Float[Array, "M 3"],
     shown: Bool[NDArray[np.bool_], "V M"],
     scatter: float,
@@ -108,26 +111,54 @@ def equations(
     flat = normal * focal / depth[..., None]
     before = np.concatenate([flat, -(normal * off).sum(-1, keepdims=True) / depth[..., None]], -1)
     pose = np.concatenate([np.cross(local, before), before], -1)
-    lens = np.stack([(normal * off).sum(-1), sides[match.ridge]], -1)
+    # Ridges that lie farther outside are those of curves that lie less far.
+    bent = -(normal * effect.bends[match.ridge]).sum(-1)
+    lens = np.stack([(normal * off).sum(-1), effect.sides[match.ridge], bent], -1)
     weight = shown / (1 + (residual / scatter) ** 2)
     return Equations(residual, weight, pose, lens, before @ posed.rotation)
 
 
-def _stepped(
-    start: Posed,
-    posed: Posed,
-    seen: EdgeViews,
-    sides: Float[Array, " R"],
-    x: Float[Array, "M 3"],
-    tangent: Float[Array, "M 3"],
-    shown: Bool[NDArray[np.bool_], "V M"],
-    scatter: float,
-) -> tuple[Posed, Float[Array, "M 3"]]:
-    """One Gauss-Newton step of cameras and points."""
-    rows = equations(posed, seen, sides, x, shown, scatter)
+@dataclass(frozen=True, eq=False)
+class _Normal:
+    """The normal equations of one Gauss-Newton step, for K numbers of cameras, without displacements.
+
+    Attributes:
+        rows: the equations, with displacements in pixels at the middle of the scene, as their pulls are.
+        pixel: in world units.
+        left, right: of the numbers of cameras, with what is expected of them.
+        square: the inverse of each displacement's own equations.
+        both, offset: of displacements by numbers of cameras, and by residuals.
+    """
+
+    rows: Equations
+    pixel: float
+    left: Float[Array, "K K"]
+    right: Float[Array, " K"]
+    square: Float[Array, "M 3 3"]
+    both: Float[Array, "M 3 K"]
+    offset: Float[Array, "M 3"]
+
+    def solved(self) -> tuple[Float[Array, " K"], Float[Array, "M 3"]]:
+        """The step of cameras, and that of points in world units."""
+        step = np.asarray(np.linalg.solve(self.left, self.right), dtype=np.float64)
+        return step, (self.square @ (self.offset - self.both @ step)[..., None])[..., 0] * self.pixel
+
+    def gain(self, k1: float) -> float:
+        """What of the sum of the squared residuals, weighted, k1 takes away, all other numbers free to move.
+
+        The extra sum of squares of regression: the sum grows by k1 squared over its entry of the inverse without it.
+        """
+        entry = np.linalg.solve(self.left, np.eye(len(self.right))[-1])[-1]
+        extra = k1**2 / entry
+        return float(extra / max(extra + (self.rows.weight * self.rows.residual**2).sum(), 1e-300))
+
+
+def _normal(start: Posed, posed: Posed, rows: Equations, pixel: float, tangent: Float[Array, "M 3"]) -> _Normal:
+    """Of these equations."""
     count, poses = len(posed.rotation), 6 * len(posed.rotation)
+    rows = replace(rows, place=rows.place * pixel)
     weighted = rows.weight[..., None]
-    left, right = np.zeros((poses + 2, poses + 2)), np.zeros(poses + 2)
+    left, right = np.zeros((poses + NUMBERS, poses + NUMBERS)), np.zeros(poses + NUMBERS)
     own = np.einsum("vmi,vmj->vij", weighted * rows.pose, rows.pose)
     mixed = np.einsum("vmi,vmj->vij", weighted * rows.pose, rows.lens)
     for view in range(count):
@@ -136,26 +167,22 @@ def _stepped(
     left[poses:, poses:] = np.einsum("vmi,vmj->ij", weighted * rows.lens, rows.lens)
     right[:poses] = np.einsum("vm,vmi->vi", rows.weight * rows.residual, rows.pose).ravel()
     right[poses:] = np.einsum("vm,vmi->i", rows.weight * rows.residual, rows.lens)
-    # Places are in pixels at the middle of the scene, as in `bias`: their pulls are, too.
-    place = rows.place * seen.pixel
     pull = ALONG * np.einsum("mi,mj->mij", tangent, tangent) + ACROSS * np.eye(3)
-    square = np.linalg.inv(np.einsum("vmi,vmj->mij", weighted * place, place) + pull)
+    square = np.linalg.inv(np.einsum("vmi,vmj->mij", weighted * rows.place, rows.place) + pull)
     both = np.concatenate(
         [
-            np.einsum("vmi,vmj->mivj", weighted * place, rows.pose).reshape(len(x), 3, poses),
-            np.einsum("vmi,vmj->mij", weighted * place, rows.lens),
+            np.einsum("vmi,vmj->mivj", weighted * rows.place, rows.pose).reshape(-1, 3, poses),
+            np.einsum("vmi,vmj->mij", weighted * rows.place, rows.lens),
         ],
         -1,
     )
-    offset = np.einsum("vm,vmi->mi", rows.weight * rows.residual, place)
+    offset = np.einsum("vm,vmi->mi", rows.weight * rows.residual, rows.place)
     root = np.linalg.cholesky(square).transpose(0, 2, 1)
-    halves = (root @ both).reshape(-1, poses + 2)
+    halves = (root @ both).reshape(-1, poses + NUMBERS)
     left -= halves.T @ halves
     right -= halves.T @ (root @ offset[..., None]).ravel()
     tight, back = expected(start, posed)
-    step = np.asarray(np.linalg.solve(left + np.diag(tight), right + tight * back), dtype=np.float64)
-    moved = (square @ (offset - both @ step)[..., None])[..., 0] * seen.pixel
-    return posed.stepped(step[:poses].reshape(-1, 6), step[poses:]), x + moved
+    return _Normal(rows, pixel, left + np.diag(tight), right + tight * back, square, both, offset)
 
 
 def expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
@@ -167,6 +194,6 @@ def expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Arra
     believed = 1 / (1 + off.sum(1, keepdims=True) / DOUBTED**2)
     tight = np.concatenate([np.full((len(distance), 3), TURNED**-2), np.tile((MOVED * distance[:, None]) ** -2, 3)], 1)
     tight = believed * tight
-    lens = np.array([ZOOMED, OUTWARD]) ** -2
+    lens = np.array([ZOOMED, OUTWARD, BENT]) ** -2
     back = np.concatenate([np.concatenate([turned, aside], 1).ravel(), -posed.lens])
     return np.concatenate([tight.ravel(), lens]), back

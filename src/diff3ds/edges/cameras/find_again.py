@@ -11,7 +11,8 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.cameras.adjust import SURE, equations, expected, narrowing, some_samples
-from diff3ds.edges.cameras.posed import Posed
+from diff3ds.edges.cameras.lens_effect import LensEffect
+from diff3ds.edges.cameras.posed import NUMBERS, Posed
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import inliers
 from diff3ds.edges.shapes.curve_set import Curves
@@ -31,62 +32,62 @@ WRONG = (6.0, 9.0, 12.0)
 AROUND = 24
 
 
-def found_again(start: Posed, posed: Posed, views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -> Posed:
+def found_again(start: Posed, posed: Posed, views: EdgeViews, effect: LensEffect, curves: Curves) -> Posed:
     """The cameras, of which those that show far more of the curves from elsewhere are there.
 
     Args:
         start: the cameras that were given, near which they are looked for.
         posed: the cameras so far.
         views: as for `adjusted`.
-        sides: the same.
+        effect: the same.
         curves: by the cameras so far.
     """
     x, tangents = some_samples(curves)
-    now = _shown(posed, views, sides, x, tangents)
+    now = _shown(posed, views, effect, x, tangents)
     steps = np.arange(-REACH, REACH + STEP / 2, STEP)
     shifts = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     rotation, shift = posed.rotation.copy(), posed.shift.copy()
     for view in range(len(views)):
         given = replace(start.chosen([view]), lens=posed.lens)
         tried, seen = _turned(given, shifts), _copies(views, view, len(shifts))
-        near = inliers(tried.views(seen, sides), x, tangents).sum(1)
+        near = inliers(tried.views(seen, effect), x, tangents).sum(1)
         best = np.argsort(-near, kind="stable")[:FOLLOWED]
         seen = _copies(views, view, len(best))
-        there = _followed(tried.chosen(best), seen, sides, x, tangents)
-        shown = _shown(there, seen, sides, x, tangents)
+        there = _followed(tried.chosen(best), seen, effect, x, tangents)
+        shown = _shown(there, seen, effect, x, tangents)
         most = int(shown.argmax())
         if shown[most] > BETTER * now[view]:
             rotation[view], shift[view] = there.rotation[most], there.shift[most]
     return replace(posed, rotation=rotation, shift=shift)
 
 
-def agreement(posed: Posed, views: EdgeViews, sides: Float[Array, " R"], curves: Curves) -> Float[Array, " V"]:
+def agreement(posed: Posed, views: EdgeViews, effect: LensEffect, curves: Curves) -> Float[Array, " V"]:
     """How many times as much of the curves each view shows as chance would show in it: about 1 for a lost one.
 
     Args:
         posed: the cameras.
         views: as for `adjusted`.
-        sides: the same.
+        effect: the same.
         curves: by these cameras.
     """
     x, tangents = some_samples(curves)
     angle = np.arange(AROUND) * (2 * np.pi / AROUND)
     away = np.resize(WRONG, AROUND)
     shifts = np.stack([away * np.cos(angle), away * np.sin(angle)], 1)
-    now = _shown(posed, views, sides, x, tangents)
+    now = _shown(posed, views, effect, x, tangents)
     found = np.zeros(len(views))
     for view in range(len(views)):
         wrong = _turned(posed.chosen([view]), shifts)
-        chance = _shown(wrong, _copies(views, view, AROUND), sides, x, tangents).mean()
+        chance = _shown(wrong, _copies(views, view, AROUND), effect, x, tangents).mean()
         found[view] = now[view] / max(1.0, float(chance))
     return found
 
 
 def _shown(
-    posed: Posed, views: EdgeViews, sides: Float[Array, " R"], x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]
+    posed: Posed, views: EdgeViews, effect: LensEffect, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]
 ) -> Int[Array, " V"]:
     """How many samples of curves lie on ridges of each view."""
-    return np.asarray(inliers(posed.views(views, sides), x, tangents, SURE).sum(1))
+    return np.asarray(inliers(posed.views(views, effect), x, tangents, SURE).sum(1))
 
 
 def _copies(views: EdgeViews, view: int, count: int) -> EdgeViews:
@@ -99,20 +100,20 @@ def _turned(posed: Posed, shifts: Float[Array, "K 2"]) -> Posed:
     """A camera turned so that its picture moves by these, pixels."""
     turns = np.stack([-shifts[:, 1] / posed.focals[0, 1], shifts[:, 0] / posed.focals[0, 0]], 1)
     steps = np.pad(turns, ((0, 0), (0, 4)))
-    return posed.chosen([0] * len(shifts)).stepped(steps, np.zeros(2))
+    return posed.chosen([0] * len(shifts)).stepped(steps, np.zeros(NUMBERS))
 
 
 def _followed(
-    start: Posed, views: EdgeViews, sides: Float[Array, " R"], x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]
+    start: Posed, views: EdgeViews, effect: LensEffect, x: Float[Array, "M 3"], tangents: Float[Array, "M 3"]
 ) -> Posed:
     """Cameras of one view that each meet the curves, which stay, as well as from where they are."""
     posed = start
     for far, scatter in narrowing():
-        seen = posed.views(views, sides)
-        rows = equations(posed, seen, sides, x, inliers(seen, x, tangents, far), scatter)
+        seen = posed.views(views, effect)
+        rows = equations(posed, seen, effect, x, inliers(seen, x, tangents, far), scatter)
         left = np.einsum("vm,vmi,vmj->vij", rows.weight, rows.pose, rows.pose)
         right = np.einsum("vm,vmi->vi", rows.weight * rows.residual, rows.pose)
-        tight, back = (numbers[:-2].reshape(-1, 6) for numbers in expected(start, posed))
+        tight, back = (numbers[:-NUMBERS].reshape(-1, 6) for numbers in expected(start, posed))
         left += tight[:, :, None] * np.eye(6)
-        posed = posed.stepped(np.linalg.solve(left, (right + tight * back)[..., None])[..., 0], np.zeros(2))
+        posed = posed.stepped(np.linalg.solve(left, (right + tight * back)[..., None])[..., 0], np.zeros(NUMBERS))
     return posed

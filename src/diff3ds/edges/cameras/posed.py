@@ -1,4 +1,4 @@
-"""Cameras as what an adjustment changes: rotations, shifts, and two numbers of the lens."""
+"""Cameras as what an adjustment changes: rotations, shifts, and three numbers of the lens."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,11 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.camera import Cameras
+from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.evidence.edge_views import EdgeViews
+
+# Of a lens.
+NUMBERS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,20 +23,21 @@ class Posed:
     Attributes:
         rotation, shift: from the world to the camera.
         focal, principal: in pixels, before `lens`.
-        lens: the logarithm of the factor of all focal lengths, and how far outlines lie outside, pixels.
+        lens: the logarithm of the factor of all focal lengths, how far outlines lie outside, pixels, and by how much k1
+            of the radial distortion is more than it is said to be.
     """
 
     rotation: Float[Array, "V 3 3"]
     shift: Float[Array, "V 3"]
     focal: Float[Array, "V 2"]
     principal: Float[Array, "V 2"]
-    lens: Float[Array, " 2"]
+    lens: Float[Array, " 3"]
 
     @staticmethod
     def of(cameras: Cameras) -> "Posed":
         """These cameras, with nothing of their lens changed."""
         pose, matrix = (m.detach().double().numpy() for m in (cameras.world_to_camera, cameras.intrinsics))
-        return Posed(pose[:, :3, :3], pose[:, :3, 3], matrix[:, [0, 1], [0, 1]], matrix[:, :2, 2], np.zeros(2))
+        return Posed(pose[:, :3, :3], pose[:, :3, 3], matrix[:, [0, 1], [0, 1]], matrix[:, :2, 2], np.zeros(NUMBERS))
 
     def chosen(self, rows: Sequence[int] | NDArray[np.int64]) -> "Posed":
         """These cameras, of which any may come several times."""
@@ -53,15 +58,18 @@ class Posed:
         """Focal lengths along x and y, pixels."""
         return np.asarray(self.focal * np.exp(self.lens[0]))
 
-    def stepped(self, pose: Float[Array, "V 6"], lens: Float[Array, " 2"]) -> "Posed":
+    def stepped(self, pose: Float[Array, "V 6"], lens: Float[Array, " 3"]) -> "Posed":
         """The cameras turned about themselves by rotation vectors, then shifted; and the lens changed."""
         turn = rotations(pose[:, :3])
         shift = np.einsum("vij,vj->vi", turn, self.shift) + pose[:, 3:]
         return replace(self, rotation=turn @ self.rotation, shift=shift, lens=self.lens + lens)
 
-    def views(self, views: EdgeViews, sides: Float[Array, " R"]) -> EdgeViews:
-        """The ridges as a detector without offset of outlines has them, seen by these cameras; their planes are not."""
-        points = views.points - self.lens[1] * sides[:, None] * views.normals
+    def views(self, views: EdgeViews, effect: LensEffect) -> EdgeViews:
+        """The ridges as a detector without offset of outlines has them in pictures without distortion, seen by these
+        cameras; their planes are not.
+        """
+        points = views.points - self.lens[1] * effect.sides[:, None] * views.normals
+        points = points + (self.lens[2] - effect.k1) * effect.bends
         zero = np.zeros(len(self.rotation))
         focal, middle = self.focals, self.principal
         rows = [[focal[:, 0], zero, middle[:, 0]], [zero, focal[:, 1], middle[:, 1]], [zero, zero, zero + 1]]
@@ -81,7 +89,10 @@ class Posed:
 def coarser(posed: Posed, times: int) -> Posed:
     """The same cameras, with pixels so many times as large."""
     return replace(
-        posed, focal=posed.focal / times, principal=posed.principal / times, lens=posed.lens / np.array([1.0, times])
+        posed,
+        focal=posed.focal / times,
+        principal=posed.principal / times,
+        lens=posed.lens / np.array([1.0, times, 1.0]),
     )
 
 

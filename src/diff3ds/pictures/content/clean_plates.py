@@ -1,13 +1,15 @@
 """Pictures of what lies behind the objects: one for all views, or a clean plate of each."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from diff3ds._shapes import Tensor
 from diff3ds.distortion import NO_DISTORTION
 from diff3ds.formats.png import size_of
+from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange
 from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.dataset import reduced
 from diff3ds.pictures.options import Masks
@@ -24,14 +26,21 @@ class CleanPlates:
     Attributes:
         source: the picture or the folder.
         store: opaque colour (C = 4), on the canvas of the pictures.
+        again: reads all of them again, with lenses that have changed; None if they were not read.
     """
 
     source: Path
     store: Store
+    again: Callable[[LensChange], "CleanPlates"] | None = None
 
     def chosen(self, views: Sequence[int]) -> "CleanPlates":
         """Those of these pictures alone."""
         return replace(self, store=self.store.chosen(views))
+
+    def refined(self, lens: LensChange, views: Sequence[int]) -> "CleanPlates":
+        """Those of these pictures alone, made straight as of lenses with another distortion."""
+        plates = self.again(lens) if self.again is not None and lens.k1 else self
+        return plates.chosen(views)
 
     def digest(self) -> str:
         """SHA-256 of the pixels."""
@@ -42,7 +51,12 @@ class CleanPlates:
 
 
 def load_clean_plates(
-    path: Path, source: Path, size: int = 512, scratch: Path | None = None, told: Told = lambda done, total: None
+    path: Path,
+    source: Path,
+    size: int = 512,
+    scratch: Path | None = None,
+    told: Told = lambda done, total: None,
+    change: LensChange = UNCHANGED,
 ) -> CleanPlates:
     """Loads what lies behind the pictures of a project, reduced and undistorted as `load_posed` does it.
 
@@ -53,6 +67,7 @@ def load_clean_plates(
         size: as for `load_posed`.
         scratch: as for `load_posed`.
         told: as for `load_posed`.
+        change: as for `load_posed`.
 
     Raises:
         FileNotFoundError: the folder lacks pictures.
@@ -60,7 +75,7 @@ def load_clean_plates(
             with one name.
         OSError: no room in the folder.
     """
-    views = of_picture_sizes(path, present_views(path, "color"))
+    views = of_picture_sizes(path, [change.of(view) for view in present_views(path, "color")])
     sizes = [reduced(view.size, size) for view in views]
     if source.is_dir():
         store = load_views(_one_each(source, views), sizes, None, scratch, told=told)
@@ -73,7 +88,7 @@ def load_clean_plates(
         store = load_views(_one_for_all(source, views), sizes, None, scratch, told=told, read=read)
     if not opaque_views(store).all():
         raise ValueError(f"{source}: a background must be opaque, but has transparent pixels: lay it over a colour")
-    return CleanPlates(source, store)
+    return CleanPlates(source, store, partial(load_clean_plates, path, source, size, scratch, told))
 
 
 def _one_for_all(picture: Path, views: list[View]) -> list[View]:

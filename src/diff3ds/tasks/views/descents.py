@@ -5,11 +5,11 @@ from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
+from diff3ds.photogrammetry.lens_change import UNCHANGED
 from diff3ds.pictures.content.background import described
 from diff3ds.pictures.content.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import PosedPictures
@@ -46,12 +46,13 @@ def fit_color(
         ValueError: as `plan_color` and `held_out_views`; strokes of another world.
     """
     held_out_views(path)
-    right: tuple[int, ...] = ()
-    moved: dict[str, Any] = {}
+    which: tuple[int, ...] = ()
+    lens, moved = UNCHANGED, {}
     if options.refine_cameras and given is None:
-        pictures, right, about = refine_for_color(pictures, options, out / EDGES_CHECKPOINT, report, say)
-        clean_plates = clean_plates and clean_plates.chosen(right)
-        moved = {"cameras": about}
+        refined = refine_for_color(pictures, options, out / EDGES_CHECKPOINT, report, say)
+        pictures, which, lens = refined.pictures, refined.which, refined.lens
+        clean_plates = clean_plates and clean_plates.refined(lens, which)
+        moved = {"cameras": refined.about}
     # Torch's own threads wait for each other busily, which takes the time of those that work where others do as well.
     with torch_on_one_thread():
         plan = _going_on(plan_color(pictures, options, out / CHECKPOINT, clean_plates, report), given, options)
@@ -66,7 +67,7 @@ def fit_color(
     except KeyboardInterrupt:
         # The sketch is there, and is written without them.
         stopped = True
-    return Fitted(world, plan.pictures, chosen, losses, scores, stopped, right)
+    return Fitted(world, plan.pictures, chosen, losses, scores, stopped, which, lens)
 
 
 def fit_given_edges(pictures: PosedPictures, options: ViewsOptions, given: Sketch, out: Path, report: Report) -> Fitted:

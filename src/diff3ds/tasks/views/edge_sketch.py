@@ -22,7 +22,7 @@ from diff3ds.tasks.views.edge_course import EdgeCourse
 from diff3ds.tasks.views.edges_of_pictures import look
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
-from diff3ds.tasks.views.refined_views import refine
+from diff3ds.tasks.views.refined_views import RefinedViews, refine
 
 
 def fit_edges(
@@ -54,14 +54,15 @@ def fit_edges(
     course = EdgeCourse(checkpoint, settings, lambda c: frame.to_world(sketch_of(c, width)), report, say)
     course.begin(options.resume)
     stopped = False
-    right: tuple[int, ...] = ()
+    refined: RefinedViews | None = None
     about: dict[str, Any] = {} if bound is None else {"bound": bound}
     try:
         views, ridges = look(pictures, course.tell, course.cap)
         cameras = pictures.cameras[views]
         if options.refine_cameras and start is None:
             # Surroundings tell of cameras as much as the object does.
-            pictures, ridges, right, about["cameras"] = refine(pictures, views, ridges, whole, course, say)
+            refined = refine(pictures, views, ridges, whole, course, say)
+            pictures, ridges, about["cameras"] = refined.pictures, refined.ridges, refined.about
             cameras = pictures.cameras
         reconstruct(
             frame.cameras(cameras),
@@ -77,7 +78,8 @@ def fit_edges(
         if not course.kept.result.stage:
             raise
         stopped = True
-    return replace(_fitted(pictures, course, about, stopped), refined=right)
+    fitted = _fitted(pictures, course, about, stopped)
+    return fitted if refined is None else replace(fitted, refined=refined.which, lens=refined.lens)
 
 
 def _bound(frame: Frame, pictures: PosedPictures, say: Callable[[str], None]) -> Frame:

@@ -1,5 +1,7 @@
 """The edges of posed pictures that a run looks at: of how many views, and how many of them."""
 
+import torch
+
 from diff3ds._shapes import Int, Tensor
 from diff3ds.edges.evidence.ridges import (
     MOST_INK,
@@ -57,6 +59,13 @@ def look(pictures: PosedPictures, tell: Tell, capped: Capped, few: int = FEW_VIE
     if count > room:
         capped("ridge points", room, count)
     return views.tolist(), strongest(ridges, room)
+
+
+def look_again(pictures: PosedPictures, tell: Tell) -> list[Ridges]:
+    """The edges of all these pictures, as many as `look` leaves of the views that it has chosen."""
+    height, width = pictures.cameras.size
+    ridges = ridges_of(pictures, torch.arange(len(pictures)), tell)
+    return strongest(ridges, min(int(MOST_INK * height * width) * len(pictures), MOST_RIDGES))
 
 
 def ridges_of(

@@ -6,6 +6,7 @@ from typing import Any
 from diff3ds._shapes import Tensor
 from diff3ds.optimize.config import FitConfig
 from diff3ds.optimize.fit import Objective
+from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange
 from diff3ds.pictures.content.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame
@@ -41,6 +42,7 @@ class Fitted:
         scores: of the sketch.
         stopped: whether Ctrl-C came before the end.
         refined: which pictures of the project have refined cameras that agree.
+        lens: how these have changed the lenses.
     """
 
     sketch: Sketch
@@ -50,3 +52,4 @@ class Fitted:
     scores: dict[str, float]
     stopped: bool
     refined: tuple[int, ...] = ()
+    lens: LensChange = UNCHANGED

@@ -12,7 +12,10 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.coarse_to_fine import Refined
+from diff3ds.edges.cameras.lens_effect import bending
+from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.frame import Frame
@@ -45,14 +48,23 @@ class Moved:
         about: for run.json.
         lines: for people.
         right: which of the views agree with the others.
+        lens: how the lenses have changed.
     """
 
     about: dict[str, Any]
     lines: list[str]
     right: list[int]
+    lens: LensChange
 
 
-def moves(frame: Frame, before: Cameras, after: Cameras, names: Sequence[str], refined: Refined) -> Moved:
+def moves(
+    frame: Frame,
+    before: Cameras,
+    after: Cameras,
+    names: Sequence[str],
+    refined: Refined,
+    lens: Distortion | None = None,
+) -> Moved:
     """How far each camera has turned, in degrees, and moved, in world units and in its picture; and which are lost.
 
     Args:
@@ -61,6 +73,7 @@ def moves(frame: Frame, before: Cameras, after: Cameras, names: Sequence[str], r
         after: the refined ones.
         names: of their pictures.
         refined: says how far each agrees with the others.
+        lens: whose distortion was looked for, as given; None if it was not.
     """
     turn = after.world_to_camera[:, :3, :3].double() @ before.world_to_camera[:, :3, :3].double().mT
     # Of a rotation by a, |R - 1| is 2 sqrt(2) sin(a / 2): exact for small angles, where the trace is not.
@@ -77,10 +90,21 @@ def moves(frame: Frame, before: Cameras, after: Cameras, names: Sequence[str], r
     far = {name: c for name, c in zip(names, pixels, strict=True) if c > max(FAR * usual, LEAST_FAR)}
     far = {name: far[name] for name in sorted(far, key=lambda name: -far[name]) if name not in lost}
     zoom = float(after.intrinsics[0, 0, 0] / before.intrinsics[0, 0, 0])
-    about = {"focal": round(zoom, 5), "degrees_mean": sum(degrees) / len(degrees), "degrees_most": max(degrees),
-             "units_mean": sum(units) / len(units), "units_most": max(units), "pixels_median": usual,
-             "pixels_most": max(pixels), "lost": lost, "moved_far": list(far), "each": each}  # fmt: skip
-    return Moved(about, [_said(about), *_warned(about, far)], np.nonzero(~refined.lost)[0].tolist())
+    about = {
+        "focal": round(zoom, 5),
+        "distortion": _bent(before, after, refined.k1, lens),
+        "degrees_mean": sum(degrees) / len(degrees),
+        "degrees_most": max(degrees),
+        "units_mean": sum(units) / len(units),
+        "units_most": max(units),
+        "pixels_median": usual,
+        "pixels_most": max(pixels),
+        "lost": lost,
+        "moved_far": list(far),
+        "each": each,
+    }
+    right = np.nonzero(~refined.lost)[0].tolist()
+    return Moved(about, [_said(about), *_warned(about, far)], right, LensChange(zoom, refined.k1))
 
 
 def _moved_pixels(frame: Frame, before: Cameras, after: Cameras) -> list[float]:
@@ -92,12 +116,24 @@ def _moved_pixels(frame: Frame, before: Cameras, after: Cameras) -> list[float]:
     return found
 
 
+def _bent(before: Cameras, after: Cameras, k1: float, lens: Distortion | None) -> dict[str, float] | None:
+    """How far distortion is another than given, and moves the corners of pictures; None where it was not looked for."""
+    if lens is None:
+        return None
+    corners = bending(before, after, lens).at_corners(before.size, k1)
+    return {"k1": float(f"{k1:.4g}"), "pixels_at_corners": round(corners, 2)}
+
+
 def _said(about: dict[str, Any]) -> str:
     """One line about all cameras."""
+    bent = about["distortion"]
+    lens = "distortion as given"
+    if bent and bent["k1"]:
+        lens = f"distortion k1 {bent['k1']:+.4f}, {bent['pixels_at_corners']:.1f} pixels at the corners"
     return (
         f"cameras: turned by {about['degrees_mean']:.3f} degrees (most {about['degrees_most']:.3f}), moved by "
-        f"{about['units_mean']:.3g} units (most {about['units_most']:.3g}), focal length times {about['focal']:.4f}; "
-        f"in the pictures {about['pixels_median']:.1f} pixels (most {about['pixels_most']:.1f})"
+        f"{about['units_mean']:.3g} units (most {about['units_most']:.3g}), focal length times {about['focal']:.4f}, "
+        f"{lens}; in the pictures {about['pixels_median']:.1f} pixels (most {about['pixels_most']:.1f})"
     )
 
 
@@ -129,7 +165,7 @@ def save_refined(
     target: Target,
     views: Sequence[int],
     cameras: Cameras,
-    zoom: float,
+    lens: LensChange,
     points: Float[Tensor, "P 3"] | None = None,
 ) -> None:
     """Writes a transforms.json of the refined views: pictures, masks and lenses are those of the source.
@@ -140,19 +176,17 @@ def save_refined(
         target: what the pictures are.
         views: which of its pictures these are.
         cameras: of these views, in the world.
-        zoom: the factor of the focal lengths.
+        lens: how the lenses have changed.
         points: of the reconstruction, in the same world, for a file beside this one.
     """
     with warnings.catch_warnings():
         # Said when the pictures were read.
         warnings.simplefilter("ignore")
         present = present_views(source, target)
-    wider = torch.tensor([zoom, zoom, 1.0], dtype=torch.float64)
     refined = []
     for view, pose in zip((present[i] for i in views), cameras.world_to_camera.double(), strict=True):
-        lens = view.intrinsics * wider  # columns: the principal point stays
         mask = view.mask.resolve() if view.mask else None
-        refined.append(replace(view, picture=view.picture.resolve(), mask=mask, world_to_camera=pose, intrinsics=lens))
+        refined.append(replace(lens.of(view), picture=view.picture.resolve(), mask=mask, world_to_camera=pose))
     named = {}
     if points is not None:
         file = out.with_name(f"{out.stem}_points.ply")

@@ -1,7 +1,8 @@
 """Pictures with refined cameras, for a fit of their edges or of their colours."""
 
+import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,34 @@ from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.views.edge_course import EdgeCourse
-from diff3ds.tasks.views.edges_of_pictures import MOST_VIEWS, look
+from diff3ds.tasks.views.edges_of_pictures import MOST_VIEWS, look, look_again
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.refined_cameras import in_world, moves
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedViews:
+    """Pictures of which the cameras were refined.
+
+    Attributes:
+        pictures: those whose cameras agree, with these.
+        ridges: of these.
+        which: of all pictures.
+        lens: how the lenses have changed; the pictures were read with it.
+        about: how far cameras moved, for run.json.
+    """
+
+    pictures: PosedPictures
+    ridges: list[Ridges]
+    which: tuple[int, ...]
+    lens: LensChange
+    about: dict[str, Any]
 
 
 def refine(
@@ -26,8 +47,8 @@ def refine(
     frame: Frame,
     course: EdgeCourse,
     say: Callable[[str], None],
-) -> tuple[PosedPictures, list[Ridges], tuple[int, ...], dict[str, Any]]:
-    """The pictures of these views whose refined cameras agree, their ridges, which they are, and how far they moved.
+) -> RefinedViews:
+    """The pictures with refined cameras; read again without the distortion, if any was found.
 
     Args:
         pictures: of all views.
@@ -37,18 +58,27 @@ def refine(
         course: keeps refined cameras, and has them where a run goes on.
         say: told how far cameras have moved, and which are lost.
     """
-    pictures = pictures.chosen(views)
+    whole, pictures = pictures, pictures.chosen(views)
     given = frame.cameras(pictures.cameras)
+    lens = pictures.lens if pictures.again else None
     found = course.kept.refined
     if found is None:
-        found = refined_cameras(given, ridges, course.tell)
+        found = refined_cameras(given, ridges, course.tell, lens)
         course.save_cameras(found)
     after = in_world(frame, found.cameras(given), pictures.cameras)
-    moved = moves(frame, pictures.cameras, after, pictures.names, found)
+    moved = moves(frame, pictures.cameras, after, pictures.names, found, lens)
     for line in moved.lines:
         say(line)
-    pictures = replace(pictures, cameras=after).chosen(moved.right)
-    return pictures, [ridges[i] for i in moved.right], tuple(views[i] for i in moved.right), moved.about
+    pictures, change = replace(pictures, cameras=after).chosen(moved.right), moved.lens
+    which = tuple(views[i] for i in moved.right)
+    if change.k1 and whole.again is not None:
+        with warnings.catch_warnings():
+            # Said when the pictures were first read.
+            warnings.simplefilter("ignore")
+            straight = whole.again(change).chosen(which)
+        pictures = replace(straight, cameras=pictures.cameras)
+        return RefinedViews(pictures, look_again(pictures, course.tell), which, change, moved.about)
+    return RefinedViews(pictures, [ridges[i] for i in moved.right], which, change, moved.about)
 
 
 def refine_for_color(
@@ -57,8 +87,8 @@ def refine_for_color(
     checkpoint: Path,
     report: Report,
     say: Callable[[str], None],
-) -> tuple[PosedPictures, tuple[int, ...], dict[str, Any]]:
-    """Coloured pictures with cameras refined on their edges, which of the pictures these are, and how far they moved.
+) -> RefinedViews:
+    """Coloured pictures with cameras refined on their edges.
 
     Args:
         checkpoint: file that keeps refined cameras.
@@ -73,5 +103,4 @@ def refine_for_color(
     course.begin(options.resume)
     # Colours need all views: of each fewer edges do.
     views, ridges = look(pictures, course.tell, course.cap, MOST_VIEWS)
-    found, _, right, about = refine(pictures, views, ridges, frame, course, say)
-    return found, right, about
+    return refine(pictures, views, ridges, frame, course, say)

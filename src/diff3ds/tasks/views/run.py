@@ -202,15 +202,15 @@ def _placed(fitted: Fitted, scene: _Scene, options: ViewsOptions, say: Callable[
 def _write_cameras(out: Path, path: Path, scene: _Scene, fitted: Fitted, options: ViewsOptions) -> None:
     """Writes the cameras of the sketch, where they are others than those of the project."""
     pictures, placing, cameras = scene.pictures, scene.placing, fitted.pictures.cameras
-    zoom = fitted.chosen["cameras"]["focal"] if fitted.refined else 1.0
-    points = pictures.points
+    points, lens = pictures.points, fitted.lens
     if placing is not None:
-        zoom /= placing.scale if cameras.orthographic else 1.0
+        if cameras.orthographic:
+            lens = dataclasses.replace(lens, zoom=lens.zoom / placing.scale)
         points = None if points is None else placing.scale * points @ placing.turn.mT
     views = fitted.refined or range(len(pictures))
     target = options.pictures or pictures.target
     file = out / (REFINED if fitted.refined else PLACED)
-    save_refined(file, path, target, views, cameras, zoom, points)
+    save_refined(file, path, target, views, cameras, lens, points)
 
 
 def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]) -> Path:
@@ -302,7 +302,7 @@ def _surface_again(
 ) -> TriangleMesh | None:
     """The surface by the refined cameras; by those before them if they show none, which must not cost the sketch."""
     try:
-        plates = scene.clean_plates and scene.clean_plates.chosen(fitted.refined)
+        plates = scene.clean_plates and scene.clean_plates.refined(fitted.lens, fitted.refined)
         return _surface(fitted.pictures, plates, options, report)
     except ValueError as error:
         say(f"{error} This is of the refined cameras: {SURFACE} is by those that were given")
