@@ -62,8 +62,8 @@ ALLOWED = {
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "notebook", "render",
                 "project", "styles", "surfaces", "transforms"} | SCENE,
     "tasks": {"constraints", "detectors", "distortion", "edges", "surfaces", "optimize", "pictures", "guidance",
-              "weights", "losses", "formats", "metrics", "library", "photogrammetry", "render", "project", "styles", "transforms",
-              "viewer"} | SCENE,
+              "weights", "losses", "formats", "metrics", "library", "photogrammetry", "render", "project", "styles",
+              "transforms", "viewer"} | SCENE,
     "cli": {"tasks", "command_line", "_version"},
 }  # fmt: skip
 

@@ -12,7 +12,7 @@ from diff3ds.camera import Cameras
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.evidence.edge_views import EdgeViews
 
-# Of a lens.
+# [numbers; derived] Of a lens.
 NUMBERS = 3
 
 
