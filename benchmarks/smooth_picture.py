@@ -55,7 +55,7 @@ def main() -> None:
             camera = framed(corners, 30.0, 20.0, size=SIZE)
             # Widths are a share of the picture's height.
             curves = sketch_of(feature_curves(mesh).curves, PIXELS_WIDE / SIZE).to(torch.float64)
-            shown = ds.smooth_surface(mesh, 0.1 * mesh.size / SIZE) if smooth else mesh
+            shown = ds.smooth_surface(mesh, 0.2 * mesh.size / SIZE) if smooth else mesh
             (lines,) = visible_lines(curves, camera, shown)
             drawn.append(ds.render(lines.drawn("drop"), camera).color[0].float())
     save_png(parser.parse_args().file, tile_images(torch.stack(drawn), columns=len(drawn) // 2))

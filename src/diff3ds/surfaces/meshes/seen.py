@@ -21,6 +21,7 @@ from diff3ds.surfaces.meshes.edge_runs import seam_runs
 from diff3ds.surfaces.meshes.intersections import APART, Seams, places_on_seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import ON_SURFACE, Nearest, along_chords
+from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh
 from diff3ds.surfaces.meshes.view import MeshView, Picture
 from diff3ds.surfaces.visibility import Ask, Parts, parts_of
 
@@ -77,8 +78,9 @@ class MeshSeen:
         on_crease = np.zeros(len(self._mesh.vertices), bool)
         on_crease[self._mesh.edges[self._mesh.is_crease | (self._mesh.edge_counts != 2)]] = True
         cuts, convex = [], []
+        least = LEAST_RUN * (self._mesh.finer if isinstance(self._mesh, SmoothMesh) else 1)
         for chain, start in zip(chains, first, strict=False):
-            change, flags = cut_at_changes(chain.convex, chain.closed, LEAST_RUN)
+            change, flags = cut_at_changes(chain.convex, chain.closed, least)
             cuts += [change + start, _corners(chain, on_crease) + start]
             convex.append(np.append(flags, True))
         turns = np.concatenate([np.zeros(0, np.int64), *cuts])

@@ -6,6 +6,9 @@ at both ends has its own: on spheres and circles exactly. It is done again until
 tolerance, and what is flat stays as it is.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
@@ -21,7 +24,39 @@ STEEP = 0.7
 # So many faces at most: of a mesh that has more, edges are short in any picture. Empirical.
 MOST_FACES = 200_000
 # So many pixels faces may be from the arcs in pictures. Empirical: more shows, less takes more faces.
-IN_PICTURES = 0.1
+IN_PICTURES = 0.2
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SmoothMesh(TriangleMesh):
+    """A mesh that stands for the smooth surface of a coarse one: each face of that has become a patch.
+
+    Attributes:
+        coarse: the mesh that it was made of.
+        patch: the coarse face that each face is a part of.
+    """
+
+    coarse: TriangleMesh
+    patch: Int[Index, " F"]
+
+    def __init__(
+        self, vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"], coarse: TriangleMesh, patch: Int[Index, " F"]
+    ) -> None:
+        super().__init__(vertices, faces, coarse.part[patch], coarse.crease)
+        object.__setattr__(self, "coarse", coarse)
+        object.__setattr__(self, "patch", patch[self.source])
+
+    @cached_property
+    def patch_at(self) -> Int[Index, " V"]:
+        """A coarse face that each vertex is on."""
+        found = np.zeros(len(self.vertices), np.int64)
+        found[self.faces] = self.patch[:, None]
+        return found
+
+    @cached_property
+    def finer(self) -> int:
+        """How many edges a coarse one has become, in the mean."""
+        return max(1, round((len(self) / len(self.coarse)) ** 0.5))
 
 
 def smooth_surface(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
@@ -32,7 +67,7 @@ def smooth_surface(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
 
     Args:
         mesh: what a smooth surface was made into; no gradients flow to its vertices from what is returned.
-        tolerance: how far the faces may be from the arcs in the middle of their edges, world units. A tenth of what a
+        tolerance: how far the faces may be from the arcs in the middle of their edges, world units. A fifth of what a
             pixel shows is enough for a picture.
 
     Returns:
@@ -44,16 +79,17 @@ def smooth_surface(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
     """
     if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive length, got {tolerance!r}")
+    fine, patch = mesh, np.arange(len(mesh))
     for _ in range(ROUNDS):
-        if len(mesh) > MOST_FACES:
-            return mesh
-        moved = _sagittas(mesh)
+        moved = _sagittas(fine)
         halved = np.linalg.norm(moved, axis=1) > tolerance
         # Each halved edge of a face makes one more of it.
-        if not halved.any() or len(mesh) + halved[mesh.face_edges].sum() > MOST_FACES:
-            return mesh
-        mesh = _refined(mesh, moved, halved)
-    return mesh
+        if not halved.any() or len(fine) + halved[fine.face_edges].sum() > MOST_FACES:
+            break
+        points, faces, source = _halved(fine, moved, halved)
+        fine = SmoothMesh(points, faces, mesh, patch[source])
+        patch = fine.patch
+    return fine
 
 
 def smooth_for_pictures(mesh: TriangleMesh, size: int) -> TriangleMesh:
@@ -121,13 +157,14 @@ def _along_lines(mesh: TriangleMesh, sharp: Bool[Mask, " E"]) -> Float[Array, "S
     return tangents / np.linalg.norm(tangents, axis=2, keepdims=True).clip(1e-300)
 
 
-def _refined(mesh: TriangleMesh, moved: Float[Array, "E 3"], halved: Bool[Mask, " E"]) -> TriangleMesh:
-    """The mesh with some of its edges halved, and their middles moved."""
+def _halved(
+    mesh: TriangleMesh, moved: Float[Array, "E 3"], halved: Bool[Mask, " E"]
+) -> tuple[Float[Array, "V 3"], Int[Index, "N 3"], Int[Index, " N"]]:
+    """Vertices and faces of the mesh with some of its edges halved, their middles moved; the face that each is of."""
     middle = np.full(len(mesh.edges), -1)
     middle[halved] = len(mesh.vertices) + np.arange(halved.sum())
     points = np.concatenate([mesh.vertices, mesh.vertices[mesh.edges[halved]].mean(1) + moved[halved]])
-    faces, source = _divided(points, mesh.faces, middle[mesh.face_edges])
-    return TriangleMesh(points, faces, mesh.part[source], mesh.crease)
+    return points, *_divided(points, mesh.faces, middle[mesh.face_edges])
 
 
 def _divided(

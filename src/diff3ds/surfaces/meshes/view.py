@@ -9,6 +9,7 @@ from diff3ds.camera import Cameras
 from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.boxes import BoxIndex, all_of, largest, slices
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh
 
 # What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
 TOUCHING = 1e-7
@@ -84,16 +85,24 @@ class MeshView:
             own: the vertices of the face, edge (one twice) or vertex (thrice) that each point lies on, or -1 where it
                 lies on none. Faces that have all of them do not hide the point.
             rings: 0, or 1 where faces that share a vertex with them do not hide the point either, or 2 where those that
-                touch such faces do not.
+                touch such faces do not; of a `SmoothMesh`, rings of its patches around that of the point.
         """
         hidden = np.zeros(len(points), bool)
         for batch in self._index.batches(self.picture.seen(points)[0]):
             query, _, face = self.crossed(points[batch])
             if own is not None and len(query):
-                left_out = _is_near(self.mesh, own[batch][query], self.mesh.faces[face], rings)
-                query = query[~left_out]
+                query = query[~self._own(own[batch][query], face, rings)]
             hidden[batch.start + query] = True
         return hidden
+
+    def _own(self, own: Int[Index, "P 3"], face: Int[Index, " P"], rings: int) -> Bool[Mask, " P"]:
+        """Whether faces are so near to points along the surface that they do not hide them."""
+        mesh = self.mesh
+        if rings == 0 or not isinstance(mesh, SmoothMesh):
+            return _is_near(mesh, own, mesh.faces[face], rings)
+        # What facets did to each other beside a contour, patches do, however fine their faces are.
+        coarse = mesh.coarse
+        return _is_near(coarse, coarse.faces[mesh.patch_at[own[:, 0]]], coarse.faces[mesh.patch[face]], rings)
 
     def crossed(self, points: Float[Array, "Q 3"]) -> tuple[Int[Index, " P"], Float[Array, " P"], Int[Index, " P"]]:
         """All triangles between points and the camera, some twice: numbers of the points, depths and faces there."""
