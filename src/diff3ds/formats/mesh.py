@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import json
+import logging
 import struct
 import warnings
 from dataclasses import dataclass
@@ -96,6 +97,8 @@ def _read(path: Path, colors: bool) -> MeshFile:
     if kind == "glb":
         _check_counts(content)
     beside = FilesBeside(path, MAX_MESH_BYTES) if colors else None
+    # What is missing is said here; trimesh's log would print a traceback.
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())
     with warnings.catch_warnings():
         # Pillow warns of large pictures below the bound of ours.
         warnings.simplefilter("ignore")

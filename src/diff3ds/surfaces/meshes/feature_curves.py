@@ -81,6 +81,13 @@ def loose_share(mesh: TriangleMesh) -> float:
     return _loose(mesh, runs) / len(runs) if runs else 0.0
 
 
+def crease_length(mesh: TriangleMesh) -> float:
+    """How long the run is on which a point of the creases lies in the mean, world units; 0 where there are none."""
+    creases = [mesh.vertices[chain] for chain, border in _runs(mesh) if not border]
+    lengths = [np.linalg.norm(np.diff(points, axis=0), axis=1).sum() for points in creases]
+    return float(np.average(lengths, weights=lengths)) if lengths else 0.0
+
+
 def outline_share(mesh: TriangleMesh) -> float:
     """Which share of the outlines the feature curves draw, in [0, 1]: of a box all, of a sphere nothing.
 

@@ -16,13 +16,20 @@ from diff3ds.formats import save_png, save_svg, tile_images
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
+from diff3ds.losses import lengths
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.drawn import Lines, visible_lines
 from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
 from diff3ds.surfaces.meshes.coarse import coarse, without_specks
 from diff3ds.surfaces.meshes.colors import SurfaceColors, colored
-from diff3ds.surfaces.meshes.feature_curves import FeatureCurves, feature_curves, loose_share, outline_share
+from diff3ds.surfaces.meshes.feature_curves import (
+    FeatureCurves,
+    crease_length,
+    feature_curves,
+    loose_share,
+    outline_share,
+)
 from diff3ds.surfaces.meshes.line_drawings import SIZE
 from diff3ds.surfaces.meshes.load import load_colored_surface, load_surface
 from diff3ds.surfaces.meshes.mesh import CREASE as CREASE_ANGLE
@@ -44,6 +51,11 @@ MOST_RUNS = 20_000
 FRAME, FPS = 384, 12
 # So large a share of the creases may end nowhere: of a machine part few do, of an animal most. Empirical.
 MOST_LOOSE = 0.5
+# And where some do, creases of a smooth thing that are shorter than this in the mean, a share of its longest side, are
+# folds and cracks of a scan: those of a machine part are several times as long. Empirical.
+SOME_LOOSE, SHORT = 0.1, 0.08
+# Borders of a smooth thing that are shorter are cracks, no openings. Empirical.
+CRACK = 0.05
 # Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
 # that strokes are fitted to and in a turntable. Of the finer one features are nearer than what counts as on a surface.
 FIT_CELLS, FINE_CELLS = 128, 256
@@ -169,12 +181,12 @@ def _found(mesh: TriangleMesh, made: MeshSketch) -> dict[str, object]:
 
 
 def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
-    """The mesh without creases where most of them are scraps that end nowhere, unless an angle is given."""
+    """The mesh without creases where most of them are scraps that end nowhere, or short, unless an angle is given."""
     if angle is not None or not mesh.is_crease.any():
         return mesh
-    if loose_share(mesh) <= MOST_LOOSE:
-        return mesh
-    return mesh.with_crease(180.0)
+    loose = loose_share(mesh)
+    short = loose > SOME_LOOSE and crease_length(mesh) < SHORT * mesh.size and outline_share(mesh) < LEAST_OUTLINE
+    return mesh.with_crease(180.0) if loose > MOST_LOOSE or short else mesh
 
 
 def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambda progress: None) -> MeshSketch:
@@ -190,6 +202,8 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
     smooth = outlines < LEAST_OUTLINE
     if options.strokes is None and not smooth:
         return MeshSketch(features, kinds, outlines)
+    if smooth:
+        features, kinds = without_cracks(features, kinds, CRACK * mesh.size)
 
     def told(done: int, of: int) -> None:
         report(Progress("strokes", done, of, None, len(features)))
@@ -210,6 +224,13 @@ def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambd
         report(Progress("fit", done, of, None, len(start)))
 
     return MeshSketch(fit_strokes(mesh, features.to(torch.float64), start, held, fitting), named, outlines)
+
+
+def without_cracks(features: Sketch, kinds: tuple[str, ...], least: float) -> tuple[Sketch, tuple[str, ...]]:
+    """The features but for borders that are shorter, world units."""
+    long = (lengths(features) >= least).tolist()
+    rows = [i for i, kind in enumerate(kinds) if kind != "border" or long[i]]
+    return features[rows], tuple(kinds[i] for i in rows)
 
 
 def _in_small(mesh: TriangleMesh, cells: int, size: int) -> TriangleMesh:
