@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.detectors.hed import require_hed
+from diff3ds.edges.watch import no_report, not_said
 from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.photogrammetry.edge_maps import edge_maps_of
@@ -38,6 +39,8 @@ from diff3ds.tasks.views.descents import (
 )
 from diff3ds.tasks.views.detected_edges import detect_edges
 from diff3ds.tasks.views.edge_sketch import fit_edges
+from diff3ds.tasks.views.edges_of_pictures import look
+from diff3ds.tasks.views.false_strokes import false_strokes
 from diff3ds.tasks.views.hull_surface import hull_surface
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.placed import PLACED, Placing, along_lines, placing_of
@@ -146,6 +149,8 @@ def _run(
     fitted = _fitted(scene, _with_refining(scene, options, say), given, out, report, say)
     if scene.surface is not None and fitted.refined:
         scene = dataclasses.replace(scene, surface=_surface_again(scene, fitted, options, report, say))
+    if scene.surface is not None and scene.pictures.target != "color":
+        fitted = _without_outlines(fitted, scene.surface, report, say)
     fitted, scene = _placed(fitted, scene, options, say)
     shown = preview(fitted.sketch, fitted.pictures, scene.surface)
     info = RunInfo(
@@ -180,6 +185,20 @@ def _with_refining(scene: _Scene, options: ViewsOptions, say: Callable[[str], No
     if refining and not options.refine_cameras:
         say("the cameras were found from photographs: they are refined on the edges, unless --keep-cameras is given")
     return dataclasses.replace(options, refine_cameras=refining)
+
+
+def _without_outlines(fitted: Fitted, surface: TriangleMesh, report: Report, say: Callable[[str], None]) -> Fitted:
+    """The sketch without strokes along outlines of smooth parts, of which the surface has the contours."""
+    report(Progress("outlines", 0, None, None, len(fitted.sketch)))
+    views, ridges = look(fitted.pictures, no_report, not_said)
+    false = false_strokes(fitted.sketch, surface, fitted.pictures.cameras[views], ridges)
+    # Without a stroke there is no sketch.
+    if not bool(false.any()) or bool(false.all()):
+        return fitted
+    count = int(false.sum())
+    say(f"{count} of {len(false)} strokes are outlines of smooth parts, which contours draw: they are left out")
+    chosen = {**fitted.chosen, "outlines_left_out": count}
+    return dataclasses.replace(fitted, sketch=fitted.sketch[~false], chosen=chosen)
 
 
 def _placed(fitted: Fitted, scene: _Scene, options: ViewsOptions, say: Callable[[str], None]) -> tuple[Fitted, _Scene]:
