@@ -1,282 +1,30 @@
-"""Projects of every kind: written by hand after each program's documentation, read, and points projected as it says."""
+"""Projects of every kind: read, with the cameras that they hold, or refused in a sentence."""
 
-import json
-import math
 import re
-import struct
 
 import numpy as np
 import pytest
-import torch
-from needs import needs
-from PIL import Image
+from written_projects import (
+    CAMERAS,
+    FOCAL,
+    KINDS,
+    NAMES,
+    PLACES,
+    POINTS,
+    SIZE,
+    TURNS,
+    colmap_text,
+    pictures,
+    seen,
+    write_colmap,
+    write_meta_data,
+    write_metashape,
+)
 
-import diff3ds as ds
 from diff3ds.photogrammetry.picture_files import masks_for, pictures_in
 from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
 from diff3ds.photogrammetry.shot import quaternion_pose
 from diff3ds.transforms import read_views, save_views
-
-SIZE = (48, 64)
-POINTS = np.array([[0.1, -0.2, 0.3], [-0.4, 0.3, 0.1], [0.0, 0.0, 0.0], [0.3, 0.35, -0.25]])
-CAMERAS = ds.orbit([0.0, 80.0, 200.0, 290.0], [10.0, 25.0, -15.0, 40.0], 3.0, fov=40.0, size=SIZE).to(torch.float64)
-# Rotation and translation of each, world to camera, OpenCV axes.
-U, _, VH = np.linalg.svd(CAMERAS.world_to_camera[:, :3, :3].numpy())
-TURNS = U @ VH  # the orbit is float32
-PLACES = CAMERAS.world_to_camera[:, :3, 3].numpy()
-NAMES = [f"shot {i}.png" for i in range(len(CAMERAS))]
-
-
-def pictures(folder, names=NAMES, size=SIZE):
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        Image.new("RGB", (size[1], size[0]), "white").save(folder / name)
-    return folder
-
-
-def seen(view, points=POINTS):
-    """Pixels of points in a view as taken, with the lens: our own formulas."""
-    placed = torch.from_numpy(points) @ view.world_to_camera[:3, :3].mT + view.world_to_camera[:3, 3]
-    x, y = view.distortion.bent(placed[:, 0] / placed[:, 2], placed[:, 1] / placed[:, 2])
-    return (torch.stack([x, y, torch.ones_like(x)], 1) @ view.intrinsics.mT)[:, :2].numpy()
-
-
-def quaternion(turn):
-    """(w, x, y, z) of a rotation, by the axis that it leaves alone."""
-    angle = math.acos(max(-1.0, min(1.0, (np.trace(turn) - 1) / 2)))
-    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2 * math.sin(angle))
-    return [math.cos(angle / 2), *(math.sin(angle / 2) * axis)]
-
-
-# COLMAP
-
-# Parameters, and what COLMAP's documentation makes of the direction (u, v, 1), in pixels.
-MODELS = {
-    "SIMPLE_PINHOLE": [60, 31, 25],
-    "PINHOLE": [60, 62, 31, 25],
-    "SIMPLE_RADIAL": [60, 31, 25, -0.1],
-    "RADIAL": [60, 31, 25, -0.1, 0.05],
-    "OPENCV": [60, 62, 31, 25, -0.1, 0.05, 0.01, -0.02],
-    "FULL_OPENCV": [60, 62, 31, 25, -0.1, 0.05, 0.01, -0.02, 0.03, 0.2, -0.1, 0.05],
-    "SIMPLE_RADIAL_FISHEYE": [60, 31, 25, -0.1],
-    "RADIAL_FISHEYE": [60, 31, 25, -0.1, 0.05],
-    "OPENCV_FISHEYE": [60, 62, 31, 25, -0.1, 0.05, 0.02, -0.01],
-    "THIN_PRISM_FISHEYE": [60, 62, 31, 25, -0.1, 0.05, 0.01, -0.02, 0.03, -0.01, 0.02, 0.015],
-    "SIMPLE_FISHEYE": [60, 31, 25],
-    "FISHEYE": [60, 62, 31, 25],
-}
-NUMBERS = {
-    "SIMPLE_PINHOLE": 0, "PINHOLE": 1, "SIMPLE_RADIAL": 2, "RADIAL": 3, "OPENCV": 4, "OPENCV_FISHEYE": 5,
-    "FULL_OPENCV": 6, "SIMPLE_RADIAL_FISHEYE": 8, "RADIAL_FISHEYE": 9, "THIN_PRISM_FISHEYE": 10, "SIMPLE_FISHEYE": 14,
-    "FISHEYE": 15,
-}  # fmt: skip
-
-
-def documented(model, p, u, v):
-    """The pixel of one direction, worked as the documentation has it."""
-    if "FISHEYE" in model:
-        r = math.hypot(u, v)
-        u, v = (math.atan(r) * c / r if r else c for c in (u, v))
-    r2 = u * u + v * v
-    one = model in (
-        "SIMPLE_PINHOLE",
-        "SIMPLE_RADIAL",
-        "RADIAL",
-        "SIMPLE_RADIAL_FISHEYE",
-        "RADIAL_FISHEYE",
-        "SIMPLE_FISHEYE",
-    )
-    fx, fy = (p[0], p[0]) if one else p[:2]
-    cx, cy, *k = p[1:] if one else p[2:]
-    du = dv = 0.0
-    if model in ("SIMPLE_RADIAL", "SIMPLE_RADIAL_FISHEYE"):
-        du, dv = u * k[0] * r2, v * k[0] * r2
-    if model in ("RADIAL", "RADIAL_FISHEYE"):
-        du, dv = (c * (k[0] * r2 + k[1] * r2**2) for c in (u, v))
-    if model == "OPENCV_FISHEYE":
-        du, dv = (c * sum(k[i] * r2 ** (i + 1) for i in range(4)) for c in (u, v))
-    if model in ("OPENCV", "FULL_OPENCV", "THIN_PRISM_FISHEYE"):
-        radial = k[0] * r2 + k[1] * r2**2
-        if model == "FULL_OPENCV":
-            radial = (1 + radial + k[4] * r2**3) / (1 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3) - 1
-        if model == "THIN_PRISM_FISHEYE":
-            radial += k[4] * r2**3 + k[5] * r2**4
-            du, dv = k[6] * r2, k[7] * r2
-        du += u * radial + 2 * k[2] * u * v + k[3] * (r2 + 2 * u * u)
-        dv += v * radial + 2 * k[3] * u * v + k[2] * (r2 + 2 * v * v)
-    return fx * (u + du) + cx, fy * (v + dv) + cy
-
-
-def colmap_text(folder, model="OPENCV", parameters=None):
-    folder.mkdir(parents=True, exist_ok=True)
-    given = " ".join(map(repr, MODELS[model] if parameters is None else parameters))
-    (folder / "cameras.txt").write_text(f"# Camera list\n7 {model} {SIZE[1]} {SIZE[0]} {given}\n")
-    lines = ["# Image list", ""]
-    for i, name in enumerate(NAMES):
-        pose = " ".join(map(repr, map(float, [*quaternion(TURNS[i]), *PLACES[i]])))
-        lines += [f"{i + 1} {pose} 7 {name}", "10.5 3.25 -1 4 4 1" if i % 2 else ""]
-    (folder / "images.txt").write_text("\n".join(lines) + "\n")
-    points = [f"{i} {x} {y} {z} 1 2 3 0.5 1 0" for i, (x, y, z) in enumerate(POINTS.tolist())]
-    (folder / "points3D.txt").write_text("\n".join(points))
-
-
-def colmap_binary(folder, model="OPENCV"):
-    folder.mkdir(parents=True, exist_ok=True)
-    given = [float(n) for n in MODELS[model]]
-    camera = struct.pack("<QiiQQ", 1, 7, NUMBERS[model], SIZE[1], SIZE[0]) + struct.pack(f"<{len(given)}d", *given)
-    (folder / "cameras.bin").write_bytes(camera)
-    images = struct.pack("<Q", len(NAMES))
-    for i, name in enumerate(NAMES):
-        images += struct.pack("<i7di", i + 1, *quaternion(TURNS[i]), *PLACES[i], 7) + name.encode() + b"\0"
-        images += struct.pack("<Q", i) + i * struct.pack("<ddq", 1.5, 2.5, -1)
-    (folder / "images.bin").write_bytes(images)
-    points = struct.pack("<Q", len(POINTS))
-    for i, place in enumerate(POINTS.tolist()):
-        points += struct.pack("<QdddBBBdQ", i, *place, 1, 2, 3, 0.5, i) + i * struct.pack("<ii", 1, 2)
-    (folder / "points3D.bin").write_bytes(points)
-
-
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("write", [colmap_text, colmap_binary])
-def test_colmap_sees_points_where_its_documentation_says(tmp_path, model, write):
-    write(tmp_path / "sparse" / "0", model)
-    pictures(tmp_path / "images")
-    views = present_views(find_project(tmp_path))
-    assert [view.picture.name for view in views] == NAMES
-    for view, turn, place in zip(views, TURNS, PLACES, strict=True):
-        moved = POINTS @ turn.T + place
-        expected = [documented(model, MODELS[model], x / z, y / z) for x, y, z in moved]
-        np.testing.assert_allclose(seen(view), expected, rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(sparse_points(find_project(tmp_path)), POINTS)
-
-
-@needs("pycolmap")
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("end", ["txt", "bin"])
-def test_models_that_colmap_itself_writes(tmp_path, model, end):
-    """Its own projection is the answer."""
-    import pycolmap
-
-    camera = pycolmap.Camera(model=model, width=SIZE[1], height=SIZE[0], params=MODELS[model], camera_id=7)
-    written = pycolmap.Reconstruction()
-    written.add_camera_with_trivial_rig(camera)
-    for i, name in enumerate(NAMES):
-        image = pycolmap.Image(name=name, camera_id=7, image_id=i + 1)
-        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(TURNS[i]), PLACES[i])
-        written.add_image_with_trivial_frame(image, pose)
-    written.add_point3D(POINTS[0], pycolmap.Track(), np.zeros(3, np.uint8))
-    (tmp_path / "sparse").mkdir()
-    (written.write_text if end == "txt" else written.write_binary)(str(tmp_path / "sparse"))
-    pictures(tmp_path)
-    for i, view in enumerate(present_views(find_project(tmp_path))):
-        expected = camera.img_from_cam(POINTS @ TURNS[i].T + PLACES[i])
-        np.testing.assert_allclose(seen(view), expected, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(sparse_points(find_project(tmp_path)), POINTS[:1])
-
-
-def test_the_largest_of_several_models_is_taken(tmp_path):
-    colmap_text(tmp_path / "sparse" / "1")
-    colmap_text(tmp_path / "sparse" / "0")
-    shorter = (tmp_path / "sparse" / "0" / "images.txt").read_text().splitlines()[:4]
-    (tmp_path / "sparse" / "0" / "images.txt").write_text("\n".join(shorter))
-    assert find_project(tmp_path) == tmp_path / "sparse" / "1"
-    assert find_project(tmp_path / "sparse" / "0" / "cameras.txt") == tmp_path / "sparse" / "0"
-
-
-# The others: each writes the cameras of CAMERAS, without distortion or with the one named
-
-
-FOCAL = float(CAMERAS.intrinsics[0, 0, 0])
-
-
-def gl_pose(i):
-    """World to camera with y up, looking along -z."""
-    flip = np.diag([1.0, -1.0, -1.0])
-    return flip @ TURNS[i], flip @ PLACES[i]
-
-
-def write_bundler(folder):
-    lines = ["# Bundle file v0.3", f"{len(NAMES) + 1} {len(POINTS)}"]
-    for i in range(len(NAMES)):
-        turn, place = gl_pose(i)
-        lines += [f"{FOCAL!r} -0.1 0.05", *(" ".join(map(repr, map(float, row))) for row in (*turn, place))]
-    lines += ["0 0 0"] * 5
-    for x, y, z in POINTS.tolist():
-        lines += [f"{x} {y} {z}", "255 0 0", "2 0 5 1.5 -2.5 1 6 3.5 4.5"]
-    (folder / "bundle.out").write_text("\n".join(lines))
-    (folder / "list.txt").write_text("\n".join(f"images/{name} 0 {FOCAL}" for name in [*NAMES, "never.png"]))
-    pictures(folder / "images")
-
-
-def write_openmvg(folder):
-    view = {"local_path": "", "width": SIZE[1], "height": SIZE[0], "id_intrinsic": 3}
-    lens = {"width": SIZE[1], "height": SIZE[0], "focal_length": FOCAL, "principal_point": [SIZE[1] / 2, SIZE[0] / 2]}
-    views = [
-        {"key": i, "value": {"ptr_wrapper": {"id": 9, "data": {**view, "filename": name, "id_view": i, "id_pose": i}}}}
-        for i, name in enumerate([*NAMES, "never.png"])
-    ]
-    poses = [
-        {"key": i, "value": {"rotation": TURNS[i].tolist(), "center": CAMERAS.centers[i].tolist()}}
-        for i in range(len(NAMES))
-    ]
-    intrinsics = [
-        {"key": 3, "value": {"polymorphic_id": 1, "ptr_wrapper": {"data": {**lens, "disto_k3": [-0.1, 0.05, 0]}}}}
-    ]
-    structure = [{"key": i, "value": {"X": point, "observations": []}} for i, point in enumerate(POINTS.tolist())]
-    data = {"views": views, "intrinsics": intrinsics, "extrinsics": poses, "structure": structure}
-    (folder / "sfm_data.json").write_text(json.dumps({"sfm_data_version": "0.3", "root_path": "/elsewhere", **data}))
-    pictures(folder / "images")
-
-
-def write_metashape(folder):
-    """In a component twice as large, turned by 90 degrees and moved; labels without suffixes."""
-    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    cameras = []
-    for i, name in enumerate(NAMES):
-        center = CAMERAS.centers[i].numpy()
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = turn.T @ TURNS[i].T, turn.T @ (center - [1, 2, 3]) / 2
-        numbers = " ".join(map(repr, map(float, pose.flatten())))
-        cameras.append(
-            f'<camera id="{i}" sensor_id="0" component_id="0" label="{name[:-4]}">'
-            f"<transform>{numbers}</transform></camera>"
-        )
-    resolution = f'<resolution width="{SIZE[1]}" height="{SIZE[0]}"/>'
-    numbers = f"<f>{FOCAL!r}</f><k1>-0.1</k1><k2>0.05</k2>"
-    calibration = f'<calibration type="frame" class="adjusted">{resolution}{numbers}</calibration>'
-    turned = f"<rotation>{' '.join(map(str, turn.flatten()))}</rotation>"
-    place = f"<transform>{turned}<translation>1 2 3</translation><scale>2</scale></transform>"
-    (folder / "cameras.xml").write_text(
-        f'<?xml version="1.0"?><document version="2.0.0"><chunk label="a"><sensors>'
-        f'<sensor id="0" type="frame">{resolution}'
-        f'{calibration}</sensor></sensors><components><component id="0">{place}</component></components>'
-        f'<cameras>{"".join(cameras)}<camera id="9" sensor_id="0" label="never"/></cameras></chunk></document>'
-    )
-    pictures(folder / "images")
-
-
-def write_meta_data(folder):
-    frames = []
-    for i, name in enumerate(NAMES):
-        pose = torch.linalg.inv(CAMERAS.world_to_camera[i])
-        k = torch.eye(4)
-        k[:3, :3] = CAMERAS.intrinsics[i]
-        frames.append({"rgb_path": name, "camtoworld": pose.tolist(), "intrinsics": k.double().tolist()})
-    data = {"camera_model": "OPENCV", "height": SIZE[0], "width": SIZE[1], "frames": frames, "scene_box": {"near": 0.5}}
-    (folder / "meta_data.json").write_text(json.dumps(data))
-    pictures(folder / "color")
-    pictures(folder / "edge_DexiNed")
-
-
-def write_colmap(folder):
-    colmap_text(folder / "sparse" / "0", "RADIAL", [FOCAL, SIZE[1] / 2, SIZE[0] / 2, -0.1, 0.05])
-    pictures(folder / "images")
-
-
-KINDS = {
-    "bundler": write_bundler, "colmap": write_colmap, "meta_data": write_meta_data, "metashape": write_metashape,
-    "openmvg": write_openmvg,
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -444,19 +192,6 @@ def test_broken_projects_are_refused_in_a_sentence(tmp_path, kind, file, change,
     (tmp_path / file).write_text(change((tmp_path / file).read_text()))
     with pytest.raises(ValueError, match=message):
         present_views(path)
-
-
-@pytest.mark.parametrize("file", ["cameras.bin", "images.bin", "points3D.bin"])
-def test_binary_files_that_end_early_or_count_too_much(tmp_path, file):
-    """No count makes the reader take memory or time before the file's size is compared with it."""
-    colmap_binary(tmp_path)
-    pictures(tmp_path)
-    whole = (tmp_path / file).read_bytes()
-    read = sparse_points if file.startswith("points") else present_views
-    for broken in (whole[:-3], struct.pack("<Q", 1 << 60) + whole[8:], whole[: len(whole) // 2], b"\1"):
-        (tmp_path / file).write_bytes(broken)
-        with pytest.raises(ValueError, match=f"{file}: damaged"):
-            read(tmp_path)
 
 
 def test_a_folder_without_cameras_says_what_it_holds(tmp_path):

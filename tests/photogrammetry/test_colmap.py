@@ -1,0 +1,106 @@
+"""COLMAP's models: read, and points projected as its documentation says, and as its own files say."""
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from needs import needs
+from written_projects import MODELS, NAMES, PLACES, POINTS, SIZE, TURNS, colmap_binary, colmap_text, pictures, seen
+
+from diff3ds.photogrammetry.project import find_project, present_views, sparse_points
+
+
+def documented(model, p, u, v):
+    """The pixel of one direction, worked as the documentation has it."""
+    if "FISHEYE" in model:
+        r = math.hypot(u, v)
+        u, v = (math.atan(r) * c / r if r else c for c in (u, v))
+    r2 = u * u + v * v
+    one = model in (
+        "SIMPLE_PINHOLE",
+        "SIMPLE_RADIAL",
+        "RADIAL",
+        "SIMPLE_RADIAL_FISHEYE",
+        "RADIAL_FISHEYE",
+        "SIMPLE_FISHEYE",
+    )
+    fx, fy = (p[0], p[0]) if one else p[:2]
+    cx, cy, *k = p[1:] if one else p[2:]
+    du = dv = 0.0
+    if model in ("SIMPLE_RADIAL", "SIMPLE_RADIAL_FISHEYE"):
+        du, dv = u * k[0] * r2, v * k[0] * r2
+    if model in ("RADIAL", "RADIAL_FISHEYE"):
+        du, dv = (c * (k[0] * r2 + k[1] * r2**2) for c in (u, v))
+    if model == "OPENCV_FISHEYE":
+        du, dv = (c * sum(k[i] * r2 ** (i + 1) for i in range(4)) for c in (u, v))
+    if model in ("OPENCV", "FULL_OPENCV", "THIN_PRISM_FISHEYE"):
+        radial = k[0] * r2 + k[1] * r2**2
+        if model == "FULL_OPENCV":
+            radial = (1 + radial + k[4] * r2**3) / (1 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3) - 1
+        if model == "THIN_PRISM_FISHEYE":
+            radial += k[4] * r2**3 + k[5] * r2**4
+            du, dv = k[6] * r2, k[7] * r2
+        du += u * radial + 2 * k[2] * u * v + k[3] * (r2 + 2 * u * u)
+        dv += v * radial + 2 * k[3] * u * v + k[2] * (r2 + 2 * v * v)
+    return fx * (u + du) + cx, fy * (v + dv) + cy
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("write", [colmap_text, colmap_binary])
+def test_colmap_sees_points_where_its_documentation_says(tmp_path, model, write):
+    write(tmp_path / "sparse" / "0", model)
+    pictures(tmp_path / "images")
+    views = present_views(find_project(tmp_path))
+    assert [view.picture.name for view in views] == NAMES
+    for view, turn, place in zip(views, TURNS, PLACES, strict=True):
+        moved = POINTS @ turn.T + place
+        expected = [documented(model, MODELS[model], x / z, y / z) for x, y, z in moved]
+        np.testing.assert_allclose(seen(view), expected, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(sparse_points(find_project(tmp_path)), POINTS)
+
+
+@needs("pycolmap")
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("end", ["txt", "bin"])
+def test_models_that_colmap_itself_writes(tmp_path, model, end):
+    """Its own projection is the answer."""
+    import pycolmap
+
+    camera = pycolmap.Camera(model=model, width=SIZE[1], height=SIZE[0], params=MODELS[model], camera_id=7)
+    written = pycolmap.Reconstruction()
+    written.add_camera_with_trivial_rig(camera)
+    for i, name in enumerate(NAMES):
+        image = pycolmap.Image(name=name, camera_id=7, image_id=i + 1)
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(TURNS[i]), PLACES[i])
+        written.add_image_with_trivial_frame(image, pose)
+    written.add_point3D(POINTS[0], pycolmap.Track(), np.zeros(3, np.uint8))
+    (tmp_path / "sparse").mkdir()
+    (written.write_text if end == "txt" else written.write_binary)(str(tmp_path / "sparse"))
+    pictures(tmp_path)
+    for i, view in enumerate(present_views(find_project(tmp_path))):
+        expected = camera.img_from_cam(POINTS @ TURNS[i].T + PLACES[i])
+        np.testing.assert_allclose(seen(view), expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(sparse_points(find_project(tmp_path)), POINTS[:1])
+
+
+def test_the_largest_of_several_models_is_taken(tmp_path):
+    colmap_text(tmp_path / "sparse" / "1")
+    colmap_text(tmp_path / "sparse" / "0")
+    shorter = (tmp_path / "sparse" / "0" / "images.txt").read_text().splitlines()[:4]
+    (tmp_path / "sparse" / "0" / "images.txt").write_text("\n".join(shorter))
+    assert find_project(tmp_path) == tmp_path / "sparse" / "1"
+    assert find_project(tmp_path / "sparse" / "0" / "cameras.txt") == tmp_path / "sparse" / "0"
+
+
+@pytest.mark.parametrize("file", ["cameras.bin", "images.bin", "points3D.bin"])
+def test_binary_files_that_end_early_or_count_too_much(tmp_path, file):
+    """No count makes the reader take memory or time before the file's size is compared with it."""
+    colmap_binary(tmp_path)
+    pictures(tmp_path)
+    whole = (tmp_path / file).read_bytes()
+    read = sparse_points if file.startswith("points") else present_views
+    for broken in (whole[:-3], struct.pack("<Q", 1 << 60) + whole[8:], whole[: len(whole) // 2], b"\1"):
+        (tmp_path / file).write_bytes(broken)
+        with pytest.raises(ValueError, match=f"{file}: damaged"):
+            read(tmp_path)
