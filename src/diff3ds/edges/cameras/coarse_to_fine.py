@@ -90,12 +90,17 @@ def refined_cameras(
         if len(curves):
             if side == 1:
                 now = found_again(start, now, views, effect, curves)
-            now, gain = adjusted(coarser(start, side), now, views, effect, curves)
+            moved, gain = adjusted(coarser(start, side), now, views, effect, curves)
+            if turn == DECIDED and lens is not None and not is_bent(cameras, moved, lens, gain):
+                # As if it had never been looked for.
+                lens = None
+                moved, _ = adjusted(coarser(start, side), now, views, LensEffect.fixed(effect.sides), curves)
+            now = moved
             if side == 1:
                 agrees = agreement(now, views, effect, curves)
             posed = held(replace(now, focal=start.focal, principal=start.principal, lens=_finer(now, side)), start)
-        if turn == DECIDED and lens is not None and not (len(curves) and is_bent(cameras, posed, lens, gain)):
-            posed, lens = replace(posed, lens=posed.lens * np.array([1, 1, 0])), None
+        elif turn == DECIDED:
+            lens = None
     found = posed.cameras(cameras)
     return Refined(found.world_to_camera, found.intrinsics, agrees, float(posed.lens[2]))
 
@@ -128,7 +133,7 @@ def _views(
     k1, bends = float(posed.lens[2]), [np.zeros((len(r), 2)) for r in ridges]
     if lens is not None:
         straight = bending(given, cameras, lens)
-        ridges = [straight.ridges(r, k1, cameras.size) for r in ridges]
+        ridges = [straight.ridges(r, k1, cameras.size) for r in ridges] if k1 else ridges
         bends = [straight.bends(r.points, k1) for r in ridges]
     points = [replace(r, points=r.points / side, pulls=r.pulls / side) for r in ridges]
     sides = [outline_sides(r, coarse.size) for r in points]
