@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.boxes import BoxIndex, slices
+from diff3ds.surfaces.boxes import BoxIndex, all_of, slices
 from diff3ds.surfaces.meshes.intersections import Seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.view import MOST_BOXES
@@ -67,7 +67,8 @@ class Nearest:
         for batch in self._faces.batches(points[rest]):
             query, box = self._faces.around(points[rest[batch]])
             query, face = rest[batch.start + query], self._triangle[box]
-            found, shares = closest_on_triangles(points[query], self.mesh.vertices[self.mesh.faces[face]])
+            corners = self.mesh.vertices.take(self.mesh.faces.take(face, 0), 0)
+            found, shares = closest_on_triangles(points.take(query, 0), corners)
             self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
         return moved, own
 
@@ -166,13 +167,13 @@ def closest_on_triangles(
     safe = np.where(det > 0, det, 1.0)
     s, t = (vv * wu - uv * wv) / safe, (uu * wv - uv * wu) / safe
     shares = np.stack([1 - s - t, s, t], 1)
-    outside = np.flatnonzero((shares < 0).any(1) | (det <= 0))
+    outside = np.flatnonzero(~all_of(shares >= 0) | (det <= 0))
     if len(outside):
         best = np.full(len(outside), np.inf)
+        around, beside = corners.take(outside, 0), points.take(outside, 0)
         for k in range(3):
-            pair = corners[outside][:, [k, (k + 1) % 3]]
-            found, share = _on_segments(points[outside], pair)
-            distance = np.linalg.norm(points[outside] - found, axis=1)
+            found, share = _on_segments(beside, around[:, [k, (k + 1) % 3]])
+            distance = np.linalg.norm(beside - found, axis=1)
             nearer = distance < best
             best[nearer] = distance[nearer]
             row = np.zeros((int(nearer.sum()), 3))
