@@ -15,6 +15,8 @@ from diff3ds.surfaces.meshes.mesh import TriangleMesh
 APART = 1e-9
 # Segments that meet reach a little farther, as a share of their length: rounding.
 MET = 1e-6
+# Cells of the index of seams along a step of a line that is asked about. Speed only.
+MOST_CELLS = 8
 # Pairs of an edge and a face that are looked at together: 100 bytes each.
 AT_ONCE = 1 << 21
 
@@ -49,7 +51,9 @@ def places_on_seams(
     start, way = points[:-1], np.diff(points, axis=0)
     ends = found.points[found.steps]
     low, high = ends.min(1) - tolerance, ends.max(1) + tolerance
-    cell = float(np.median((high - low).max(1))) if len(low) else 1.0
+    # A line's steps may be a hundred times as long as those of seams: none goes through more than a few cells.
+    longest = float(np.abs(way).max(initial=0.0))
+    cell = max(float(np.median((high - low).max(1))), longest / MOST_CELLS) if len(low) else 1.0
     index = BoxIndex.of(low, high, cell)
     step, row = index.meeting(np.minimum(start, points[1:]), np.maximum(start, points[1:]))
     u, v, w = way[step], ends[row, 1] - ends[row, 0], ends[row, 0] - start[step]
