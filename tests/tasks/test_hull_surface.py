@@ -108,3 +108,21 @@ def test_pictures_without_silhouettes_are_refused():
     gaps[:, 30:60, 30] = 1
     with pytest.raises(ValueError, match="no place lies in the silhouettes"):
         hull_surface(posed(gaps, "edges"), 10)
+
+
+@pytest.mark.slow
+def test_of_what_has_no_edges_outlines_of_its_surface_are_the_strokes(tmp_path):
+    ball = ds.Quadrics.ellipsoids([MIDDLE.tolist()], [[0.8, 0.8, 0.8]])
+    nothing = ds.Sketch(torch.zeros(0, 4, 3), width=torch.zeros(0))
+    drawn = ds.render(nothing, cameras(), surface=ball).color.float()
+    for i, picture in enumerate(drawn):
+        save_png(tmp_path / f"{i}.png", picture)
+    save_transforms(tmp_path / "transforms.json", cameras(), [f"{i}.png" for i in range(len(drawn))])
+    said: list[str] = []
+    sketch = run_views(tmp_path, tmp_path / "out", ViewsOptions(contours=True), say=said.append)
+    assert 1 <= len(sketch) <= 24
+    assert "outlines of its surface" in said[-1]
+    off = (ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 9)) - MIDDLE).norm(dim=-1)
+    assert float((off - 0.8).abs().mean()) < 0.05
+    with pytest.raises(ValueError, match="no edges that agree"):
+        run_views(tmp_path, tmp_path / "other", ViewsOptions())

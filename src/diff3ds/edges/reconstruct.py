@@ -85,6 +85,10 @@ class Result:
     bias: Bias
 
 
+class NoEdgesError(ValueError):
+    """The views show no edges that agree: those of something smooth, or the cameras are wrong."""
+
+
 def nothing_yet() -> Result:
     """What is reached before anything is found."""
     return Result(0, curves_of([]), Bias(0.0, 0.0, 0.0))
@@ -113,12 +117,12 @@ def reconstruct(
         capped: told of what there was too much; see `watch`.
 
     Raises:
-        ValueError: the views show no edges that agree.
+        NoEdgesError: the views show no edges that agree.
     """
     # Empty pictures are no witnesses.
     showing = sum(len(ridge) > 0 for ridge in ridges)
     if not showing:
-        raise ValueError(NOTHING)
+        raise NoEdgesError(NOTHING)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
     scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped)
     reached = reached or nothing_yet()
@@ -130,7 +134,7 @@ def reconstruct(
         if reached.stage == after:
             curves = stage(scene, reached.curves, carving=start is None)
             if not len(curves):
-                raise ValueError(NOTHING)
+                raise NoEdgesError(NOTHING)
             reached = Result(after + 1, curves, reached.bias)
             save(reached)
     return reached
@@ -187,7 +191,7 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
     curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped)
     if not len(curves):
-        raise ValueError(NOTHING)
+        raise NoEdgesError(NOTHING)
     return Result(reached.stage + 1, curves, bias)
 
 

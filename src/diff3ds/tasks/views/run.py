@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.detectors.hed import require_hed
+from diff3ds.edges.reconstruct import NoEdgesError
 from diff3ds.edges.watch import no_report, not_said
 from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
@@ -25,6 +26,8 @@ from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
+from diff3ds.tasks.mesh.draw_mesh import sketch_mesh
+from diff3ds.tasks.mesh.options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
 from diff3ds.tasks.run_log import logged
@@ -50,6 +53,8 @@ from diff3ds.tasks.views.refined_cameras import REFINED, save_refined
 
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"
+# Says in run.json how many strokes are outlines of the surface, where there are no others.
+OUTLINES = "outlines_of_surface"
 
 
 def run_views(
@@ -149,10 +154,12 @@ def _run(
     fitted = _fitted(scene, _with_refining(scene, options, say), given, out, report, say)
     if scene.surface is not None and fitted.refined:
         scene = dataclasses.replace(scene, surface=_surface_again(scene, fitted, options, report, say))
-    if scene.surface is not None and scene.pictures.target != "color":
+    if scene.surface is not None and scene.pictures.target != "color" and OUTLINES not in fitted.chosen:
         fitted = _without_outlines(fitted, scene.surface, report, say)
     fitted, scene = _placed(fitted, scene, options, say)
-    shown = preview(fitted.sketch, fitted.pictures, scene.surface)
+    # Outlines of its surface are drawn exactly, each view's own.
+    strokes = fitted.sketch[:0] if OUTLINES in fitted.chosen else fitted.sketch
+    shown = preview(strokes, fitted.pictures, scene.surface)
     info = RunInfo(
         {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
         {"target": scene.pictures.target, **fitted.chosen, "stages": times.seconds()},
@@ -299,7 +306,15 @@ def _fitted(
         return fit_given_edges(pictures, options, given, out, report)
     if options.init == "random":
         return fit_random_edges(pictures, options, out, report, say)
-    return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
+    try:
+        return fit_edges(pictures, options, out / EDGES_CHECKPOINT, report, say=say)
+    except NoEdgesError as error:
+        if scene.surface is None:
+            raise
+        # Outlines alone, as of a ball or a duck: they agree nowhere, and say all the same what it is.
+        say(f"{error} The strokes are outlines of its surface from all around, as `diff3ds mesh` draws smooth things")
+        made = sketch_mesh(scene.surface, MeshOptions(), report)
+        return Fitted(made.sketch, pictures, {OUTLINES: len(made.sketch)}, [], {}, False)
 
 
 def _surface(
