@@ -9,6 +9,7 @@ import diff3ds as ds
 from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.surfaces.meshes import smooth_surface as module
 from diff3ds.surfaces.meshes.feature_curves import feature_curves
+from diff3ds.surfaces.meshes.view import MeshView, Picture
 
 
 def prism(sides: int, height: float = 2.0) -> ds.TriangleMesh:
@@ -102,6 +103,29 @@ def test_no_more_faces_are_made_than_are_wanted(monkeypatch: pytest.MonkeyPatch)
     assert len(ds.smooth_surface(mesh, 1e-6)) == 4 * len(mesh)
     monkeypatch.setattr(module, "MOST_FACES", 4 * len(mesh) - 1)
     assert ds.smooth_surface(mesh, 1e-6) is mesh
+
+
+def test_patches_that_meet_at_the_contour_do_not_hide_it_from_each_other():
+    """What lies a few degrees behind the outline of a sphere is hidden by the next patches, which do not count."""
+    smooth = ds.smooth_surface(ds.TriangleMesh(*icosphere(2)), 1e-4)
+    cameras = ds.orbit(30, 20, 3.0, height=2.2, fov=None, size=256).to(torch.float64)
+    picture = Picture.of(cameras, 0)
+    # Orthographic: behind the outline are the places whose normals point away.
+    behind = np.degrees(np.arcsin((-smooth.vertices @ picture.towards(smooth.vertices)[0]).clip(-1, 1)))
+    rows = np.arange(len(smooth.vertices))
+    own = np.stack([rows] * 3, 1)
+    hidden = MeshView(smooth, picture).in_front(smooth.vertices, own, 2)
+    near, far = (behind > 4) & (behind < 6), behind > 45
+    assert near.sum() > 20
+    assert not hidden[near].any()
+    assert hidden[far].all()
+
+
+def test_only_a_mesh_is_made_smooth(unchecked):
+    with pytest.raises(TypeError, match="mesh must be a TriangleMesh, got Quadrics"):
+        ds.smooth_surface(ds.Quadrics.ellipsoids([[0.0, 0.0, 0.0]], [[1.0, 1.0, 1.0]]), 0.1)
+    with pytest.raises(ValueError, match="tolerance must be a positive length, got True"):
+        ds.smooth_surface(prism(12), True)
 
 
 @pytest.mark.parametrize("tolerance", [0, -1.0, float("nan")])

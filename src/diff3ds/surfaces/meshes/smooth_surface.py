@@ -71,13 +71,14 @@ def smooth_surface(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
             pixel shows is enough for a picture.
 
     Returns:
-        The finer mesh, or the mesh itself where nothing is round. No more than
-        `MOST_FACES` are made.
+        The finer mesh, of no more than `MOST_FACES`, or the mesh itself where nothing is round.
 
     Raises:
-        ValueError: a tolerance that is not positive.
+        TypeError, ValueError: no mesh, or a tolerance that is not positive.
     """
-    if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
+    if not isinstance(mesh, TriangleMesh):
+        raise TypeError(f"mesh must be a TriangleMesh, got {type(mesh).__name__}")
+    if isinstance(tolerance, bool) or not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive length, got {tolerance!r}")
     fine, patch = mesh, np.arange(len(mesh))
     for _ in range(ROUNDS):
