@@ -63,13 +63,15 @@ def cross(tmp_path_factory):
 
 @pytest.mark.slow
 def test_what_members_of_other_seeds_are(tmp_path):
-    """One of every third category; azimuths are odd multiples of 7.5 degrees: farthest from those of the tables."""
-    right = []
-    for i, name in enumerate(trained().kinds[::3]):
+    """One of every third kind; azimuths are odd multiples of 7.5 degrees: farthest from those of the tables."""
+    kinds = trained().kinds[::3]
+    guessed = {}
+    for i, name in enumerate(kinds):
         found = recognise(lines_in(pictured(tmp_path / "a.png", drawn(name), 37.5 + 75 * i, 8.0)))
-        right.append(found.guesses[0].kind == name)
-    assert len(right) == 14
-    assert sum(right) >= 13
+        guessed[name] = found.guesses[0].kind
+    assert len(kinds) > 25
+    # Of all plain drawings 97 % are named rightly (docs/results/pictures.md).
+    assert len({name: guess for name, guess in guessed.items() if guess != name}) <= 1, guessed
 
 
 def test_attributes_and_pose_of_what_has_no_symmetry(chair):
