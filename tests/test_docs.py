@@ -1,6 +1,9 @@
 """The documents: citations, links and numbers agree with the code; what they show runs."""
 
+import builtins
 import functools
+import importlib.util
+import keyword
 import re
 import shlex
 import subprocess
@@ -26,6 +29,20 @@ PICTURES = {"first_render.py": "first_render.png", "crossing_figure.py": "crossi
 MATHEMATICS = (ROOT / "docs/explanation/mathematics.md").read_text(encoding="utf-8")
 
 CITATION = re.compile(r"\beqs?\. *((?:\d+[a-z]?(?: *(?:,|-|–|to|and) *(?=\d))?)+)")
+# Comments and docstrings, and of them and of documents what is in back-quotes, or has the name of a source file.
+PROSE = {"py": r'"""[\s\S]*?"""|#.*', "js": r"//.*"}
+QUOTED = re.compile(r"`([^`\n]+)`|(?<![\w./-])((?:\w+/)*\w+\.(?:py|js|h|cuh|cu|cpp))\b")
+A_FILE = re.compile(r"(?:[\w.-]+/)*[\w-]+\.(?:py|js|h|cuh|cu|cpp|css|html|md|toml)")
+A_NAME = re.compile(r"_?[A-Za-z]\w*(?:\.\w+)*")
+# Names in back-quotes that nothing here has: those of other programs and packages, of weights in files, of what a user
+# may write, and of commits.
+FOREIGN = {
+    "ICONS", "Ks", "MORE", "Shift", "analysis.md", "b63b41e", "curv", "dynamic_mask_NAME.png", "embreex",
+    "features.0.weight", "library/kinds/kite.py", "lin0.model.1.weight", "model_large.pth", "pypi", "rast",
+    "stroke_width", "summary.md",
+    "use_prefiltering", "viewmats", "wheels.yml",
+}  # fmt: skip
+A_COMMIT = re.compile(r"(?=.*\d)[0-9a-f]{7,12}")
 LINK = re.compile(r"\]\(([^()\s]+)\)")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
@@ -121,6 +138,59 @@ def test_documents_that_files_name_exist():
     named = {name for file in files for name in re.findall(r"\bdocs/[\w/-]+\.md\b", file.read_text(encoding="utf-8"))}
     assert {"docs/explanation/mathematics.md", "docs/howto/evaluate.md"} <= named
     assert {name for name in named if not (ROOT / name).exists()} == set()
+
+
+def words_of_code(paths: list[Path]) -> set[str]:
+    """All names, and words in strings, that code has outside of its comments and docstrings."""
+    code = (re.sub(PROSE["py" if p.suffix == ".py" else "js"], "", p.read_text(encoding="utf-8")) for p in paths)
+    return set(re.findall(r"[A-Za-z_]\w*", "\n".join(code)))
+
+
+def quoted_names(path: Path) -> set[str]:
+    """What is in back-quotes in the comments of a file, or in a document, and the source files that comments name."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".md":
+        return {quoted for quoted, _ in QUOTED.findall(FENCE.sub("", text)) if quoted}
+    prose = "\n".join(re.findall(PROSE["py" if path.suffix == ".py" else "js"], text))
+    return {quoted or file for quoted, file in QUOTED.findall(prose)}
+
+
+def is_public(name: str) -> bool:
+    """Whether a name with dots, from the package on, leads to something."""
+    _, *parts = name.split(".")
+    value: object = ds
+    for depth, part in enumerate(parts):
+        if (value is ds and part not in ds.__all__) or not hasattr(value, part):
+            module = ".".join(["diff3ds", *parts[: depth + 1]])
+            if importlib.util.find_spec(module) is None:
+                return part in getattr(value, "__annotations__", {})
+            value = importlib.import_module(module)
+        else:
+            value = getattr(value, part)
+    return True
+
+
+def test_names_in_back_quotes_exist():
+    """A module, file or name that comments, docstrings and documents speak of is there."""
+    scripts = [p for room in ("src", "benchmarks") for kind in ("py", "js") for p in (ROOT / room).rglob(f"*.{kind}")]
+    prose = [*scripts, *SOURCES, *DOCUMENTS, *(ROOT / "examples").glob("*.py")]
+    others = [*(ROOT / "tests").rglob("*.py"), *ROOT.glob("*/pyproject.toml"), ROOT / "CMakeLists.txt"]
+    words = words_of_code([p for p in [*prose, *others] if p.suffix != ".md"]) | {*dir(builtins), *keyword.kwlist}
+    rooms = [p for room in ("src", "docs") for p in (ROOT / room).rglob("*.*")]
+    files = {relative(p) for p in [*prose, *others, *rooms, *ROOT.glob("*.*")]}
+    parts = {file[i + 1 :] for file in files for i, letter in enumerate(file) if letter == "/"} | files
+    unknown = {}
+    for path in prose:
+        for name in quoted_names(path) - FOREIGN:
+            if name in parts or A_FILE.fullmatch(name):
+                exists = name in parts
+            elif re.fullmatch(r"(?:ds|diff3ds)\.[\w.]+", name):
+                exists = is_public(name)
+            else:
+                exists = not A_NAME.fullmatch(name) or set(name.split(".")) <= words or A_COMMIT.fullmatch(name)
+            if not exists:
+                unknown.setdefault(relative(path), set()).add(name)
+    assert unknown == {}
 
 
 @pytest.mark.parametrize("path", [p for p in DOCUMENTS if python_blocks(p)], ids=relative)

@@ -1,7 +1,7 @@
 """Finding the weights of a prior on this disk.
 
 Nothing here downloads. Weights are looked for in a folder that the user names or in the cache of the Hugging Face hub,
-in the layout of diffusers: a folder for each part. Loading them is the business of `loading`.
+in the layout of diffusers: a folder for each part. What is found is loaded by `read.py` and `pretrained.py`.
 """
 
 import importlib.util

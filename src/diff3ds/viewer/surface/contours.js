@@ -2,7 +2,7 @@
 // it turns over. They are chords that follow on each other, as those of strokes.
 
 // Of the steps over which a contour bends away from the line of sight, or towards it, so few are noise. Faces so many
-// rings from a contour do not hide it: facets beside it hide each other. Both as in the package (mesh_seen.py).
+// rings from a contour do not hide it: facets beside it hide each other. Both as in the package (surfaces/meshes/seen.py).
 const [LEAST_RUN, RINGS] = [4, 2];
 
 // Chords of the contours, and for each how much farther from the eye what hides it must be, in the view's units. Some lie
