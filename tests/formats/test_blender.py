@@ -7,6 +7,8 @@ import re
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -106,17 +108,114 @@ def test_a_sketch_that_has_become_invalid_leaves_the_old_file(tmp_path) -> None:
     assert (tmp_path / "scene.py").read_text() == "old"
 
 
-def test_blender_builds_the_curves(tmp_path) -> None:
+class Told:
+    """Settings of a scene that remember in which order they were set; a video is none before its kind is said."""
+
+    def __init__(self, **values) -> None:
+        self.__dict__.update(values, told=[])
+
+    def __setattr__(self, name, value) -> None:
+        if (name, value) == ("file_format", "FFMPEG") and getattr(self, "media_type", "VIDEO") != "VIDEO":
+            raise TypeError('enum "FFMPEG" not found in ("JPEG", "PNG")')
+        self.told.append((name, value))
+        self.__dict__[name] = value
+
+
+def thing(name, kind, **data) -> SimpleNamespace:
+    return SimpleNamespace(name=name, type=kind, data=SimpleNamespace(**data))
+
+
+def opened(monkeypatch, tmp_path, objects, image, arguments=(), file="", camera=None, world=None):
+    """Runs the script in a Blender that does nothing, with this scene open; the scene and what was removed of it."""
+    scene = MagicMock(camera=camera, world=world, objects=objects, frame_start=7, frame_end=999, frame_current=8)
+    scene.render.image_settings = image
+    data = MagicMock(filepath=file, scenes=[scene])
+    data.objects.__iter__.side_effect = lambda: iter(list(objects))
+    data.objects.remove.side_effect = objects.remove
+    bpy = MagicMock(data=data, context=SimpleNamespace(scene=scene))
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    monkeypatch.setitem(sys.modules, "mathutils", MagicMock())
+    monkeypatch.setattr(sys, "argv", ["blender", "--", *arguments] if arguments else ["blender"])
+    save(tmp_path / "scene.py", sketch())
+    exec(compile((tmp_path / "scene.py").read_text(), "scene.py", "exec"), {"__name__": "__main__"})
+    return scene, bpy
+
+
+BEGUN = [("Cube", "MESH", {"vertices": range(8)}), ("Light", "LIGHT", {}), ("Camera", "CAMERA", {})]
+
+
+@pytest.mark.parametrize(
+    ("file", "names", "corners"),
+    [
+        ("house.blend", ("Cube", "Light", "Camera"), 8),
+        ("", ("Cube", "Light", "Camera"), 240),
+        ("", ("Cube", "Light", "Camera.001"), 8),
+        ("", ("three weeks of work", "Light", "Camera"), 8),
+    ],
+)
+def test_what_was_there_stays_as_it_was(monkeypatch, tmp_path, file, names, corners) -> None:
+    kinds = ("MESH", "LIGHT", "CAMERA")
+    objects = [thing(name, kind, vertices=range(corners)) for name, kind in zip(names, kinds, strict=True)]
+    camera, world = objects[2], object()
+    scene, bpy = opened(monkeypatch, tmp_path, objects, Told(), file=file, camera=camera, world=world)
+    assert [made.name for made in objects] == list(names)
+    assert (scene.camera, scene.world, scene.frame_start, scene.frame_end) == (camera, world, 7, 999)
+    assert not bpy.data.cameras.new.called
+    assert not bpy.data.lights.new.called
+    assert not bpy.data.worlds.new.called
+    # All of it lies in one collection of the open scene.
+    scene.collection.children.link.assert_called_once()
+    assert not scene.collection.objects.link.called
+
+
+def test_only_what_blender_begins_with_gives_way(monkeypatch, tmp_path) -> None:
+    objects = [thing(name, kind, **data) for name, kind, data in BEGUN]
+    scene, bpy = opened(monkeypatch, tmp_path, objects, Told(), camera=None, world=object())
+    assert objects == []
+    assert scene.world is bpy.data.worlds.new.return_value
+    assert scene.frame_end == FRAMES
+    assert bpy.data.lights.new.called
+
+
+@pytest.mark.parametrize("newest", [True, False])
+@pytest.mark.parametrize("turning", [True, False])
+def test_pictures_and_films_leave_the_settings_as_they_were(monkeypatch, tmp_path, newest, turning) -> None:
+    """Since Blender 5.0 the kind of media comes before the format, which it changes."""
+    image = Told(file_format="OPEN_EXR", **({"media_type": "IMAGE"} if newest else {}))
+    camera, arguments = object(), ["film.mp4", "64", "32", *(["--turntable"] if turning else [])]
+    scene, bpy = opened(monkeypatch, tmp_path, [], image, arguments, "house.blend", camera)
+    bpy.ops.render.render.assert_called_once_with(animation=turning, write_still=not turning)
+    expected = [("media_type", "VIDEO" if turning else "IMAGE"), ("file_format", "FFMPEG" if turning else "PNG")]
+    expected += [("media_type", "IMAGE"), ("file_format", "OPEN_EXR")]
+    assert image.told == [told for told in expected if newest or told[0] != "media_type"]
+    assert (scene.camera, scene.frame_start, scene.frame_end) == (camera, 7, 999)
+    assert bpy.data.cameras.new.called == turning
+    scene.frame_set.assert_called_once_with(8)
+
+
+def in_blender(*arguments: str) -> str:
+    """What a script says, run by the Blender of this machine."""
     blender = shutil.which("blender")
     if not blender and not importlib.util.find_spec("bpy"):
         pytest.skip("no Blender: neither `blender` on the PATH nor bpy")
+    command = [blender, "-b", "--factory-startup", "--python"] if blender else [sys.executable]
+    return subprocess.run([*command, *arguments], capture_output=True, text=True, check=True).stdout
+
+
+def test_blender_films_a_turn(tmp_path) -> None:
+    save(tmp_path / "scene.py", sketch())
+    text = (tmp_path / "scene.py").read_text().replace(f'"frames":{FRAMES}', '"frames":3')
+    (tmp_path / "scene.py").write_text(text)
+    in_blender(str(tmp_path / "scene.py"), "--", str(tmp_path / "turn.mp4"), "32", "32", "--turntable")
+    assert b"ftyp" in (tmp_path / "turn.mp4").read_bytes()[:16]
+
+
+def test_blender_builds_the_curves(tmp_path) -> None:
     whole = sketch()
     path = tmp_path / "scene.py"
     save(path, whole)
     path.write_text(path.read_text() + CHECK)
-    command = [blender, "-b", "--factory-startup", "--python"] if blender else [sys.executable]
-    done = subprocess.run([*command, str(path)], capture_output=True, text=True, check=True)
-    line = next(line for line in done.stdout.splitlines() if line.startswith("FOUND "))
+    line = next(line for line in in_blender(str(path)).splitlines() if line.startswith("FOUND "))
     found, (collections, materials, camera) = json.loads(line.removeprefix("FOUND "))
     assert len(found) == len(whole)
     assert (collections[:3], materials, camera) == (["#000000", "#1a1acc", "#cc1a1a"], 3, "camera")

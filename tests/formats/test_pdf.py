@@ -76,10 +76,11 @@ def test_layers_are_optional_content_a_colour(tmp_path):
         b"<< /Type /OCG /Name (#ff0000) >>",
     ]
     assert content.count("BDC") == content.count("EMC") == 2
-    # Pens stroke, and fill nothing but the page.
+    # Pens stroke, and fill nothing, not even the page unless it is asked for.
     assert content.count("\nS\n") == 12
-    assert content.count(" f\n") == 1
-    assert "\nf\n" not in content
+    assert re.search(r"\bf\b", content) is None
+    save_pdf(tmp_path / "a.pdf", colored(), CAMERAS[0], centerline=True, background=(1.0, 1.0, 1.0))
+    assert " re f\n" in objects(tmp_path / "a.pdf")[1]
 
 
 def test_transparent_strokes_have_a_state(tmp_path):

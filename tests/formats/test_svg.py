@@ -150,6 +150,18 @@ def distance_to_polyline(points, vertices):
     return (points[:, None] - start - along.clamp(0, 1)[..., None] * chord).norm(dim=-1).amin(1)
 
 
+def test_plotters_get_no_page_to_draw(tmp_path):
+    """They would draw its edge."""
+    for options, there in (
+        ({"centerline": True}, False),
+        ({"centerline": True, "background": (1.0, 1.0, 1.0)}, True),
+        ({}, True),
+        ({"background": None}, False),
+    ):
+        save_svg(tmp_path / "a.svg", circle(0.5), CAMERAS[0], **options)
+        assert ("<rect" in (tmp_path / "a.svg").read_text()) == there
+
+
 def test_an_exact_circle_stays_round(tmp_path):
     cameras = ds.look_at(torch.tensor([[0.0, 0.0, 2.0]]), up=(0.0, 1.0, 0.0), fov=60, size=512)
     save_svg(tmp_path / "a.svg", ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.0), 1.0)), cameras)

@@ -80,6 +80,16 @@ def test_a_transparent_background_shows_the_same_over_white(source, tmp_path):
     assert np.abs(clear[..., :3] * alpha + 255 * (1 - alpha) - white).max() <= 1.5
 
 
+def test_plotters_get_a_background_only_where_one_is_asked_for(source, tmp_path):
+    """They would draw the edge of the page."""
+    drawing = ["render", str(source), "-o", str(tmp_path / "a.svg"), "--quiet", "--centerline"]
+    main(drawing)
+    assert "<rect" not in (tmp_path / "a.svg").read_text()
+    with pytest.warns(UserWarning, match="plotters and cutters draw its edge"):
+        main([*drawing, "--background", "white"])
+    assert "<rect" in (tmp_path / "a.svg").read_text()
+
+
 @pytest.mark.parametrize("suffix", [".webp", ".gif"])
 def test_a_turntable_goes_once_round(suffix, source, tmp_path):
     main(["render", str(source), "-o", str(tmp_path / f"t{suffix}"), "--size", "48", "--turntable", "4", "--quiet"])

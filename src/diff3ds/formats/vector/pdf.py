@@ -10,7 +10,7 @@ from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
 from diff3ds.formats.vector.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
 from diff3ds.formats.vector.outlines import straight
-from diff3ds.formats.vector.svg import Layers, check_page, corner, layered, page_size
+from diff3ds.formats.vector.svg import Background, Layers, check_page, corner, ground_of, layered, page_size
 from diff3ds.sketch import Sketch
 
 # Points of 1/72 inch, in which PDF measures: of a millimetre, and of a pixel of which 96 make an inch, as on the web.
@@ -22,7 +22,7 @@ def save_pdf(
     sketch: Sketch,
     cameras: Cameras,
     *,
-    background: Sequence[float] | None = (1.0, 1.0, 1.0),
+    background: Background = "auto",
     width_mm: float | None = None,
     layers: Layers | None = None,
     centerline: bool = False,
@@ -33,7 +33,7 @@ def save_pdf(
     Layers are optional content, which viewers can switch off. The same sketch gives the same file.
 
     Args:
-        background: RGB in [0, 1], or None for none.
+        background: RGB in [0, 1], or None for none; by default as of `save_svg`.
         width_mm: of the page, millimetres; without it a pixel is 1/96 inch.
         layers: "color" for a layer a colour, as in `save_svg`.
         centerline: for plotters, as in `save_svg`.
@@ -43,6 +43,7 @@ def save_pdf(
         ValueError: as `save_svg`.
         OSError: the file cannot be written.
     """
+    background = ground_of(background, centerline)
     sketch = check_page(sketch, cameras, background, width_mm, tolerance)
     width, height = page_size(cameras)
     scale = POINTS_PER_PIXEL if width_mm is None else POINTS_PER_MM * width_mm / width

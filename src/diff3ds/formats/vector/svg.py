@@ -18,6 +18,7 @@ from diff3ds.formats.vector.outlines import straight
 from diff3ds.sketch import Sketch
 
 Layers = Literal["color"]
+Background = Sequence[float] | Literal["auto"] | None
 INKSCAPE = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
 
 
@@ -26,7 +27,7 @@ def save_svg(
     sketch: Sketch,
     cameras: Cameras,
     *,
-    background: Sequence[float] | None = (1.0, 1.0, 1.0),
+    background: Background = "auto",
     width_mm: float | None = None,
     layers: Layers | Sequence[str] | None = None,
     centerline: bool = False,
@@ -45,7 +46,8 @@ def save_svg(
     clamped to [0, 1] and rounded to 8 bits.
 
     Args:
-        background: RGB in [0, 1], or None for a transparent one.
+        background: RGB in [0, 1], or None for a transparent one; by default white, and with `centerline` none, as
+            plotters would draw its edge.
         width_mm: of the page on paper, millimetres; without it a pixel is what the program takes for one.
         layers: "color" for an Inkscape layer a colour, or the name of the layer of each stroke; far ones come first,
             and strokes of different layers then lie over each other as the layers do.
@@ -58,6 +60,7 @@ def save_svg(
             tolerance that is not positive; another number of layers than of strokes.
         OSError: the file cannot be written.
     """
+    background = ground_of(background, centerline)
     sketch = check_page(sketch, cameras, background, width_mm, tolerance)
     named = None if layers is None or isinstance(layers, str) else list(layers)
     if named is not None and len(named) != len(sketch):
@@ -77,6 +80,13 @@ def save_svg(
     write_text(
         Path(path), f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{ground}' + "\n".join(lines) + "\n</svg>\n"
     )
+
+
+def ground_of(background: Background, centerline: bool) -> Sequence[float] | None:
+    """RGB of what lies below the strokes, None for nothing."""
+    if isinstance(background, str):
+        return None if centerline else (1.0, 1.0, 1.0)
+    return background
 
 
 def check_page(

@@ -60,7 +60,8 @@ class PictureOptions:
 
     Attributes:
         size: pixels: 512, or width x height as 1280x720; by default 512, or what --cameras says.
-        background: white, black, R,G,B with numbers from 0 to 1, or transparent.
+        background: white, black, R,G,B with numbers from 0 to 1, or transparent; by default white, with --centerline
+            none: plotters would draw the edge of it.
         turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
@@ -75,7 +76,7 @@ class PictureOptions:
     """
 
     size: str | None = None
-    background: str = "white"
+    background: str | None = None
     turntable: int | None = None
     fps: int = 24
     sheet: bool = False
@@ -88,7 +89,7 @@ class PictureOptions:
     def __post_init__(self) -> None:
         if self.size is not None:
             parse_size(self.size)
-        if self.background != "transparent":
+        if self.background not in (None, "transparent"):
             parse_color(self.background)
         if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
             raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
@@ -105,6 +106,8 @@ class PictureOptions:
     @property
     def color(self) -> tuple[float, float, float] | None:
         """RGB of the background, None for a transparent one."""
+        if self.background is None:
+            return None if self.centerline else parse_color("white")
         return None if self.background == "transparent" else parse_color(self.background)
 
 
@@ -165,7 +168,7 @@ def check_file(file: Path, options: PictureOptions) -> None:
     suffix = file.suffix.lower()
     if suffix not in (*STILLS, *MOVIES):
         raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {', '.join((*STILLS, *MOVIES))}")
-    if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background != "white"):
+    if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background not in (None, "white")):
         raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
     for name in ("width_mm", "layers", "centerline", "tolerance"):
         if getattr(options, name) != getattr(PictureOptions, name) and suffix not in VECTORS:

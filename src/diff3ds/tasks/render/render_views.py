@@ -1,5 +1,6 @@
 """Pictures of a sketch: the views that are asked for, a sheet of them, or a turntable."""
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,6 +89,8 @@ def run_render(
         raise ValueError("a --surface hides lines in pictures by the kernels, and in .svg and .pdf files of one view")
     if styles.style is not None:
         _check_styled(file, picture, styles.style)
+    if picture.centerline and picture.color is not None:
+        warnings.warn("the --background is a filled shape: plotters and cutters draw its edge", stacklevel=2)
     sketch = load_sketch(source).detach()
     surface = _surface(source, hiding)
     if picture.engine == "blender":
