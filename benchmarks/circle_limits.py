@@ -19,12 +19,12 @@ import numpy as np
 import torch
 from curve_scores import CENTRE_ERROR, LEAST_ANGLE, LEAST_RADIUS, RADIUS_ERROR
 
+from diff3ds.curves.shapes.primitives import Circle, angles_of
 from diff3ds.edges.evidence.bias import Bias, corrected, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.support import crowded, inliers
 from diff3ds.edges.measure.fit_ridges import LOOKS, circle_at, shown_of, undisturbed
 from diff3ds.edges.measure.offsets import near_joints
-from diff3ds.edges.shapes.primitives import Circle, angles_of
 from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.frame import Frame, frame_of

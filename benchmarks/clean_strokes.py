@@ -23,9 +23,9 @@ from scipy.spatial import cKDTree
 import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.bezier import evaluate
+from diff3ds.curves.join import join_smooth
 from diff3ds.formats import save_png, tile_images
 from diff3ds.library import CATEGORIES
-from diff3ds.optimize.join import join_smooth
 from diff3ds.tasks.exact_prior.exemplars import exemplars_of
 from diff3ds.tasks.text_image.redraw import nearest_member
 from diff3ds.tasks.text_image.run_spec import RunSpec

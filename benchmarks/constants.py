@@ -1,9 +1,10 @@
-"""The numeric constants of `diff3ds.edges`, read from its sources: what the table and the sensitivity run go by.
+"""The numeric constants of edges, those of `diff3ds.edges` and `diff3ds.curves.shapes`, read from their sources.
 
-A constant is a name in capitals with one number in its value. The comment above it begins with its units and with what
-it was chosen on: `# [px, fraction; empirical] A curve doubles longer ones if ...`; one unit for all names of the line,
-or one each. What is chosen on: "measured" says on what, "empirical" by the scores of `views.py`, "derived" follows from
-something else, "numerical" is small or large enough for the arithmetic, "speed" bounds the work.
+The table and the sensitivity run go by them. A constant is a name in capitals with one number in its value. The comment
+above it begins with its units and with what it was chosen on: `# [px, fraction; empirical] A curve doubles longer ones
+if ...`; one unit for all names of the line, or one each. What is chosen on: "measured" says on what, "empirical" by the
+scores of `views.py`, "derived" follows from something else, "numerical" is small or large enough for the arithmetic,
+"speed" bounds the work.
 """
 
 import ast
@@ -11,7 +12,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-EDGES = Path(__file__).parents[1] / "src/diff3ds/edges"
+PACKAGE = Path(__file__).parents[1] / "src/diff3ds"
+ROOMS = ("edges", "curves/shapes")
 CHOSEN = ("measured", "empirical", "derived", "numerical", "speed")
 
 
@@ -20,7 +22,7 @@ class Constant:
     """A constant.
 
     Attributes:
-        module: below `diff3ds.edges`, with dots.
+        module: below `diff3ds`, with dots.
         name: of a number among several, with its place: `CLOSED[2]`.
         value: as it is written.
         unit, chosen, about: from the comment.
@@ -44,12 +46,13 @@ def constants() -> list[Constant]:
     Raises:
         ValueError: one has no comment of the form above.
     """
-    return [constant for path in sorted(EDGES.rglob("*.py")) for constant in _of_module(path)]
+    files = [path for room in ROOMS for path in sorted((PACKAGE / room).rglob("*.py"))]
+    return [constant for path in files for constant in _of_module(path)]
 
 
 def module_of(path: Path) -> str:
-    """The name of a source file's module below `diff3ds.edges`."""
-    return ".".join(path.relative_to(EDGES).with_suffix("").parts)
+    """The name of a source file's module below `diff3ds`."""
+    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
 
 
 def _of_module(path: Path) -> list[Constant]:

@@ -29,7 +29,7 @@ from OCP.TopoDS import TopoDS_Shape
 from report import environment, show, write_json
 
 import diff3ds as ds
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.surfaces.meshes.feature_curves import feature_curves
 
 ROUNDS = 3

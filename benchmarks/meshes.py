@@ -21,7 +21,7 @@ from curve_scores import score
 from report import environment, show, write_json
 
 import diff3ds as ds
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.surfaces.meshes.feature_curves import feature_curves
 
 

@@ -1,4 +1,4 @@
-"""Which constants of `diff3ds.edges` matter: each made smaller and larger, and what that does to the F-score.
+"""Which constants of edges matter: each made smaller and larger, and what that does to the F-score.
 
     python benchmarks/sensitivity.py OUT FOLDER... [--every 1] [--jobs 2] [--chosen measured,empirical] [--only TEXT]
 
@@ -30,12 +30,12 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
-from constants import EDGES, Constant, constants
+from constants import PACKAGE, Constant, constants
 from curve_scores import score
 from damage import thinned_out
 
 FACTORS = (0.7, 1.4)
-EDGES_PACKAGE = "diff3ds.edges"
+ROOMS = ("diff3ds.edges", "diff3ds.curves", "diff3ds.tasks.views")
 # What a run imports that no constant changes.
 PRELOADED = ["torch", "scipy.ndimage", "scipy.spatial", "PIL.Image", "safetensors.torch", "diff3ds.tasks.views.run"]
 # How many constants the report names.
@@ -128,7 +128,7 @@ def _scored(constant: Constant | None, factor: float, source: Path, folder: Path
     import torch
 
     torch.set_num_threads(1)
-    for name in [name for name in sys.modules if name.startswith((EDGES_PACKAGE, "diff3ds.tasks.views"))]:
+    for name in [name for name in sys.modules if name.startswith(ROOMS)]:
         del sys.modules[name]
     if constant is not None:
         sys.meta_path.insert(0, _Changed(constant, factor))
@@ -152,9 +152,9 @@ class _Changed(importlib.abc.MetaPathFinder):
 
     def find_spec(self, name: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:
         """The module of the constant, from changed source; no other."""
-        if name != f"{EDGES_PACKAGE}.{self.constant.module}":
+        if name != f"diff3ds.{self.constant.module}":
             return None
-        file = EDGES / (self.constant.module.replace(".", "/") + ".py")
+        file = PACKAGE / (self.constant.module.replace(".", "/") + ".py")
         return importlib.util.spec_from_file_location(name, file, loader=_Loader(name, str(file), self))
 
 

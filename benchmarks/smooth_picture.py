@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 import diff3ds as ds
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import save_png, tile_images
 from diff3ds.formats.framing import framed
 from diff3ds.surfaces.drawn import visible_lines

@@ -17,21 +17,22 @@ ALL = {f"{c.module}.{c.name}": c for c in known.constants()}
 
 def test_every_constant_of_edges_says_its_unit_and_what_it_was_chosen_on():
     assert len(ALL) > 200
-    near, slant = ALL["evidence.support.NEAR"], ALL["evidence.support.SLANT"]
+    near, slant = ALL["edges.evidence.support.NEAR"], ALL["edges.evidence.support.SLANT"]
     assert (near.value, near.unit, near.chosen) == ("2.5", "px", "empirical")
     assert (slant.value, slant.unit, slant.about) == ("0.436", "sine", near.about)
-    assert ALL["evidence.bias.CLOSED[2]"].value == "8.0"
-    assert ALL["complete.corners.TURN"].value == "np.cos(np.deg2rad(20.0))"
+    assert ALL["edges.evidence.bias.CLOSED[2]"].value == "8.0"
+    assert ALL["edges.complete.corners.TURN"].value == "np.cos(np.deg2rad(20.0))"
     # What follows from others is none.
-    assert "evidence.support.SEGMENT" not in ALL
+    assert "edges.evidence.support.SEGMENT" not in ALL
 
 
 @pytest.mark.parametrize(
     "comment", ["", "# Pixels.", "# [px] Of what?", "# [px; guessed] What?", "# [px, px, px; empirical] What?"]
 )
 def test_a_constant_without_its_unit_is_an_error(tmp_path, monkeypatch, comment):
-    monkeypatch.setattr(known, "EDGES", tmp_path)
-    (tmp_path / "new.py").write_text(f"{comment}\nONE, TWO = 1.0, 2.0\n")
+    monkeypatch.setattr(known, "PACKAGE", tmp_path)
+    (tmp_path / "edges").mkdir()
+    (tmp_path / "edges/new.py").write_text(f"{comment}\nONE, TWO = 1.0, 2.0\n")
     with pytest.raises(
         ValueError, match=r"new\.py:2: the comment above a constant has to begin with its units .* or 2"
     ):
@@ -39,15 +40,15 @@ def test_a_constant_without_its_unit_is_an_error(tmp_path, monkeypatch, comment)
 
 
 def test_a_changed_constant_changes_what_follows_from_it():
-    constant = ALL["evidence.support.SAMPLES"]
-    source = (known.EDGES / "evidence/support.py").read_text()
+    constant = ALL["edges.evidence.support.SAMPLES"]
+    source = (known.PACKAGE / "edges/evidence/support.py").read_text()
     for factor, samples in ((0.7, 4), (1.4, 7)):
         inner = {}
         exec(compile(changed_source(source, constant, factor), "support", "exec"), inner)
         assert (inner["SAMPLES"], inner["SEGMENT"], inner["PARTS"]) == (samples, 6 * samples, 6)
     # Of the cosine of an angle, the angle.
-    corners = (known.EDGES / "complete/corners.py").read_text()
-    assert "TURN = np.cos(np.deg2rad(28.0))" in changed_source(corners, ALL["complete.corners.TURN"], 1.4)
+    corners = (known.PACKAGE / "edges/complete/corners.py").read_text()
+    assert "TURN = np.cos(np.deg2rad(28.0))" in changed_source(corners, ALL["edges.complete.corners.TURN"], 1.4)
 
 
 def test_values_stay_what_they_are():

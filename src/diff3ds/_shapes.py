@@ -36,5 +36,8 @@ else:
 
 # Coordinates, lengths and weights outside of what torch differentiates.
 Array = NDArray[np.float64]
+# Numbers of vertices, faces and the like, and masks.
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
-__all__ = ["Array", "Bool", "Float", "Int", "Tensor", "UInt8"]
+__all__ = ["Array", "Bool", "Float", "Index", "Int", "Mask", "Tensor", "UInt8"]

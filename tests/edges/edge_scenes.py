@@ -6,10 +6,10 @@ import numpy as np
 import torch
 
 import diff3ds as ds
+from diff3ds.curves.shapes.curve_set import curves_of
+from diff3ds.curves.shapes.primitives import Kind, Primitive, arc_control, line_control
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.shapes.curve_set import curves_of
-from diff3ds.edges.shapes.primitives import Kind, Primitive, arc_control, line_control
 
 # Ridges of images have about one point a pixel.
 SPACING = 0.8

@@ -8,11 +8,11 @@ import pytest
 import torch
 from edge_scenes import arc, around, circular_arc, lines_between, segment, turned, views_of
 
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.complete.corners import with_corners
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.reconstruct import confirming
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import Kind
 
 CAMERAS = around(24, 160)
 MIN_VIEWS = confirming(len(CAMERAS))

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of
-from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of
+from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
 
 T = torch.linspace(0, 1, 33, dtype=torch.float64)
 U, V, _ = turned(5)

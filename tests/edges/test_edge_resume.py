@@ -9,11 +9,11 @@ from edge_scenes import lines_between
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
+from diff3ds.curves.shapes.curve_set import curves_of
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import Result
 from diff3ds.edges.resume import CAMERAS, FIELDS, VERSION, Kept, read_result, write_result
-from diff3ds.edges.shapes.curve_set import curves_of
 
 SETTINGS = {"target": "edges", "seed": 3, "size": [64, 80]}
 CURVES = lines_between(((0, 0, 0), (0.1, 0.2, 1 / 3)), ((1, 0, 0), (0, 1, 0)))

@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
-from diff3ds.edges.clean.simplify import joined, simplest
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
+from diff3ds.curves.shapes.ellipses import fit_ellipse, fit_elliptic_arcs
+from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arc_control, bernstein
+from diff3ds.curves.shapes.simplest import simplest
+from diff3ds.curves.shapes.straight_lines import resampled
+from diff3ds.edges.clean.simplify import joined
 from diff3ds.edges.first.segment import segmented
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
-from diff3ds.edges.shapes.ellipses import fit_ellipse, fit_elliptic_arcs
-from diff3ds.edges.shapes.lines import resampled
-from diff3ds.edges.shapes.primitives import POINT_SCATTER, Kind, Primitive, arc_control, bernstein
 
 CENTER, (U, V, N) = np.array([0.3, -0.2, 0.5]), turned().T
 T = torch.linspace(0, 1, 41, dtype=torch.float64)

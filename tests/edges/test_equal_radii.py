@@ -6,9 +6,9 @@ from edge_scenes import circular_arc, turned, whole
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diff3ds.curves.shapes.curve_set import curves_of, sampled
+from diff3ds.curves.shapes.primitives import fit_circle
 from diff3ds.edges.measure.equal_radii import SCATTER, agreed, with_equal_circles
-from diff3ds.edges.shapes.curve_set import curves_of, sampled
-from diff3ds.edges.shapes.primitives import fit_circle
 
 PIXEL = 0.01
 U, V, _ = turned(2)

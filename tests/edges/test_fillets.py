@@ -7,14 +7,14 @@ import pytest
 import torch
 from edge_scenes import arc, around, ridges_along, segment, turned
 
+from diff3ds.curves.shapes.curve_set import Curves, sampled
+from diff3ds.curves.shapes.primitives import Kind, arc_control, fit_circle, line_control
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import map_ridges
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
-from diff3ds.edges.shapes.curve_set import Curves, sampled
-from diff3ds.edges.shapes.primitives import Kind, arc_control, fit_circle, line_control
-from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.render import render
 
 RADIUS, HALF = 0.2, 0.6

@@ -8,14 +8,14 @@ import torch
 from edge_scenes import arc, around, circular_arc, lines_between, project, ridges_along, segment, turned, whole
 
 from diff3ds import render
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Circle, Kind, fit_circle
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges, map_ridges
 from diff3ds.edges.evidence.support import CROWDED
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fit_ridges import circle_at, fit_to_ridges, shown_of
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle
-from diff3ds.edges.shapes.smooth_joints import sketch_of
 
 CAMERAS = around(30, 160)
 U, V, _ = turned(3)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from edge_scenes import arc, around, project, ridges_along, turned, whole
 
+from diff3ds.curves.shapes.curve_set import curves_of, sampled
+from diff3ds.curves.shapes.primitives import Circle, fit_circle
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.measure.holes import other_ends, seen_through
-from diff3ds.edges.shapes.curve_set import curves_of, sampled
-from diff3ds.edges.shapes.primitives import Circle, fit_circle
 
 CAMERAS = around(40, 200)
 U, V, _ = turned(6)

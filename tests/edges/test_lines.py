@@ -2,7 +2,14 @@
 
 import numpy as np
 
-from diff3ds.edges.shapes.lines import meeting, nearest_to_lines, pairs_by_ends, polyline_length, resampled, unit
+from diff3ds.curves.shapes.straight_lines import (
+    meeting,
+    nearest_to_lines,
+    pairs_by_ends,
+    polyline_length,
+    resampled,
+    unit,
+)
 
 PLACE = np.array([0.3, -0.2, 0.5])
 WAYS = unit(np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 0.2], [-0.3, 0.1, 1.0]]))

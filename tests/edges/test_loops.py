@@ -7,8 +7,8 @@ import pytest
 import torch
 from edge_scenes import lines_between, turned, whole
 
+from diff3ds.curves.shapes.curve_set import curves_of
 from diff3ds.edges.complete.loops import find_loops
-from diff3ds.edges.shapes.curve_set import curves_of
 
 PIXEL = 0.01
 TILT = turned(2)

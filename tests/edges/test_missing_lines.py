@@ -7,9 +7,9 @@ import pytest
 import torch
 from edge_scenes import around, lines_between, ridges_along, segment, turned, views_of
 
+from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.complete.missing_lines import bridged
 from diff3ds.edges.reconstruct import confirming
-from diff3ds.edges.shapes.primitives import Kind
 
 CAMERAS = around(24, 160)
 MIN_VIEWS = confirming(len(CAMERAS))

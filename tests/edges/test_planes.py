@@ -7,13 +7,13 @@ import pytest
 import torch
 from edge_scenes import arc, around, lines_between, ridges_along, segment, turned, whole
 
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import fit_circle
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.measure.planes import shared_planes
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import fit_circle
 
 PIXEL = 0.01
 TILT = turned(4)

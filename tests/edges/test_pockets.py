@@ -8,11 +8,12 @@ import torch
 from edge_scenes import around, lines_between, ridges_along, turned, whole
 
 import diff3ds as ds
-from diff3ds.edges.clean.simplify import joined, simplest
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.curves.shapes.simplest import simplest
+from diff3ds.edges.clean.simplify import joined
 from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.library import member
 
 CAMERAS = around(40, 160)

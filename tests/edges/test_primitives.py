@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
+from diff3ds.curves.shapes.curve_set import curves_of
+from diff3ds.curves.shapes.primitives import Kind, arc_control, bernstein, fit_arcs, fit_circle, fit_cubic, fit_line
 from diff3ds.edges.first.circles import find_circles
 from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints
-from diff3ds.edges.shapes.curve_set import curves_of
-from diff3ds.edges.shapes.primitives import Kind, arc_control, bernstein, fit_arcs, fit_circle, fit_cubic, fit_line
 
 CENTER, (U, V, N) = np.array([0.3, -0.2, 0.5]), turned().T
 T = torch.linspace(0, 1, 41, dtype=torch.float64)

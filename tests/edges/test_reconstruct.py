@@ -9,6 +9,8 @@ from edge_scenes import arc, around, box_edges, lines_between, ridges_along, seg
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds.curves.shapes.curve_set import curves_of, sampled
+from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import (
     CALIBRATED,
@@ -22,8 +24,6 @@ from diff3ds.edges.reconstruct import (
     reconstruct,
 )
 from diff3ds.edges.refine import draw_ridges, refined
-from diff3ds.edges.shapes.curve_set import curves_of, sampled
-from diff3ds.edges.shapes.primitives import Kind
 
 CAMERAS = around(20, 128)
 HALF, ROTATION = np.array([0.5, 0.4, 0.55]), turned(3)

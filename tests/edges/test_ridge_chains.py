@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from edge_scenes import arc, segment
 
+from diff3ds.curves.shapes.straight_lines import polyline_length
 from diff3ds.edges.first.ridge_chains import follow_chains
 from diff3ds.edges.first.triangulate import EdgePoints
-from diff3ds.edges.shapes.lines import polyline_length
 
 
 def edge_points(*lines, scatter=0.0):

@@ -7,9 +7,9 @@ import pytest
 import torch
 from edge_scenes import arc, around, lines_between, ridges_along, segment, whole
 
+from diff3ds.curves.shapes.curve_set import curves_of
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.shapes.curve_set import curves_of
 
 # A sector of directions, as a corner of an object that hides what is behind it leaves them.
 CAMERAS = around(60, 128)

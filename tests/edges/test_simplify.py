@@ -8,10 +8,11 @@ import numpy as np
 import torch
 from edge_scenes import around, circular_arc, lines_between, segment, turned, views_of, whole
 
-from diff3ds.edges.clean.simplify import joined, pruned, simplest
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.curves.shapes.simplest import simplest
+from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.weld import welded
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import Kind
 
 U, V, _ = turned(4)
 CENTER = np.array([0.1, 0.2, -0.1])

@@ -8,9 +8,9 @@ import torch
 from edge_scenes import circular_arc, whole
 
 import diff3ds as ds
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of
-from diff3ds.edges.shapes.primitives import Kind, Primitive, line_control
-from diff3ds.edges.shapes.smooth_joints import sketch_of, smooth_joints
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of
+from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
+from diff3ds.curves.shapes.smooth_joints import sketch_of, smooth_joints
 
 WIDTH = 0.02
 X, Y = np.eye(3)[:2]

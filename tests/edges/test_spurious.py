@@ -6,12 +6,12 @@ import torch
 from edge_scenes import around, box_edges, box_shown, lines_between, ridges_along, segment, turned, views_of
 
 import diff3ds as ds
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.clean.spurious import without_spurious
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import map_ridges
 from diff3ds.edges.reconstruct import reconstruct
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of
-from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.library import member
 
 CAMERAS = around(24, 128)

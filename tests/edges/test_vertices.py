@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from edge_scenes import circular_arc, lines_between, whole
 
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import fit_circle
 from diff3ds.edges.measure.vertices import met
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import fit_circle
 
 X, Y, Z = np.eye(3)
 

@@ -5,12 +5,12 @@ import itertools
 import numpy as np
 from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, segment, turned, whole
 
+from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Kind, fit_circle
 from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import confirming
-from diff3ds.edges.shapes.curve_set import concatenated, curves_of, sampled
-from diff3ds.edges.shapes.primitives import Kind, fit_circle
 
 CAMERAS = around(40, 160)
 U, V, _ = turned(3)

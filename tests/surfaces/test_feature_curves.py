@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.surfaces.meshes.feature_curves import feature_curves, outline_share
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 

@@ -6,8 +6,8 @@ import torch
 from solids import box, icosphere, together
 
 import diff3ds as ds
-from diff3ds.edges.shapes.primitives import Kind
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.surfaces.meshes.feature_curves import feature_curves
 
 NOTHING = ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))

@@ -8,7 +8,7 @@ import torch
 from solids import icosphere, lathe, together
 
 import diff3ds as ds
-from diff3ds.surfaces.bernstein_roots import bernstein_roots, quadratic_form
+from diff3ds.curves.bernstein_roots import bernstein_roots, quadratic_form
 from diff3ds.surfaces.quadrics.union import conics
 
 DOUBLE = torch.float64

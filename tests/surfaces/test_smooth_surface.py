@@ -6,7 +6,7 @@ import torch
 from solids import icosphere, torus
 
 import diff3ds as ds
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.surfaces.meshes import smooth_surface as module
 from diff3ds.surfaces.meshes.feature_curves import feature_curves
 from diff3ds.surfaces.meshes.view import MeshView, Picture

@@ -10,8 +10,8 @@ import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.bezier import split
 from diff3ds.cli import main
+from diff3ds.curves.join import join_smooth
 from diff3ds.library import member
-from diff3ds.optimize.join import join_smooth
 from diff3ds.optimize.strokes import chord_lengths
 from diff3ds.tasks.text_image.redraw import Redrawing, nearest_member, shown_by
 from diff3ds.tasks.text_image.run_spec import RunSpec

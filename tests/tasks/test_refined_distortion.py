@@ -9,11 +9,11 @@ import torch
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import Result
-from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.formats import save_png
 from diff3ds.pictures.reading.lens import undistorted
 from diff3ds.tasks.views.options import ViewsOptions

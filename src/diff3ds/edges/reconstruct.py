@@ -9,6 +9,8 @@ import torch
 
 from diff3ds._shapes import Array
 from diff3ds.camera import Cameras
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of
+from diff3ds.curves.shapes.primitives import Primitive
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_spurious
@@ -31,8 +33,6 @@ from diff3ds.edges.measure.equal_radii import with_equal_circles
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
 from diff3ds.edges.refine import refined
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of
-from diff3ds.edges.shapes.primitives import Primitive
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, no_tick, not_said
 
 # [units; derived] Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.camera import Cameras
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, clear_support
-from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import fit
 from diff3ds.project import Strokes2D, project

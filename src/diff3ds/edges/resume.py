@@ -10,11 +10,11 @@ import torch
 
 from diff3ds._shapes import Tensor
 from diff3ds._tensor_files import write_tensors
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import DONE, Result
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Kind
 
 # [version; derived] Of the layout of the file: one with another is refused.
 VERSION = 6

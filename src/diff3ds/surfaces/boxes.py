@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Float, Index, Int, Mask
 
 # Triangles so much longer than high, and than triangles of a mesh of such a size would be if all were of one, are
 # looked for in halves. Speed only.

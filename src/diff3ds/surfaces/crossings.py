@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.bezier.measure import chord_intervals
 from diff3ds.render.visible import visible_spans
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.boxes import BoxIndex
 from diff3ds.surfaces.meshes.view import Picture
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Int, Tensor
+from diff3ds._shapes import Array, Float, Index, Int, Tensor
 from diff3ds.bezier import subcurve
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index
 
 
 def cut_sketch(

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float
-from diff3ds.surfaces.arrays import Index
+from diff3ds._shapes import Array, Float, Index
 from diff3ds.surfaces.crossings import Chords
 from diff3ds.surfaces.visibility import Parts, Ruler
 

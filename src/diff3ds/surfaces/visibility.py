@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.surfaces.crossings import Chords
 
 # Which of the points at these parameters of these segments are hidden.

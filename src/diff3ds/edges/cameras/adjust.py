@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import NUMBERS, Posed, rotation_vectors
 from diff3ds.edges.evidence.bias import ACROSS, ALONG
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import crowded, inliers, samples
-from diff3ds.edges.shapes.curve_set import Curves
 
 # [rounds, px, px; empirical] Gauss-Newton steps, and the residuals that count half in the first and the last of them.
 ROUNDS, FIRST_SCATTER, SCATTER = 15, 1.5, 0.3

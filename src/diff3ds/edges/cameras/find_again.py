@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.cameras.adjust import SURE, equations, expected, narrowing, some_samples
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import NUMBERS, Posed
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import inliers
-from diff3ds.edges.shapes.curve_set import Curves
 
 # [px; empirical] Turns that are tried move the picture by up to so much to each side, in steps that leave no place
 # farther than `NEAR` from one of them. Of 150 photographs of three parts, with cameras that were off by 5 pixels in the

@@ -11,10 +11,10 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Tensor
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.straight_lines import polyline_length, unit
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers, owners, samples
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.lines import polyline_length, unit
 
 # [px, standard deviations; measured] The section's radius that tells an outline, pixels, and how many standard
 # deviations it has to be from zero: between those of 396 edges and 55 outlines of generated objects, as is the spread

@@ -6,23 +6,22 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.shapes.curve_set import Curves, curves_of, sampled
+from diff3ds.curves.shapes.ellipses import fit_elliptic_arcs
+from diff3ds.curves.shapes.primitives import CLOSED_KINDS, FREEDOM, Kind, Primitive
+from diff3ds.curves.shapes.simplest import near_enough, simplest
+from diff3ds.curves.shapes.straight_lines import pairs_by_ends, resampled, unit
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import mean_of_segments, part_support
-from diff3ds.edges.shapes.curve_set import Curves, curves_of, sampled
-from diff3ds.edges.shapes.ellipses import fit_elliptic_arcs
-from diff3ds.edges.shapes.lines import pairs_by_ends, resampled, unit
-from diff3ds.edges.shapes.primitives import CLOSED_KINDS, FREEDOM, Kind, Primitive, fit_arcs, fit_cubic, fit_line
 from diff3ds.edges.watch import Tick, no_tick
 
 # [px, fraction; empirical] A curve doubles longer ones if this fraction of it lies so near to them.
 DOUBLED, DOUBLED_SHARE = 1.2, 0.9
-# [px, cosine, px; empirical] Ends at most so far apart may continue each other, if their tangents agree and one curve
-# fits both so well.
-GAP, STRAIGHT_ON, JOINED = 4.0, 0.96, 0.5
+# [px, cosine; empirical] Ends at most so far apart may continue each other, if their tangents agree and one curve fits
+# both.
+GAP, STRAIGHT_ON = 4.0, 0.96
 # [px; numerical] Spacing of the points along curves where doubled ones are looked for.
 SPACING = 0.3
-# [%; empirical] So many of the points have to lie within JOINED of a curve that fits them.
-MOST = 98
 # [rad; empirical] An arc that turns by more than this beside a line is a rounded corner.
 CORNER = np.deg2rad(60.0)
 # [cosine; derived] A narrow ellipse turns its tip within the gap, by up to a right angle.
@@ -145,7 +144,7 @@ def _elliptic_joints(
         if members not in tried:
             straight = sum(kind[m] == Kind.LINE for m in members)
             strokes = fit_elliptic_arcs(points, pixel) if straight < 2 else []
-            good = bool(strokes) and _near(strokes, pixel)
+            good = bool(strokes) and near_enough(strokes, pixel)
             tried[members] = _joint_of(pieces, members, _Piece(strokes, points), pixel) if good else None
     return [joint for members, _ in rows if (joint := tried[members]) is not None]
 
@@ -159,23 +158,6 @@ def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
         simple = None if kind in CLOSED_KINDS else simplest(points, pixel)
         pieces.append(_Piece(simple or [Primitive(Kind(kind), own, np.zeros(0))], points))
     return pieces
-
-
-def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
-    """The simplest curve within `JOINED` pixels of these points, in order along it; None if a cubic is too simple."""
-    if len(points) < 3:
-        return [fit_line(points)]
-    ways = (lambda p: [fit_line(p)], fit_arcs, lambda p: fit_elliptic_arcs(p, pixel), lambda p: [fit_cubic(p)])
-    for fit in ways:
-        found = fit(points)
-        if found and _near(found, pixel):
-            return found
-    return None
-
-
-def _near(strokes: list[Primitive], pixel: float) -> bool:
-    """Whether the points that strokes were fitted to lie near enough."""
-    return bool(np.percentile(strokes[0].distances, MOST) < JOINED * pixel)
 
 
 def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:

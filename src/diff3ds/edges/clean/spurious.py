@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import (
     AGREEING,
@@ -21,7 +22,6 @@ from diff3ds.edges.evidence.support import (
     samples,
     spaced_samples,
 )
-from diff3ds.edges.shapes.curve_set import Curves
 
 # [px; empirical] Another curve that passes so near and runs the same way explains a ridge as well.
 BESIDE = 1.5

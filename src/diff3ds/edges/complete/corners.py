@@ -11,13 +11,13 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Kind, Primitive
+from diff3ds.curves.shapes.straight_lines import meeting, resampled, tangents_of, unit
 from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
-from diff3ds.edges.shapes.lines import meeting, resampled, tangents_of, unit
-from diff3ds.edges.shapes.primitives import Kind, Primitive
 from diff3ds.edges.watch import Tick, no_tick
 
 # [px; empirical] Lines that meet pass each other within this, and one of them ends so far from there at least; they

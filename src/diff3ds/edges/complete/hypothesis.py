@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.straight_lines import tangents_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers
-from diff3ds.edges.shapes.lines import tangents_of
 
 # [px, fraction; empirical] A known curve is a piece of a proposed one if this fraction of its samples lies so near to
 # it.

@@ -12,6 +12,8 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, sampled
+from diff3ds.curves.shapes.straight_lines import resampled
 from diff3ds.edges.clean.weld import WITHIN
 from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.complete.loops import Loop, find_loops
@@ -19,8 +21,6 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, samples
 from diff3ds.edges.measure.holes import INSIDE
 from diff3ds.edges.measure.offsets import STEP_ALONG, fitted
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, sampled
-from diff3ds.edges.shapes.lines import resampled
 from diff3ds.edges.watch import Tick, no_tick
 
 # Places around a rim: a multiple of the samples of a part.

@@ -7,12 +7,12 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
+from diff3ds.curves.shapes.primitives import Circle, Kind, fit_circle, whole_circle
+from diff3ds.curves.shapes.straight_lines import pairs_by_ends
 from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of, tangents_on
-from diff3ds.edges.shapes.curve_set import Curves, concatenated, curves_of, sampled
-from diff3ds.edges.shapes.lines import pairs_by_ends
-from diff3ds.edges.shapes.primitives import Circle, Kind, fit_circle, whole_circle
 from diff3ds.edges.watch import Tick, no_tick
 
 # [points, fraction, ratio; measured] Sample points of a circle; the fraction of them that enough views have to show,

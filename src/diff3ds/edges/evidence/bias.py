@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import crowded, inliers, samples
-from diff3ds.edges.shapes.curve_set import Curves
 
 # [rounds, px, px; empirical] Rounds of reweighting, and the residuals that count half in the first and the last of
 # them. Few fit at the end: an edge beside an outline, taken for it, always lies on its inner side.

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import NEAR, SLANT, headings, spaced_samples
-from diff3ds.edges.shapes.curve_set import Curves
 
 # [px; empirical] Spacing of the sample points of curves.
 APART = 0.5

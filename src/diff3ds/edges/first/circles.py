@@ -5,9 +5,9 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import curves_of
+from diff3ds.curves.shapes.primitives import Circle, Kind, Primitive, fit_circle, whole_circle
 from diff3ds.edges.first.triangulate import EdgePoints
-from diff3ds.edges.shapes.curve_set import curves_of
-from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, fit_circle, whole_circle
 
 # [px, cosine; empirical] Points so near to a circle, running along it, belong to it.
 NEAR, ALONG = 1.2, 0.85

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.shapes.straight_lines import polyline_length, resampled, tangents_of
 from diff3ds.edges.first.triangulate import EdgePoints
-from diff3ds.edges.shapes.lines import polyline_length, resampled, tangents_of
 
 # [px, px, cosine, px, ratio, cosine; empirical] The next point of a chain is so far away at most and so far ahead at
 # least; at this angle to the direction at most; beside the tangent by at most SIDEWAYS plus SIDEWAYS_SHARE of the way;

@@ -3,8 +3,8 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.edges.shapes.lines import resampled
-from diff3ds.edges.shapes.primitives import FREEDOM, POINT_SCATTER, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds.curves.shapes.primitives import FREEDOM, POINT_SCATTER, Kind, Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds.curves.shapes.straight_lines import resampled
 
 # [scatters; empirical] Points on a chain that are farther off count no more, in units of their scatter: a stray point
 # is no reason for another curve.

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.curves.shapes.curve_set import Curves
 
 # [px; empirical] Scatter of the radii of small holes.
 SCATTER = 0.06

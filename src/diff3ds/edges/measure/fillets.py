@@ -7,13 +7,13 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.shapes.curve_set import Curves, sampled
+from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.curves.shapes.straight_lines import meeting, outward_tangent, resampled, unit
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers
 from diff3ds.edges.measure.equal_radii import agreed
 from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints
-from diff3ds.edges.shapes.curve_set import Curves, sampled
-from diff3ds.edges.shapes.lines import meeting, outward_tangent, resampled, unit
-from diff3ds.edges.shapes.primitives import Kind
 
 # [rad, px; empirical] An arc and a line that meet at less than this angle are meant to be tangent; for that, the arc
 # moves to the side by at most so much.

@@ -7,14 +7,14 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.primitives import Circle, Kind, angles_of, arc_control, fit_circle, line_control, turned
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import crowded, inliers, owners, samples
 from diff3ds.edges.measure.holes import other_ends, seen_through
 from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints, residuals
 from diff3ds.edges.measure.planes import shared_planes
 from diff3ds.edges.measure.vertices import met
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Circle, Kind, angles_of, arc_control, fit_circle, line_control, turned
 from diff3ds.edges.watch import Tick, no_tick
 
 # [rad, px; empirical] Less of an arc does not fix its circle; a circle that moves farther was another one.

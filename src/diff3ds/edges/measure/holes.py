@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.shapes.primitives import Circle
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.shapes.primitives import Circle
 
 # [fraction, cosine, px; empirical] The two ends of a hole: radii to this fraction, axes to this angle, centres so far
 # beside the axis.

@@ -7,8 +7,8 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.primitives import Kind
 
 # [px; empirical] Curves lie in a plane if none of their points is farther from it.
 WITHIN = 0.5

@@ -7,9 +7,9 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.edges.shapes.curve_set import Curves, curves_of
-from diff3ds.edges.shapes.lines import nearest_to_lines, outward_tangent
-from diff3ds.edges.shapes.primitives import Kind, Primitive, angles_of, arc_control, fit_circle, turned
+from diff3ds.curves.shapes.curve_set import Curves, curves_of
+from diff3ds.curves.shapes.primitives import Kind, Primitive, angles_of, arc_control, fit_circle, turned
+from diff3ds.curves.shapes.straight_lines import nearest_to_lines, outward_tangent
 
 # [ratio; numerical] Pull of a vertex towards where it was, against each curve that was fitted: decides along curves
 # that meet smoothly.

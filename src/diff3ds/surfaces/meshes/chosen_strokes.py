@@ -13,9 +13,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.drawn import visible_lines
 from diff3ds.surfaces.meshes.coarse import without_specks

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.surfaces.meshes.t_junctions import without_t_junctions
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for

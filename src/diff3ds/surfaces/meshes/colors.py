@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Int, Tensor
+from diff3ds._shapes import Array, Float, Index, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.chains import Chains
 from diff3ds.formats.mesh_colors import MeshColors, to_linear
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import closest_on_triangles, faces_at, places_anywhere
 

@@ -7,9 +7,8 @@ it does where the camera moves, which therefore has no part here: a camera's gra
 
 import torch
 
-from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._shapes import Float, Index, Int, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.fit_picture import EVEN, FittedChains
 
 

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.view import Picture
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float
-from diff3ds.surfaces.arrays import Mask
+from diff3ds._shapes import Array, Bool, Float, Mask
 
 # Edges that turn by more than this have a corner: rounds of ten sides and more are smooth. Degrees.
 SHARP = 38.0

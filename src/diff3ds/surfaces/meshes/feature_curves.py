@@ -9,9 +9,9 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
-from diff3ds.edges.clean.simplify import simplest
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive
+from diff3ds.curves.shapes.simplest import simplest
 from diff3ds.surfaces.meshes.edge_runs import Run, edge_runs, seam_runs
 from diff3ds.surfaces.meshes.intersections import Seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh

@@ -6,13 +6,12 @@ from itertools import product
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras, orbit
 from diff3ds.chains import Chains
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 # Drawings are compared in pictures of this size, of a height that is this factor of the diagonal of the mesh's box.

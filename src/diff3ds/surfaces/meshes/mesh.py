@@ -7,8 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
-from diff3ds._shapes import Array, Bool, Float, Int, Tensor
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.surfaces.meshes.clean import welded, wound_alike
 
 # Faces that meet at more than this make a crease: rounds of ten sides and more are smooth. Degrees.

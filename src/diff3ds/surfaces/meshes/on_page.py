@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import ON_SURFACE
 from diff3ds.surfaces.meshes.seen import creases_along

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import tessellate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.crossings import Outlines, at, chords_of, crossings
 from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chains
 from diff3ds.surfaces.meshes.contour_gradients import contours_of

@@ -11,8 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.surfaces.meshes.corners import has_corner
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 

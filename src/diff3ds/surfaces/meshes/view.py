@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.camera import Cameras
-from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.boxes import BoxIndex, all_of, largest, slices
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh

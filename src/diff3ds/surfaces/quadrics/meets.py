@@ -4,8 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.arrays import Index
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.surfaces.meshes.contours import walks
 from diff3ds.surfaces.quadrics.forms import Forms
 

@@ -6,14 +6,13 @@ from functools import cached_property
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier.curves import homogeneous_derivatives
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
+from diff3ds.curves.bernstein_roots import bernstein_roots, quadratic_form
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index, Mask
-from diff3ds.surfaces.bernstein_roots import bernstein_roots, quadratic_form
 from diff3ds.surfaces.crossings import chords_of
 from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.fit_picture import fit_chains

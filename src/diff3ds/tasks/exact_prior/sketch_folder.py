@@ -11,7 +11,7 @@ import torch
 
 from diff3ds.bezier import MAX_DEGREE, elevate
 from diff3ds.chains import Chains
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import load
 from diff3ds.formats.mesh import MESHES
 from diff3ds.library.members import fill_ball

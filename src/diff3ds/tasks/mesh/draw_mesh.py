@@ -11,7 +11,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
-from diff3ds.edges.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import save_png, save_svg, tile_images
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed

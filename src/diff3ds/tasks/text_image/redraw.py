@@ -14,8 +14,8 @@ import torch
 from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import orbit
+from diff3ds.curves.join import join_smooth
 from diff3ds.library.faces import Faces
-from diff3ds.optimize.join import join_smooth
 from diff3ds.optimize.strokes import chord_lengths
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch

@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.reconstruct import Result, nothing_yet
 from diff3ds.edges.resume import Kept, read_result, write_result
-from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
 

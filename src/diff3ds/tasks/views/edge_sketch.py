@@ -8,11 +8,11 @@ from typing import Any
 
 import torch
 
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.reconstruct import reconstruct
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.primitives import Kind
-from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, bound_by_points, frame_of

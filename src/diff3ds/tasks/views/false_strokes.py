@@ -8,7 +8,7 @@ and nothing lies before it. An edge is in the pictures there, a piece of an outl
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Bool, Float, Int, Tensor
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import derivatives, evaluate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
@@ -16,7 +16,6 @@ from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import inliers
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.arrays import Index, Mask
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import Nearest
 from diff3ds.surfaces.meshes.view import MeshView, Picture

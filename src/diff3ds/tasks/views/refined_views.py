@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.shapes.smooth_joints import sketch_of
 from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, frame_of

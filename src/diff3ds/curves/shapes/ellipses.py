@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.edges.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs_along, fit_circle
+from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs_along, fit_circle
 
 # [rounds, steps; numerical] Rounds of the geometric fit; each takes two steps towards the closest points.
 ROUNDS, CLOSER = 12, 2

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Int
 from diff3ds.chains import Chains
-from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.edges.shapes.lines import unit
-from diff3ds.optimize.join import join_ends
+from diff3ds.curves.join import join_ends
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.straight_lines import unit
 from diff3ds.sketch import Sketch
 
 # [cosine; empirical] Curves that meet at a smaller angle meet smoothly.

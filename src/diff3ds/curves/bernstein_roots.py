@@ -9,8 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.arrays import Index
+from diff3ds._shapes import Array, Float, Index, Int
 
 # Halvings after which two roots are taken for one: they are 2^-30 apart.
 MOST_HALVINGS = 30

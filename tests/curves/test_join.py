@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.optimize.join import join_ends, join_smooth
+from diff3ds.curves.join import join_ends, join_smooth
 
 
 def lines(*ends) -> ds.Sketch:

@@ -9,7 +9,7 @@ import torch
 
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
 from diff3ds.bezier import evaluate
-from diff3ds.edges.shapes.primitives import Circle, Kind, Primitive, circle_of
+from diff3ds.curves.shapes.primitives import Circle, Kind, Primitive, circle_of
 
 # [units; numerical] Lengths are at least so small where something is divided by them.
 TINY = 1e-9

@@ -1,0 +1,29 @@
+"""The simplest curve through points: a line, else an arc, else one of an ellipse, else a cubic."""
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float
+from diff3ds.curves.shapes.ellipses import fit_elliptic_arcs
+from diff3ds.curves.shapes.primitives import Primitive, fit_arcs, fit_cubic, fit_line
+
+# [px; empirical] A curve fits points that lie so near to it.
+JOINED = 0.5
+# [%; empirical] So many of the points have to.
+MOST = 98
+
+
+def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
+    """The simplest curve within `JOINED` pixels of these points, in order along it; None if a cubic is too simple."""
+    if len(points) < 3:
+        return [fit_line(points)]
+    ways = (lambda p: [fit_line(p)], fit_arcs, lambda p: fit_elliptic_arcs(p, pixel), lambda p: [fit_cubic(p)])
+    for fit in ways:
+        found = fit(points)
+        if found and near_enough(found, pixel):
+            return found
+    return None
+
+
+def near_enough(strokes: list[Primitive], pixel: float) -> bool:
+    """Whether the points that strokes were fitted to lie near enough."""
+    return bool(np.percentile(strokes[0].distances, MOST) < JOINED * pixel)
