@@ -80,14 +80,14 @@ def test_a_transparent_background_shows_the_same_over_white(source, tmp_path):
     assert np.abs(clear[..., :3] * alpha + 255 * (1 - alpha) - white).max() <= 1.5
 
 
-def test_plotters_get_a_background_only_where_one_is_asked_for(source, tmp_path):
+@pytest.mark.filterwarnings("always")
+def test_plotters_get_a_background_only_where_one_is_asked_for(source, tmp_path, capsys):
     """They would draw the edge of the page."""
     drawing = ["render", str(source), "-o", str(tmp_path / "a.svg"), "--quiet", "--centerline"]
-    main(drawing)
-    assert "<rect" not in (tmp_path / "a.svg").read_text()
-    with pytest.warns(UserWarning, match="plotters and cutters draw its edge"):
-        main([*drawing, "--background", "white"])
-    assert "<rect" in (tmp_path / "a.svg").read_text()
+    for options, there in (([], False), (["--background", "white"], True), (["--background", "transparent"], False)):
+        main([*drawing, *options])
+        assert ("<rect" in (tmp_path / "a.svg").read_text()) == there
+        assert ("plotters and cutters draw its edge" in capsys.readouterr().err) == there
 
 
 @pytest.mark.parametrize("suffix", [".webp", ".gif"])
