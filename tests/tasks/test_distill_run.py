@@ -18,7 +18,7 @@ from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.config import FitConfig
 from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.text_image import distillation
-from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
+from diff3ds.tasks.text_image.conditioned_prior import BuiltIn, ConditionedPrior
 from diff3ds.tasks.text_image.distillation import distill, start_of, turntable
 from diff3ds.tasks.text_image.reference_view import Reference
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -328,6 +328,26 @@ def test_a_run_goes_on_from_a_sketch_whose_fixed_strokes_stay(prior, tmp_path, f
     for name in ("weights", "width", "color", "opacity"):
         assert torch.equal(getattr(sketch, name), getattr(given, name)), name
     assert same(ds.load(tmp_path / "out/sketch.json"), sketch)
+
+
+def test_a_run_does_not_mind_how_the_strokes_of_a_sketch_look(prior, tmp_path):
+    """A prior of black lines sees black lines; what the user painted comes back painted."""
+    plain = ds.load(going_on(tmp_path))
+    looks = {
+        "color": torch.tensor([[0.8, 0.1, 0.1], [1.0, 1.0, 1.0]]).double(),
+        "opacity": torch.tensor([0.3, 0.0]).double(),
+        "width": torch.tensor([[0.1] * 2, [0.001] * 2]).double(),
+    }
+    painted = ds.Sketch(**{**plain.tensors(), **looks})
+    found = {}
+    for name, sketch in (("plain", plain), ("painted", painted)):
+        ds.save(tmp_path / f"{name}.json", sketch)
+        spec, built_in = with_options(OWN, start=tmp_path / f"{name}.json"), BuiltIn(None, None)
+        found[name] = run(prior, tmp_path / name, spec, built_in=built_in)
+    assert torch.equal(found["painted"].points, found["plain"].points)
+    assert not torch.equal(found["painted"].points, painted.points)
+    for name, given in looks.items():
+        assert torch.equal(getattr(found["painted"], name), given), name
 
 
 def test_a_run_from_a_sketch_is_resumed_with_the_same_alone(prior, tmp_path):

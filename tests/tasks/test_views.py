@@ -269,6 +269,27 @@ def test_drawings_are_followed_from_an_edited_sketch(tmp_path):
     assert torch.equal(ds.load(tmp_path / "out/sketch.json").fixed, fixed)
 
 
+def test_drawings_do_not_mind_how_strokes_look(tmp_path):
+    """Only where they run, and that alone changes."""
+    plain = demo_sketch()
+    count = len(plain)
+    looks = {
+        "width": torch.linspace(0.003, 0.1, count),
+        "opacity": torch.linspace(0, 1, count),
+        "color": torch.linspace(0, 1, 3 * count).reshape(-1, 3),
+    }
+    painted = ds.Sketch(**{**plain.tensors(), **looks}, width_space="world", chains=plain.chains)
+    found = {}
+    for name, sketch in (("plain", plain), ("painted", painted)):
+        ds.save(tmp_path / f"{name}.json", sketch)
+        options = ViewsOptions(start=tmp_path / f"{name}.json", steps=3, size=64)
+        found[name] = run_views(None, tmp_path / name, options)
+    assert torch.equal(found["painted"].points, found["plain"].points)
+    assert not torch.equal(found["painted"].points, plain.points)
+    for name, given in looks.items():
+        assert torch.equal(getattr(found["painted"], name), given), name
+
+
 def test_what_views_cannot_go_on_from_is_said(tmp_path):
     ds.save(tmp_path / "far.json", ds.Sketch(torch.full((1, 4, 3), 100.0)))
     with pytest.raises(ValueError, match=r"far\.json: its strokes reach .* is it in the world of their cameras"):

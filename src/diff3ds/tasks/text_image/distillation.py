@@ -36,6 +36,8 @@ from diff3ds.tasks.text_image.tidy import tidied
 # A sketch that reaches less than this fraction of the cameras' distance is too small to be seen. Empirical.
 SMALLEST = 0.05
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
+# Of what a built-in prior was shown, where nothing else was asked for.
+BLACK = (0.0, 0.0, 0.0)
 # What a preview shows: all around, seen a little from above.
 PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
 
@@ -173,7 +175,7 @@ def start_of(prior: ConditionedPrior, spec: AnyRun) -> Sketch:
 
 
 def shown_to(prior: ConditionedPrior, spec: AnyRun, given: Sketch) -> Sketch:
-    """The strokes of the user that the descent starts with, as wide as the prior knows them.
+    """The strokes of the user that the descent starts with, as wide and in the colour that the prior knows.
 
     Raises:
         ValueError: they are out of the cameras' sight, or too small; widths outside their range.
@@ -193,7 +195,8 @@ def shown_to(prior: ConditionedPrior, spec: AnyRun, given: Sketch) -> Sketch:
         return sketch
     if spec.width_is_free:
         sketch = replace(sketch, width=torch.full_like(sketch.opacity, prior.width), width_space="image")
-    return painted(sketch, prior.built_in.start_color)
+    # Its pictures are of opaque lines of one colour: others would pass for gaps.
+    return painted(replace(sketch, opacity=torch.ones_like(sketch.opacity)), prior.built_in.start_color or BLACK)
 
 
 def _orbits(denoiser: Denoiser, cameras: CameraOptions) -> Orbits:

@@ -6,6 +6,8 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 
+import torch
+
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.fit import fit
@@ -78,7 +80,11 @@ def fit_given_edges(pictures: PosedPictures, options: ViewsOptions, given: Sketc
     """
     if pictures.target != "edges":
         raise ValueError("--from follows edge maps, drawings and colours: give --target edges or color")
-    plan = _going_on(plan_random_edges(pictures, options, out / CHECKPOINT), given, options)
+    plan = plan_random_edges(pictures, options, out / CHECKPOINT)
+    # As opaque as ink and as wide as the lines of the pictures, whatever they look like.
+    width = plan.start.width[:1].to(given.width).expand(len(given))
+    ink = dataclasses.replace(given, width=width, width_space="image", opacity=torch.ones_like(given.opacity))
+    plan = _going_on(plan, ink, options)
     sketch, losses, stopped = _descended(plan, "fit", report)
     chosen = {"steps": plan.config.steps, "strokes": len(plan.start)}
     return Fitted(_in_world(sketch, plan, given), pictures, chosen, losses, {}, stopped)
