@@ -84,7 +84,7 @@ DOUBLED = {
 }  # fmt: skip
 # Modules that a folder may have, those that begin with an underscore apart; and the folders that have more.
 MOST = 14
-CROWDED = {"photogrammetry": 17, "styles": 15, "surfaces/meshes": 20, "tasks/views": 19}
+CROWDED = {"styles": 15, "surfaces/meshes": 20, "tasks/views": 19}
 
 
 def _part(module: str) -> str:

@@ -12,6 +12,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import check_size
 from diff3ds.distortion import Distortion
+from diff3ds.formats.pixels import HEIC_READ
 from diff3ds.formats.png import size_of
 
 Values = dict[str, Any]
@@ -20,8 +21,8 @@ MAX_NUMBER = 1e100
 # Written without a suffix, a picture is looked for with these: NeRF synthetic means .png, instant-ngp tries more.
 SUFFIXES = tuple(
     s
-    for suffix in ("png", "jpg", "jpeg", "webp", "bmp", "tif", "tiff", "gif", "tga")
-    for s in (f".{suffix}", f".{suffix.upper()}")
+    for suffix in (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff", ".gif", ".tga", *HEIC_READ)
+    for s in (suffix, suffix.upper())
 )
 # Names of cameras, most of them nerfstudio's, whose lenses `Distortion` describes, and instant-ngp's flags of others.
 CAMERA_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV", "PERSPECTIVE")

@@ -35,6 +35,9 @@ from diff3ds.frames import (
 
 # The files hold OpenGL camera axes (x right, y up, looking along -z); ours are OpenCV.
 _OPENGL_TO_OPENCV = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
+# What the names of folders end in that hold copies 2, 4 or 8 times smaller, as nerfstudio and Gaussian splatting have
+# them; the largest first.
+SMALLER = ("_2", "_4", "_8")
 # Missing files named in an error.
 NAMED = 5
 # Where pictures are missing, so many must be left.
@@ -110,7 +113,7 @@ def present_views(path: str | Path) -> list[View]:
     data = _read_frames(path)
     frames: list[Values] = data["frames"]
     pictures = {i: picture_of(path, i, frame) for i, frame in enumerate(frames)}
-    pictures = _listed(path, data, pictures)
+    pictures = _smaller_copies(data, _listed(path, data, pictures))
     there = {i: picture for i, picture in pictures.items() if picture.is_file()}
     missing = [picture for i, picture in pictures.items() if i not in there]
     if missing and len(there) < LEAST:
@@ -196,6 +199,17 @@ def _listed(path: Path, data: Values, pictures: dict[int, Path]) -> dict[int, Pa
     if unknown or not listed:
         raise ValueError(f"{path}: train_filenames must list pictures of frames, got {', '.join(unknown[:NAMED])}")
     return {i: picture for i, picture in pictures.items() if picture in listed}
+
+
+def _smaller_copies(data: Values, pictures: dict[int, Path]) -> dict[int, Path]:
+    """Pictures, or copies in a folder beside theirs, such as images_2, where that has more of them.
+
+    Their focal lengths are scaled by what the file says of the size of the pictures; without that nothing is.
+    """
+    if not all({"w", "h"} <= {*data, *data["frames"][i]} for i in pictures):
+        return pictures
+    copies = [{i: p.parent.parent / (p.parent.name + times) / p.name for i, p in pictures.items()} for times in SMALLER]
+    return max(pictures, *copies, key=lambda files: sum(file.is_file() for file in files.values()))
 
 
 def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:

@@ -6,7 +6,19 @@ import struct
 import numpy as np
 import pytest
 from needs import needs
-from written_projects import MODELS, NAMES, PLACES, POINTS, SIZE, TURNS, colmap_binary, colmap_text, pictures, seen
+from written_projects import (
+    MODELS,
+    NAMES,
+    PLACES,
+    POINTS,
+    SIZE,
+    TURNS,
+    colmap_binary,
+    colmap_text,
+    pictures,
+    seen,
+    write_colmap,
+)
 
 from diff3ds.photogrammetry.project import find_project, present_views, sparse_points
 
@@ -89,7 +101,8 @@ def test_the_largest_of_several_models_is_taken(tmp_path):
     colmap_text(tmp_path / "sparse" / "0")
     shorter = (tmp_path / "sparse" / "0" / "images.txt").read_text().splitlines()[:4]
     (tmp_path / "sparse" / "0" / "images.txt").write_text("\n".join(shorter))
-    assert find_project(tmp_path) == tmp_path / "sparse" / "1"
+    with pytest.warns(UserWarning, match=r"2 models of COLMAP, of which the largest is read, sparse.1; .*sparse.0"):
+        assert find_project(tmp_path) == tmp_path / "sparse" / "1"
     assert find_project(tmp_path / "sparse" / "0" / "cameras.txt") == tmp_path / "sparse" / "0"
 
 
@@ -104,3 +117,66 @@ def test_binary_files_that_end_early_or_count_too_much(tmp_path, file):
         (tmp_path / file).write_bytes(broken)
         with pytest.raises(ValueError, match=f"{file}: damaged"):
             read(tmp_path)
+
+
+@pytest.mark.parametrize("keep", ["none", "some"])
+def test_text_models_of_one_line_a_picture(tmp_path, keep):
+    """As converters and editors leave them, which drop empty lines."""
+    write_colmap(tmp_path)
+    file = tmp_path / "sparse" / "0" / "images.txt"
+    lines = [line for line in file.read_text().splitlines() if line and (keep == "some" or "png" in line)]
+    assert len(lines) == (7 if keep == "some" else 4)
+    file.write_text("\n".join(lines))
+    assert [view.picture.name for view in present_views(find_project(tmp_path))] == NAMES
+
+
+@pytest.mark.parametrize("line", ["1 2 3 4", "1 2 a", "nothing at all"])
+def test_a_line_that_is_neither_points_nor_a_picture(tmp_path, line):
+    write_colmap(tmp_path)
+    file = tmp_path / "sparse" / "0" / "images.txt"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:3], line, *lines[4:]]))
+    with pytest.raises(ValueError, match=r"line 4: expected IMAGE_ID"):
+        present_views(find_project(tmp_path))
+
+
+@needs("pycolmap")
+def test_rigs_and_frames_of_colmap(tmp_path):
+    """Two cameras of a rig: images hold the places of each, whatever rigs.bin and frames.bin say."""
+    import pycolmap
+
+    written, offset = pycolmap.Reconstruction(), pycolmap.Rigid3d(pycolmap.Rotation3d(TURNS[1]), PLACES[1])
+    rig = pycolmap.Rig(rig_id=1)
+    for number in (1, 2):
+        camera = pycolmap.Camera(model="PINHOLE", width=SIZE[1], height=SIZE[0], params=[60, 60, 32, 24])
+        camera.camera_id = number
+        written.add_camera(camera)
+    rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, 1))
+    rig.add_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, 2), offset)
+    written.add_rig(rig)
+    expected = {}
+    for i in range(4):
+        frame = pycolmap.Frame(frame_id=i + 1, rig_id=1)
+        frame.rig_from_world = pycolmap.Rigid3d(pycolmap.Rotation3d(TURNS[i]), PLACES[i])
+        for number in (1, 2):
+            frame.add_data_id(pycolmap.data_t(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number), 2 * i + number))
+        written.add_frame(frame)
+        for number in (1, 2):
+            name = f"cam{number}/{i}.png"
+            image = pycolmap.Image(name=name, camera_id=number, image_id=2 * i + number)
+            image.frame_id = i + 1
+            written.add_image(image)
+            expected[name] = (TURNS[i], PLACES[i])
+            if number == 2:
+                expected[name] = (TURNS[1] @ TURNS[i], TURNS[1] @ PLACES[i] + PLACES[1])
+        written.register_frame(i + 1)
+    (tmp_path / "sparse").mkdir()
+    written.write_binary(str(tmp_path / "sparse"))
+    assert (tmp_path / "sparse" / "frames.bin").is_file()
+    pictures(tmp_path / "images", list(expected))
+    views = present_views(find_project(tmp_path))
+    assert len(views) == 8
+    for view in views:
+        turn, place = expected[view.picture.relative_to(tmp_path / "images").as_posix()]
+        np.testing.assert_allclose(view.world_to_camera[:3, :3], turn, atol=1e-9)
+        np.testing.assert_allclose(view.world_to_camera[:3, 3], place, atol=1e-9)

@@ -179,12 +179,102 @@ def write_meta_data(folder):
     pictures(folder / "edge_DexiNed")
 
 
+def write_opensfm(folder):
+    camera = {"projection_type": "brown", "width": SIZE[1], "height": SIZE[0], "k1": -0.1, "k2": 0.05}
+    camera |= {"focal_x": FOCAL / SIZE[1], "focal_y": FOCAL / SIZE[1], "c_x": 0, "c_y": 0, "p1": 0, "p2": 0, "k3": 0}
+    shots = {}
+    for i, name in enumerate(NAMES):
+        w, *axis = quaternion(TURNS[i])
+        angle = 2 * math.acos(w)
+        turn = [angle / math.sin(angle / 2) * n for n in axis]
+        shots[name] = {"camera": "v2 unknown", "rotation": turn, "translation": PLACES[i].tolist()}
+    points = {str(i): {"coordinates": point, "color": [0, 0, 0]} for i, point in enumerate(POINTS.tolist())}
+    whole = {"cameras": {"v2 unknown": camera}, "shots": shots, "points": points}
+    (folder / "reconstruction.json").write_text(json.dumps([whole]))
+    pictures(folder / "images")
+
+
+def write_meshroom(folder, version=(1, 2, 6), lens=None):
+    """As AliceVision writes it: all numbers as text, rotations by columns, lengths in millimetres."""
+    views, poses = [], []
+    for i, name in enumerate([*NAMES, "never.png"]):
+        views.append({"viewId": f"{i}", "poseId": f"{i}", "intrinsicId": "7", "path": f"/elsewhere/{name}"})
+        if name in NAMES:
+            transform = {"rotation": [repr(float(n)) for n in TURNS[i].T.flatten()]}
+            transform["center"] = [repr(float(n)) for n in -TURNS[i].T @ PLACES[i]]
+            poses.append({"poseId": f"{i}", "pose": {"transform": transform, "locked": "0"}})
+    camera = {"intrinsicId": "7", "width": f"{SIZE[1]}", "height": f"{SIZE[0]}", "sensorWidth": "36"}
+    camera |= {"focalLength": repr(FOCAL / SIZE[1] * 36), "pixelRatio": "1", "principalPoint": ["0", "0"]}
+    camera |= lens or {"type": "pinhole", "distortionType": "radialk3", "distortionParams": ["-0.1", "0.05", "0"]}
+    data = {"version": [*map(str, version)], "views": views, "intrinsics": [camera], "poses": poses}
+    (folder / "cameras.sfm").write_text(json.dumps(data))
+    pictures(folder / "images")
+
+
+def write_nvm(folder):
+    lines = ["NVM_V3", "", f"{len(NAMES)}"]
+    for i, name in enumerate(NAMES):
+        pose = " ".join(map(repr, map(float, [*quaternion(TURNS[i]), *-TURNS[i].T @ PLACES[i]])))
+        lines.append(f"images/{name.replace(' ', chr(34))}\t{FOCAL!r} {pose} 0 0")
+    (folder / "scene.nvm").write_text("\n".join([*lines, "", "0", "", "0"]))
+    pictures(folder / "images")
+
+
+def write_gaussians(folder):
+    cameras = []
+    for i, name in enumerate(NAMES):
+        camera = {"id": i, "img_name": name[:-4], "width": SIZE[1], "height": SIZE[0], "fx": FOCAL, "fy": FOCAL}
+        cameras.append(camera | {"position": (-TURNS[i].T @ PLACES[i]).tolist(), "rotation": TURNS[i].T.tolist()})
+    (folder / "cameras.json").write_text(json.dumps(cameras))
+    pictures(folder / "images")
+
+
+def write_neus(folder):
+    """With a world that is moved and half as large in that of the file, where the projections are of any scale."""
+    scale = np.diag([2.0, 2.0, 2.0, 1.0])
+    scale[:3, 3] = [1, 2, 3]
+    matrices = {}
+    for i in range(len(NAMES)):
+        whole = np.eye(4)
+        whole[:3] = CAMERAS.intrinsics[i].numpy() @ np.concatenate([TURNS[i], PLACES[i][:, None]], 1)
+        matrices |= {f"world_mat_{i}": (-3 if i else 1) * whole @ np.linalg.inv(scale), f"scale_mat_{i}": scale}
+    np.savez(folder / "cameras_sphere.npz", **matrices)
+    pictures(folder / "image")
+
+
+def write_llff(folder):
+    rows = []
+    for i in range(len(NAMES)):
+        right, down, ahead = TURNS[i]
+        place = -TURNS[i].T @ PLACES[i]
+        rows.append([*np.stack([down, right, -ahead, place, [*SIZE, FOCAL]], 1).flatten(), 0.5, 9.0])
+    np.save(folder / "poses_bounds.npy", np.array(rows))
+    pictures(folder / "images")
+
+
+def write_mvsnet(folder):
+    (folder / "cams").mkdir()
+    for i, name in enumerate(NAMES):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = TURNS[i], PLACES[i]
+        extrinsic, intrinsic = (
+            "\n".join(" ".join(map(repr, map(float, row))) for row in m) for m in (pose, CAMERAS.intrinsics[i].tolist())
+        )
+        text = f"extrinsic\n{extrinsic}\n\nintrinsic\n{intrinsic}\n\n425.0 2.5\n"
+        (folder / "cams" / f"{name[:-4]}_cam.txt").write_text(text)
+    pictures(folder / "images")
+
+
 def write_colmap(folder):
     colmap_text(folder / "sparse" / "0", "RADIAL", [FOCAL, SIZE[1] / 2, SIZE[0] / 2, -0.1, 0.05])
     pictures(folder / "images")
 
 
 KINDS = {
-    "bundler": write_bundler, "colmap": write_colmap, "meta_data": write_meta_data, "metashape": write_metashape,
-    "openmvg": write_openmvg,
+    "bundler": write_bundler, "colmap": write_colmap, "gaussians": write_gaussians, "llff": write_llff,
+    "meshroom": write_meshroom, "meta_data": write_meta_data, "metashape": write_metashape, "mvsnet": write_mvsnet,
+    "neus": write_neus, "nvm": write_nvm, "openmvg": write_openmvg, "opensfm": write_opensfm,
 }  # fmt: skip
+# Those that hold lens distortion, and points.
+WITH_LENS = ("bundler", "colmap", "meshroom", "metashape", "openmvg", "opensfm")
+WITH_POINTS = ("bundler", "colmap", "openmvg", "opensfm")

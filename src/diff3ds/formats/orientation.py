@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.formats.pixels import prepare
 from diff3ds.formats.png import load_image
 
 # EXIF orientation: whether rows and columns change places, then which of them are reversed (TIFF 6.0).
@@ -27,6 +28,7 @@ def orientation_of(path: Path) -> int:
     """
     from PIL import Image
 
+    prepare(path)
     with path.open("rb") as file:
         # Damaged EXIF makes pillow raise nearly anything.
         try:

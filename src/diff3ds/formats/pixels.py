@@ -1,5 +1,6 @@
 """The numbers in a picture file as shares of white, whatever their kind; and what is wrong with other files."""
 
+import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,24 @@ FORMATS = "save it as PNG or TIFF with 8 or 16 bits a channel"
 BITS, CHANNELS, SAMPLE_FORMAT = 258, 277, 339
 SAMPLE_FORMATS = {1: "whole", 2: "signed whole", 3: "floating point", 5: "complex", 6: "complex floating point"}
 TIFF = (b"II*\0", b"MM\0*")
+# Pictures as phones take them, and those of them that pillow reads here.
+HEIC = (".heic", ".heif")
+HEIC_READ = HEIC if importlib.util.find_spec("pillow_heif") else ()
+HEIC_ADVICE = "pip install pillow-heif, or save them as JPEG"
+
+
+def prepare(path: Path) -> None:
+    """Has pillow read HEIC, if the file is such a picture.
+
+    Raises:
+        ValueError: pillow-heif is not installed.
+    """
+    if path.suffix.lower() in HEIC:
+        if not HEIC_READ:
+            raise ValueError(f"{path}: HEIC pictures are not read: {HEIC_ADVICE}")
+        import pillow_heif
+
+        pillow_heif.register_heif_opener()
 
 
 def pixels_of(picture: Any) -> Float[Tensor, "H W C"]:

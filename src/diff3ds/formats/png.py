@@ -10,7 +10,7 @@ import torch
 
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Tensor
-from diff3ds.formats.pixels import described, pixels_of, require_one_frame
+from diff3ds.formats.pixels import described, pixels_of, prepare, require_one_frame
 
 # 11585 x 11585; as float32 RGBA that takes 2 GiB. More is taken for a mistake or an attack.
 MAX_PIXELS = 1 << 27
@@ -87,6 +87,7 @@ def size_of(path: str | Path) -> tuple[int, int]:
     """
     from PIL import Image, UnidentifiedImageError
 
+    prepare(Path(path))
     try:
         with Image.open(path) as picture:
             return picture.height, picture.width
@@ -114,6 +115,7 @@ def load_reduced(
     from PIL import Image, UnidentifiedImageError
 
     path = Path(path)
+    prepare(path)
     with path.open("rb") as file, warnings.catch_warnings():
         # Pillow warns below our bound, which is checked here, and refuses above it.
         warnings.simplefilter("ignore")

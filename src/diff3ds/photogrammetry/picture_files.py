@@ -2,19 +2,25 @@
 
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from diff3ds.formats.png import size_of
 from diff3ds.frames import SUFFIXES
 from diff3ds.photogrammetry.shot import Shot
-from diff3ds.transforms import LEAST, NAMED, View
+from diff3ds.transforms import LEAST, NAMED, SMALLER, View
 
+UNDISTORTED = "undistorted_images"
 # Where pictures lie, beside the file with the cameras or above it; the first that has most of them is taken. Smaller
 # copies, as nerfstudio and Gaussian splatting make them, come last.
-FOLDERS = ("images", "image", "input", "rgb", "color", "photos", "undistorted_images", ".")
-SMALLER = ("images_2", "images_4", "images_8")
+FOLDERS = ("images", "image", "input", "rgb", "color", "photos", "blended_images", UNDISTORTED, ".")
+# Pictures as cameras have taken them, where Gaussian splatting has put straightened ones into "images".
+DISTORTED = ("input", *FOLDERS)
+PHOTOGRAPHS = (".jpg", ".jpeg", ".heic", ".heif")
+# How far a principal point that is told without the size of the picture may be from the middle, of a side: intrinsics
+# of copies of half the size put it at a quarter. Of cut pictures it may be off by less.
+NEAR_MIDDLE = 0.2
 # Where maps of edges lie, of NEF and EMAP.
 EDGES = ("edges", "edge_*")
 MASKS = ("masks", "mask")
@@ -44,6 +50,11 @@ def views_of(path: Path, shots: Sequence[Shot], target: str | None = None) -> li
             looked = ", ".join(str(folder) for folder in _folders(path, target))
             raise FileNotFoundError(f"{lack}. Looked in {looked}: put them into a folder 'images' beside the cameras")
         warnings.warn(f"{lack}. They are left out", stacklevel=3)
+    if UNDISTORTED in base.parts and any(shot.distortion for shot in shots):
+        raise ValueError(
+            f"{path}: the cameras have lens distortion, which the pictures in {base} have no more: put those that the "
+            "cameras have taken into a folder 'images' beside it, or name the cameras that were written with these"
+        )
     views = [_view(shot, found[shot.name]) for shot in shots if shot.name in found]
     return with_masks(views, base)
 
@@ -78,6 +89,21 @@ def pictures_in(folder: Path) -> list[Path]:
     return []
 
 
+def in_order(path: Path, count: int) -> list[str]:
+    """The names of the pictures that a file means which does not name them: all of a folder, in the order of names.
+
+    Raises:
+        ValueError: no folder has so many.
+    """
+    held = [(folder, sorted(file.name for file in _files(folder))) for folder in _folders(path, None)]
+    held = [(folder, names) for folder, names in held if names]
+    found = next((names for _, names in held if len(names) == count), None)
+    if found is None:
+        there = ", ".join(f"{len(names)} in {folder}" for folder, names in held) or "none beside it"
+        raise ValueError(f"{path}: cameras of {count} pictures, but there are {there}: it needs all, and no others")
+    return found
+
+
 def _files(folder: Path) -> list[Path]:
     """The pictures in a folder, by their suffixes."""
     return [file for file in folder.iterdir() if file.suffix in SUFFIXES and file.is_file()]
@@ -87,6 +113,14 @@ def _view(shot: Shot, picture: Path) -> View:
     size, intrinsics = shot.size, shot.intrinsics
     if size is None:
         size = size_of(picture)
+        middle = intrinsics.new_tensor([size[1] / 2, size[0] / 2])
+        if not shot.centered and bool(((intrinsics[:2, 2] - middle).abs() > NEAR_MIDDLE * 2 * middle).any()):
+            x, y = intrinsics[:2, 2].tolist()
+            raise ValueError(
+                f"{picture}: {size[1]} x {size[0]} pixels, and its camera looks at ({x:.1f}, {y:.1f}): these are the "
+                "numbers of copies of another size, or of a part"
+            )
+    if shot.centered:
         intrinsics = intrinsics.clone()
         intrinsics[0, 2], intrinsics[1, 2] = size[1] / 2, size[0] / 2
     return View(picture, None, size, shot.world_to_camera, intrinsics, shot.distortion)
@@ -95,7 +129,8 @@ def _view(shot: Shot, picture: Path) -> View:
 def _folders(path: Path, target: str | None) -> list[Path]:
     """Where pictures may lie, the likeliest first."""
     here = path if path.is_dir() else path.parent
-    names = (*EDGES, *FOLDERS, *SMALLER) if target == "edges" else (*FOLDERS, *SMALLER)
+    names = (*(DISTORTED if "distorted" in here.parts else FOLDERS), *(f"images{times}" for times in SMALLER))
+    names = (*EDGES, *names) if target == "edges" else names
     above = [here, *here.absolute().parents[:ABOVE]] if path.is_dir() else [here, here.absolute().parent]
     found = [folder for name in names for place in above for folder in _of_name(place, name)]
     return list(dict.fromkeys(found))
@@ -118,21 +153,59 @@ def _best_folder(path: Path, shots: Sequence[Shot], target: str | None) -> tuple
 
 
 def _found_in(folder: Path, shots: Sequence[Shot]) -> Iterator[tuple[str, Path]]:
-    files = {file.name: file for file in _files(folder)}
     # Metashape's labels lack the suffix, and pictures may have been written anew in another format.
-    stems = {file.stem: file for file in files.values()}
+    stems: dict[str, list[Path]] = {}
+    for file in sorted(_files(folder)):
+        stems.setdefault(file.stem, []).append(file)
     found: list[tuple[str, Path, bool]] = []
+    several: dict[str, list[Path]] = {}
     for shot in shots:
         name = PurePosixPath(shot.name.replace("\\", "/"))
-        if (folder / name).is_file():
-            found.append((shot.name, folder / name, True))
-        elif similar := files.get(name.name) or stems.get(name.name) or stems.get(name.stem):
-            found.append((shot.name, similar, False))
+        # The folders of another machine may be the same below that of the pictures.
+        tails = (folder.joinpath(*name.parts[first:]) for first in range(len(name.parts)))
+        if named := next((file for file in tails if file.is_file()), None):
+            found.append((shot.name, named, named == folder / name))
+        elif similar := stems.get(name.name) or stems.get(name.stem):
+            several[shot.name] = similar
+    found += [(name, file, False) for name, file in _of_one_suffix(several).items()]
     # One 1.jpg is not both cam1/1.jpg and cam2/1.jpg, and nobody knows which.
     count = Counter(file for _, file, _ in found)
     for written, file, is_named in found:
         if is_named or count[file] == 1:
             yield written, file
+
+
+def _of_one_suffix(several: Mapping[str, list[Path]]) -> dict[str, Path]:
+    """Of files that differ in their suffixes alone, as photographs and masks may, those of the suffix that most have.
+
+    Args:
+        several: for each name the files that may be meant.
+
+    Raises:
+        ValueError: no suffix is that of a photograph and has most; names two files.
+    """
+    count = Counter(suffix for files in several.values() for suffix in {file.suffix.lower() for file in files})
+
+    def rank(file: Path) -> tuple[bool, int]:
+        return file.suffix.lower() in PHOTOGRAPHS, count[file.suffix.lower()]
+
+    found: dict[str, Path] = {}
+    left: list[Path] = []
+    for name, files in several.items():
+        best, *others = sorted(files, key=rank, reverse=True)
+        if rival := next((file for file in others if rank(file) == rank(best) or rank(file)[1] > rank(best)[1]), None):
+            raise ValueError(
+                f"{best} or {rival.name} for {name}? Put masks into a folder 'masks', and other copies elsewhere"
+            )
+        found[name], left = best, left + others
+    if left:
+        some = ", ".join(file.name for file in left[:NAMED]) + (", ..." if len(left) > NAMED else "")
+        warnings.warn(
+            f"{left[0].parent}: {len(left)} files are named as pictures that lie beside them, and left out: {some}. "
+            "Put masks into a folder 'masks'",
+            stacklevel=6,
+        )
+    return found
 
 
 def _mask(picture: Path, base: Path, folders: list[Path]) -> Path | None:

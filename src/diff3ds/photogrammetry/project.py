@@ -1,6 +1,7 @@
 """Cameras found in a folder, whatever program wrote them, and read with their pictures (docs/reference/cameras.md)."""
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import torch
@@ -8,47 +9,58 @@ import torch
 from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.frames import file_of
-from diff3ds.photogrammetry import bundler, colmap, meta_data, metashape, openmvg
+from diff3ds.photogrammetry.not_read import (
+    WANTED,
+    cameras_not_read,
+    no_cameras,
+    pictures_not_read,
+    require_no_video,
+)
 from diff3ds.photogrammetry.picture_files import pictures_in, views_of, with_masks
 from diff3ds.photogrammetry.point_files import load_points
+from diff3ds.photogrammetry.programs import (
+    bundler,
+    colmap,
+    gaussians,
+    llff,
+    meshroom,
+    meta_data,
+    metashape,
+    mvsnet,
+    neus,
+    nvm,
+    openmvg,
+    opensfm,
+)
 from diff3ds.photogrammetry.shot import Shot
 from diff3ds.transforms import View
 from diff3ds.transforms import present_views as views_of_transforms
 
 # Where COLMAP and those who use it keep models, below the folder of a project.
 MODELS = ("sparse", "colmap/sparse", "colmap", "dense/sparse", "distorted/sparse", ".")
-WANTED = (
-    "a transforms.json (nerfstudio, instant-ngp), a COLMAP model (sparse/0), Metashape's cameras.xml, Bundler's "
-    "bundle.out, OpenMVG's sfm_data.json, or the meta_data.json of NEF and EMAP"
-)
-# What else a folder may hold, and what to do with it.
-OTHERS = {
-    "*.psx": "a Metashape project: export its cameras as Agisoft XML",
-    "*.rcproj": "a RealityCapture project: export its registration as COLMAP or Bundler",
-    "*.rsproj": "a RealityScan project: export its registration as COLMAP or Bundler",
-    "*.nvm": "a model of VisualSfM: save it as Bundler's",
-    "database.db": 'COLMAP\'s database, which has no poses: run its mapper, or "diff3ds cameras" on the pictures',
-    "*.p4d": "a Pix4D project: export it as Bundler's",
-    "project.ini": "COLMAP's settings",
-}
+# Files that are known by their names, the likeliest first.
+NAMED = (meta_data.NAME, openmvg.NAME, opensfm.NAME, gaussians.NAME, *neus.NAMES, llff.NAME)
 
 
 class NoCamerasError(FileNotFoundError):
-    """A folder without cameras; perhaps with pictures, whose cameras can be found.
+    """A folder without cameras that are read; perhaps with pictures, whose cameras can be found.
 
     Attributes:
         pictures: in it.
+        not_read: what says where they were taken from, and is not read, in a sentence; empty if nothing does.
+        others: pictures and videos in it that are not read, in sentences.
     """
 
-    def __init__(self, message: str, pictures: list[Path]) -> None:
+    def __init__(self, message: str, pictures: list[Path], not_read: str, others: list[str]) -> None:
         super().__init__(message)
-        self.pictures = pictures
+        self.pictures, self.not_read, self.others = pictures, not_read, others
 
 
 def find_project(path: Path, target: str | None = None) -> Path:
-    """The file, or of COLMAP the folder, with the cameras of a folder.
+    """The file, or of COLMAP and MVSNet the folder, with the cameras of a folder.
 
-    Of transforms files `transforms.json`, `transforms_train.json`, or the one of the target.
+    Of transforms files `transforms.json`, `transforms_train.json`, or the one of the target. Of several models of
+    COLMAP the largest, with a warning.
 
     Args:
         path: a folder, or such a file itself.
@@ -57,12 +69,10 @@ def find_project(path: Path, target: str | None = None) -> Path:
     Raises:
         NoCamerasError: there is none; says what was found and what would do.
         FileNotFoundError: no such folder.
-        ValueError: there are several.
+        ValueError: there are several; a video.
     """
     if not path.is_dir():
-        if not path.exists():
-            raise FileNotFoundError(f"{path}: no such file or folder")
-        return path.parent if path.stem in ("cameras", "images") and colmap.is_model(path.parent) else path
+        return _file(path)
     kinds = {None: ["edges", "color"], "edges": ["edges"]}.get(target, ["color"])
     for name in ("transforms.json", "transforms_train.json", *(f"transforms_{kind}.json" for kind in kinds)):
         if (path / name).is_file():
@@ -70,16 +80,17 @@ def find_project(path: Path, target: str | None = None) -> Path:
     if found := sorted(path.glob("transforms*.json")):
         return _only(path, found)
     if models := _models(path):
-        # COLMAP writes one for each part that it cannot connect with the others.
-        return max(models, key=_model_size)
-    for name in (meta_data.NAME, openmvg.NAME):
-        if (path / name).is_file():
+        return _largest(path, models)
+    for name in NAMED:
+        if (path / name).is_file() and _is_of_name(path / name):
             return path / name
-    written = [file for file in sorted(path.glob("*.xml")) if metashape.is_metashape(file)]
-    written += [file for file in sorted((*path.glob("*.out"), *path.glob("bundle/*.out"))) if bundler.is_bundle(file)]
-    if not written:
-        raise NoCamerasError(*_nothing(path))
-    return _only(path, written)
+    if written := list(_written(path)):
+        return _only(path, written)
+    if cams := [path / name for name in mvsnet.FOLDERS if mvsnet.is_mvsnet(path / name)]:
+        return cams[0]
+    pictures = pictures_in(path)
+    not_read, others = cameras_not_read(path, pictures), pictures_not_read(path, pictures)
+    raise NoCamerasError(no_cameras(path, pictures, not_read, others), pictures, not_read, others)
 
 
 def present_views(path: Path, target: str | None = None) -> list[View]:
@@ -93,7 +104,7 @@ def present_views(path: Path, target: str | None = None) -> list[View]:
         FileNotFoundError: the file is missing; pictures are missing, and fewer than three are left.
         ValueError: a damaged file, or a lens that is not supported; the message names the file and the place.
     """
-    reader = _reader(path)
+    reader, _ = _readers(path)
     if reader is None:
         views = views_of_transforms(path)
         return with_masks(views, views[0].picture.parent)
@@ -110,40 +121,74 @@ def sparse_points(path: Path) -> Float[Tensor, "P 3"]:
     Raises:
         ValueError: a damaged file.
     """
+    _, points = _readers(path)
+    return torch.zeros((0, 3), dtype=torch.float64) if points is None else points(path)
+
+
+_Readers = tuple[Callable[[Path], list[Shot]] | None, Callable[[Path], Float[Tensor, "P 3"]] | None]
+
+
+def _readers(path: Path) -> _Readers:
+    """What reads the cameras of such a file or folder, and its points, if it can have some.
+
+    No reader of cameras reads a transforms.json.
+    """
     if path.is_dir():
-        return colmap.read_points(path)
-    if path.name == openmvg.NAME:
-        return openmvg.read_openmvg_points(path)
-    if path.suffix == ".out":
-        return bundler.read_bundle_points(path)
-    file = _points_file(path) if _reader(path) is None else None
-    return torch.zeros((0, 3), dtype=torch.float64) if file is None else load_points(file)
+        return (mvsnet.read_mvsnet, None) if mvsnet.is_mvsnet(path) else (colmap.read_model, colmap.read_points)
+    by_suffix: dict[str, _Readers] = {
+        ".xml": (metashape.read_metashape, None),
+        ".out": (bundler.read_bundle, bundler.read_bundle_points),
+        ".nvm": (nvm.read_nvm, None),
+        ".npz": (neus.read_neus, None),
+        ".npy": (llff.read_llff, None),
+    }
+    if path.suffix in by_suffix:
+        return by_suffix[path.suffix]
+    if path.suffix not in (".json", ".sfm"):
+        raise ValueError(f"{path}: not a file with cameras. {cameras_not_read(path) or WANTED}")
+    if path.name == meta_data.NAME:
+        return meta_data.read_meta_data, None
+    data = read_json(path)
+    if path.name == openmvg.NAME or (isinstance(data, dict) and "sfm_data_version" in data):
+        return openmvg.read_openmvg, openmvg.read_openmvg_points
+    if path.name == opensfm.NAME or opensfm.is_opensfm(data):
+        return opensfm.read_opensfm, opensfm.read_opensfm_points
+    if path.suffix == ".sfm" or meshroom.is_meshroom(data):
+        return meshroom.read_meshroom, None
+    return (gaussians.read_gaussians, None) if gaussians.is_gaussians(data) else (None, _points_of_transforms)
 
 
-def _points_file(path: Path) -> Path | None:
-    """The PLY file that a transforms.json names, as nerfstudio writes it."""
+def _points_of_transforms(path: Path) -> Float[Tensor, "P 3"]:
+    """The points of the PLY file that a transforms.json names, as nerfstudio writes it."""
     data = read_json(path)
     name = data.get("ply_file_path") if isinstance(data, dict) else None
     file = file_of(path, name) if isinstance(name, str) and name else None
-    return file if file is not None and file.is_file() else None
+    there = file is not None and file.is_file()
+    return load_points(file) if file is not None and there else torch.zeros((0, 3), dtype=torch.float64)
 
 
-def _reader(path: Path) -> Callable[[Path], list[Shot]] | None:
-    """What reads such a file or folder; None reads a transforms.json."""
-    if path.is_dir():
-        return colmap.read_model
-    if path.suffix == ".xml":
-        return metashape.read_metashape
-    if path.suffix == ".out":
-        return bundler.read_bundle
-    if path.suffix != ".json":
-        raise ValueError(f"{path}: not a file with cameras. What would do: {WANTED}")
-    if path.name == openmvg.NAME or path.name == meta_data.NAME:
-        return openmvg.read_openmvg if path.name == openmvg.NAME else meta_data.read_meta_data
-    data = read_json(path)
-    if isinstance(data, dict) and "sfm_data_version" in data:
-        return openmvg.read_openmvg
-    return None
+def _file(path: Path) -> Path:
+    """A file that is named itself, or the folder that it is a part of."""
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file or folder")
+    require_no_video(path)
+    model = path.stem in ("cameras", "images") and path.suffix in (".bin", ".txt") and colmap.is_model(path.parent)
+    return path.parent if model or path.name.endswith(mvsnet.TAIL) else path
+
+
+def _is_of_name(path: Path) -> bool:
+    """Whether a file is what its name says, where other programs use that name."""
+    if path.name == gaussians.NAME:
+        return gaussians.is_gaussians(read_json(path))
+    return path.suffix != ".npz" or neus.is_neus(path)
+
+
+def _written(path: Path) -> Iterator[Path]:
+    """Files of any name that begin as those of a program."""
+    yield from (file for file in sorted(path.glob(meshroom.PATTERN)))
+    yield from (file for file in sorted(path.glob("*.xml")) if metashape.is_metashape(file))
+    yield from (file for file in sorted((*path.glob("*.out"), *path.glob("bundle/*.out"))) if bundler.is_bundle(file))
+    yield from sorted(path.glob(nvm.PATTERN))
 
 
 def _models(path: Path) -> list[Path]:
@@ -154,6 +199,19 @@ def _models(path: Path) -> list[Path]:
         if found:
             return found
     return []
+
+
+def _largest(path: Path, models: list[Path]) -> Path:
+    """The model with most pictures: COLMAP writes one for each part that it cannot connect with the others."""
+    largest = max(models, key=_model_size)
+    if len(models) > 1:
+        others = ", ".join(str(model.relative_to(path)) for model in models if model != largest)
+        warnings.warn(
+            f"{path}: {len(models)} models of COLMAP, of which the largest is read, {largest.relative_to(path)}; name "
+            f"the folder of another ({others}) for that",
+            stacklevel=3,
+        )
+    return largest
 
 
 def _folders(path: Path) -> list[Path]:
@@ -168,16 +226,3 @@ def _only(path: Path, found: list[Path]) -> Path:
     if len(found) > 1:
         raise ValueError(f"{path}: which of {', '.join(file.name for file in found)}? Name the file")
     return found[0]
-
-
-def _nothing(path: Path) -> tuple[str, list[Path]]:
-    """Says what a folder without cameras holds."""
-    pictures = pictures_in(path)
-    held = [f"{name.name} is {what}" for pattern, what in OTHERS.items() for name in sorted(path.glob(pattern))[:1]]
-    if pictures:
-        where = pictures[0].parent
-        held.insert(0, f"{len(pictures)} pictures" + ("" if where == path else f" in {where.name}"))
-    found = "; ".join(held) or "no pictures either"
-    advice = f'"diff3ds cameras {path}" finds cameras of photographs. ' if pictures else ""
-    lack = f"{path}: no file that says where pictures were taken from. Found: {found}"
-    return f"{lack}. {advice}What would do: {WANTED}", pictures

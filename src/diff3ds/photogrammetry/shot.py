@@ -1,6 +1,7 @@
 """What a program says of one picture, before the picture is looked for on this disk; and the numbers of its camera."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,12 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import check_size
 from diff3ds.distortion import NO_DISTORTION, Distortion
 from diff3ds.frames import Values, pose_of
+from diff3ds.transforms import NAMED
 
 # Numbers beyond are taken for damage: squares of them are finite still.
 LARGEST = 1e100
+# Coefficients of wide fisheye lenses are a few units.
+LARGEST_COEFFICIENT = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +26,11 @@ class Shot:
 
     Attributes:
         name: of the picture's file, as written; perhaps a path of another machine.
-        size: (height, width) in pixels; None is that of the picture, with the principal point in its middle.
+        size: (height, width) in pixels; None is that of the picture.
         world_to_camera: float64, OpenCV axes.
         intrinsics: float64, pixels.
         distortion: of the lens.
+        centered: whether the principal point is the middle of the picture, whatever the intrinsics say.
     """
 
     name: str
@@ -33,6 +38,14 @@ class Shot:
     world_to_camera: Float[Tensor, "4 4"]
     intrinsics: Float[Tensor, "3 3"]
     distortion: Distortion = NO_DISTORTION
+    centered: bool = False
+
+
+def warn_left_out(path: Path, names: Sequence[str], total: int, why: str) -> None:
+    """Warns of pictures of a project that are left out, if there are any."""
+    if names:
+        some = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
+        warnings.warn(f"{path}: {len(names)} of {total} pictures are left out, {why}: {some}", stacklevel=4)
 
 
 def pinhole(where: str, fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> Float[Tensor, "3 3"]:
@@ -53,6 +66,18 @@ def pinhole(where: str, fx: float, fy: float, cx: float, cy: float, skew: float 
     if not all(abs(n) < LARGEST for n in numbers) or not min(fx, fy) > 0:
         raise ValueError(f"{where}: focal lengths must be positive and all numbers finite, got {list(numbers)}")
     return torch.tensor([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], dtype=torch.float64)
+
+
+def checked(where: str, lens: Distortion) -> Distortion:
+    """The lens.
+
+    Raises:
+        ValueError: a coefficient that is not finite, or far from any lens's.
+    """
+    numbers = (*lens.radial, *lens.tangential, *lens.divisor, *lens.prism)
+    if not all(abs(n) < LARGEST_COEFFICIENT for n in numbers):
+        raise ValueError(f"{where}: lens distortion must be finite, got {list(numbers)}")
+    return lens
 
 
 def picture_size(where: str, width: object, height: object) -> tuple[int, int]:

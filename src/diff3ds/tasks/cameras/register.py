@@ -16,8 +16,9 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.png import load_reduced, save_png, size_of
-from diff3ds.photogrammetry import colmap, colmap_process
+from diff3ds.photogrammetry import colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
+from diff3ds.photogrammetry.programs import colmap
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
 from diff3ds.tasks.cameras.options import CamerasOptions
 from diff3ds.tasks.progress import Progress, Report

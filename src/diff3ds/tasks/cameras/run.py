@@ -83,6 +83,9 @@ def run_cameras(
     except NoCamerasError as missing:
         if not missing.pictures:
             raise
+        for line in (missing.not_read, *missing.others):
+            if line:
+                say(f"{source}: {line}")
         registered = register(missing.pictures, options, report, say)
         pictures = [view.picture for view in registered.views]
         masks = masks_for(pictures, pictures[0].parent) or [None] * len(pictures)

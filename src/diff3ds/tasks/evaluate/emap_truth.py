@@ -14,8 +14,8 @@ import numpy as np
 
 from diff3ds._files import read_json, read_text
 from diff3ds.metrics.curves import Points, resampled
-from diff3ds.photogrammetry.meta_data import NAME
 from diff3ds.photogrammetry.point_files import load_points
+from diff3ds.photogrammetry.programs.meta_data import NAME
 
 # Millimetres in what the scores take for a metre.
 METRE = 1000.0

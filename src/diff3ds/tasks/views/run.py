@@ -244,7 +244,8 @@ def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, 
     try:
         return find_project(source, options.pictures)
     except NoCamerasError as missing:
-        if not missing.pictures:
+        # Cameras that are there are not estimated anew unasked.
+        if not missing.pictures or missing.not_read:
             raise
         if options.edges:
             edge_maps_of(missing.pictures, [size_of(picture) for picture in missing.pictures], options.edges)

@@ -1,5 +1,6 @@
 """COLMAP's models, text and binary: cameras, images and points3D."""
 
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,11 +11,13 @@ import torch
 
 from diff3ds._files import read_text
 from diff3ds._shapes import Float, Tensor
-from diff3ds.photogrammetry.colmap_lenses import MODELS, camera_of
+from diff3ds.photogrammetry.programs.colmap_lenses import MODELS, camera_of
 from diff3ds.photogrammetry.shot import Shot, picture_size, quaternion_pose
 
 # A model of a thousand pictures takes some 200 MB; more is taken for a mistake or an attack.
 MAX_BYTES = 1 << 31
+# How far the length of a quaternion that was written with few digits may be from 1; that of anything else is not near.
+ROUNDING = 0.01
 # Characters of a file name.
 LONGEST_NAME = 4096
 
@@ -103,7 +106,7 @@ def _cameras_text(path: Path) -> Iterator[tuple[int, _Camera]]:
 
 
 def _images_text(path: Path) -> Iterator[_Image]:
-    """Two lines a picture, of which the second lists its points and may be empty."""
+    """Two lines a picture, of which the second lists its points and may be empty; some writers leave it out."""
     lines = read_text(path).splitlines()
     start = 0
     while start < len(lines):
@@ -118,8 +121,22 @@ def _images_text(path: Path) -> Iterator[_Image]:
                 f"{path}, line {start}: expected IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, is {text!r:.60}"
             )
         pose = _numbers(path, start, words[1:8], 7)
+        if not abs(math.hypot(*pose[:4]) - 1) < ROUNDING:
+            raise ValueError(
+                f"{path}, line {start}: expected a picture, whose QW, QX, QY, QZ have length 1, is {text!r:.60}"
+            )
         yield _Image(_whole(path, start, words[8]), pose[:4], pose[4:], words[9])
-        start += 1
+        if start < len(lines) and (not lines[start].strip() or _lists_points(lines[start])):
+            start += 1
+
+
+def _lists_points(line: str) -> bool:
+    """Whether a line has X, Y and POINT3D_ID of points: threes of numbers. That of a picture has ten words or more."""
+    words = line.split()
+    try:
+        return len(words) % 3 == 0 and all(math.isfinite(float(word)) for word in words[:12])
+    except ValueError:
+        return False
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:

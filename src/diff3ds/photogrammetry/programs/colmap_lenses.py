@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import pinhole
+from diff3ds.photogrammetry.shot import checked, pinhole
 
 # By number, as binary files have them: name, and how many parameters follow (COLMAP's documentation, camera models).
 MODELS = {
@@ -54,13 +54,12 @@ def camera_of(where: str, model: str, parameters: Sequence[float]) -> tuple[Floa
     fx, fy = parameters[0], parameters[first - 1]
     intrinsics = pinhole(where, fx, fy, *parameters[first : first + 2])
     rest = tuple(parameters[first + 2 :])
-    if not all(abs(n) < 1e6 for n in rest):
-        raise ValueError(f"{where}: lens distortion must be finite, got {list(rest)}")
     fisheye = "FISHEYE" in model
+    lens = Distortion(rest, fisheye=fisheye)
     if model in ("OPENCV", "FULL_OPENCV", "THIN_PRISM_FISHEYE"):
         # k1, k2, p1, p2, then k3 and what differs.
         k1, k2, p1, p2, *more = rest
-        if model == "THIN_PRISM_FISHEYE":
-            return intrinsics, Distortion((k1, k2, *more[:2]), (p1, p2), prism=(more[2], more[3]), fisheye=True)
-        return intrinsics, Distortion((k1, k2, *more[:1]), (p1, p2), tuple(more[1:]))
-    return intrinsics, Distortion(rest, fisheye=fisheye)
+        lens = Distortion((k1, k2, *more[:1]), (p1, p2), tuple(more[1:]))
+        if fisheye:
+            lens = Distortion((k1, k2, *more[:2]), (p1, p2), prism=(more[2], more[3]), fisheye=True)
+    return intrinsics, checked(where, lens)

@@ -9,7 +9,7 @@ from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import Shot, picture_size, pinhole, rigid
+from diff3ds.photogrammetry.shot import Shot, checked, picture_size, pinhole, rigid, warn_left_out
 
 NAME = "sfm_data.json"
 
@@ -27,15 +27,16 @@ def read_openmvg(path: Path) -> list[Shot]:
         poses = {entry["key"]: entry["value"] for entry in data["extrinsics"]}
     except (KeyError, TypeError) as error:
         raise ValueError(f"{path}: not OpenMVG's: expected views, intrinsics and extrinsics ({error!r:.60})") from error
-    shots = []
+    shots, lost = [], []
     for i, view in enumerate(views):
         try:
             pose, camera = poses.get(view["id_pose"]), cameras.get(view["id_intrinsic"])
+            name = str(PurePosixPath(str(view.get("local_path", "")), str(view["filename"])))
             if pose is None or camera is None:
+                lost.append(name)
                 continue
             centers = [[float(n)] for n in pose["center"]]
             rows = [[*turn, *center] for turn, center in zip(pose["rotation"], centers, strict=True)]
-            name = str(PurePosixPath(str(view.get("local_path", "")), str(view["filename"])))
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: view {i} is damaged ({error!r:.60})") from error
         # x_camera = R (x - c): the file holds R and c.
@@ -46,6 +47,7 @@ def read_openmvg(path: Path) -> list[Shot]:
         shots.append(Shot(name, size, to_camera, intrinsics, lens))
     if not shots:
         raise ValueError(f"{path}: no view has a pose and intrinsics: give the file that the reconstruction wrote")
+    warn_left_out(path, lost, len(views), "without a pose or intrinsics")
     return shots
 
 
@@ -71,8 +73,9 @@ def _camera(path: Path, camera: dict[str, Any]) -> tuple[tuple[int, int], Float[
         brown = [float(n) for n in camera.get("disto_t2", [])]
         fisheye = [float(n) for n in camera.get("fisheye", [])]
     except (KeyError, OverflowError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: an intrinsic without a focal length and a principal point; {ADVICE}") from error
+        lack = "an intrinsic without a focal length and a principal point (spherical?)"
+        raise ValueError(f"{path}: {lack}; {ADVICE}") from error
     lens = Distortion(tuple(brown[:3] or fisheye or radial), (brown[3], brown[4]) if brown[4:] else (0.0, 0.0))
     if fisheye:
         lens = Distortion(tuple(fisheye), fisheye=True)
-    return size, pinhole(str(path), focal, focal, cx, cy), lens
+    return size, pinhole(str(path), focal, focal, cx, cy), checked(str(path), lens)

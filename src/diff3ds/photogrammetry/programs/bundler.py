@@ -8,7 +8,7 @@ import torch
 from diff3ds._files import read_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
-from diff3ds.photogrammetry.shot import Shot, pinhole, rigid
+from diff3ds.photogrammetry.shot import Shot, checked, pinhole, rigid, warn_left_out
 
 HEADER = "# Bundle file"
 # Its cameras look along -z, with y up.
@@ -32,17 +32,19 @@ def read_bundle(path: Path) -> list[Shot]:
     names = _names(path)
     if len(names) != cameras:
         raise ValueError(f"{path}: {cameras} cameras, but the list of pictures beside it has {len(names)} names")
-    shots = []
+    shots, lost = [], []
     for i, name in enumerate(names):
         focal, k1, k2, *rest = (_next(path, numbers) for _ in range(15))
         if focal == 0:
-            continue  # not registered
+            lost.append(name)
+            continue
         turn, place = rest[:9], rest[9:]
         pose = _AXES @ rigid(path, i, [[*turn[3 * r : 3 * r + 3], place[r]] for r in range(3)], "R and t")
-        lens = Distortion(tuple(k for k in (k1, k2) if k1 or k2))
-        shots.append(Shot(name, None, pose, pinhole(f"{path}: camera {i}", focal, focal, 0.0, 0.0), lens))
+        lens = checked(f"{path}: camera {i}", Distortion(tuple(k for k in (k1, k2) if k1 or k2)))
+        shots.append(Shot(name, None, pose, pinhole(f"{path}: camera {i}", focal, focal, 0.0, 0.0), lens, True))
     if not shots:
         raise ValueError(f"{path}: no camera is registered (all focal lengths are 0)")
+    warn_left_out(path, lost, cameras, "not registered")
     return shots
 
 
@@ -92,9 +94,12 @@ def _next(path: Path, words: Iterator[str]) -> float:
 
 def _names(path: Path) -> list[str]:
     """The names of the pictures, one a line; behind a name there may be more words."""
-    lists = [path.with_name("list.txt"), path.with_name(f"{path.name}.list.txt"), path.with_suffix(".txt")]
+    # COLMAP writes NAME.list.txt beside NAME.bundle.out.
+    lists = [path.with_name(f"{path.name.removesuffix('.out').removesuffix('.bundle')}.list.txt")]
+    lists += [path.with_name("list.txt"), path.with_name(f"{path.name}.list.txt"), path.with_suffix(".txt")]
     lists += [path.with_name("image_list.txt"), path.with_name("imagelist.txt")]
-    found = next((file for file in lists if file.is_file()), None)
+    lone = sorted(path.parent.glob("*.list.txt"))
+    found = next((file for file in lists if file.is_file()), lone[0] if len(lone) == 1 else None)
     if found is None:
         raise FileNotFoundError(
             f"{path}: the list of its pictures is missing: {', '.join(dict.fromkeys(file.name for file in lists))}"
