@@ -84,7 +84,7 @@ def runs(kind: str, seed: int) -> dict[str, ds.Sketch]:
             spec = with_options(RunSpec(Phrase(phrase)), prior="exemplar", seed=seed, sheet_every=0, redraw=redraw)
             found[name] = run_text(spec, Path(folder) / "run")
     meant = exemplars_of(phrase, seed).meant
-    found["member"] = join_smooth(meant[nearest_member(found["descent"], meant)])
+    found["member"] = join_smooth(meant[nearest_member(found["descent"], meant)]).sketch
     return found
 
 

@@ -152,6 +152,56 @@ def test_strokes_are_selected():
             assert torch.equal(value, sketch.tensors()[name][rows]), name
 
 
+def _full(count: int) -> ds.Sketch:
+    """A sketch of strokes of two segments that has a value of its own in every field."""
+    points, weights = _sketch(2 * count).points, _sketch(2 * count, seed=1).weights
+    chains = ds.Chains.of([2] * count)
+    looks = _sketch(count, width_space="world")
+    fixed = torch.arange(count) % 2 == 0
+    return replace(looks, points=chains.joined(points), weights=weights, chains=chains, fixed=fixed)
+
+
+def test_other_curves_keep_the_look_of_their_strokes():
+    sketch = _full(3)
+    parts = sketch.select([2, 0, 2], points=sketch.points[:3], weights=sketch.weights[:3], chains=None)
+    assert len(parts) == 3
+    for name in ("width", "color", "opacity", "fixed"):
+        assert torch.equal(getattr(parts, name), getattr(sketch, name)[[2, 0, 2]]), name
+    assert parts.width_space == "world"
+    plain = sketch.segments()
+    assert torch.equal(plain.points, sketch.points)
+    assert plain.fixed.tolist() == [True, True, False, False, True, True]
+    along = sketch.with_widths_along()
+    assert torch.equal(along.segments().width, along.width)
+    with pytest.raises(ValueError, match="must be given with such widths"):
+        along.select([0], points=sketch.points[:1], weights=sketch.weights[:1], chains=None)
+
+
+def test_fields_are_replaced():
+    sketch = _full(2)
+    wide = sketch.replace(width=0.5)
+    assert wide.width.tolist() == [0.5, 0.5]
+    others = [name for name in sketch.tensors() if name != "width"]
+    assert all(torch.equal(getattr(wide, name), getattr(sketch, name)) for name in others)
+    assert torch.equal(wide.fixed, sketch.fixed)
+    assert wide.width_space == "world"
+    with pytest.raises(ValueError, match="opacity of stroke 0"):
+        sketch.replace(opacity=2.0)
+
+
+@pytest.mark.parametrize("chosen", [1, [1], slice(1, 2), torch.tensor([False, True, False]), torch.tensor([1])])
+def test_some_strokes_get_another_colour(chosen):
+    sketch = _full(3)
+    red = sketch.with_color(chosen, (1.0, 0.0, 0.0))
+    assert red.color[1].tolist() == [1, 0, 0]
+    assert torch.equal(red.color[[0, 2]], sketch.color[[0, 2]])
+    assert torch.equal(red.points, sketch.points)
+    with pytest.raises(ValueError, match="color must have shape"):
+        sketch.with_color(chosen, (1.0, 0.0))
+    with pytest.raises(IndexError):
+        sketch.with_color(3, (1.0, 0.0, 0.0))
+
+
 def test_to_and_detach():
     sketch = _sketch(3, width_space="world")
     single = sketch.to(torch.float32)

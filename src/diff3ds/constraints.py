@@ -12,6 +12,7 @@ import torch
 
 from diff3ds._checks import as_numbers
 from diff3ds._shapes import Int, Tensor
+from diff3ds.curves.directions import turns
 from diff3ds.sketch import Sketch
 
 Constraint = Callable[[Sketch], Sketch]
@@ -35,7 +36,7 @@ def fixed(sketch: Sketch, strokes: Sequence[int] | Int[Tensor, " S"]) -> Constra
         for name, value in moved.tensors().items():
             place = segments if name in moved.segment_fields else rows
             tensors[name] = value.index_copy(0, place, kept[name][place].to(value))
-        return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains, fixed=moved.fixed)
+        return moved.replace(**tensors)
 
     return hold
 
@@ -95,7 +96,7 @@ def mirrored(
         some = points[segments[1]]
         some = some - 2 * ((some @ n) - offset)[..., None] * n
         tensors["points"] = points.index_copy(0, segments[1], some)
-        return Sketch(**tensors, width_space=moved.width_space, chains=moved.chains, fixed=moved.fixed)
+        return moved.replace(**tensors)
 
     return reflect
 
@@ -121,8 +122,7 @@ def smooth(sketch: Sketch, turn: float = SMOOTH) -> Constraint:
     points = sketch.points.detach()
     before, after = points[starts, 0] - points[ends, -2], points[starts, 1] - points[starts, 0]
     lengths = torch.linalg.vector_norm(before, dim=-1), torch.linalg.vector_norm(after, dim=-1)
-    sine = torch.linalg.vector_norm(torch.linalg.cross(before, after), dim=-1) / (lengths[0] * lengths[1])
-    level = (sine < math.sin(turn)) & ((before * after).sum(-1) > 0)
+    level = torch.from_numpy(turns(*(way.cpu().double().numpy() for way in (before, after))) < turn).to(points.device)
     ends, starts = ends[level], starts[level]
     ratio = (lengths[0] / (lengths[0] + lengths[1]))[level, None]
 

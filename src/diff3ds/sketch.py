@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from importlib import import_module
-from typing import Literal, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 import torch
 
@@ -148,26 +148,61 @@ class Sketch:
 
     def __getitem__(self, index: int | slice | list[int] | Tensor) -> "Sketch":
         """Some of the strokes, by index, slice or mask, with all their segments; an int gives a sketch of one."""
-        rows = [index] if isinstance(index, int) else index
-        if self.chains is None:
-            return self._map(lambda value: value[rows], None if self.fixed is None else self.fixed[rows])
-        strokes = torch.arange(len(self), device=self.points.device)[rows]
-        segments, chains = self.chains.select(strokes)
-        picked = {name: value[segments] for name, value in (("points", self.points), ("weights", self.weights))}
-        width = self.width[segments] if self.width.ndim == 2 else self.width[strokes]
-        appearance = {"width": width, "color": self.color[strokes], "opacity": self.opacity[strokes]}
-        fixed = None if self.fixed is None else self.fixed[strokes]
-        return Sketch(**picked, **appearance, width_space=self.width_space, chains=chains, fixed=fixed)
+        return self.select(index)
+
+    def select(self, strokes: int | slice | list[int] | Tensor, **curves: Any) -> "Sketch":
+        """Some of the strokes with all their segments, or other curves that look like them.
+
+        Args:
+            strokes: index, slice, mask or numbers, which may come several times, of strokes of this sketch.
+            curves: `points`, `weights`, `chains`, and `width` where it is one a control point, of as many new strokes:
+                each has the rest from the stroke of this sketch that is chosen in its place.
+
+        Raises:
+            TypeError, ValueError: as `Sketch`; other curves without widths, where these are one a control point.
+        """
+        if curves and self.width.ndim == 2 and "width" not in curves:
+            raise ValueError("other curves of strokes with a width a control point must be given with such widths")
+        rows: Any = [strokes] if isinstance(strokes, int) else strokes
+        if not curves and self.chains is None:
+            curves = {name: getattr(self, name)[rows] for name in self.segment_fields}
+        elif not curves and self.chains is not None:
+            rows = torch.arange(len(self), device=self.points.device)[rows]
+            segments, chains = self.chains.select(rows)
+            curves = {name: getattr(self, name)[segments] for name in self.segment_fields} | {"chains": chains}
+        looks = {name: value[rows] for name, value in self.tensors().items() if name not in self.segment_fields}
+        fixed = None if self.fixed is None else self.fixed[rows]
+        return Sketch(**{**looks, "width_space": self.width_space, "fixed": fixed, **curves})
+
+    def replace(self, **changes: Any) -> "Sketch":
+        """The same sketch with other values of some fields, given as to `Sketch`.
+
+        Raises:
+            TypeError, ValueError: as `Sketch`.
+        """
+        return replace(self, **changes)
+
+    def with_color(
+        self, strokes: int | slice | list[int] | Tensor, color: Sequence[float] | Float[Tensor, " 3"]
+    ) -> "Sketch":
+        """The same sketch with some of its strokes, by index, slice, mask or numbers, in another colour.
+
+        Args:
+            color: straight RGB, usually in [0, 1].
+
+        Raises:
+            TypeError, ValueError: a colour that is not three numbers.
+        """
+        chosen = torch.zeros(len(self), 1, dtype=torch.bool, device=self.color.device)
+        chosen[strokes] = True
+        return replace(self, color=torch.where(chosen, _filled("color", color, self.points, (3,)), self.color))
 
     def segments(self) -> "Sketch":
         """Every segment as a stroke of its own, with the appearance of its stroke."""
         if self.chains is None:
             return self
-        stroke = self.chains.stroke
-        width = self.width if self.width.ndim == 2 else self.width[stroke]
-        color, opacity = self.color[stroke], self.opacity[stroke]
-        fixed = None if self.fixed is None else self.fixed[stroke]
-        return Sketch(self.points, self.weights, width, color, opacity, self.width_space, fixed=fixed)
+        curves = {name: getattr(self, name) for name in self.segment_fields}
+        return self.select(self.chains.stroke, **curves)
 
     def tensors(self) -> dict[str, Tensor]:
         """The five tensor fields by name."""
@@ -185,21 +220,16 @@ class Sketch:
         home = moved["points"].device
         chains = None if self.chains is None else self.chains.to(home)
         fixed = None if self.fixed is None else self.fixed.to(home)
-        return Sketch(**moved, width_space=self.width_space, chains=chains, fixed=fixed)
+        return self.replace(**moved, chains=chains, fixed=fixed)
 
     def detach(self) -> "Sketch":
         """The same sketch without its autograd history."""
-        return self._map(Tensor.detach, self.fixed)
+        return self.replace(**{name: value.detach() for name, value in self.tensors().items()})
 
     def _repr_png_(self) -> bytes:
         """The sketch as it is seen from the right and above, for notebooks."""
         # Pictures are made by a room above this one, imported by those who look at them only.
         return cast(bytes, import_module("diff3ds.formats").notebook_png(self))
-
-    def _map(self, function: Callable[[Tensor], Tensor], fixed: Tensor | None) -> "Sketch":
-        changed = {name: function(value) for name, value in self.tensors().items()}
-        chains = self.chains if len(changed["points"]) == len(self.points) else None
-        return Sketch(**changed, width_space=self.width_space, chains=chains, fixed=fixed)
 
     def transform(self, matrix: Float[Tensor, "4 4"]) -> "Sketch":
         """The sketch moved by a similarity (rotation, uniform scale, translation); world widths scale with it.

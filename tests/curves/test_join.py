@@ -1,5 +1,6 @@
 """Strokes that go on in each other become one: on drawings whose strokes are known."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,10 @@ import torch
 
 import diff3ds as ds
 from diff3ds.curves.join import join_ends, join_smooth
+
+
+def joined_smooth(sketch: ds.Sketch) -> ds.Sketch:
+    return join_smooth(sketch).sketch
 
 
 def lines(*ends) -> ds.Sketch:
@@ -28,7 +33,7 @@ def half_circles() -> ds.Sketch:
 
 
 def test_two_half_circles_are_a_circle():
-    circle = join_smooth(half_circles())
+    circle = joined_smooth(half_circles())
     assert made_of(circle) == [(2, True)]
     radius = ds.bezier.evaluate(circle.points, circle.weights, torch.linspace(0, 1, 9)).norm(dim=-1)
     assert torch.allclose(radius, torch.ones_like(radius))
@@ -61,7 +66,7 @@ def wave(along: bool) -> ds.Sketch:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_pieces_of_a_curve_are_put_together_again(along, seed):
     whole = wave(along)
-    joined = join_smooth(shuffled(whole, seed))
+    joined = joined_smooth(shuffled(whole, seed))
     assert made_of(joined) == [(7, False)]
     camera = ds.orbit(70.0, 30.0, 6.0, size=96)
     assert torch.allclose(ds.render(joined, camera).color, ds.render(whole, camera).color, atol=1e-5)
@@ -70,40 +75,40 @@ def test_the_pieces_of_a_curve_are_put_together_again(along, seed):
 def test_the_two_that_turn_least_go_on_and_corners_stay():
     origin = (0, 0, 0)
     cross = lines(((-1, 0, 0), origin), (origin, (0, 1, 0)), ((1, 0, 0), origin))
-    joined = join_smooth(cross)
+    joined = joined_smooth(cross)
     assert made_of(joined) == [(1, False), (2, False)]
     assert joined.points[:2].reshape(-1, 3)[[0, -1]].tolist() == [[-1, 0, 0], [1, 0, 0]]
     fork = lines(((-1, 0, 0), origin), (origin, (1, 0.3, 0)), (origin, (1, 0.05, 0)))
-    assert join_smooth(fork).points[1, 1].tolist() == pytest.approx([1, 0.05, 0])
-    assert made_of(join_smooth(lines(((-1, 0, 0), origin), (origin, (1, 1, 0))))) == [(1, False)] * 2
+    assert joined_smooth(fork).points[1, 1].tolist() == pytest.approx([1, 0.05, 0])
+    assert made_of(joined_smooth(lines(((-1, 0, 0), origin), (origin, (1, 1, 0))))) == [(1, False)] * 2
 
 
 def test_what_looks_different_or_does_not_meet_stays_apart():
     straight = lines(((-1, 0, 0), (0, 0, 0)), ((0, 0, 0), (1, 0, 0)))
-    assert made_of(join_smooth(straight)) == [(2, False)]
+    assert made_of(joined_smooth(straight)) == [(2, False)]
     red = torch.tensor([[1.0, 0, 0], [0, 0, 0]])
     changes = [{"color": red}, {"opacity": torch.tensor([1, 0.5])}, {"width": torch.tensor([0.01, 0.02])}]
     changes.append({"width": torch.tensor([[0.01, 0.02], [0.03, 0.02]])})
     for change in changes:
-        assert made_of(join_smooth(replace(straight, **change))) == [(1, False)] * 2
+        assert made_of(joined_smooth(replace(straight, **change))) == [(1, False)] * 2
     gap = lines(((-1, 0, 0), (-0.001, 0, 0)), ((0, 0, 0), (1, 0, 0)))
-    assert made_of(join_smooth(gap)) == [(1, False)] * 2
+    assert made_of(joined_smooth(gap)) == [(1, False)] * 2
 
 
 def test_strokes_of_several_segments_and_closed_ones_are_joined_as_wholes():
     whole = wave(True)
     first, second = whole.segments()[:3], whole.segments()[3:]
     halves = [ds.Sketch(part.points, width=part.width, chains=ds.Chains.of([len(part)])) for part in (first, second)]
-    assert made_of(join_smooth(ds.Sketch.concatenate(halves))) == [(7, False)]
-    circle = join_smooth(half_circles())
-    assert made_of(join_smooth(circle)) == [(2, True)]
+    assert made_of(joined_smooth(ds.Sketch.concatenate(halves))) == [(7, False)]
+    circle = joined_smooth(half_circles())
+    assert made_of(joined_smooth(circle)) == [(2, True)]
     empty = lines(((0, 0, 0), (1, 0, 0)))[:0]
-    assert len(join_smooth(empty)) == 0
+    assert len(joined_smooth(empty)) == 0
 
 
 def test_ends_are_joined_where_one_says():
     corner = lines(((0, 1, 0), (0, 0, 0)), ((1, 0, 0), (0, 0, 0)))
-    joined = join_ends(corner, np.array([[1, 3]]))
+    joined = join_ends(corner, np.array([[1, 3]])).sketch
     assert made_of(joined) == [(2, False)]
     assert joined.points.tolist() == [[[0, 1, 0], [0, 0, 0]], [[0, 0, 0], [1, 0, 0]]]
 
@@ -114,7 +119,41 @@ def test_strokes_of_several_segments_that_run_against_each_other_are_joined(turn
     parts = [whole.segments().points[:3], whole.segments().points[3:]]
     parts[turned] = parts[turned].flip(0, 1)
     halves = [ds.Sketch(points, width=0.02, chains=ds.Chains.of([len(points)])) for points in parts]
-    joined = join_smooth(ds.Sketch.concatenate(halves))
+    joined = joined_smooth(ds.Sketch.concatenate(halves))
     assert made_of(joined) == [(7, False)]
     expected = whole.points if turned else whole.points.flip(0, 1)
     assert torch.allclose(joined.points, expected)
+
+
+def test_what_each_stroke_is_made_of_comes_in_its_order():
+    t = [[0.0, -1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.0, 0.0, 1.0]]
+    sketch = ds.Sketch(torch.tensor([[t[0], t[1]], [t[2], t[1]], [t[1], t[3]]]))
+    one, made = join_smooth(sketch)
+    # The second one is turned round; the third leaves at a right angle.
+    assert made == [[0, 1], [2]]
+    assert torch.equal(one.points, torch.tensor([[t[0], t[1]], [t[1], t[2]], [t[1], t[3]]]))
+
+
+def test_gaps_and_turns_are_what_the_caller_says():
+    apart = lines(((0, 0, 0), (1, 0, 0)), ((1.001, 0, 0), (2, 0.5, 0)))
+    assert len(join_smooth(apart, turn=math.radians(30), gap=0.002).strokes) == 1
+    assert len(join_smooth(apart, turn=math.radians(30), gap=0.0005).strokes) == 2
+    assert len(join_smooth(apart, turn=math.radians(25), gap=0.002).strokes) == 2
+    # Both ends of a speck are near to each other: it is no closed stroke.
+    speck = ds.Sketch(torch.tensor([[[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]]))
+    assert join_smooth(speck, gap=4e-4).sketch.chains is None
+
+
+def test_arcs_that_close_are_one_closed_stroke():
+    points, weights = ds.bezier.circle((0.0, 0.0, 0.0), 0.5)
+    one, made = join_smooth(ds.Sketch(points, weights))
+    assert [len(numbers) for numbers in made] == [len(points)]
+    assert one.chains.closed.tolist() == [True]
+
+
+def test_marks_of_strokes_that_stay_are_kept():
+    pieces = wave(True).segments()
+    fixed = torch.arange(7) < 3
+    joined = join_smooth(replace(pieces, fixed=fixed)).sketch
+    assert made_of(joined) == [(3, False), (4, False)]
+    assert joined.fixed.tolist() == [True, False]

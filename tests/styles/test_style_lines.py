@@ -8,7 +8,6 @@ import torch
 from style_pages import circle, lines, stroke
 
 import diff3ds as ds
-from diff3ds.styles.joining import joined
 
 
 def test_a_circle_is_one_closed_line_of_the_right_length():
@@ -102,29 +101,3 @@ def test_widths_and_depths_are_those_of_the_renderer():
     focal = 128 / math.tan(math.radians(30))
     assert line.depth[[0, -1]].tolist() == pytest.approx([3.0, 2.0])
     assert line.half_width[[0, -1]].tolist() == pytest.approx([focal * 0.05 / 3, focal * 0.1 / 2])
-
-
-def test_strokes_that_go_on_in_each_other_become_one():
-    t = [[0.0, -1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.1], [0.0, 0.0, 1.0]]
-    sketch = ds.Sketch(torch.tensor([[t[0], t[1]], [t[2], t[1]], [t[1], t[3]]]))
-    one, made = joined(sketch)
-    # The second one is turned round; the third leaves at a right angle.
-    assert made == [[0, 1], [2]]
-    assert torch.equal(one.points, torch.tensor([[t[0], t[1]], [t[1], t[2]], [t[1], t[3]]]))
-
-
-def test_strokes_of_other_looks_stay_apart():
-    points = torch.tensor([[[0.0, -1.0, 0.0], [0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    for name, values in {"width": [0.1, 0.2], "opacity": [1.0, 0.5], "color": [[1.0, 0, 0], [0, 0, 0]]}.items():
-        assert joined(ds.Sketch(points, **{name: torch.tensor(values)}))[1] == [[0], [1]]
-    assert joined(ds.Sketch(points))[1] == [[0, 1]]
-
-
-def test_arcs_that_close_are_one_closed_stroke():
-    points, weights = ds.bezier.circle((0.0, 0.0, 0.0), 0.5)
-    one, made = joined(ds.Sketch(points, weights))
-    assert [len(numbers) for numbers in made] == [len(points)]
-    assert one.chains is not None
-    assert one.chains.closed.tolist() == [True]
-    speck = ds.Sketch(torch.tensor([[[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]]))
-    assert joined(speck)[0].chains is None

@@ -36,7 +36,7 @@ def test_it_becomes_the_member_that_it_is_most_like():
     members = [drawn("chair", seed) for seed in range(5)]
     found = torn(members[3], 0.01)
     assert nearest_member(found, members) == 3
-    clean, wanted = Redrawing(members)(found, 200), join_smooth(members[3])
+    clean, wanted = Redrawing(members)(found, 200), join_smooth(members[3]).sketch
     assert torch.equal(clean.points, wanted.points)
     assert torch.equal(clean.weights, wanted.weights)
     assert len(clean) == len(wanted) < len(members[3])

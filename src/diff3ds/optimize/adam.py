@@ -32,7 +32,7 @@ def assembled(sketch: Sketch, leaves: dict[str, Tensor], constraints: Sequence[C
         # A joint is one point, with one width.
         shared = [name for name in sketch.segment_fields if name != "weights"]
         tensors |= {name: sketch.chains.joined(tensors[name]) for name in shared}
-    moved_sketch = Sketch(**tensors, width_space=sketch.width_space, chains=sketch.chains, fixed=sketch.fixed)
+    moved_sketch = sketch.replace(**tensors)
     for constrained in constraints:
         moved_sketch = constrained(moved_sketch)
         if not isinstance(moved_sketch, Sketch):

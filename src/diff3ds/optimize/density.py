@@ -141,8 +141,7 @@ def _part(sketch: Sketch, first: bool) -> Sketch:
         for name, value in rows.items()
     }
     open_ = Chains(chains.stroke[kept], torch.zeros_like(chains.closed))
-    appearance = {name: value for name, value in sketch.tensors().items() if name not in cut}
-    return Sketch(**cut, **appearance, width_space=sketch.width_space, chains=open_, fixed=sketch.fixed)
+    return sketch.replace(**cut, chains=open_)
 
 
 def _chunks(count: int) -> Iterator[Int[Tensor, " B"]]:

@@ -11,10 +11,10 @@ import torch
 
 from diff3ds._shapes import Array, Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.curves.join import join_smooth
 from diff3ds.formats.vector.svg import check_page, corner, hexadecimal, page_size
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.styles.joining import joined
 from diff3ds.styles.lines import Line, lines_of
 from diff3ds.styles.noise import seed_of
 from diff3ds.styles.outline import TOLERANCE
@@ -24,6 +24,9 @@ from diff3ds.styles.union import pathops, svg_data, within
 
 # What programs take a pixel for, where no size on paper is asked for (CSS).
 PIXELS_PER_MM = 96 / 25.4
+# Ends this near to each other, of the sketch's size, are one place, and strokes that turn by less there, radians, go on
+# in each other. [empirical: what the eye takes for one line]
+NEAR, TURN = 2e-4, math.radians(30)
 # px. Half widths below leave no ink.
 THINNEST = 0.005
 # Half widths of strokes, in pages: larger ones are taken for a mistake.
@@ -71,7 +74,8 @@ def styled_svg(
         raise ValueError(f"depth_cue must be from 0 to 1, got {depth_cue}")
     sketch = check_page(sketch, cameras, background, width_mm, TOLERANCE)
     pathops()
-    sketch, made = joined(replace(sketch, width=sketch.width * width))
+    extent = float((sketch.points.amax((0, 1)) - sketch.points.amin((0, 1))).max()) if len(sketch) else 0.0
+    sketch, made = join_smooth(sketch.replace(width=sketch.width * width), TURN, NEAR * extent)
     whole = page_size(cameras)
     unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / whole[0])
     page = Page(cameras.size, PIXELS_PER_MM if width_mm is None else 1 / scale, seed_of(seed))

@@ -39,14 +39,11 @@ def cut_sketch(
     made = Chains.of([len(run) for run in runs], closed).to(home)
     if len(runs):
         points = made.joined(points)
-    width = sketch.width
-    if width.ndim == 2:
-        cut, _ = subcurve(width[rows][..., None], None, begin, end)
-        width = made.joined(cut[..., 0]).clamp(min=0) if len(runs) else cut[..., 0]
-    else:
-        width = width[stroke]
-    parts = Sketch(points, weights, width, sketch.color[stroke], sketch.opacity[stroke], sketch.width_space, made)
-    return parts, stroke.cpu().numpy()
+    curves = {"points": points, "weights": weights, "chains": made}
+    if sketch.width.ndim == 2:
+        cut, _ = subcurve(sketch.width[rows][..., None], None, begin, end)
+        curves["width"] = made.joined(cut[..., 0]).clamp(min=0) if len(runs) else cut[..., 0]
+    return sketch.select(stroke, **curves), stroke.cpu().numpy()
 
 
 def _runs(

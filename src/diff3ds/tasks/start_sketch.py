@@ -59,4 +59,4 @@ def finished(found: Sketch, start: Sketch, rates: Rates) -> Sketch:
             of_segments = name in start.segment_fields and start.chains is not None
             kept = start.fixed[start.chains.stroke] if of_segments and start.chains is not None else start.fixed
             values[name] = torch.where(kept.reshape(-1, *[1] * (before.ndim - 1)), before, values[name])
-    return Sketch(**values, width_space=start.width_space, chains=start.chains, fixed=start.fixed)
+    return start.replace(**values)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.shapes.straight_lines import unit
+from diff3ds.curves.directions import unit
 
 # [px; empirical] Scatter of triangulated points about the curve that they lie on.
 POINT_SCATTER = 0.45

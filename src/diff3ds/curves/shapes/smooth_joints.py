@@ -5,24 +5,24 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Int
 from diff3ds.chains import Chains
+from diff3ds.curves.directions import turns
 from diff3ds.curves.join import join_ends
 from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.curves.shapes.straight_lines import unit
 from diff3ds.sketch import Sketch
 
-# [cosine; empirical] Curves that meet at a smaller angle meet smoothly.
-SMOOTH = 0.94
+# [rad; empirical] Curves that turn by less where they meet go on in each other.
+TURN = np.deg2rad(20.0)
 
 
 def smooth_joints(curves: Curves) -> Int[NDArray[np.int64], "P 2"]:
     """Pairs of ends that meet smoothly where no third curve does; the start of curve i is end 2 i, its stop 2 i + 1."""
     control = curves.constrained(curves.points)[0].double().numpy()
-    outward = unit(control[:, [0, 3]] - control[:, [1, 2]]).reshape(-1, 3)
+    outward = (control[:, [0, 3]] - control[:, [1, 2]]).reshape(-1, 3)
     vertex = curves.vertex.numpy().reshape(-1)
     order = np.argsort(vertex, kind="stable")
     _, first, count = np.unique(vertex[order], return_index=True, return_counts=True)
     pairs = order[first[count == 2][:, None] + [0, 1]]
-    return pairs[(outward[pairs[:, 0]] * outward[pairs[:, 1]]).sum(1) < -SMOOTH]
+    return pairs[turns(outward[pairs[:, 0]], -outward[pairs[:, 1]]) < TURN]
 
 
 def sketch_of(curves: Curves, width: float) -> Sketch:
@@ -37,4 +37,4 @@ def sketch_of(curves: Curves, width: float) -> Sketch:
     chains = Chains.of([2 if closed else 1 for closed in whole], whole)
     # The other half of a circle is a reflection, which rounding leaves a little off.
     sketch = Sketch(chains.joined(points), weights, width=width, chains=chains)
-    return join_ends(sketch, smooth_joints(curves))
+    return join_ends(sketch, smooth_joints(curves)).sketch

@@ -4,16 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
+from diff3ds.curves.directions import unit
 
-# [units; numerical] Added to a length before something is divided by it: a vector without a length gets none.
-TINY = 1e-12
 # [square sine; numerical] Lines at a smaller angle than this (1.8 degrees) count as parallel.
 PARALLEL = 1e-3
-
-
-def unit(vectors: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
-    """The vectors at length 1."""
-    return np.asarray(vectors / (np.linalg.norm(vectors, axis=-1, keepdims=True) + TINY))
 
 
 def tangents_of(polylines: Float[Array, "*n m d"]) -> Float[Array, "*n m d"]:

@@ -11,8 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Tensor
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.curves.shapes.straight_lines import polyline_length, unit
+from diff3ds.curves.shapes.straight_lines import polyline_length
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers, owners, samples
 

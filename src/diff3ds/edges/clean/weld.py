@@ -7,8 +7,9 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, sampled
-from diff3ds.curves.shapes.straight_lines import nearest_to_lines, unit
+from diff3ds.curves.shapes.straight_lines import nearest_to_lines
 
 # [px, fraction; empirical] Ends within this distance meet, unless that is a larger fraction of the length of one of
 # their curves.

@@ -11,9 +11,10 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, Primitive
-from diff3ds.curves.shapes.straight_lines import meeting, resampled, tangents_of, unit
+from diff3ds.curves.shapes.straight_lines import meeting, resampled, tangents_of
 from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers

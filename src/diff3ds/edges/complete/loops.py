@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, sampled
-from diff3ds.curves.shapes.straight_lines import unit
 
 # [points; derived] Samples of a curve: chords of a half circle are .2 % of its radius beside it.
 SAMPLES = 25

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.curves.shapes.smooth_joints import smooth_joints
-from diff3ds.curves.shapes.straight_lines import resampled, unit
+from diff3ds.curves.shapes.straight_lines import resampled
 from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges

@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
 from diff3ds.bezier import evaluate
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.curves.shapes.straight_lines import tangents_of, unit
+from diff3ds.curves.shapes.straight_lines import tangents_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
 
 # [parts; empirical] Parts of a segment: a curve, or half of a closed one.

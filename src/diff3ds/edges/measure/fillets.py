@@ -7,9 +7,10 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, sampled
 from diff3ds.curves.shapes.primitives import Kind
-from diff3ds.curves.shapes.straight_lines import meeting, outward_tangent, resampled, unit
+from diff3ds.curves.shapes.straight_lines import meeting, outward_tangent, resampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers
 from diff3ds.edges.measure.equal_radii import agreed

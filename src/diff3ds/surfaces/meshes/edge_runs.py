@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.meshes.corners import SHARP, has_corner, turns
+from diff3ds.curves.directions import turns
+from diff3ds.surfaces.meshes.corners import SHARP, has_corner
 
 # Vertices along a run, and whether it is a border.
 Run = tuple[list[int], bool]

@@ -29,9 +29,9 @@ from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, write_results
 from diff3ds.tasks.start_sketch import digest_of, finished, held, load_start
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
+from diff3ds.tasks.text_image.redraw import tidied
 from diff3ds.tasks.text_image.reference_view import followed
 from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions
-from diff3ds.tasks.text_image.tidy import tidied
 
 # A sketch that reaches less than this fraction of the cameras' distance is too small to be seen. Empirical.
 SMALLEST = 0.05

@@ -5,6 +5,7 @@ thick. The prior knows drawings of what was found, so the strokes of the one tha
 shows, in its colours.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,11 +15,13 @@ import torch
 from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import orbit
+from diff3ds.curves.close_gaps import close_gaps
 from diff3ds.curves.join import join_smooth
 from diff3ds.library.faces import Faces
 from diff3ds.optimize.strokes import chord_lengths
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.tasks.text_image.run_spec import CameraOptions
 
 # Members are compared with what was found in so many views of this size, all around. Empirical.
 VIEWS, ELEVATION, DISTANCE, SIZE = 8, 15.0, 1.9, 64
@@ -27,6 +30,8 @@ VIEWS, ELEVATION, DISTANCE, SIZE = 8, 15.0, 1.9, 64
 NEAR, SHOWN = 0.08, 0.5
 # What shows this fraction of a member's strokes, by length, means all of it: near lines hide the rest. Empirical.
 WHOLE = 0.75
+# Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
+HIDDEN = 0.02
 # Points on a stroke, evenly spaced in its parameter.
 SAMPLES = 33
 
@@ -62,7 +67,19 @@ class Redrawing:
         strokes = alike[shown_by(sketch, alike).nonzero()[:, 0]]
         if len(strokes) > most:
             strokes = strokes[chord_lengths(strokes).argsort(descending=True, stable=True)[:most].sort().values]
-        return join_smooth(dressed_as(sketch, strokes))
+        return join_smooth(dressed_as(sketch, strokes)).sketch
+
+
+def tidied(sketch: Sketch, cameras: CameraOptions, thin: bool) -> Sketch:
+    """What was found and shows no member, without the gaps that thick strokes hide in the small pictures of cameras.
+
+    Args:
+        thin: give it the width of other sketches as well.
+    """
+    away = sum(cameras.distance) / 2
+    image_height = 2 * away * math.tan(math.radians(cameras.fov / 2))
+    met = close_gaps(sketch, min(float(sketch.width.median()), HIDDEN) * image_height)
+    return met.replace(width=torch.full_like(met.width, DEFAULT_WIDTH)) if thin else met
 
 
 def nearest_member(sketch: Sketch, members: Sequence[Sketch]) -> int:

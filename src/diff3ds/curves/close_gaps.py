@@ -1,32 +1,17 @@
-"""From the thick strokes of a built-in prior to the sketch of the results: thin lines, whose ends meet."""
+"""Ends of strokes that come near each other, or near another stroke, moved there."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import closest_point
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.tasks.text_image.run_spec import CameraOptions
+from diff3ds.curves.directions import turns
+from diff3ds.sketch import Sketch
 
-# A stroke goes on in another where both point along the gap between them, to this cosine (30 degrees).
-ALONG = 0.866
-# Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
-HIDDEN = 0.02
-
-
-def tidied(sketch: Sketch, cameras: CameraOptions, thin: bool) -> Sketch:
-    """Strokes without the gaps that thick ones hide in the small pictures of these cameras.
-
-    Args:
-        thin: give them the width of other sketches as well.
-    """
-    away = sum(cameras.distance) / 2
-    image_height = 2 * away * math.tan(math.radians(cameras.fov / 2))
-    met = close_gaps(sketch, min(float(sketch.width.median()), HIDDEN) * image_height)
-    return replace(met, width=torch.full_like(met.width, DEFAULT_WIDTH)) if thin else met
+# A stroke goes on in another where both turn by less than this, radians, into the gap between them. Empirical.
+TURN = math.radians(30)
 
 
 def close_gaps(sketch: Sketch, distance: float) -> Sketch:
@@ -50,7 +35,7 @@ def close_gaps(sketch: Sketch, distance: float) -> Sketch:
         wanted[alone] = further[alone]
     moved = wanted - ends
     fraction = torch.linspace(0, 1, sketch.points.shape[1], dtype=ends.dtype)[:, None]
-    return replace(sketch, points=sketch.points + (1 - fraction) * moved[:, :1] + fraction * moved[:, 1:])
+    return sketch.replace(points=sketch.points + (1 - fraction) * moved[:, :1] + fraction * moved[:, 1:])
 
 
 def _met(ends: Float[Tensor, "E 3"], distance: float) -> Float[Tensor, "E 3"]:
@@ -70,10 +55,10 @@ def _continued(sketch: Sketch, ends: Float[Tensor, "N 2 3"], distance: float) ->
     flat = ends.reshape(-1, 3)
     # Out of the stroke, along the chord to the control point that is not in the same place.
     inner = sketch.points.detach()[:, [1, -2]]
-    outward = torch.nn.functional.normalize(ends - inner, dim=-1).reshape(-1, 3)
+    outward = (ends - inner).reshape(-1, 3)
     gap = flat[None] - flat[:, None]
     length = gap.norm(dim=-1)
-    facing = (gap * outward[:, None]).sum(-1) > ALONG * length
+    facing = torch.from_numpy(turns(outward[:, None].double().numpy(), gap.double().numpy()) < TURN)
     fits = facing & facing.T & (length > 0) & (length < distance)
     away = length.masked_fill(~fits, torch.inf)
     other = away.argmin(1)

@@ -3,7 +3,7 @@
 import torch
 
 import diff3ds as ds
-from diff3ds.tasks.text_image.tidy import close_gaps
+from diff3ds.curves.close_gaps import close_gaps
 
 
 def lines(*ends) -> ds.Sketch:
