@@ -1,5 +1,6 @@
 """The documents: citations, links and numbers agree with the code; what they show runs."""
 
+import ast
 import builtins
 import functools
 import importlib.util
@@ -8,6 +9,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,7 @@ SOURCES = sorted([*(ROOT / "src").glob("**/*.py"), *(p for p in (ROOT / "csrc").
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 # What the documents show is what the examples draw.
 PICTURES = {"first_render.py": "first_render.png", "crossing_figure.py": "crossing.png", "helix.py": "helix.png"}
+CAPABILITIES = tomllib.loads((ROOT / "tests/capabilities.toml").read_text(encoding="utf-8"))
 MATHEMATICS = (ROOT / "docs/explanation/mathematics.md").read_text(encoding="utf-8")
 
 CITATION = re.compile(r"\beqs?\. *((?:\d+[a-z]?(?: *(?:,|-|–|to|and) *(?=\d))?)+)")
@@ -201,6 +204,46 @@ def test_python_blocks_run(path, tmp_path, monkeypatch):
         (tmp_path / file).parent.mkdir()
         ds.save(tmp_path / file, member("chair", torch.Generator().manual_seed(0)).sketch)
     exec(compile(python_blocks(path), relative(path), "exec"), {"__name__": "__main__"})
+
+
+def promises(name: str) -> list[str]:
+    """Bullets and rows of tables, but for bullets that begin with a link: those are about other projects."""
+    lines = FENCE.sub("", (ROOT / name).read_text(encoding="utf-8")).splitlines()
+    headings = {number - 1 for number, line in enumerate(lines) if line.startswith("|---")}
+    rows = [line for number, line in enumerate(lines) if re.match(r"\| |\* (?!\[)", line) and number not in headings]
+    return [row for row in rows if not row.startswith("|---")]
+
+
+@functools.cache
+def is_quick(test: str) -> bool:
+    """Whether a function of a file of tests, FILE::NAME, is there and runs with the quick ones."""
+    file, _, name = test.partition("::")
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8")) if (ROOT / file).is_file() else ast.Module([], [])
+    marks = [ast.unparse(mark) for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name
+             for mark in [ast.Constant(name), *node.decorator_list]]  # fmt: skip
+    whole = [ast.unparse(n.value) for n in tree.body if isinstance(n, ast.Assign) and "pytestmark" in ast.unparse(n)]
+    left_out = re.compile(r"mark\.(slow|gpu|xfail|skip\b)|\bskip\(")
+    return bool(marks) and not any(left_out.search(mark) for mark in marks + whole)
+
+
+@pytest.mark.parametrize("name", CAPABILITIES)
+def test_every_promise_is_held_by_a_quick_test(name):
+    """In the table tests/capabilities.toml; a new line in CHANGELOG.md needs one there, and mostly a new test."""
+    table, lines = CAPABILITIES[name], promises(name)
+    assert len(lines) > 30
+    without = [line[:90] for line in lines if not any(words in line for words in table)]
+    assert without == [], "give each of these a line in tests/capabilities.toml: words of it, and a quick test"
+    found = {words: sum(words in line for line in lines) for words in table}
+    assert {words: count for words, count in found.items() if count != 1} == {}, "lines with these words: one each"
+    named = {words: [tests] if isinstance(tests, str) else tests for words, tests in table.items()}
+    assert {words: tests for words, tests in named.items() if not tests or not all(map(is_quick, tests))} == {}
+
+
+def test_slow_skipped_and_missing_tests_are_not_quick():
+    assert is_quick("tests/test_docs.py::test_slow_skipped_and_missing_tests_are_not_quick")
+    assert not is_quick("tests/test_docs.py::test_that_is_not_there")
+    assert not is_quick("tests/test_that_is_not_there.py::test_any")
+    assert not is_quick("tests/tasks/test_prior_training.py::test_a_network_learns")
 
 
 class UnderstoodError(Exception):

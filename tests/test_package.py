@@ -7,12 +7,14 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).parents[1] / "src"
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src"
 MODULES = {
     ".".join(path.relative_to(SOURCE).with_suffix("").parts).removesuffix(".__init__"): path
     for path in sorted(SOURCE.glob("diff3ds/**/*.py"))
@@ -313,3 +315,35 @@ def test_no_two_files_of_tests_have_the_same_name():
     """Pytest imports them by name alone, and refuses the second one only where both are run."""
     names = [path.name for path in Path(__file__).parent.rglob("test_*.py")]
     assert sorted(names) == sorted(set(names))
+
+
+# What is said of the package's set-up
+
+
+def test_the_same_pythons_are_named_wherever_they_are():
+    """In the classifiers, the wheels, and both scripts that try them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    named = [re.search(r"Python :: 3\.(\d+)$", line) for line in project["project"]["classifiers"]]
+    minors = [found[1] for found in named if found]
+    assert project["project"]["requires-python"] == f">=3.{minors[0]}"
+    (wheels,) = re.findall(r"\{(.*)\}", project["tool"]["cibuildwheel"]["build"])
+    assert [f"1{minor}" for minor in wheels.split(",")] == minors
+    scripts = {name: (ROOT / ".ci" / name).read_text(encoding="utf-8") for name in ("pythons", "resolve")}
+    assert f"set -- {' '.join(f'3.{minor}' for minor in minors)}\n" in scripts["pythons"]
+    assert f"for minor in {' '.join(minors)}; do" in scripts["resolve"]
+
+
+def test_constraints_leave_to_torch_what_it_brings():
+    """PyTorch's builds for CUDA ask for the one NVRTC that they were built with: another one is a contradiction."""
+    named = re.findall(r"^[\w-]+", (ROOT / "constraints-cpu.txt").read_text(encoding="utf-8"), re.MULTILINE)
+    assert "torch" in named
+    assert [name for name in named if "nvidia" in name] == []
+
+
+def test_what_lands_has_passed_all_tests():
+    """`.ci/run` ends with the README's command and the slow tests: what neither of both runs guards nothing."""
+    *_, quick, slow = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
+    assert f"&& {quick}\n" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert slow == f"exec {quick} -m slow"
+    options = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
+    assert '-m "not slow" -n auto' in options["addopts"]

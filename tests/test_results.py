@@ -60,3 +60,36 @@ def test_the_scores_in_the_readme_are_those_of_the_benchmark():
                 assert re.search(
                     rf"{row['object']}.*\| {score}, {row['curves']} curves of {row['curves_truth']}", README
                 )
+
+
+def test_the_coloured_strokes_in_the_readme_are_those_of_the_benchmark():
+    rows = json.loads((ROOT / "benchmarks/results/color_views.json").read_text(encoding="utf-8"))["figures"]["rows"]
+    chair = {row["strokes"]: row for row in rows if (row["scene"], row["order"]) == ("chair", "depth")}
+    worst, middle, best = (f"{chair[strokes]['psnr']:.1f}" for strokes in (64, 256, 1024))
+    assert f"{worst}, {middle} and {best} dB for 64, 256 and 1,024 strokes" in README
+    within_the_readme([row["seconds"] / 60 for row in chair.values()], r"min \(100 views of 400²\)")
+
+
+def within_the_readme(values: list[float], unit: str) -> None:
+    """Between the bounds that the README has before a unit, in some of its rows."""
+    bounds = [(float(low), float(high)) for low, high in re.findall(rf"\| ([\d.]+) to ([\d.]+) {unit}", README)]
+    assert len(values) > 1
+    assert any(low <= min(values) <= max(values) <= high for low, high in bounds), (values, bounds)
+
+
+def test_the_times_in_the_readme_are_those_of_the_benchmark():
+    """Of edge maps and of the edges of photographs, of 50 views, on a machine with nothing else to do."""
+    runs = json.loads((ROOT / "benchmarks/results/views.json").read_text(encoding="utf-8"))["runs"]
+    for end, unit in (("00004926", r"s \(50 views of 400²\)"), ("--target color-edges", r"s \|")):
+        (run,) = [r for r in runs if r["command"].endswith(end)]
+        assert "nothing else running" in run["machine"]
+        within_the_readme([row["seconds"] for row in run["rows"]], unit)
+
+
+def test_the_readme_repeats_what_the_pages_of_results_say():
+    """Of figures that no file of results has."""
+    page = (ROOT / "docs/results/edges.md").read_text(encoding="utf-8")
+    assert "whose published curves score .123" in page
+    assert "NEF's published curves: .123" in README
+    assert "23 of 62 quarter circles" in page
+    assert "23 of 62 quarter circles" in README

@@ -11,7 +11,7 @@ from torch.func import functionalize, grad, hessian, jacfwd, jacrev, jvp, vjp, v
 from torch.fx.experimental.proxy_tensor import make_fx
 
 from diff3ds import Cameras, Sketch, orbit, render
-from diff3ds.render import rasterize
+from diff3ds.render import available_backends, rasterize
 
 # What torch says of itself where it decomposes operations for forward mode, and traces.
 pytestmark = pytest.mark.filterwarnings("ignore:`torch.jit:DeprecationWarning")
@@ -272,3 +272,17 @@ def test_nothing_outlives_a_transform(backend, transform, request):
     assert torch.equal(value(POINTS), wanted.detach())
     assert torch.equal(torch.autograd.grad(value(points), points)[0], expected)
     assert "_kept_projection" not in vars(cameras) or not cameras.projection.is_inference()
+
+
+@pytest.mark.skipif("cpu" not in available_backends(), reason="no compiled kernels")
+def test_an_exported_program_draws_as_what_it_was_made_from() -> None:
+    """One graph from control points to the picture, with a drawing in it; `test_compiled.py` has all cases."""
+    cameras, points = orbit([30, 90], 20, size=SIZE), POINTS.float()
+
+    class Picture(torch.nn.Module):
+        def forward(self, points: torch.Tensor) -> torch.Tensor:
+            return render(Sketch(points, width=0.1), cameras).color
+
+    drawn = torch.export.export(Picture(), (points,)).module()
+    assert torch.equal(drawn(points + 0.1), Picture()(points + 0.1))
+    assert not torch.equal(drawn(points + 0.1), drawn(points))

@@ -12,6 +12,8 @@ from PIL import Image
 import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import load_image
+from diff3ds.tasks.mesh.draw_mesh import run_mesh
+from diff3ds.tasks.mesh.options import MeshOptions
 
 pytest.importorskip("trimesh", reason="takes the extra mesh")
 
@@ -155,6 +157,18 @@ def test_what_an_overwritten_run_drew_is_gone(tmp_path):
     main([*arguments, "--azimuth", "10", "--turntable", "0", "--overwrite"])
     drawn = {path.name for path in (tmp_path / "out").iterdir() if path.name.startswith(("drawing", "turntable"))}
     assert drawn == {"drawing-1.svg", "drawing-1.png", "drawing-1.step"}
+
+
+def test_a_run_that_was_killed_between_its_drawings_does_not_look_done(tmp_path, monkeypatch):
+    def killed(*arguments):
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    monkeypatch.setattr("diff3ds.tasks.mesh.draw_mesh.save_movie", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_mesh(box(tmp_path / "box.obj"), out, MeshOptions(size=32, turntable=2))
+    assert (out / "drawing-1.svg").exists()
+    assert not (out / "run.json").exists()
 
 
 def test_a_turntable_turns(tmp_path):
