@@ -126,6 +126,50 @@ def test_to_converts_both_matrices():
     assert cameras.to("cpu").to(torch.device("cpu")).to(torch.float32).intrinsics.dtype == torch.float32
 
 
+def test_concatenate_joins_views():
+    one, two = ds.orbit([0.0, 90.0], size=(60, 40)), ds.orbit(30.0, 10.0, size=(60, 40))
+    both = ds.Cameras.concatenate([one, two])
+    assert both.size == (60, 40)
+    for name in ("world_to_camera", "intrinsics"):
+        assert torch.equal(getattr(both, name), torch.cat([getattr(one, name), getattr(two, name)]))
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (ds.orbit(0.0, size=32), r"have one size, got \(60, 40\) and \(32, 32\)\. Make a Cameras .* render_batch\("),
+        (ds.orbit(0.0, size=(60, 40), near=0.5), r"have one near, got 0.01 and 0.5\. .* render_batch\("),
+        (ds.orbit(0.0, size=(60, 40), height=2.0), r"have one orthographic, got False and True\. .* render_batch\("),
+    ],
+)
+def test_views_that_differ_in_more_than_their_matrices_are_no_batch(other, message):
+    with pytest.raises(ValueError, match=message):
+        ds.Cameras.concatenate([ds.orbit(0.0, size=(60, 40)), other])
+    with pytest.raises(ValueError, match="at least one Cameras"):
+        ds.Cameras.concatenate([])
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("size", [[(8, 8), (16, 16)], torch.tensor([[8, 8], [16, 16]]), [(8, 8)]])
+def test_a_size_a_view_is_refused_with_what_to_do(size):
+    for make in (
+        lambda: ds.Cameras(*_matrices(), size),
+        lambda: ds.orbit([0.0, 1.0], size=size),
+        lambda: ds.look_at(torch.tensor([[1.0, 0, 0], [2.0, 0, 0]]), size=size),
+        lambda: ds.orbit([0.0, 1.0]).resize(size),
+    ):
+        with pytest.raises(ValueError, match=r"size must be one for all views, .* Make a Cameras .* render_batch\("):
+            make()
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_several_cameras_are_for_render_batch():
+    sketch, cameras = ds.Sketch(torch.rand(1, 2, 3)), ds.orbit(0.0, size=8)
+    for pair in ((sketch, [cameras, cameras.resize(9)]), ([sketch, sketch], cameras)):
+        with pytest.raises(TypeError, match=r"got .*list.*: render_batch takes several, of any sizes; concatenate"):
+            ds.render(*pair)
+
+
 def test_resize_scales_the_picture():
     cameras, points = _two(), [(0.1, 0.2, 0.3), (-0.2, 0.1, 0.0)]
     larger = cameras.resize((120, 20))

@@ -23,7 +23,7 @@ MODULES = {
 # What each part (a module or folder right under the package) may import: cli -> tasks -> everything below; edges and
 # pictures -> optimize, formats -> render -> project -> {bezier, camera, sketch}; guidance and metrics -> weights.
 # "diff3ds" stands for the list of public names. A new part needs a line here.
-HELPERS = {"_checks", "_files", "_modes", "_settings", "_shapes", "_tensor_files", "_units", "_version"}
+HELPERS = {"_checks", "_files", "_modes", "_settings", "_shapes", "_tensor_files", "_units", "_version", "_with_torch"}
 SCENE = {"bezier", "camera", "chains", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
@@ -35,10 +35,11 @@ ALLOWED = {
     "_tensor_files": {"_files", "_shapes"},
     "_units": set(),
     "_version": set(),
+    "_with_torch": set(),
     "command_line": {"_settings", "tasks", "weights"},
     "bezier": {"_checks", "_modes", "_shapes"},
     "camera": HELPERS,
-    "chains": {"_shapes"},
+    "chains": {"_modes", "_shapes", "_with_torch"},
     "distortion": {"_shapes"},
     "frames": {"camera", "distortion", "formats"} | HELPERS,
     "transforms": {"camera", "distortion", "formats", "frames"} | HELPERS,

@@ -1,9 +1,30 @@
 """Whether transforms and modes of torch have a part in what is computed: what they touch must not outlive them."""
 
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar, cast
+
 import torch
 from torch.autograd import forward_ad
 
 from diff3ds._shapes import Tensor
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+
+def outside_of_graphs(function: Callable[Given, Made]) -> Callable[Given, Made]:
+    """The function, at which torch.compile ends its graph and goes on with another one behind it."""
+
+    @wraps(function)
+    def called(*args: Given.args, **kwargs: Given.kwargs) -> Made:
+        # Not before: what disables it loads a second of torch.
+        if torch.compiler.is_compiling():
+            function_outside = torch.compiler.disable(function)  # type: ignore[no-untyped-call]
+            return cast(Made, function_outside(*args, **kwargs))
+        return function(*args, **kwargs)
+
+    return called
 
 
 def transformed() -> bool:
@@ -11,8 +32,26 @@ def transformed() -> bool:
     return torch._C._are_functorch_transforms_active() or forward_ad._current_level >= 0
 
 
+def in_graph() -> bool:
+    """Whether a graph is made, by torch.compile, torch.export or make_fx: then no value can be looked at."""
+    return torch.compiler.is_compiling() or recorded()
+
+
+def recorded() -> bool:
+    """Whether make_fx, or what is built on it, follows every operation."""
+    return torch._C._get_dispatch_mode(torch._C._TorchDispatchModeKey.PROXY) is not None
+
+
+def can_look_at(value: Tensor) -> bool:
+    """Whether the values of a tensor can be looked at, and without waiting for a GPU."""
+    return value.device.type == "cpu" and not in_graph()
+
+
 def is_ordinary(value: Tensor) -> bool:
     """Whether a tensor may be kept and used anywhere later: no graph, mode or transform has a part in it."""
+    # What graphs are made of has no values to keep, and torch.compile does not know what follows.
+    if in_graph():
+        return False
     return (
         type(value) is Tensor
         and not value.requires_grad
@@ -25,7 +64,7 @@ def is_ordinary(value: Tensor) -> bool:
 
 def check_plain(**values: Tensor) -> None:
     """Raises RuntimeError for tensors whose values cannot be looked at, which all that draws does."""
-    if torch.compiler.is_compiling() or not torch._C._are_functorch_transforms_active():
+    if in_graph() or not torch._C._are_functorch_transforms_active():
         return
     for name, value in values.items():
         # Below what torch.func differentiates lies a plain tensor.

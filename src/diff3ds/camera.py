@@ -12,9 +12,10 @@ from typing import Any, cast
 import torch
 
 from diff3ds._checks import as_numbers, check_finite
-from diff3ds._modes import check_plain, is_ordinary
+from diff3ds._modes import can_look_at, check_plain, is_ordinary
 from diff3ds._settings import MAX_SIZE
 from diff3ds._shapes import Float, Tensor
+from diff3ds._with_torch import known_to_torch
 
 Angle = float | Sequence[float] | Tensor
 Size = int | tuple[int, int]
@@ -29,8 +30,14 @@ RIGID, STEPS = 1e-3, 8
 STEEP = 89.9
 # Vertical field of view in degrees of cameras that are given none.
 DEFAULT_FOV = 60.0
+# What to do with views that differ in what all of a `Cameras` share.
+APART = (
+    "Make a Cameras of each kind and draw them one after the other, or all at once by "
+    "render_batch([sketch] * n, [cameras, ...])"
+)
 
 
+@known_to_torch
 @dataclass(frozen=True, eq=False)
 class Cameras:
     """V pinhole cameras, or V orthographic ones, that make images of one size.
@@ -75,8 +82,8 @@ class Cameras:
             raise ValueError(f"world_to_camera and intrinsics must be on one device, got {got}")
         if not (isinstance(self.near, int | float) and 0 < self.near < math.inf):
             raise ValueError(f"near must be a positive number, got {self.near}")
-        # A look at values on a GPU would wait for it; `render` refuses strokes that bad cameras spoil.
-        if self.intrinsics.device.type == "cpu":
+        # Where values are not looked at, `render` refuses strokes that bad cameras spoil.
+        if can_look_at(self.intrinsics):
             self._check_values()
 
     def _check_values(self) -> None:
@@ -99,6 +106,24 @@ class Cameras:
         """Some of the views; an int gives a batch of one."""
         rows = [index] if isinstance(index, int) else index
         return replace(self, world_to_camera=self.world_to_camera[rows], intrinsics=self.intrinsics[rows])
+
+    @staticmethod
+    def concatenate(cameras: "Sequence[Cameras]") -> "Cameras":
+        """One batch of all views.
+
+        Raises:
+            ValueError: none, or cameras that differ in the size of their images, the near plane or the kind.
+        """
+        if not cameras:
+            raise ValueError("expected at least one Cameras, got none")
+        first = cameras[0]
+        for name in ("size", "near", "orthographic"):
+            values = list(dict.fromkeys(getattr(views, name) for views in cameras))
+            if len(values) > 1:
+                raise ValueError(f"views of one Cameras have one {name}, got {' and '.join(map(str, values))}. {APART}")
+        parts = [(views.world_to_camera, views.intrinsics) for views in cameras]
+        poses, intrinsics = (torch.cat(part) for part in zip(*parts, strict=True))
+        return replace(first, world_to_camera=poses, intrinsics=intrinsics)
 
     @property
     def centers(self) -> Float[Tensor, "V 3"]:
@@ -145,7 +170,7 @@ class Cameras:
         pose, lens = self.world_to_camera, self.intrinsics
         # Kept on a GPU it would be that of one stream, or of a graph that was captured: others may read it before it
         # is computed.
-        if torch.compiler.is_compiling() or pose.device.type != "cpu" or not (is_ordinary(pose) and is_ordinary(lens)):
+        if pose.device.type != "cpu" or not (is_ordinary(pose) and is_ordinary(lens)):
             return self._projection()
         # Frozen is the reference to a tensor, not what it holds.
         state = (pose.data_ptr(), pose._version, lens.data_ptr(), lens._version)
@@ -172,6 +197,8 @@ def check_size(size: Size) -> tuple[int, int]:
         ValueError: not one or two positive integers of at most 65,536.
     """
     pair = tuple(size) if isinstance(size, tuple | list) else (size, size)
+    if isinstance(size, Tensor) or any(isinstance(n, tuple | list | Tensor) for n in pair):
+        raise ValueError(f"size must be one for all views, an int or (height, width), got one a view? {APART}")
     if len(pair) != 2 or not all(isinstance(n, int) and 0 < n <= MAX_SIZE for n in pair):
         raise ValueError(f"size must be a positive int or (height, width) up to {MAX_SIZE}, got {size}")
     return pair

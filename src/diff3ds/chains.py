@@ -6,9 +6,12 @@ from functools import cached_property
 
 import torch
 
+from diff3ds._modes import can_look_at
 from diff3ds._shapes import Bool, Float, Int, Tensor
+from diff3ds._with_torch import known_to_torch
 
 
+@known_to_torch
 @dataclass(frozen=True, eq=False)
 class Chains:
     """How M segments make N strokes.
@@ -37,8 +40,7 @@ class Chains:
             raise ValueError(
                 f"stroke and closed must be on one device, got {self.stroke.device} and {self.closed.device}"
             )
-        # Neither a GPU nor a graph that is made, of torch.compile, is asked for values.
-        if self.stroke.device.type == "cpu" and not torch.compiler.is_compiling():
+        if can_look_at(self.stroke):
             expected = torch.arange(len(self.closed))
             if not torch.equal(torch.unique_consecutive(self.stroke), expected):
                 raise ValueError(

@@ -3,12 +3,14 @@
 from dataclasses import dataclass, replace
 
 from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._with_torch import known_to_torch
 from diff3ds.bezier.curves import elevate_homogeneous, homogeneous
 from diff3ds.camera import DEFAULT_NEAR, Cameras
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch, WidthSpace
 
 
+@known_to_torch
 @dataclass(frozen=True, eq=False)
 class Strokes2D:
     """N strokes of M segments in all, seen in V views: what `rasterize` draws.

@@ -10,8 +10,9 @@ import torch
 
 from diff3ds import bezier
 from diff3ds._checks import as_numbers, check_generator, kind
-from diff3ds._modes import check_plain
+from diff3ds._modes import can_look_at, check_plain
 from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._with_torch import known_to_torch
 from diff3ds.chains import Chains
 
 WidthSpace = Literal["image", "world"]
@@ -23,6 +24,7 @@ DEFAULT_WIDTH = 0.006
 JOINT_GAP = 1e-4
 
 
+@known_to_torch
 @dataclass(frozen=True, eq=False, init=False)
 class Sketch:
     """N strokes in world units, z up, of one or more segments: rational Bézier curves of K = degree + 1 control points.
@@ -92,8 +94,8 @@ class Sketch:
         object.__setattr__(self, "width_space", width_space)
         object.__setattr__(self, "chains", chains)
         object.__setattr__(self, "fixed", _marks(fixed, points, count))
-        # Values are not known while a graph is made; where it runs, drawing refuses bad ones.
-        if points.device.type == "cpu" and not torch.compiler.is_compiling():
+        # Where values are not looked at, drawing refuses bad ones.
+        if can_look_at(points):
             self.check_values()
 
     def check_values(self) -> None:
@@ -358,8 +360,7 @@ def _marks(fixed: Tensor | None, points: Tensor, count: int) -> Tensor | None:
         raise ValueError(f"fixed must have shape ({count},) for {count} strokes, got {tuple(fixed.shape)}")
     if fixed.device != points.device:
         raise ValueError(f"fixed must be on the device of points, {points.device}, got {fixed.device}")
-    looked_at = fixed.device.type == "cpu" and not torch.compiler.is_compiling()
-    return None if looked_at and not bool(fixed.any()) else fixed
+    return None if can_look_at(fixed) and not bool(fixed.any()) else fixed
 
 
 def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...], rows: str = "strokes") -> Tensor:

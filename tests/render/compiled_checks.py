@@ -2,8 +2,9 @@
 
 import pytest
 import torch
+from torch.fx.experimental.proxy_tensor import make_fx
 
-from diff3ds import Chains, MonteCarlo, Sketch, orbit, render
+from diff3ds import Cameras, Chains, MonteCarlo, Sketch, orbit, project, rasterize, render, render_batch
 from diff3ds.render.compiled import draw
 
 VIEWS = orbit([10.0, 80.0], [20.0, 40.0], 3.0, size=(40, 36))
@@ -72,6 +73,82 @@ def test_a_compiled_loss_is_the_loss(name) -> None:
     got = value_and_gradients(torch.compile(loss, fullgraph=True, backend="aot_eager"), make())
     for one, other in zip(got, expected, strict=True):
         torch.testing.assert_close(one, other, rtol=0, atol=0)
+
+
+def test_a_compiled_loss_is_the_loss_without_gradients_and_for_any_number_of_strokes() -> None:
+    loss = function({}, {}, VIEWS)
+    compiled = torch.compile(loss, fullgraph=True, backend="aot_eager", dynamic=True)
+    for mode in (torch.no_grad, torch.inference_mode):
+        for strokes in (2, 5, 6):
+            with mode():
+                values = {name: value[:strokes].clone() for name, value in tensors().items()}
+                assert torch.equal(compiled(**values), loss(**values))
+
+
+@pytest.mark.filterwarnings("default")
+def test_graph_breaks_around_a_drawing_change_nothing() -> None:
+    def broken(**values):
+        values["points"] = 2 * (values["points"] / 2)
+        torch._dynamo.graph_break()
+        value = loss(**values)
+        torch._dynamo.graph_break()
+        return value
+
+    loss = function({}, {}, VIEWS)
+    expected = value_and_gradients(loss, tensors())
+    for one, other in zip(
+        value_and_gradients(torch.compile(broken, backend="aot_eager"), tensors()), expected, strict=True
+    ):
+        torch.testing.assert_close(one, other, rtol=0, atol=0)
+
+
+def test_cameras_made_in_a_graph_have_gradients() -> None:
+    def loss(pose, lens):
+        return render(Sketch(values["points"], width=0.05), Cameras(pose, lens, VIEWS.size)).color.square().mean()
+
+    values = tensors()
+    given = [VIEWS.world_to_camera.clone().requires_grad_(), VIEWS.intrinsics.clone().requires_grad_()]
+    compiled = torch.compile(loss, fullgraph=True, backend="aot_eager")
+    got, expected = torch.autograd.grad(compiled(*given), given), torch.autograd.grad(loss(*given), given)
+    for one, other in zip(got, expected, strict=True):
+        assert one.abs().sum() > 0
+        torch.testing.assert_close(one, other)
+
+
+def test_what_make_fx_records_draws_what_it_is_given() -> None:
+    def gradient(points):
+        with torch.enable_grad():
+            leaf = points.detach().requires_grad_()
+            return torch.autograd.grad(render(Sketch(leaf, width=0.05), VIEWS).color.square().mean(), leaf)[0]
+
+    points = tensors()["points"]
+    recorded = make_fx(gradient)(points)
+    assert {"draw", "draw_backward"} <= {node.name for node in recorded.graph.nodes}
+    assert gradient(points + 0.1).abs().sum() > 0
+    torch.testing.assert_close(recorded(points + 0.1), gradient(points + 0.1))
+
+
+@pytest.mark.filterwarnings("default")
+def test_torch_func_is_left_out_of_graphs_and_refused_where_it_cannot_be() -> None:
+    def loss(points):
+        return render(Sketch(points, width=0.05), VIEWS).color.mean()
+
+    points = tensors()["points"]
+    wrapped = torch.compile(lambda p: torch.func.grad(loss)(p), backend="aot_eager")
+    torch.testing.assert_close(wrapped(points), torch.func.grad(loss)(points))
+    with pytest.raises(RuntimeError, match=r"torch\.func does not go through drawings in graphs"):
+        make_fx(torch.func.grad(loss))(points)
+
+
+def test_batches_and_projected_strokes_are_drawn_outside_of_the_graph() -> None:
+    def pictures(points):
+        sketch = Sketch(points, width=0.05)
+        batch = render_batch([sketch, sketch], VIEWS)
+        return batch[1].color, rasterize(project(sketch, VIEWS), VIEWS.size).color
+
+    points = tensors()["points"]
+    for one, other in zip(torch.compile(pictures, backend="aot_eager")(points), pictures(points), strict=True):
+        assert torch.equal(one, other)
 
 
 @pytest.mark.slow

@@ -214,10 +214,10 @@ def test_batched_gradients(kernels):
         jacobian(lambda points: picture(kernels)(points).mean((1, 2)), POINTS, vectorize=True)
 
 
-def test_recorded_graphs_hold_no_picture(kernels):
+def test_recorded_graphs_hold_no_picture(backend):
     """They would draw the same for all inputs."""
     strokes = strokes_at([[[4.0, 12.0], [10.0, 2.0], [12.0, 8.0]]])
-    alpha = lambda cubics: rasterize(replace(strokes, cubics=cubics), 16, backend=kernels).alpha  # noqa: E731
+    alpha = lambda cubics: rasterize(replace(strokes, cubics=cubics), 16, backend=backend).alpha  # noqa: E731
     with pytest.raises(RuntimeError, match="recorded"):
         make_fx(alpha)(strokes.cubics)
     with pytest.raises(RuntimeError, match="recorded"), pytest.warns():

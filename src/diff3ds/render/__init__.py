@@ -9,10 +9,13 @@ from typing import cast
 
 import torch
 
+from diff3ds._modes import in_graph, outside_of_graphs
 from diff3ds._shapes import Float, Tensor
+from diff3ds._with_torch import known_to_torch
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
 from diff3ds.render import montecarlo, reference
+from diff3ds.render.autograd import refuse_recording
 from diff3ds.render.backends import (
     Backend,
     available_backends,
@@ -43,6 +46,7 @@ __all__ = [
 ]
 
 
+@known_to_torch
 @dataclass(frozen=True, eq=False)
 class Rendering:
     """Images of V views, in the dtype of the strokes' colours.
@@ -87,8 +91,8 @@ def render(
     Kernels have first derivatives in reverse mode (autograd, `torch.func.grad`, `vjp`, `jacrev`). Second derivatives
     and forward mode are for `backend="reference"` with analytic antialiasing, and an error elsewhere.
 
-    In `torch.compile`, with `fullgraph=True` too, and in `torch.export` a drawing by kernels is one operator,
-    `diff3ds::draw`; its backward draws again. The reference is drawn outside of such graphs.
+    In `torch.compile`, with `fullgraph=True` too, in `torch.export` and in `make_fx` a drawing by kernels is one
+    operator, `diff3ds::draw`; its backward draws again. The reference is drawn outside of such graphs.
 
     Kernels draw sketches in float16 and bfloat16 in float32; images and gradients come in the sketch's dtype.
 
@@ -113,29 +117,37 @@ def render(
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
             argument, the stroke, the value and what was expected.
-        RuntimeError: batched by `torch.vmap`, recorded by `torch.jit.trace` or `make_fx`, or, when the gradients are
-            used, a derivative that there is not.
+        RuntimeError: batched by `torch.vmap`, recorded by `torch.jit.trace`, or, when the gradients are used, a
+            derivative that there is not.
     """
     if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
         got = f"{type(sketch).__name__} and {type(cameras).__name__}"
-        raise TypeError(f"render takes a Sketch and Cameras, got {got}")
+        several = ": render_batch takes several, of any sizes; concatenate of Sketch and of Cameras joins them"
+        hint = several if isinstance(sketch, list | tuple) or isinstance(cameras, list | tuple) else ""
+        raise TypeError(f"render takes a Sketch and Cameras, got {got}{hint}")
     if surface is not None:
         how = antialiasing_from(antialiasing, blur, samples, generator)
         return _with_surface(sketch, cameras, surface, hidden, contours, background, how, backend)
-    if torch.compiler.is_compiling():
-        # Imported by those who compile only: operators load a second of torch.
+    if in_graph():
+        # Imported by those who make graphs only: operators load a second of torch.
         from diff3ds.render import compiled
 
         if operator := compiled.kernels_for(sketch.points.device.type, sketch.points.dtype, backend):
             how = antialiasing_from(antialiasing, blur, samples, generator)
             return Rendering(*compiled.render(sketch, cameras, background, how, operator))
+    return _drawn(sketch, cameras, background, antialiasing_from(antialiasing, blur, samples, generator), backend)
+
+
+@outside_of_graphs
+def _drawn(
+    sketch: Sketch, cameras: Cameras, background: Background, how: Analytic | MonteCarlo, backend: Backend | None
+) -> Rendering:
     check_devices(sketch, cameras)
     home = sketch.points.device
     place = drawing_device(home)
     chosen = _drawing(len(cameras), choose_backend(backend, place, sketch.points.dtype))
     shape = (len(cameras), *cameras.size, 3)
     canvas = canvas_from(background, sketch.color, shape)
-    how = antialiasing_from(antialiasing, blur, samples, generator)
     dtype = sketch.points.dtype
     drawn = dtype if chosen == "reference" else kernel_dtype(dtype)
     if place != home:
@@ -181,6 +193,7 @@ def _with_surface(
     return Rendering(*(torch.cat([getattr(view, name) for view in views]) for name in ("color", "alpha", "depth")))
 
 
+@outside_of_graphs
 def render_batch(
     sketches: Sequence[Sketch],
     cameras: Cameras | Sequence[Cameras],
@@ -283,6 +296,7 @@ def _naming(sketch: int) -> Iterator[None]:
         raise type(error)(f"sketch {sketch} of the batch: {error}") from error
 
 
+@outside_of_graphs
 def rasterize(
     strokes: Strokes2D,
     size: Size,
@@ -329,6 +343,7 @@ def _drawing(views: int, chosen: Backend) -> Backend:
 def _by_reference(
     strokes: Strokes2D, size: tuple[int, int], canvas: Tensor, antialiasing: Analytic | MonteCarlo
 ) -> Images:
+    refuse_recording()
     check_stroke_values(strokes)
     if isinstance(antialiasing, Analytic):
         return reference.rasterize(strokes, size, canvas, antialiasing.blur)

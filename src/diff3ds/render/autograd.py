@@ -8,7 +8,7 @@ from typing import Any, NoReturn, Protocol, cast, runtime_checkable
 
 import torch
 
-from diff3ds._modes import transformed
+from diff3ds._modes import recorded, transformed
 from diff3ds._shapes import Tensor
 from diff3ds.chains import Chains
 from diff3ds.render.kernel_inputs import Appearance, Batch, Curves, Images, KernelInputs, Options, PlainCameras
@@ -39,8 +39,8 @@ BATCHED = (
 )
 MAPPED = "drawings cannot be mapped by torch.vmap: loop, or draw all strokes as one sketch and all views at once"
 RECORDED = (
-    "drawings by kernels cannot be recorded as a graph of torch's operations (torch.jit.trace, make_fx, torch.export): "
-    "it would hold the images as constants"
+    "such a drawing cannot be recorded as a graph of torch's operations, which would hold the images as constants: "
+    "use render with kernels in make_fx, torch.export or torch.compile; torch.jit.trace has no way"
 )
 
 
@@ -66,7 +66,7 @@ def draw(inputs: KernelInputs, kernels: Kernels) -> Images:
         ValueError: a stroke with a value that cannot be drawn.
         RuntimeError: a transform that kernels do not take part in, or a graph that is recorded.
     """
-    _refuse_recording()
+    refuse_recording()
     tensors = inputs.tensors()
     if transformed():
         return _drawn(_Draw, inputs, kernels)
@@ -75,9 +75,9 @@ def draw(inputs: KernelInputs, kernels: Kernels) -> Images:
     return kernels.forward(inputs, save=False)[0]
 
 
-def _refuse_recording() -> None:
+def refuse_recording() -> None:
     """Raises RuntimeError where a recorded graph would hold the images as constants."""
-    if torch._C._get_tracing_state() or torch._C._get_dispatch_mode(torch._C._TorchDispatchModeKey.PROXY):
+    if torch._C._get_tracing_state() or recorded():
         raise RuntimeError(RECORDED)
 
 

@@ -22,6 +22,10 @@ from diff3ds.render.kernels import kernels_of
 from diff3ds.render.options import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch, WidthSpace
 
+TRANSFORMED = (
+    "torch.func does not go through drawings in graphs: compile without it (autograd), or use it without compiling"
+)
+
 
 @torch.compiler.assume_constant_result  # type: ignore[untyped-decorator]
 def kernels_for(device: str, dtype: torch.dtype, backend: Backend | None) -> str:
@@ -39,6 +43,8 @@ def render(
     Raises:
         RuntimeError: samples of a generator, whose state a graph cannot hold.
     """
+    if torch._C._are_functorch_transforms_active():
+        raise RuntimeError(TRANSFORMED)
     check_devices(sketch, cameras)
     dtype = sketch.points.dtype
     drawn = sketch if kernel_dtype(dtype) == dtype else sketch.to(kernel_dtype(dtype))

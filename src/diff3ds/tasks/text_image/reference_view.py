@@ -1,6 +1,6 @@
 """A view that is known, beside those that a prior judges."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 
@@ -59,9 +59,4 @@ class _OneMoreView:
     last: Cameras
 
     def __call__(self, step: int, generator: torch.Generator) -> Cameras:
-        drawn = self.orbits(step, generator)
-        return replace(
-            drawn,
-            world_to_camera=torch.cat([drawn.world_to_camera, self.last.world_to_camera]),
-            intrinsics=torch.cat([drawn.intrinsics, self.last.intrinsics]),
-        )
+        return Cameras.concatenate([self.orbits(step, generator), self.last])
