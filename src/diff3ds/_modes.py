@@ -1,7 +1,6 @@
 """Whether transforms and modes of torch have a part in what is computed: what they touch must not outlive them."""
 
 from collections.abc import Callable
-from functools import wraps
 from typing import ParamSpec, TypeVar, cast
 
 import torch
@@ -13,18 +12,9 @@ Given = ParamSpec("Given")
 Made = TypeVar("Made")
 
 
-def outside_of_graphs(function: Callable[Given, Made]) -> Callable[Given, Made]:
-    """The function, at which torch.compile ends its graph and goes on with another one behind it."""
-
-    @wraps(function)
-    def called(*args: Given.args, **kwargs: Given.kwargs) -> Made:
-        # Not before: what disables it loads a second of torch.
-        if torch.compiler.is_compiling():
-            function_outside = torch.compiler.disable(function)  # type: ignore[no-untyped-call]
-            return cast(Made, function_outside(*args, **kwargs))
-        return function(*args, **kwargs)
-
-    return called
+def outside_of_graph(function: Callable[Given, Made], *args: Given.args, **kwargs: Given.kwargs) -> Made:
+    """Calls the function where torch.compile makes a graph: that ends here, and another one begins behind it."""
+    return cast(Made, torch.compiler.disable(function)(*args, **kwargs))  # type: ignore[no-untyped-call]
 
 
 def transformed() -> bool:

@@ -259,7 +259,8 @@ def test_nothing_outlives_a_transform(backend, transform, request):
 
     try:
         TRANSFORMS[transform](value)
-    except (RuntimeError, NotImplementedError, torch._subclasses.fake_tensor.DataDependentOutputException):
+    # ValueError: what stands in for a GPU here is none in a graph.
+    except (RuntimeError, NotImplementedError, ValueError, torch._subclasses.fake_tensor.DataDependentOutputException):
         assert transform not in ("grad", "vjp", "jacrev", "inference")
     points = POINTS.clone().requires_grad_()
     wanted = render(

@@ -9,7 +9,7 @@ from typing import cast
 
 import torch
 
-from diff3ds._modes import in_graph, outside_of_graphs
+from diff3ds._modes import in_graph, outside_of_graph
 from diff3ds._shapes import Float, Tensor
 from diff3ds._with_torch import known_to_torch
 from diff3ds.camera import Cameras, Size, check_size
@@ -125,23 +125,17 @@ def render(
         several = ": render_batch takes several, of any sizes; concatenate of Sketch and of Cameras joins them"
         hint = several if isinstance(sketch, list | tuple) or isinstance(cameras, list | tuple) else ""
         raise TypeError(f"render takes a Sketch and Cameras, got {got}{hint}")
+    how = antialiasing_from(antialiasing, blur, samples, generator)
     if surface is not None:
-        how = antialiasing_from(antialiasing, blur, samples, generator)
         return _with_surface(sketch, cameras, surface, hidden, contours, background, how, backend)
     if in_graph():
         # Imported by those who make graphs only: operators load a second of torch.
         from diff3ds.render import compiled
 
         if operator := compiled.kernels_for(sketch.points.device.type, sketch.points.dtype, backend):
-            how = antialiasing_from(antialiasing, blur, samples, generator)
             return Rendering(*compiled.render(sketch, cameras, background, how, operator))
-    return _drawn(sketch, cameras, background, antialiasing_from(antialiasing, blur, samples, generator), backend)
-
-
-@outside_of_graphs
-def _drawn(
-    sketch: Sketch, cameras: Cameras, background: Background, how: Analytic | MonteCarlo, backend: Backend | None
-) -> Rendering:
+        if torch.compiler.is_compiling():
+            return outside_of_graph(render, sketch, cameras, background=background, antialiasing=how, backend=backend)
     check_devices(sketch, cameras)
     home = sketch.points.device
     place = drawing_device(home)
@@ -193,7 +187,6 @@ def _with_surface(
     return Rendering(*(torch.cat([getattr(view, name) for view in views]) for name in ("color", "alpha", "depth")))
 
 
-@outside_of_graphs
 def render_batch(
     sketches: Sequence[Sketch],
     cameras: Cameras | Sequence[Cameras],
@@ -224,10 +217,14 @@ def render_batch(
     Raises:
         TypeError, ValueError, RuntimeError: as `render`; the message names the sketch by its place among them.
     """
+    how = antialiasing_from(antialiasing, blur, samples, generator)
+    if torch.compiler.is_compiling():
+        return outside_of_graph(
+            render_batch, sketches, cameras, background=background, antialiasing=how, backend=backend
+        )
     seen = [cameras] * len(sketches) if isinstance(cameras, Cameras) else list(cameras)
     if len(seen) != len(sketches):
         raise ValueError(f"there must be as many cameras as sketches, {len(sketches)}, or one for all, got {len(seen)}")
-    how = antialiasing_from(antialiasing, blur, samples, generator)
     groups: dict[tuple[object, ...], list[int]] = {}
     for k, (sketch, views) in enumerate(zip(sketches, seen, strict=True)):
         with _naming(k):
@@ -296,7 +293,6 @@ def _naming(sketch: int) -> Iterator[None]:
         raise type(error)(f"sketch {sketch} of the batch: {error}") from error
 
 
-@outside_of_graphs
 def rasterize(
     strokes: Strokes2D,
     size: Size,
@@ -313,12 +309,14 @@ def rasterize(
     Raises:
         TypeError, ValueError: as `render`.
     """
+    how = antialiasing_from(antialiasing, blur, samples, generator)
+    if torch.compiler.is_compiling():
+        return outside_of_graph(rasterize, strokes, size, background=background, antialiasing=how, backend=backend)
     size = check_size(size)
     check_strokes(strokes)
     chosen = _drawing(len(strokes.cubics), choose_backend(backend, strokes.color.device, strokes.color.dtype))
     shape = (len(strokes.cubics), *size, 3)
     canvas = canvas_from(background, strokes.color, shape)
-    how = antialiasing_from(antialiasing, blur, samples, generator)
     dtype = strokes.color.dtype
     try:
         if chosen == "reference":
