@@ -8,7 +8,8 @@ import torch
 from needs import needs
 
 import diff3ds as ds
-from diff3ds.formats.cad.curve_kinds import Arc, Line, Spline, curves_of
+from diff3ds.formats.cad.arcs import Arc
+from diff3ds.formats.cad.curve_kinds import Line, Spline, curves_of
 
 pytestmark = needs("ezdxf")
 
@@ -161,4 +162,87 @@ def test_no_strokes_and_no_ezdxf(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"pip install 'diff3ds\[cad\]'"):
         ds.save(tmp_path / "a.dxf", circle())
+    assert list(tmp_path.iterdir()) == []
+
+
+def flat_arcs():
+    """Level arcs that run counter-clockwise and clockwise, a clockwise ellipse, and a tilted arc; in four colours."""
+    level = [
+        {"normal": (0.0, 0.0, 1.0), "start": 10, "stop": 80},
+        {"normal": (0.0, 0.0, -1.0), "start": 10, "stop": 80},
+    ]
+    curves = [ds.bezier.circle((5.0, 1.0, 0.0), 2.0, **how) for how in level]
+    curves.append(ds.bezier.ellipse((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, 1.0, 0.0), 60.0, -20.0))
+    curves.append(ds.bezier.circle((0.0, 0.0, 0.0), 2.0, (1.0, 0.0, -1.0), 0.0, 60.0))
+    points, weights = (torch.cat([curve[i] for curve in curves]) for i in (0, 1))
+    color = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, 0.6, 0], [0, 0, 0]]).double()
+    return ds.Sketch(points, weights, color=color)
+
+
+def test_level_arcs_are_seen_from_above(tmp_path):
+    """Programs that pass over the extrusion show the same: the points are those in the plane of the numbers."""
+    sketch = flat_arcs()
+    ds.save(tmp_path / "a.dxf", sketch)
+    _, entities = read(tmp_path / "a.dxf")
+    assert [e.dxftype() for e in entities] == ["ARC", "ARC", "ELLIPSE", "ARC"]
+    for stroke, entity in enumerate(entities[:3]):
+        assert tuple(entity.dxf.extrusion) == (0, 0, 1)
+        assert distances(sketch[[stroke]], sampled(entity)) < 1e-9
+    assert tuple(entities[3].dxf.extrusion) == pytest.approx((0.5**0.5, 0, -(0.5**0.5)))
+    assert distances(sketch[[3]], sampled(entities[3])) < 1e-9
+
+
+def test_colours_of_autocad_stand_beside_true_ones(tmp_path):
+    ds.save(tmp_path / "a.dxf", flat_arcs())
+    document, _ = read(tmp_path / "a.dxf")
+    layers = {layer.dxf.name: (layer.dxf.color, layer.rgb) for layer in document.layers}
+    assert layers["COLOR_FF0000"] == (1, (255, 0, 0))
+    assert layers["COLOR_0000FF"] == (5, (0, 0, 255))
+    # Black is what AutoCAD shows black on white.
+    assert layers["COLOR_000000"] == (7, (0, 0, 0))
+    # AutoCAD's 92 is rgb(0, 165, 0), 94 is rgb(0, 124, 0).
+    assert layers["COLOR_009900"] == (92, (0, 153, 0))
+    ds.formats.save_dxf(tmp_path / "b.dxf", flat_arcs(), layers=["a", "a", "b", "b"])
+    _, entities = read(tmp_path / "b.dxf")
+    assert [entity.dxf.color for entity in entities] == [1, 5, 92, 7]
+
+
+@pytest.mark.parametrize("version", ["R2010", "R12"])
+def test_extents_and_view_are_those_of_what_is_drawn(version, tmp_path):
+    """The curves', not their control points': a half circle of radius 2 ends at 2."""
+    points, weights = ds.bezier.circle((100.0, 50.0, 7.0), 2.0, start=0.0, stop=180.0)
+    ds.formats.save_dxf(tmp_path / "a.dxf", ds.Sketch(points, weights), version=version)
+    document, _ = read(tmp_path / "a.dxf")
+    assert tuple(document.header["$EXTMIN"]) == pytest.approx((98, 50, 7))
+    assert tuple(document.header["$EXTMAX"]) == pytest.approx((102, 52, 7))
+    (view,) = document.viewports.get("*Active")
+    assert tuple(view.dxf.center)[:2] == pytest.approx((100, 51))
+    assert 4 / view.dxf.aspect_ratio < view.dxf.height < 2 * 4 / view.dxf.aspect_ratio
+
+
+def test_r12_has_plane_polylines_where_strokes_are_level(tmp_path, capfd):
+    sketch = flat_arcs()
+    ds.formats.save_dxf(tmp_path / "a.dxf", sketch, version="R12", tolerance=1e-3)
+    assert "".join(capfd.readouterr()) == ""
+    document, entities = read(tmp_path / "a.dxf")
+    assert document.dxfversion == "AC1009"
+    assert [e.get_mode() for e in entities] == ["AcDb2dPolyline"] * 3 + ["AcDb3dPolyline"]
+    assert [document.layers.get(e.dxf.layer).dxf.color for e in entities] == [1, 5, 92, 7]
+    for stroke, entity in enumerate(entities):
+        corners = np.array([tuple(p) for p in entity.points()])
+        assert 1e-5 < distances(sketch[[stroke]], (corners[1:] + corners[:-1]) / 2) < 1e-3
+    with pytest.warns(UserWarning, match="says no unit of length"):
+        assert len(ds.load(tmp_path / "a.dxf")) == 4
+
+
+def test_wrong_versions_and_tolerances_leave_nothing(tmp_path):
+    save = getattr(ds.formats.save_dxf, "__wrapped__", ds.formats.save_dxf)
+    wrong = [
+        ({"version": "R11"}, "version must be one of R2010, R12, got 'R11'"),
+        ({"version": "R12", "tolerance": 0.0}, "tolerance of polylines must be positive, got 0"),
+        ({"tolerance": -1.0}, "tolerance must be at least 0 and finite, got -1"),
+    ]
+    for given, said in wrong:
+        with pytest.raises(ValueError, match=said):
+            save(tmp_path / "a.dxf", circle(), **given)
     assert list(tmp_path.iterdir()) == []

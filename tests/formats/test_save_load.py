@@ -26,6 +26,52 @@ def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("suffix", "said"),
+    [
+        (".stl", "as closed tubes: write one of these, and slicers"),
+        (".3mf", ".ply and .glb"),
+        (".iges", "write .step or .3dm"),
+        (".usdz", "write .usdc and pack it"),
+        (".gltf", "write .glb"),
+        (".dwg", "write .dxf"),
+        (".svgz", "write .svg"),
+        (".eps", "write .pdf or .svg"),
+        (".ai", "write .pdf or .svg"),
+        (".hpgl", "--centerline"),
+        (".JPG", "write .png"),
+    ],
+)
+def test_formats_that_are_not_written_name_the_nearest_that_is(tmp_path, sketch, suffix, said):
+    with pytest.raises(ValueError, match=rf"cannot save as '{suffix.lower()}', only as \.json.*: .*{said}"):
+        ds.save(tmp_path / f"a{suffix}", sketch)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_formats_that_are_not_read_name_what_to_do(tmp_path):
+    for suffix, said in ((".dwg", "save it as .dxf"), (".iges", "save it as .step"), (".stl", "diff3ds mesh")):
+        with pytest.raises(ValueError, match=rf"cannot load '{suffix}', only \.json.*: .*{said}"):
+            ds.load(tmp_path / f"a{suffix}")
+
+
+NEED = {".dxf": "ezdxf", ".3dm": "rhino3dm", ".usda": "pxr"}
+ARTICLES = {".step": "a STEP", ".dxf": "a DXF", ".3dm": "a 3DM", ".glb": "a GLB", ".ply": "a PLY", ".obj": "an OBJ"}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind"),
+    [
+        pytest.param(suffix, kind, marks=[needs(NEED[suffix])] if suffix in NEED else [])
+        for suffix, kind in {**ARTICLES, ".usda": "a USD"}.items()
+    ],
+)
+def test_files_of_no_strokes_are_refused_by_one_sentence(tmp_path, suffix, kind):
+    for none in (ds.Sketch(torch.zeros(0, 4, 3)), ds.Sketch(torch.zeros(0, 2, 3).double())):
+        with pytest.raises(ValueError, match=rf"a\{suffix}: {kind} file needs at least one stroke, got none$"):
+            ds.save(tmp_path / f"a{suffix}", none)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_pictures_need_cameras(tmp_path, sketch):
     for name in ("a.svg", "a.png"):
         with pytest.raises(ValueError, match="needs cameras=Cameras, got NoneType"):

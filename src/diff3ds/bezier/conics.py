@@ -3,12 +3,15 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from diff3ds._checks import as_numbers, check_finite
 from diff3ds._shapes import Float, Tensor
 
 Vector = Sequence[float] | Float[Tensor, " D"]
+Doubles = NDArray[np.float64]
 
 # A rational quadratic can turn by less than 180 degrees; 90 keeps its weights mild (cos 45 degrees).
 MAX_ARC = 90.0
@@ -112,3 +115,24 @@ def _check_range(start: float, stop: float) -> None:
             raise TypeError(f"{name} must be one number, got {value}")
     if start == stop or not (math.isfinite(start) and math.isfinite(stop)):
         raise ValueError(f"start and stop must be finite and differ, got start {start}, stop {stop}")
+
+
+def axes_of_conic(
+    a: float, b: float, c: float, d: float, e: float, f: float
+) -> (
+    tuple[Float[NDArray[np.float64], " 2"], Float[NDArray[np.float64], " 2"], Float[NDArray[np.float64], "2 2"]] | None
+):
+    """Centre, half axes (the longer one first) and their directions (columns, right-handed) of an ellipse.
+
+    It is a x² + b x y + c y² + d x + e y + f = 0; None of other conics.
+    """
+    form = np.array([[a, b / 2], [b / 2, c]])
+    if not np.linalg.det(form) > 0:
+        return None
+    center = -np.linalg.solve(form, (d, e)) / 2
+    values, directions = np.linalg.eigh(-form / (f + center @ (d, e) / 2))
+    if not values[0] > 0:
+        return None
+    # A reflected frame would turn the other way.
+    directions[:, 1] *= np.sign(np.linalg.det(directions))
+    return center, 1 / np.sqrt(values), directions

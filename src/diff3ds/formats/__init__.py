@@ -9,6 +9,7 @@ from diff3ds.formats.cad.dxf import load_dxf, save_dxf
 from diff3ds.formats.cad.rhino import load_3dm, save_3dm
 from diff3ds.formats.cad.step import load_step, save_step
 from diff3ds.formats.framing import framed
+from diff3ds.formats.nearest import before_reading, instead_of
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.scenes.blender import save_blender
 from diff3ds.formats.scenes.glb import save_glb
@@ -134,7 +135,8 @@ def save(
     elif suffix in _GEOMETRY:
         _GEOMETRY[suffix](path, sketch)
     elif suffix not in PICTURES:
-        raise ValueError(f"{path}: cannot save as {suffix!r}, only as {', '.join([*_GEOMETRY, *PICTURES])}")
+        known = ", ".join([*_GEOMETRY, *PICTURES])
+        raise ValueError(f"{path}: cannot save as {suffix!r}, only as {known}{instead_of(suffix)}")
     elif not isinstance(cameras, Cameras):
         raise ValueError(f"{path}: a picture needs cameras=Cameras, got {type(cameras).__name__}: try ds.orbit(30, 20)")
     elif suffix == ".svg":
@@ -162,7 +164,8 @@ def load(path: str | Path) -> Sketch:
         ImportError: the extra that reads this format is not installed.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    reader = _READERS.get(suffix)
     if reader is None:
-        raise ValueError(f"{path}: cannot load {path.suffix.lower()!r}, only {', '.join(_READERS)}")
+        raise ValueError(f"{path}: cannot load {suffix!r}, only {', '.join(_READERS)}{before_reading(suffix)}")
     return reader(path)

@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,9 @@ def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict
         raise ValueError(f"{path}: {answer['error']}")
     strokes: list[dict[str, Any]] = answer["strokes"]
     if not strokes:
-        raise ValueError(f"{path}: no curves in this {kind} file")
+        raise ValueError("; ".join([f"{path}: no curves in this {kind} file", *answer["said"]]))
+    for line in answer["said"]:
+        warnings.warn(f"{path}: {line}", stacklevel=4)
     return strokes
 
 
@@ -108,11 +111,23 @@ def _joined(curves: list[dict[str, Any]], scale: float) -> list[list[Segment]]:
             raise ValueError(f"of degree {degree}, and only up to {MAX_DEGREE} is read: rebuild it as a cubic")
         parts = zip(*(part.tolist() for part in from_nurbs(points * scale, weights, knots)), strict=True)
         segments: list[Segment] = list(parts)
+        # Programs give some curves the other way round, such as arcs that they draw counter-clockwise.
+        if runs and not meet(runs[-1][-1], segments[0]):
+            back = _reversed(segments)
+            if curve is curves[1] and not meet(runs[-1][-1], back[0]):
+                first = _reversed(runs[-1])
+                runs[-1] = first if meet(first[-1], segments[0]) or meet(first[-1], back[0]) else runs[-1]
+            segments = back if meet(runs[-1][-1], back[0]) else segments
         if runs and meet(runs[-1][-1], segments[0]):
             runs[-1] += segments
         else:
             runs.append(segments)
     return runs
+
+
+def _reversed(segments: list[Segment]) -> list[Segment]:
+    """The same curve from its end to its start."""
+    return [(points[::-1], weights[::-1]) for points, weights in reversed(segments)]
 
 
 def meet(before: Segment, after: Segment) -> bool:

@@ -7,6 +7,22 @@ from diff3ds._units import Unit, check_unit
 from diff3ds.sketch import Sketch
 
 
+def check_sketch(path: Path, sketch: Sketch, kind: str) -> None:
+    """Sees that there is something to be written: the formats that need it say one sentence.
+
+    Args:
+        path: of the file, for messages.
+        sketch: what is to be written.
+        kind: of the file, such as "a DXF".
+
+    Raises:
+        ValueError: no strokes, or values that have become invalid since the sketch was made.
+    """
+    sketch.check_values()
+    if len(sketch) == 0:
+        raise ValueError(f"{path}: {kind} file needs at least one stroke, got none")
+
+
 def check_writable(path: Path, sketch: Sketch, unit: Unit, kind: str, module: str, package: str, extra: str) -> None:
     """Sees that a sketch can be written by a library that comes with an extra.
 
@@ -24,8 +40,6 @@ def check_writable(path: Path, sketch: Sketch, unit: Unit, kind: str, module: st
         ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
     """
     check_unit(unit)
-    sketch.check_values()
-    if len(sketch) == 0:
-        raise ValueError(f"{path}: a {kind} file needs at least one stroke, got none")
+    check_sketch(path, sketch, f"a {kind}")
     if importlib.util.find_spec(module) is None:
         raise ImportError(f"{path}: writing {kind} takes {package}: install it with pip install 'diff3ds[{extra}]'")

@@ -1,7 +1,7 @@
 """Reads a file in a process of its own: `python reader_process.py READER FILE` answers in JSON.
 
-The reader is a file below the folder of this one, such as cad/step_reader; its `strokes_of(path)` returns strokes.
-None of these files imports the package.
+The reader is a file below the folder of this one, such as cad/step_reader; its `strokes_of(path)` returns strokes, and
+lines of what is left out or assumed. None of these files imports the package.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ MEMORY = 1 << 33
 
 
 def main(reader: str, path: str) -> None:
-    """Prints {"strokes": [...]} or {"error": message}."""
+    """Prints {"strokes": [...], "said": [...]} or {"error": message}."""
     with contextlib.suppress(ImportError):  # not on Windows
         import resource
 
@@ -33,7 +33,8 @@ def main(reader: str, path: str) -> None:
         assert spec.loader, place
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
-        result = {"strokes": module.strokes_of(path)}
+        strokes, said = module.strokes_of(path)
+        result = {"strokes": strokes, "said": said}
     # The libraries' exceptions have no common class but this.
     except Exception as error:
         result = {"error": str(error).strip() or type(error).__name__}

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diff3ds._shapes import Array, Float
+from diff3ds.bezier.conics import axes_of_conic
 from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs_along, fit_circle
 
 # [rounds, steps; numerical] Rounds of the geometric fit; each takes two steps towards the closest points.
@@ -110,16 +111,11 @@ def _algebraic(x: Float[Array, "M 2"]) -> tuple[Array, Array, Array] | None:
     vectors = np.linalg.eig(np.stack([scatter[2] / 2, -scatter[1], scatter[0] / 2])).eigenvectors.real
     a, b, c = vectors[:, np.argmax(4 * vectors[0] * vectors[2] - vectors[1] ** 2)]
     d, e, f = reduce @ (a, b, c)
-    form = np.array([[a, b / 2], [b / 2, c]])
-    if not np.linalg.det(form) > 0:
+    found = axes_of_conic(a, b, c, d, e, f)
+    if found is None:
         return None
-    center = -np.linalg.solve(form, (d, e)) / 2
-    values, directions = np.linalg.eigh(-form / (f + center @ (d, e) / 2))
-    if not values[0] > 0:
-        return None
-    # A reflected frame would turn the other way.
-    directions[:, 1] *= np.sign(np.linalg.det(directions))
-    return middle + size * center, size / np.sqrt(values), directions
+    center, half, directions = found
+    return middle + size * center, size * half, directions
 
 
 def _closest(local: Float[Array, "M 2"], half: Float[Array, " 2"], angle: Float[Array, " M"]) -> Float[Array, " M"]:

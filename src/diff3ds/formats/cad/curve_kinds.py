@@ -1,22 +1,41 @@
-"""Strokes as CAD programs name them: lines, arcs of circles and ellipses, and B-splines for what is none of these."""
+"""Strokes as CAD programs name them: lines, arcs of circles and ellipses, and B-splines for what is none of these.
 
-import math
+What stands for a curve lies within a tolerance of it everywhere. By default that is how well the sketch's coordinates
+are known, so that kinds depend neither on where a drawing lies nor on how it was turned there (docs/reference/files.md,
+"Kinds of curves").
+"""
+
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from diff3ds._shapes import Float
-from diff3ds.bezier import to_nurbs
+from diff3ds._shapes import Float, Tensor
+from diff3ds.bezier import evaluate, to_nurbs
+from diff3ds.bezier.curves import from_homogeneous, homogeneous
+from diff3ds.bezier.pieces import standard_form
+from diff3ds.formats.cad.arcs import Arc, Vector, arc_along
 from diff3ds.sketch import Sketch
 
-Vector = Float[NDArray[np.float64], " 3"]
-
-# How far from the curve what stands for it may lie, relative to its size: so many steps of rounding of the sketch's
-# dtype, in which a circle of `bezier.circle` stays one. [empirical: 8 are needed]
-STEPS = 64
+# How well coordinates are known, relative to the largest of the sketch. float64: a curve goes through fits, turns and
+# shifts, of some tens of steps of rounding each (2e-16), and through files of 13 digits and more; in a drawing of 100 m
+# it is the 1e-7 mm that kernels such as OCCT take for one place. Others: so many steps of rounding, in which a circle
+# of `bezier.circle` stays one. [empirical: 8 are needed]
+DOUBLE, STEPS = 1e-12, 64
+# What is taken for a curve by itself may be off by so much of its own size: small parts of large drawings keep shape.
+# It is what polylines are off (`polylines.TOLERANCE`), of the sketch there.
+MOST = 1e-4
+# Of a line that is off by more than rounding: an arc is taken in its place if it is so many times nearer. Noise is
+# nearer to arcs than to lines by less than 2. [empirical]
+NEARER = 8
+# Chebyshev's points, on which a polynomial of degree 6 is known between them to 1 / cos(6 pi / 48) = 1.09 of its
+# largest value there (Ehlich and Zeller 1964): squared distances of cubics from a circle are such, over weights.
+_SAMPLES = (1 - torch.cos(torch.linspace(0, torch.pi, 25, dtype=torch.float64))) / 2
+# Along arcs of many segments, so many are enough to tell whether the next one goes on.
+_MOST_SAMPLES = 400
 
 
 class Line(NamedTuple):
@@ -24,30 +43,6 @@ class Line(NamedTuple):
 
     start: Vector
     stop: Vector
-
-
-class Arc(NamedTuple):
-    """center + cos t major + sin t minor for t from start to stop, radians.
-
-    The axes are at right angles; the first is not shorter than the second, and as long but for rounding where the arc
-    is circular. It begins in [0, 2 pi), circular ones at 0; a whole circle or ellipse goes from 0 to 2 pi exactly.
-    """
-
-    center: Vector
-    major: Vector
-    minor: Vector
-    start: float
-    stop: float
-    circular: bool = False
-
-    @property
-    def whole(self) -> bool:
-        """Whether it goes all round."""
-        return self.start == 0 and self.stop == 2 * math.pi
-
-    def at(self, t: float) -> Vector:
-        """The point of a parameter."""
-        return self.center + math.cos(t) * self.major + math.sin(t) * self.minor
 
 
 class Spline(NamedTuple):
@@ -62,143 +57,150 @@ class Spline(NamedTuple):
 Curve = Line | Arc | Spline
 
 
-def curves_of(sketch: Sketch) -> Iterator[list[Curve]]:
+def check_tolerance(tolerance: float | None) -> None:
+    """Raises ValueError for what is no tolerance of `curves_of`."""
+    if tolerance is not None and not 0 <= tolerance < np.inf:
+        raise ValueError(f"tolerance must be at least 0 and finite, got {tolerance}")
+
+
+def resolution(sketch: Sketch) -> float:
+    """How well coordinates of a sketch are known, world units."""
+    largest = float(sketch.points.detach().abs().max()) if len(sketch) else 0.0
+    dtype = sketch.points.dtype
+    return largest * (DOUBLE if dtype == torch.float64 else STEPS * torch.finfo(dtype).eps)
+
+
+def curves_of(sketch: Sketch, tolerance: float | None = None) -> Iterator[list[Curve]]:
     """What each stroke is made of, from its start to its end.
 
     Arcs of one circle or ellipse that follow on each other are one, and so are segments that are neither lines nor
-    arcs. Arcs are found up to the rounding of the sketch's dtype (`STEPS`), and those of circles begin and end where
-    the stroke's control points are, to float64; of B-splines the control points and weights are kept to the last bit,
-    but for the factor of `to_nurbs`. At a joint a segment begins exactly where the one before it ends.
+    arcs. Those of circles begin and end where the stroke's control points are, to float64; of B-splines the control
+    points and weights are kept to the last bit, but for the factor of `to_nurbs`. At a joint a segment begins exactly
+    where the one before it ends, and so do strokes whose ends lie within the tolerance of each other.
+
+    Args:
+        tolerance: how far what stands for a curve may lie off it, world units; by default `resolution`, and at most
+            `MOST` of the curve's size.
     """
     sketch = sketch.detach().to("cpu")
-    tolerance = STEPS * torch.finfo(sketch.points.dtype).eps
-    points, weights = sketch.points.double(), sketch.weights.double()
-    points = points if sketch.chains is None else sketch.chains.joined(points)
+    known = resolution(sketch)
     first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
+    points, weights = _meeting(sketch, known if tolerance is None else tolerance), sketch.weights.double()
+    # Relative to where the stroke begins, there is no rounding by its distance from the origin.
+    begins = torch.arange(len(sketch)) if sketch.chains is None else sketch.chains.first[sketch.chains.stroke]
+    local = points - points[begins, :1]
+    control, _ = standard_form(homogeneous(local, weights))
+    samples = evaluate(*from_homogeneous(control), _SAMPLES)
     for stroke in range(len(sketch)):
+        rows = slice(first[stroke], first[stroke + 1])
+        yield _Stroke(
+            points[rows], weights[rows], local[rows].numpy(), samples[rows].numpy(), known, tolerance
+        ).curves()
+
+
+class _Stroke(NamedTuple):
+    """The segments of a stroke; its control points and samples along it also relative to where it begins."""
+
+    points: Float[Tensor, "M K 3"]
+    weights: Float[Tensor, "M K"]
+    local: Float[NDArray[np.float64], "M K 3"]
+    samples: Float[NDArray[np.float64], "M S 3"]
+    known: float
+    given: float | None
+
+    def curves(self) -> list[Curve]:
+        """Runs of segments, each a curve."""
         found: list[Curve] = []
         rest: list[int] = []
-        for segment in range(first[stroke], first[stroke + 1]):
-            curve = _simple(points[segment].numpy(), weights[segment].numpy(), tolerance)
+        begin = 0
+        for segment in range(len(self.points)):
+            curve = self._simple(segment)
             if curve is None:
                 rest.append(segment)
                 continue
-            found += [_spline(points, weights, rest)] if rest else []
+            found += [self._spline(rest)] if rest else []
+            joined = self._joined(found[-1], curve, begin, segment) if found and not rest else None
             rest = []
-            last = found[-1] if found else None
-            if isinstance(last, Arc) and isinstance(curve, Arc) and _continues(last, curve, tolerance):
-                found[-1] = _joined(last, curve, tolerance)
+            if joined is not None:
+                found[-1] = joined
             else:
                 found.append(curve)
-        yield found + ([_spline(points, weights, rest)] if rest else [])
+                begin = segment
+        found += [self._spline(rest)] if rest else []
+        origin = self.points[0, 0].numpy()
+        return [curve._replace(center=curve.center + origin) if isinstance(curve, Arc) else curve for curve in found]
 
+    def _tolerance(self, points: NDArray[np.float64]) -> float:
+        """Of what lies along these points."""
+        return min(self.known, MOST * float(np.ptp(points, axis=0).max())) if self.given is None else self.given
 
-def _spline(points: torch.Tensor, weights: torch.Tensor, segments: list[int]) -> Spline:
-    """Segments that follow on each other, as one B-spline."""
-    control, weight, knots = to_nurbs(points[segments], weights[segments])
-    return Spline(control.numpy(), weight.numpy(), knots.numpy(), points.shape[1] - 1)
+    def _arc(self, points: NDArray[np.float64], circular: bool) -> tuple[Arc, float] | None:
+        """The circular arc along points, or the elliptic one."""
+        far = float(self.points[0, 0].abs().max())
+        return arc_along(points, self._tolerance(points), far, circular)
 
+    def _simple(self, segment: int) -> Line | Arc | None:
+        """A segment as line or arc, if it is one."""
+        points, samples = self.local[segment], self.samples[segment]
+        tolerance = self._tolerance(points)
+        off = _off_chord(points, tolerance)
+        line = Line(*self.points[segment][[0, -1]].numpy()) if off <= tolerance else None
+        if len(points) == 2 or off <= min(self.known, tolerance):
+            return line
+        found = self._arc(samples, True)
+        if line is not None:
+            return found[0] if found and NEARER * found[1] <= off else line
+        found = found or self._arc(samples, False)
+        return found[0] if found else None
 
-def _simple(points: NDArray[np.float64], weights: NDArray[np.float64], tolerance: float) -> Line | Arc | None:
-    """A segment as line or arc, if it is one."""
-    chord = points[-1] - points[0]
-    size = float(np.ptp(points, axis=0).max())
-    length = float(np.linalg.norm(chord))
-    if length > tolerance * size:
-        along = (points - points[0]) @ (chord / length)
-        off = points - points[0] - along[:, None] * (chord / length)
-        # With its control points in order along the chord, the curve does not turn back.
-        if float(np.abs(off).max()) <= tolerance * size and bool((np.diff(along) >= 0).all()):
-            return Line(points[0], points[-1])
-    if len(points) == 2 or size == 0:
-        return None
-    origin = points[0]
-    control = np.concatenate([(points - origin) * weights[:, None], weights[:, None]], 1)
-    if len(points) == 4:
-        middle = (3 * control[1] - control[0]) / 2
-        if float(np.abs((control[3] + 2 * middle) / 3 - control[2]).max()) > tolerance * float(np.abs(control).max()):
+    def _joined(self, last: Curve, curve: Curve, begin: int, segment: int) -> Arc | None:
+        """The arc from one segment on and the one after it as one, if they are."""
+        if not isinstance(last, Arc) or not isinstance(curve, Arc):
             return None
-        control = np.stack([control[0], middle, control[3]])
-    arc = _conic(control)
-    if arc is None or not _is_on(arc, control, tolerance * size):
-        return None
-    major, minor = float(np.linalg.norm(arc.major)), float(np.linalg.norm(arc.minor))
-    if major - minor <= tolerance * major:
-        arc = _circular(arc, np.zeros(3), points[-1] - origin)
-    arc = arc._replace(center=arc.center + origin)
-    return arc if np.isfinite([arc.center, arc.major, arc.minor]).all() else None
+        along = self.samples[begin : segment + 1].reshape(-1, 3)
+        along = along[np.linspace(0, len(along) - 1, min(len(along), _MOST_SAMPLES)).astype(int)]
+        found = self._arc(along, True)
+        if not found and not (last.circular and curve.circular):
+            found = self._arc(along, False)
+        return found[0] if found else None
+
+    def _spline(self, segments: list[int]) -> Spline:
+        """Segments that follow on each other, as one B-spline, in world coordinates."""
+        control, weight, knots = to_nurbs(self.points[segments], self.weights[segments])
+        return Spline(control.numpy(), weight.numpy(), knots.numpy(), self.points.shape[1] - 1)
 
 
-def _circular(arc: Arc, start: Vector, stop: Vector) -> Arc:
-    """An arc that is round but for rounding, as one of a circle that begins and ends exactly at these points."""
-    normal = np.cross(arc.major, arc.minor)
-    normal /= np.linalg.norm(normal)
-    middle, along = (start + stop) / 2, (stop - start) / np.linalg.norm(stop - start)
-    # The centre is as far from both ends.
-    across = np.cross(normal, along)
-    center = middle + ((arc.center - middle) @ across) * across
-    major, end = start - center, stop - center
-    minor = np.cross(normal, major)
-    return Arc(center, major, minor, 0.0, math.atan2(end @ minor, end @ major) % (2 * math.pi), circular=True)
+def _off_chord(points: NDArray[np.float64], tolerance: float) -> float:
+    """How far control points lie off the chord; infinite where they turn back along it, or where it is a point."""
+    chord = points[-1] - points[0]
+    length = float(np.linalg.norm(chord))
+    if not length > 0 or not np.isfinite(chord / length).all():
+        return np.inf
+    along = points @ (chord / length)
+    if bool((np.diff(along) < -tolerance).any()):
+        return np.inf
+    return float(np.linalg.norm(points - points[0] - (along - along[0])[:, None] * (chord / length), axis=1).max())
 
 
-def _conic(control: NDArray[np.float64]) -> Arc | None:
-    """The ellipse of a rational quadratic of homogeneous control points (w P, w); None of a parabola or hyperbola."""
-    ends = math.sqrt(control[0, 3] * control[2, 3])
-    weight = float(control[1, 3]) / ends
-    rest = 1 - weight**2
-    if rest <= 0:
-        return None
-    first, last = control[0, :3] / control[0, 3], control[2, :3] / control[2, 3]
-    tip = control[1, :3] / ends
-    center = ((first + last) / 2 - weight * tip) / rest
-    # Conjugate half diameters: the curve is center + cos t a + sin t b, for t up to the angle both ways.
-    a, b = tip - weight * center, (last - first) / (2 * math.sqrt(rest))
-    angle = math.acos(weight)
-    axes, lengths, turn = np.linalg.svd(np.stack([a, b], 1), full_matrices=False)
-    if lengths[1] <= 0:
-        return None
-    major, minor = axes[:, 0] * lengths[0], axes[:, 1] * lengths[1]
-    if turn[0, 0] * turn[1, 1] < turn[0, 1] * turn[1, 0]:
-        minor, turn = -minor, np.stack([turn[0], -turn[1]])
-    start = (math.atan2(turn[1, 0], turn[0, 0]) - angle) % (2 * math.pi)
-    return Arc(center, major, minor, start, start + 2 * angle)
-
-
-def _is_on(arc: Arc, control: NDArray[np.float64], tolerance: float) -> bool:
-    """Whether points of a quadratic lie on the arc; between its ends in the order of their parameters."""
-    s = np.linspace(0, 1, 5)
-    basis = np.stack([(1 - s) ** 2, 2 * s * (1 - s), s**2], 1)
-    on = basis @ control
-    on = on[:, :3] / on[:, 3:] - arc.center
-    angle = np.arctan2(on @ arc.minor / (arc.minor @ arc.minor), on @ arc.major / (arc.major @ arc.major))
-    near = np.cos(angle)[:, None] * arc.major + np.sin(angle)[:, None] * arc.minor
-    return bool(np.abs(near - on).max() <= tolerance)
-
-
-def _continues(arc: Arc, after: Arc, tolerance: float) -> bool:
-    """Whether an arc goes on where another ends, on the same circle or ellipse and in the same direction."""
-    size = float(np.linalg.norm(arc.major))
-    # Short arcs tell less of the ellipse than long ones.
-    slack = 8 * tolerance * size / min(1.0, arc.stop - arc.start, after.stop - after.start) ** 2
-    shapes = [np.outer(x.major, x.major) + np.outer(x.minor, x.minor) for x in (arc, after)]
-    normals = [np.cross(x.major, x.minor) for x in (arc, after)]
-    return bool(
-        arc.circular == after.circular
-        and np.abs(arc.center - after.center).max() <= slack
-        and np.abs(shapes[0] - shapes[1]).max() <= 2 * slack * size
-        and normals[0] @ normals[1] > 0
-        and arc.stop - arc.start + after.stop - after.start <= 2 * math.pi * (1 + 8 * tolerance)
-        and np.abs(arc.at(arc.stop) - after.at(after.start)).max() <= slack
-    )
-
-
-def _joined(arc: Arc, after: Arc, tolerance: float) -> Arc:
-    """Two arcs as one; what is all round but for rounding goes all round."""
-    turn = arc.stop - arc.start + after.stop - after.start
-    if abs(turn - 2 * math.pi) <= 8 * tolerance * 2 * math.pi:
-        return arc._replace(start=0.0, stop=2 * math.pi)
-    # Of a circle but for a gap the gap tells little of where the centre is.
-    if arc.circular and turn < 1.9 * math.pi:
-        return _circular(arc, arc.at(arc.start), after.at(after.stop))
-    return arc._replace(stop=arc.start + turn)
+def _meeting(sketch: Sketch, tolerance: float) -> Float[Tensor, "M K 3"]:
+    """Control points, float64; ends of strokes within the tolerance of each other are at one place, the first's."""
+    chains = sketch.chains
+    points = sketch.points.double() if chains is None else chains.joined(sketch.points.double())
+    first = torch.arange(len(points)) if chains is None else chains.first[:-1]
+    last = torch.arange(len(points)) if chains is None else chains.first[1:] - 1
+    open_ = torch.ones(len(sketch), dtype=torch.bool) if chains is None else ~chains.closed
+    long = (points[last, -1] - points[first, 0]).norm(dim=1) > 2 * tolerance
+    # Shorter ones would become points.
+    first, last = first[open_ & long], last[open_ & long]
+    ends = torch.cat([points[first, 0], points[last, -1]])
+    if not len(ends):
+        return points
+    tree = cKDTree(ends.numpy())
+    moved, near = ends.clone(), torch.full((len(ends),), -1)
+    for i, others in enumerate(tree.query_ball_point(ends.numpy(), tolerance)):
+        if near[i] < 0:
+            free = [j for j in others if near[j] < 0]
+            near[free], moved[free] = i, ends[i].clone()
+    points = points.clone()
+    points[first, 0], points[last, -1] = moved[: len(first)], moved[len(first) :]
+    return points

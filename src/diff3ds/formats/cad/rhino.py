@@ -1,21 +1,26 @@
 """3DM files for Rhino and what reads its files, by rhino3dm (the extra `cad`).
 
-A stroke becomes one NURBS curve of double precision, homogeneous as Rhino has them (control points times their weights,
-and weights), called "stroke 0", "stroke 1" and so on, on a layer of its colour. Not kept: widths, opacities and
-`width_space`.
+A stroke becomes one curve called "stroke 0", "stroke 1" and so on, on a layer of its colour: a line or an arc of a
+circle where it is one, else a NURBS curve of double precision, homogeneous as Rhino has them (control points times
+their weights, and weights), or a polycurve of these. Not kept: widths, opacities and `width_space`.
 """
 
 import base64
 import importlib.util
-from collections.abc import Iterator
+import math
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import torch
+
 from diff3ds._files import write_bytes
 from diff3ds._units import Unit
-from diff3ds.bezier import to_nurbs
+from diff3ds.bezier import ellipse, to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
+from diff3ds.formats.cad.arcs import Arc
+from diff3ds.formats.cad.curve_kinds import Curve, Line, Spline, check_tolerance, curves_of
 from diff3ds.formats.opening import check_writable
 from diff3ds.sketch import Sketch
 
@@ -23,59 +28,90 @@ from diff3ds.sketch import Sketch
 _SYSTEMS: dict[Unit, str] = {"mm": "Millimeters", "cm": "Centimeters", "m": "Meters", "in": "Inches", "ft": "Feet"}
 
 
-def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm") -> None:
+def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", tolerance: float | None = None) -> None:
     """Writes a file of Rhino 7, whole or not at all.
 
     Args:
         unit: what a world unit is.
+        tolerance: how far what stands for a curve may lie off it, world units; by default as well as the coordinates
+            are known (`curve_kinds.resolution`).
 
     Raises:
         ImportError: the extra `cad` is not installed.
-        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, a unit that is not known, a tolerance that is negative or not finite, or values that
+            have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
     check_writable(path, sketch, unit, "3DM", "rhino3dm", "rhino3dm", "cad")
+    check_tolerance(tolerance)
     # Its stubs call read-only what can be written.
     rhino3dm: Any = import_module("rhino3dm")
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = getattr(rhino3dm.UnitSystem, _SYSTEMS[unit])
     layers: dict[tuple[int, ...], int] = {}
-    for stroke, curve in enumerate(_curves(sketch.detach().to("cpu"))):
+    for stroke, curves in enumerate(curves_of(sketch, tolerance)):
         color = tuple(round(min(max(c, 0.0), 1.0) * 255) for c in sketch.color[stroke].tolist())
         if color not in layers:
             layers[color] = model.Layers.AddLayer("#{:02x}{:02x}{:02x}".format(*color), (*color, 255))
         attributes = rhino3dm.ObjectAttributes()
         attributes.Name, attributes.LayerIndex = f"stroke {stroke}", layers[color]
-        model.Objects.AddCurve(curve, attributes)
+        model.Objects.AddCurve(_joined([_curve(curve) for curve in curves]), attributes)
     options = rhino3dm.File3dmWriteOptions()
     options.Version = 7
     write_bytes(path, base64.b64decode(model.Encode(options)))
 
 
-def _curves(sketch: Sketch) -> Iterator[Any]:
-    """Each stroke as Rhino has it."""
+def _joined(parts: list[Any]) -> Any:
+    """Curves that follow on each other, as one."""
+    if len(parts) == 1:
+        return parts[0]
     rhino3dm: Any = import_module("rhino3dm")
-    points, weights = sketch.points.double(), sketch.weights.double()
-    first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
-    for stroke in range(len(sketch)):
-        rows = slice(first[stroke], first[stroke + 1])
-        control, weight, knots = to_nurbs(points[rows], weights[rows])
-        curve = rhino3dm.NurbsCurve(3, True, points.shape[1], len(control))
-        for i, (place, w) in enumerate(zip(control.tolist(), weight.tolist(), strict=True)):
-            # What Rhino keeps is homogeneous.
-            curve.Points[i] = rhino3dm.Point4d(*(c * w for c in place), w)
-        # Rhino leaves out the first knot and the last that others have.
-        for i, knot in enumerate(knots[1:-1].tolist()):
-            curve.Knots[i] = knot
-        yield curve
+    whole = rhino3dm.PolyCurve()
+    for part in parts:
+        whole.Append(part)
+    return whole
+
+
+def _curve(curve: Curve) -> Any:
+    """A curve as Rhino has it."""
+    rhino3dm: Any = import_module("rhino3dm")
+    if isinstance(curve, Line):
+        return rhino3dm.LineCurve(*(rhino3dm.Point3d(*place.tolist()) for place in (curve.start, curve.stop)))
+    if isinstance(curve, Arc) and curve.circular:
+        circle = rhino3dm.Circle(float(np.linalg.norm(curve.major)))
+        axes = (rhino3dm.Vector3d(*axis.tolist()) for axis in (curve.major, curve.minor))
+        circle.Plane = rhino3dm.Plane(rhino3dm.Point3d(*curve.center.tolist()), *axes)
+        if curve.whole:
+            return rhino3dm.ArcCurve.CreateFromCircle(circle)
+        return rhino3dm.ArcCurve.CreateFromArc(rhino3dm.Arc(circle, curve.stop))
+    if isinstance(curve, Arc):
+        center, u, v = (torch.from_numpy(vector) for vector in (curve.center, curve.major, curve.minor))
+        pieces = ellipse(center, u, v, start=math.degrees(curve.start), stop=math.degrees(curve.stop))
+        control, weight, knots = to_nurbs(*pieces)
+        curve = Spline(control.numpy(), weight.numpy(), knots.numpy(), 2)
+    return _nurbs(curve)
+
+
+def _nurbs(spline: Spline) -> Any:
+    rhino3dm: Any = import_module("rhino3dm")
+    curve = rhino3dm.NurbsCurve(3, True, spline.degree + 1, len(spline.points))
+    for i, (place, w) in enumerate(zip(spline.points.tolist(), spline.weights.tolist(), strict=True)):
+        # What Rhino keeps is homogeneous.
+        curve.Points[i] = rhino3dm.Point4d(*(c * w for c in place), w)
+    # Rhino leaves out the first knot and the last that others have.
+    for i, knot in enumerate(spline.knots[1:-1].tolist()):
+        curve.Knots[i] = knot
+    return curve
 
 
 def load_3dm(path: str | Path) -> Sketch:
-    """The curves of a 3DM file as strokes, float64, in millimetres: control points within rounding, weights exact.
+    """The curves that a 3DM file shows as strokes, float64, in millimetres: control points within rounding.
 
-    Lines, arcs, polylines and NURBS curves up to degree 3 are exact. Colours are those of the objects or their layers.
-    Widths, opacities and `width_space` get the defaults of `Sketch`.
+    Lines, arcs, polylines, polycurves and NURBS curves up to degree 3 are exact, also in blocks. Colours are those of
+    the objects, their layers or block references. Widths, opacities and `width_space` get the defaults of `Sketch`. A
+    warning counts, by kind, what else there is, such as surfaces and meshes, and what is hidden or on a sheet; another
+    one says that the file names no unit of length.
 
     rhino3dm reads in a process of its own: a file that makes it crash or hang gives an error like any broken file.
 

@@ -13,15 +13,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from diff3ds._files import write_text
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.formats.apart import check_size, strokes_apart
 from diff3ds.formats.assembly import ReadStroke, sketch_of
-from diff3ds.formats.cad.curve_kinds import curves_of
+from diff3ds.formats.cad.curve_kinds import check_tolerance, curves_of
 from diff3ds.formats.cad.layers import checked_layers, color_layers
 from diff3ds.formats.cad.step_entities import Entities, reals, string, stroke_entity
+from diff3ds.formats.opening import check_sketch
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
 
 _HEADER = """ISO-10303-21;
@@ -57,17 +59,27 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('','3D'));
 _FIRST_FREE = 20
 # Millimetres: OCCT's.
 _RESOLUTION = 1e-7
+# Of the largest coordinate: how far apart ends that meet may be, which are computed in float64. Readers make a wire of
+# what meets within the accuracy that the file says.
+_ROUNDING = 16 * float(np.finfo(np.float64).eps)
 _PREFIXES = {"mm": ".MILLI.", "cm": ".CENTI.", "m": "$"}
 _NAMES = {"in": "INCH", "ft": "FOOT"}
 # Names of curve styles, by which a reader knows what their widths mean.
 WIDTHS: dict[WidthSpace, str] = {"image": "width of the image height", "world": "width in space"}
 
 
-def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", layers: Sequence[str] | None = None) -> None:
+def save_step(
+    path: str | Path,
+    sketch: Sketch,
+    *,
+    unit: Unit = "mm",
+    layers: Sequence[str] | None = None,
+    tolerance: float | None = None,
+) -> None:
     """Writes a STEP file, whole or not at all; the same sketch and name give the same file.
 
-    Lines, circles and ellipses are told from the rest up to the rounding of the sketch's dtype (`curve_kinds.STEPS`),
-    and read back to 1e-12 of their size; B-splines are bit for bit, but for one factor of their weights.
+    Lines, circles and ellipses stand for what they are within the tolerance of, and are read back to 1e-12 of their
+    size; B-splines are bit for bit, but for one factor of their weights.
 
     Not kept: opacity, widths along strokes, colours outside [0, 1] (they are clamped). A STEP reader may drop strokes
     shorter than its resolution, 1e-7 mm in OCCT, and write equal weights as 1.
@@ -75,29 +87,31 @@ def save_step(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", layers: Se
     Args:
         unit: what a world unit is.
         layers: the layer of each stroke, by name; by default there is one a colour.
+        tolerance: how far what stands for a curve may lie off it, world units; by default as well as the coordinates
+            are known (`curve_kinds.resolution`).
 
     Raises:
-        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, or values that have become
-            invalid since the sketch was made.
+        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, a tolerance that is negative
+            or not finite, or values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
+    check_sketch(path, sketch, "a STEP")
     check_unit(unit)
-    sketch.check_values()
-    if len(sketch) == 0:
-        raise ValueError(f"{path}: a STEP file needs at least one stroke, got none")
+    check_tolerance(tolerance)
     sketch = sketch.detach().to("cpu")
     named = checked_layers(layers, sketch) or color_layers(sketch)
     entities = Entities(_FIRST_FREE)
     closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
     curves = [
-        stroke_entity(entities, string(f"stroke {i}"), found, closed[i]) for i, found in enumerate(curves_of(sketch))
+        stroke_entity(entities, string(f"stroke {i}"), found, closed[i])
+        for i, found in enumerate(curves_of(sketch, tolerance))
     ]
     styles = _styles(entities, sketch, curves, named)
     length = _length_unit(unit, entities)
     product = _PRODUCT.format(
         length=length,
-        resolution=reals([_RESOLUTION / MILLIMETRES[unit]]),
+        resolution=reals([max(_RESOLUTION / MILLIMETRES[unit], _ROUNDING * float(sketch.points.abs().max()))]),
         name=string(path.stem),
         curves=",\n".join(curves),
         styles=",\n".join(styles),

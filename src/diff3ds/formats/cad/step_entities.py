@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from diff3ds.formats.cad.curve_kinds import Arc, Curve, Line, Spline, Vector
+from diff3ds.formats.cad.arcs import Arc, Vector
+from diff3ds.formats.cad.curve_kinds import Curve, Line, Spline
 
 
 class Entities:

@@ -37,8 +37,8 @@ JOINT = 1e-6
 MILLIMETRES = {"millimetre": 1.0, "centimetre": 10.0, "metre": 1000.0, "inch": 25.4, "foot": 304.8}
 
 
-def strokes_of(path: str) -> list[dict[str, Any]]:
-    """All wires and other edges.
+def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """All wires and other edges, and what is said.
 
     Each has Bézier segments with points (K, 3) in millimetres and weights (K), whether it is closed, its colour (sRGB,
     in [0, 1]), and the width of its curve style (or None): the style's name, the number, and the unit of the file.
@@ -60,7 +60,7 @@ def strokes_of(path: str) -> list[dict[str, Any]]:
     for i in range(1, labels.Length() + 1):
         for edges, shape in _chains(shapes.GetShape_s(labels.Value(i)), seen):
             strokes += [{**chain, **looks.of(shape, edges[0])} for chain in _joined(edges)]
-    return strokes
+    return strokes, []
 
 
 class Looks:

@@ -16,6 +16,7 @@ from diff3ds._shapes import Float, Int
 from diff3ds._units import MILLIMETRES, Unit, check_unit
 from diff3ds.formats.framing import ball_of
 from diff3ds.formats.gltf import FLOAT, INDICES, LINES, MOST_BYTES, TRIANGLES, UINT32, VERTICES, one_scene, packed
+from diff3ds.formats.opening import check_sketch
 from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.formats.scenes.tubes import tubes_of
 from diff3ds.sketch import Sketch
@@ -44,11 +45,10 @@ def save_glb(path: str | Path, sketch: Sketch, *, unit: Unit = "m", lines: bool 
     """
     path = Path(path)
     check_unit(unit)
-    sketch.check_values()
+    check_sketch(path, sketch, "a GLB")
     shapes = _lines(sketch) if lines else _tubes(sketch)
     if not shapes:
-        needed = "stroke" if lines else "stroke with a width"
-        raise ValueError(f"{path}: a GLB file needs at least one {needed}, got none of {len(sketch)}")
+        raise ValueError(f"{path}: a GLB file needs at least one stroke with a width, got none of {len(sketch)}")
     middle, _ = ball_of(sketch)
     metres = MILLIMETRES[unit] / 1000
     buffer = bytearray()
@@ -67,8 +67,6 @@ def _tubes(sketch: Sketch) -> dict[int, _Shape]:
 
 def _lines(sketch: Sketch) -> dict[int, _Shape]:
     """Of each stroke. A closed one ends in a second vertex where it begins: some readers take vertices as they come."""
-    if not len(sketch):
-        return {}
     shapes = {}
     for stroke, (vertices, closed) in enumerate(polylines_of(sketch)):
         path = np.concatenate([vertices, vertices[:1]]) if closed else vertices

@@ -7,6 +7,7 @@ does, and tubes are what PLY and GLB files have.
 from pathlib import Path
 
 from diff3ds._files import write_text
+from diff3ds.formats.opening import check_sketch
 from diff3ds.formats.scenes.polylines import polylines_of
 from diff3ds.sketch import Sketch
 
@@ -22,9 +23,7 @@ def save_obj(path: str | Path, sketch: Sketch) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    sketch.check_values()
-    if len(sketch) == 0:
-        raise ValueError(f"{path}: an OBJ file needs at least one stroke, got none")
+    check_sketch(path, sketch, "an OBJ")
     lines, last = ["# strokes as lines, z up"], 0
     colors = sketch.color.detach().double().clamp(0, 1).tolist()
     for stroke, (line, color) in enumerate(zip(polylines_of(sketch), colors, strict=True)):

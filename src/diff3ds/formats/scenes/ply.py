@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from diff3ds._files import write_bytes
+from diff3ds.formats.opening import check_sketch
 from diff3ds.formats.scenes.tubes import tubes_of
 from diff3ds.sketch import Sketch
 
@@ -33,11 +34,11 @@ def save_ply(path: str | Path, sketch: Sketch) -> None:
     """Writes a PLY file, whole or not at all; alpha is the opacity.
 
     Raises:
-        ValueError: no strokes with a width, or values that have become invalid since the sketch was made.
+        ValueError: no strokes, none with a width, or values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
-    sketch.check_values()
+    check_sketch(path, sketch, "a PLY")
     tubes = tubes_of(sketch)
     counts = [len(tube.vertices) for tube in tubes]
     if not sum(counts):

@@ -5,7 +5,7 @@ from typing import Any
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
 
-def strokes_of(path: str) -> list[dict[str, Any]]:
+def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
     """All curves: points, weights and knots, colour, opacity, what we say of widths, and how much a unit is.
 
     The unit is that of the file in metres: `scale`.
@@ -25,7 +25,7 @@ def strokes_of(path: str) -> list[dict[str, Any]]:
     for prim in stage.Traverse():
         if prim.IsA(UsdGeom.NurbsCurves):
             strokes += _strokes(UsdGeom.NurbsCurves(prim), places.GetLocalToWorldTransform(prim), scale)
-    return strokes
+    return strokes, []
 
 
 def _strokes(curves: Any, place: Any, scale: float) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._files import write_text
-from diff3ds.formats import PICTURES, save, save_dxf, save_glb
+from diff3ds.formats import PICTURES, save, save_3dm, save_dxf, save_glb, save_step
 from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
@@ -17,6 +17,9 @@ from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 from diff3ds.tasks.surface_input import SurfaceInput
+
+# Formats that tell lines and arcs from other curves.
+WITH_TOLERANCE = (".step", ".stp", ".dxf", ".3dm")
 
 
 def run_export(
@@ -50,8 +53,18 @@ def run_export(
         write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
     elif file.suffix.lower() == ".html":
         write_text(file, _page(source, file, sketch, options, say))
-    elif options.dxf_polylines:
-        save_dxf(file, sketch, unit=options.unit or "mm", polylines=True)
+    elif file.suffix.lower() == ".dxf":
+        save_dxf(
+            file,
+            sketch,
+            unit=options.unit or "mm",
+            polylines=options.dxf_polylines,
+            tolerance=options.tolerance,
+            version=options.dxf_version,
+        )
+    elif options.tolerance is not None:
+        write = save_3dm if file.suffix.lower() == ".3dm" else save_step
+        write(file, sketch, unit=options.unit or "mm", tolerance=options.tolerance)
     elif options.lines:
         save_glb(file, sketch, unit=options.unit or "m", lines=True)
     else:
@@ -69,8 +82,11 @@ def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOption
         raise ValueError(f"{file}: --style draws .svg files here, and pictures by diff3ds render")
     if styles.style is None and file.suffix.lower() in PICTURES:
         raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
-    if options.dxf_polylines and file.suffix.lower() != ".dxf":
-        raise ValueError(f"{file}: --dxf-polylines is for .dxf files")
+    for name in ("dxf_polylines", "dxf_version"):
+        if getattr(options, name) != getattr(ExportOptions, name) and file.suffix.lower() != ".dxf":
+            raise ValueError(f"{file}: --{name.replace('_', '-')} is for .dxf files")
+    if options.tolerance is not None and file.suffix.lower() not in WITH_TOLERANCE:
+        raise ValueError(f"{file}: --tolerance is for {', '.join(WITH_TOLERANCE)} files")
     if options.lines and file.suffix.lower() != ".glb":
         raise ValueError(f"{file}: --lines is for .glb files")
     if options.up == "y" and file.suffix.lower() == ".glb":

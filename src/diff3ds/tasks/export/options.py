@@ -6,6 +6,8 @@ from typing import Literal
 
 from diff3ds._settings import require_finite
 from diff3ds._units import Unit
+from diff3ds.formats.cad.curve_kinds import check_tolerance
+from diff3ds.formats.cad.dxf import Version
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,11 @@ class ExportOptions:
         surface: a mesh, in the sketch's frame, that hides lines on an .html page: .obj, .stl, .ply, .off or .glb; by
             default the surface.glb of the run, where there is one.
         surface_up: the axis that points up in its file, y or z; a .glb file says it itself.
+        tolerance: how far lines, arcs and polylines in a .step, .dxf or .3dm file may lie off the strokes that they
+            stand for, in the unit of the file; by default as well as the sketch's coordinates are known, and 1e-4 of
+            its radius for polylines.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
+        dxf_version: of AutoCAD: R12, with polylines, for old cutters that read no other.
         lines: strokes of a GLB file as lines in place of tubes.
     """
 
@@ -31,11 +37,14 @@ class ExportOptions:
     beside: Path | None = None
     surface: Path | None = None
     surface_up: Literal["z", "y"] = "z"
+    tolerance: float | None = None
     dxf_polylines: bool = False
+    dxf_version: Version = "R2010"
     lines: bool = False
 
     def __post_init__(self) -> None:
         require_finite(self)
+        check_tolerance(self.tolerance)
         if self.scale <= 0:
             raise ValueError(f"scale must be positive, got {self.scale:g}")
         if self.surface is None and self.surface_up != ExportOptions.surface_up:
