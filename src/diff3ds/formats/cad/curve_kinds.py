@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate, to_nurbs
@@ -184,6 +183,8 @@ def _off_chord(points: NDArray[np.float64], tolerance: float) -> float:
 
 def _meeting(sketch: Sketch, tolerance: float) -> Float[Tensor, "M K 3"]:
     """Control points, float64; ends of strokes within the tolerance of each other are at one place, the first's."""
+    from scipy.spatial import cKDTree
+
     chains = sketch.chains
     points = sketch.points.double() if chains is None else chains.joined(sketch.points.double())
     first = torch.arange(len(points)) if chains is None else chains.first[:-1]
