@@ -9,7 +9,7 @@ from diff3ds.formats.cad.dxf import load_dxf, save_dxf
 from diff3ds.formats.cad.rhino import load_3dm, save_3dm
 from diff3ds.formats.cad.step import load_step, save_step
 from diff3ds.formats.framing import framed
-from diff3ds.formats.nearest import before_reading, instead_of
+from diff3ds.formats.opening import before_reading, instead_of
 from diff3ds.formats.png import encoded, load_image, save_png, tile_images
 from diff3ds.formats.scenes.blender import save_blender
 from diff3ds.formats.scenes.glb import save_glb
