@@ -1,4 +1,4 @@
-"""What is seen to before a file of another program's format is begun, and what to do about formats that are not known."""
+"""What is seen to before a file of another format is begun, and what to do about formats that are not known."""
 
 import importlib.util
 from pathlib import Path
