@@ -64,13 +64,13 @@ def _document(path: str) -> Any:
         raise ValueError("a DWG file, which is not read: save it as .dxf in the program that made it")
     try:
         return ezdxf.readfile(path)
-    except ezdxf.DXFStructureError:
-        # What other programs write is often broken a little.
-        return recover.readfile(path)[0]
     except UnicodeDecodeError as error:
         raise ValueError("not a DXF file: it is neither text nor binary DXF") from error
     except OSError as error:
         raise ValueError(f"not a DXF file: {error}") from error
+    except (ezdxf.DXFError, ValueError):
+        # What other programs write is often broken a little.
+        return recover.readfile(path)[0]
 
 
 class Reader:
@@ -146,7 +146,7 @@ class Reader:
         elif kind in ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX"):
             parts = [entity]
         else:
-            self._left_out[kind] += 1
+            self._left_out["mesh" if kind == "POLYLINE" else kind] += 1
             return []
         found = []
         for part in parts:
