@@ -285,10 +285,6 @@ def test_a_batch_must_fill_the_groups_of_the_prior(prior, tmp_path):
         run(prior, tmp_path, with_options(QUICK, batch=6))
 
 
-def test_the_turntable_goes_all_around():
-    assert len(turntable()) == 8
-
-
 @pytest.mark.usefixtures("unchecked")
 def test_priors_are_told_the_poses_as_they_were_drawn():
     """On the CPU and not copied back, which would wait for the device: another device gets copies to draw with."""
@@ -302,6 +298,16 @@ def test_priors_are_told_the_poses_as_they_were_drawn():
         assert there.world_to_camera.device.type == "meta"
         objective(None, there, step)
     assert [id(views) for views in told] == [id(views) for views in orbits]
+
+
+def test_pictures_of_the_result_show_it_whole():
+    """What was bent towards a drawing may leave the unit ball."""
+    long = bar(1.4, 0.9)
+    cameras = turntable(long)
+    seen, _ = cameras.seen(torch.cat([long.points[0].double(), torch.ones(2, 1)], -1) @ cameras.projection.mT)
+    assert len(cameras) == 8
+    assert (seen > 0).all()
+    assert (seen < distillation.PREVIEW_SIZE).all()
 
 
 # The options of a run whose strokes are given.

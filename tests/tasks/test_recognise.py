@@ -15,6 +15,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
+from diff3ds.library.members import added_strokes
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.network import trained
@@ -81,6 +82,44 @@ def test_attributes_and_pose_of_what_has_no_symmetry(chair):
     assert abs(found.elevation - 20) <= 10
     assert found.confidence > 0.8
     assert found.caption == "a chair with armrests"
+
+
+# A chair by hand, seen from half beside its front: seat, round back, straight legs.
+BY_HAND = [
+    [(40, 165), (145, 140), (220, 155), (125, 190), (40, 165), (40, 185), (125, 212), (220, 172), (220, 155)],
+    [(125, 190), (125, 212)],
+    [(140, 140), (140, 80), (155, 45), (190, 30), (220, 45), (232, 85), (222, 155)],
+    [(147, 140), (147, 85), (162, 52), (190, 40), (213, 52), (222, 85), (214, 152)],
+    [(42, 187), (44, 245), (60, 245), (64, 193)],
+    [(118, 211), (118, 262), (134, 262), (138, 208)],
+    [(206, 180), (198, 232), (206, 250), (220, 172)],
+    [(106, 207), (108, 238), (116, 236), (118, 211)],
+]
+
+
+def test_attributes_that_a_drawing_lacks_are_not_invented(tmp_path):
+    """A rocking chair is more like it, seat, round back and all; but where are its rockers?"""
+    image = Image.new("L", (280, 290), 255)
+    for line in BY_HAND:
+        ImageDraw.Draw(image).line(line, fill=0, width=6, joint="curve")
+    image.save(tmp_path / "chair.png")
+    found = seen_as(lines_in(tmp_path / "chair.png"), "chair")
+    assert found.attributes == ()
+    assert found.caption == "a chair"
+    # From where the rocking chair would be seen: in front.
+    assert abs((found.azimuth + 180) % 360 - 180) < 90
+    # Those that are named, or drawn, are there.
+    assert seen_as(lines_in(tmp_path / "chair.png"), "chair", ("rocking",)).attributes == ("rocking",)
+    rocking = pictured(tmp_path / "rocking.png", drawn("chair", ("rocking",)), 40.0, 20.0)
+    assert seen_as(lines_in(rocking), "chair").attributes == ("rocking",)
+
+
+def test_strokes_that_attributes_add():
+    plain, armed = drawn("chair", seed=3), drawn("chair", ("armrests",), seed=3)
+    added = added_strokes("chair", 3, ("armrests",))
+    assert added.sum() == len(armed) - len(plain) == 4
+    assert added_strokes("chair", 3, ("stool",)).all()
+    assert not added_strokes("chair", 3, ()).any()
 
 
 def test_pose_of_what_is_known_to_be_there(chair):

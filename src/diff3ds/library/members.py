@@ -8,12 +8,12 @@ from functools import cached_property
 import torch
 
 from diff3ds._checks import check_generator
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
 from diff3ds.library.faces import Faces, Solid
-from diff3ds.library.shapes import Strokes, join
+from diff3ds.library.shapes import Part, Strokes, join
 from diff3ds.sketch import Sketch
 
 # Distance of the farthest point from the origin.
@@ -64,17 +64,35 @@ def member(category: str, generator: torch.Generator, attributes: Collection[str
     kind = _find(category)
     names = _check(kind, attributes)
     check_generator(generator)
-
-    def vary(low: float, high: float) -> float:
-        return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
-
-    made = join(*kind.make(vary, names))
+    made = _made(kind, generator, names)
     center, scale = _ball_around(made.strokes)
     matrix = torch.eye(4, dtype=torch.float64) * scale
     matrix[:3, 3] = -scale * center
     matrix[3, 3] = 1
     solids = tuple(solid.moved(matrix) for solid in made.solids)
     return Member(fill_ball(made.strokes), kind.name, names, kind.captions(names), solids)
+
+
+def added_strokes(category: str, seed: int, attributes: Collection[str]) -> Bool[Tensor, " N"]:
+    """Which strokes of a member its attributes bring: those that the plain member of the same seed does not have.
+
+    Raises:
+        ValueError: as `member`.
+    """
+    kind = _find(category)
+    whole, plain = (
+        _made(kind, torch.Generator().manual_seed(seed), names).strokes for names in (_check(kind, attributes), ())
+    )
+    return ~(whole[:, None] == plain).all(-1).all(-1).any(1)
+
+
+def _made(kind: Category, generator: torch.Generator, names: tuple[str, ...]) -> Part:
+    """A member as its kind makes it, of any size and anywhere."""
+
+    def vary(low: float, high: float) -> float:
+        return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
+
+    return join(*kind.make(vary, names))
 
 
 def _find(category: str) -> Category:

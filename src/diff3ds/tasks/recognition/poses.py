@@ -13,7 +13,7 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras, orbit
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.members import Member, member
+from diff3ds.library.members import Member, added_strokes, member
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
@@ -30,6 +30,12 @@ PIECES = 32
 REFINED, SEEDS, STEPS_AROUND, STEPS_UP = 5, 6, (-5.0, 0.0, 5.0), (-5.0, 0.0, 5.0)
 # Seeds among which members like the picture are sought.
 POOL = 64
+# A direction that differs by a quarter turn counts as this distance.
+TURNED = 0.1
+# A picture shows an attribute if it has lines this near to those that the attribute adds, in lengths of the longer side
+# of their box, along this share of them. Empirical: members by a shaky hand have .5 and more, and a chair's straight
+# legs .2 of rockers.
+BY_LINES, SHOWN = 0.04, 0.5
 
 # Confidence is a logistic function of the score of the best kind, of its lead over the next one and of how far its
 # lines lie from the picture's, squared: hidden lines that a drawing lacks are forgiven, whole parts are not. Fitted to
@@ -88,6 +94,31 @@ def gap(lines: Lines, sketch: Sketch, cameras: Cameras) -> float:
     seen = pieces(sketch, cameras)[0][0].numpy()
     there, back = cKDTree(lines.points).query(seen)[0], cKDTree(seen).query(lines.points)[0]
     return float(there.mean() + back.mean()) / 2
+
+
+def shows_attributes(lines: Lines, kind: str, match: Match) -> bool:
+    """Whether a picture has the lines that the attributes of a match add to the kind.
+
+    Attributes that change all of a thing are its shape, which the score has compared.
+    """
+    from scipy.spatial import cKDTree
+
+    added = added_strokes(kind, match.seed, match.attributes)
+    if added.all() or not added.any():
+        return True
+    sketch = member_drawn(kind, match.attributes, match.seed)
+    places, along = (part[0] for part in pieces(sketch, cameras_at([(match.azimuth, match.elevation)])))
+    own, length = added.repeat_interleave(PIECES), torch.linalg.vector_norm(along, dim=1)
+    picture = np.column_stack([lines.points, heading(torch.from_numpy(lines.tangents)).numpy()])
+    away, _ = cKDTree(picture).query(torch.cat([places, heading(along)], 1)[own].numpy())
+    near = torch.from_numpy(away < BY_LINES)
+    return float(length[own][near].sum()) >= SHOWN * float(length[own].sum())
+
+
+def heading(tangents: Float[Tensor, "N 2"]) -> Float[Tensor, "N 2"]:
+    """Directions of either sign as points on a circle, `TURNED` apart for a quarter turn."""
+    x, y = torch.nn.functional.normalize(tangents, dim=-1).unbind(-1)
+    return TURNED / 2 * torch.stack([x.square() - y.square(), 2 * x * y], -1)
 
 
 @dataclass(frozen=True, eq=False)

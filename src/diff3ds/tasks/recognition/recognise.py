@@ -18,6 +18,7 @@ from diff3ds.tasks.recognition.poses import (
     gap_to,
     member_drawn,
     seen_from,
+    shows_attributes,
 )
 
 # Guesses that are offered.
@@ -128,7 +129,7 @@ def recognise(lines: Lines) -> Recognition:
     # What the first gains the others lose.
     left = (1 - first) / max(1 - sure[0], 1 - MOST)
     confidences = (first, *(min(left, 1.0) * share for share in sure[1:]))
-    guesses = [_guess(*three) for three in zip(kinds, found, confidences, strict=True)]
+    guesses = [_guess(lines, *three) for three in zip(kinds, found, confidences, strict=True)]
     return Recognition(tuple(guesses), taken)
 
 
@@ -155,9 +156,9 @@ def seen_as(lines: Lines, kind: str, attributes: tuple[str, ...] = ()) -> Guess:
     """From where lines show a thing that is known.
 
     Args:
-        attributes: of the thing; if none are named, they are sought.
+        attributes: of the thing; if none are named, those that the lines show are found.
     """
-    return _guess(kind, _match(described(lines), kind, trained().opinion(lines), attributes), 1.0)
+    return _guess(lines, kind, _match(described(lines), kind, trained().opinion(lines), attributes), 1.0, attributes)
 
 
 def _match(wanted: Float[Tensor, " D"], kind: str, opinion: Opinion, attributes: tuple[str, ...] = ()) -> Match:
@@ -165,6 +166,7 @@ def _match(wanted: Float[Tensor, " D"], kind: str, opinion: Opinion, attributes:
     return seen_from(wanted, kind, attributes, OF_NETWORK * (likely - likely.max()).clamp(min=LEAST_LIKELY))
 
 
-def _guess(kind: str, best: Match, sure: float) -> Guess:
-    caption = CATEGORIES[kind].captions(best.attributes)[0]
-    return Guess(kind, best.attributes, best.azimuth, best.elevation, sure, caption)
+def _guess(lines: Lines, kind: str, best: Match, sure: float, named: tuple[str, ...] = ()) -> Guess:
+    """The guess of a match, whose attributes are those that are named, or that the lines show."""
+    shown = best.attributes if named or shows_attributes(lines, kind, best) else ()
+    return Guess(kind, shown, best.azimuth, best.elevation, sure, CATEGORIES[kind].captions(shown)[0])

@@ -20,14 +20,12 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.recognition.poses import PlacedLines
+from diff3ds.tasks.recognition.poses import PlacedLines, heading
 
 # Of the displacement in each coordinate, with Legendre polynomials. Empirical, as all that follows.
 DEGREE = 4
 # Rounds, and how far from a stroke, as a fraction of the image height, a line may lie to pull at it, at first and last.
 ROUNDS, FAR, NEAR = 30, 0.12, 0.03
-# A direction that differs by a quarter turn counts as this distance.
-TURNED = 0.1
 # How much the points of strokes ask for lines of the drawing; those of the drawing ask for strokes with 1. A drawing
 # lacks hidden lines.
 BACKWARD = 0.3
@@ -150,8 +148,8 @@ def _matches(seen: Float[Tensor, "C S 2"], drawn: Float[Tensor, "N 2"], along: F
     from scipy.spatial import cKDTree
 
     tangents = _unit(torch.gradient(seen, dim=1)[0]).flatten(0, 1)
-    strokes = torch.cat([seen.flatten(0, 1), _direction(tangents)], 1).numpy()
-    drawing = torch.cat([drawn, _direction(along)], 1).numpy()
+    strokes = torch.cat([seen.flatten(0, 1), heading(tangents)], 1).numpy()
+    drawing = torch.cat([drawn, heading(along)], 1).numpy()
     of_drawing, of_strokes = cKDTree(strokes).query(drawing)[1], cKDTree(drawing).query(strokes)[1]
     weights = [1 / len(drawing), BACKWARD / len(strokes)]
     return _Matches(
@@ -159,12 +157,6 @@ def _matches(seen: Float[Tensor, "C S 2"], drawn: Float[Tensor, "N 2"], along: F
         torch.from_numpy(np.concatenate([np.arange(len(drawing)), of_strokes])),
         torch.tensor(weights, dtype=torch.float64).repeat_interleave(torch.tensor([len(drawing), len(strokes)])),
     )
-
-
-def _direction(tangents: Float[Tensor, "N 2"]) -> Float[Tensor, "N 2"]:
-    """Directions of either sign as points on a circle, `TURNED` apart for a quarter turn."""
-    x, y = tangents.unbind(-1)
-    return TURNED / 2 * torch.stack([x.square() - y.square(), 2 * x * y], -1)
 
 
 def _unit(vectors: Float[Tensor, "*N 2"]) -> Float[Tensor, "*N 2"]:

@@ -10,8 +10,9 @@ import torch
 
 from diff3ds._settings import option_values
 from diff3ds._shapes import Float, Tensor
-from diff3ds.camera import Cameras, orbit
+from diff3ds.camera import Cameras
 from diff3ds.formats import save_png, tile_images
+from diff3ds.formats.framing import framed
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
@@ -91,7 +92,7 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
             sketch = tidied(found, spec.cameras, spec.width_is_free)
         if prior.built_in.picture and len(sketch):
             sketch = prior.built_in.picture(sketch)
-    around = turntable()
+    around = turntable(sketch)
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     surface = None if faces is None else TriangleMesh.of_triangles(faces.numpy())
     write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
@@ -152,10 +153,10 @@ def placed(objective: Objective, cameras: CameraSampler, place: torch.device) ->
     return judged, drawn
 
 
-def turntable() -> Cameras:
-    """Eight views all around."""
+def turntable(sketch: Sketch) -> Cameras:
+    """Eight views all around, in which the sketch is whole."""
     azimuths = [360 * i / PREVIEWS for i in range(PREVIEWS)]
-    return orbit(azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
+    return framed(sketch, azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
 
 
 def contact_sheet(step: Step, score: ScoreDistillation) -> Float[Tensor, "H W 3"]:

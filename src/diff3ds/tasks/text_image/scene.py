@@ -80,7 +80,7 @@ def run_scene(
     there = _so_far(scene, len(sketches))
     sketch, faces = arranged_solids(there, sketches, [_faces_in(folder) for folder in folders[: len(sketches)]])
     surface = TriangleMesh.of_triangles(faces.numpy()) if len(faces) else None
-    around = turntable()
+    around = turntable(sketch)
     given = {**spec.subject.record, **spec.options()}
     chosen = {"things": plan["things"], "relations": plan["relations"]}
     info = RunInfo(given, chosen, seconds, [], {}, stopped)
