@@ -255,6 +255,9 @@ def test_a_stroke_is_drawn_on_the_surface(browser, tmp_path):
     surface = torus()
     save_surface(tmp_path / "torus.glb", surface.vertices, surface.faces)
     with served(path, surface=tmp_path / "torus.glb") as server:
+        # The page before may still ask its server, which is gone.
+        browser.ask("Page.navigate", url="about:blank")
+        browser.errors.clear()
         browser.ask("Emulation.setDeviceMetricsOverride", width=640, height=300, deviceScaleFactor=1, mobile=False)
         browser.ask("Page.navigate", url=server.address)
         browser.settle("document.querySelector('[data-edit=undo]')?.disabled === true")

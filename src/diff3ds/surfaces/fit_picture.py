@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.surfaces.meshes.view import Picture
 
 # Rounds of improved parameters; empirical.
@@ -161,27 +161,3 @@ def _in_space(control: Float[Array, "P 4 3"], picture: Picture) -> Float[Array, 
         least = 0.1 * np.minimum(third[:, [0]], third[:, [3]])
         projected = np.stack([x, y, one, np.maximum(third, least)], -1)
     return projected @ np.linalg.inv(picture.projection).T
-
-
-def cut_at_changes(flags: Bool[Mask, " S"], closed: bool, least: int) -> tuple[Int[Index, " U"], Bool[Mask, " S"]]:
-    """Where flags of steps along a chain change for good, and the flags with runs shorter than `least` steps made even.
-
-    Returns:
-        The points between two steps with different flags, and the even flags.
-    """
-    even = flags.copy()
-    while len(even):
-        change = np.flatnonzero(even[1:] != even[:-1]) + 1
-        bounds = np.concatenate([[0], change, [len(even)]])
-        lengths = np.diff(bounds)
-        if closed and len(lengths) > 1 and even[0] == even[-1]:
-            lengths[0] = lengths[-1] = lengths[0] + lengths[-1]
-        short = int(np.argmin(lengths))
-        if len(lengths) == 1 or lengths[short] >= least:
-            return change, even
-        if closed and short in (0, len(lengths) - 1) and even[0] == even[-1]:
-            even[: bounds[1]] ^= True
-            even[bounds[-2] :] ^= True
-        else:
-            even[bounds[short] : bounds[short + 1]] ^= True
-    return np.zeros(0, np.int64), even

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.curves.even_out import evened
 from diff3ds.surfaces.crossings import Chords
 
 # Which of the points at these parameters of these segments are hidden.
@@ -137,7 +138,10 @@ def _decided(
     most = 2 * votes > count
     minority = np.minimum(votes, count - votes)
     mixed = minority > stray * count
-    hidden = np.where(mixed[part], _evened(hidden, part), most[part])
+    # What is alone between two of the other kind; what lies beyond the ends is not known.
+    each = np.ones(len(part))
+    each[offset] = each[offset + count - 1] = np.inf
+    hidden = np.where(mixed[part], evened(hidden, each, 2, part), most[part])
     flips = np.flatnonzero((hidden[1:] != hidden[:-1]) & (part[1:] == part[:-1]))
     low, high, was = t[flips], t[flips + 1], hidden[flips]
     for _ in range(HALVINGS if len(flips) else 0):
@@ -157,14 +161,6 @@ def _decided(
     return answer, segment[rows], begin, end
 
 
-def _evened(flags: Bool[Mask, " N"], run: Int[Index, " N"]) -> Bool[Mask, " N"]:
-    """Flags along runs without those that are alone between two of the other kind."""
-    even = flags.copy()
-    alone = (run[2:] == run[:-2]) & (flags[2:] == flags[:-2]) & (flags[1:-1] != flags[2:])
-    even[1:-1][alone] = flags[2:][alone]
-    return even
-
-
 def _merged(
     segment: Int[Index, " P"],
     start: Float[Array, " P"],
@@ -173,21 +169,9 @@ def _merged(
     length: Array,
 ) -> Parts:
     """Parts joined where nothing changes; short ones are made like the longer part beside them."""
-    while len(segment):
-        joined = np.ones(len(segment), bool)
-        # What goes on in the next segment is drawn by itself all the same.
-        joined[1:] = (segment[1:] != segment[:-1]) | (start[1:] > stop[:-1] + 1e-12) | (hidden[1:] != hidden[:-1])
-        group = np.cumsum(joined) - 1
-        length = np.bincount(group, length).astype(np.float64)
-        last = np.append(np.flatnonzero(joined)[1:] - 1, len(segment) - 1)
-        segment, start, stop, hidden = segment[joined], start[joined], stop[last], hidden[joined]
-        apart = (segment[1:] != segment[:-1]) | (start[1:] > stop[:-1] + 1e-12)
-        before = np.append(np.inf, np.where(apart, np.inf, length[:-1]))
-        after = np.append(np.where(apart, np.inf, length[1:]), np.inf)
-        # Those that are shorter than both beside them; of equals the first.
-        turned = (length < SHORTEST) & (length < before) & (length <= after)
-        turned &= np.isfinite(before) | np.isfinite(after)
-        if not turned.any():
-            break
-        hidden = hidden ^ turned
-    return Parts(segment, start, stop, ~hidden)
+    # What goes on in the next segment is drawn by itself all the same.
+    fresh = np.ones(len(segment), bool)
+    fresh[1:] = (segment[1:] != segment[:-1]) | (start[1:] > stop[:-1] + 1e-12)
+    hidden = evened(hidden, length, SHORTEST, np.cumsum(fresh))
+    fresh[1:] |= hidden[1:] != hidden[:-1]
+    return Parts(segment[fresh], start[fresh], stop[np.roll(fresh, -1)], ~hidden[fresh])

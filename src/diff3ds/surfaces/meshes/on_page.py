@@ -10,7 +10,7 @@ from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import ON_SURFACE
-from diff3ds.surfaces.meshes.seen import creases_along
+from diff3ds.surfaces.meshes.seen import RINGS, creases_along, least_run
 
 # Triangles that a page takes: 4 MB, and in software rendering some frames a second. Empirical.
 MOST_TRIANGLES = 200_000
@@ -25,6 +25,7 @@ def surface_on_page(surface: object, sketch: Sketch) -> dict[str, Any]:
     once for each side, so that normals are smooth around each; `faces` (F x 3, uint32 or, where that is enough,
     uint16) number them. `creases` (uint32, C x 4) are those that no stroke of the sketch draws: both ends on one side,
     and the same on the other, convex ones first, of which there are `convex`. What is nearer than `near` lies on it.
+    Fewer than `least_run` steps along a contour are noise, and faces within `rings` rings of one do not hide it.
 
     Args:
         surface: a `TriangleMesh` in the sketch's frame.
@@ -50,6 +51,8 @@ def surface_on_page(surface: object, sketch: Sketch) -> dict[str, Any]:
         "wide": bool(fans > STEPS + 1),
         **_bare_creases(surface, faces, sketch),
         "closed": surface.is_closed,
+        "least_run": least_run(surface),
+        "rings": RINGS,
         "near": ON_SURFACE * surface.size,
     }
 

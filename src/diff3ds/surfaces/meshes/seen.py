@@ -9,10 +9,11 @@ from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import tessellate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
+from diff3ds.curves.even_out import evened
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.crossings import Outlines, at, chords_of, crossings
-from diff3ds.surfaces.fit_picture import FittedChains, cut_at_changes, fit_chains
+from diff3ds.surfaces.fit_picture import FittedChains, fit_chains
 from diff3ds.surfaces.meshes.contour_gradients import contours_of
 from diff3ds.surfaces.meshes.contours import Chain, contour_chains
 from diff3ds.surfaces.meshes.corners import has_corner
@@ -77,10 +78,9 @@ class MeshSeen:
         on_crease = np.zeros(len(self._mesh.vertices), bool)
         on_crease[self._mesh.edges[self._mesh.is_crease | (self._mesh.edge_counts != 2)]] = True
         cuts, convex = [], []
-        least = LEAST_RUN * (self._mesh.finer if isinstance(self._mesh, SmoothMesh) else 1)
         for chain, start in zip(chains, first, strict=False):
-            change, flags = cut_at_changes(chain.convex, chain.closed, least)
-            cuts += [change + start, _corners(chain, on_crease) + start]
+            flags = _bends(chain, least_run(self._mesh))
+            cuts += [np.flatnonzero(flags[1:] != flags[:-1]) + 1 + start, _corners(chain, on_crease) + start]
             convex.append(np.append(flags, True))
         turns = np.concatenate([np.zeros(0, np.int64), *cuts])
         fitted = fit_chains(self._points, first, turns, self._picture, tolerance)
@@ -253,6 +253,17 @@ def _places_along(fitted: FittedChains) -> tuple[Float[Array, " A"], Float[Array
     t = fitted.t[place]
     t[offset], t[offset + counts - 1] = 0, 1
     return np.maximum.accumulate(cubic + t), place.astype(np.float64)
+
+
+def least_run(mesh: TriangleMesh) -> int:
+    """So many steps along a contour of the mesh are no noise."""
+    return LEAST_RUN * (mesh.finer if isinstance(mesh, SmoothMesh) else 1)
+
+
+def _bends(chain: Chain, least: int) -> Bool[Mask, " S"]:
+    """Over which steps of a chain the surface bends away from the line of sight, but for noise."""
+    steps = len(chain.convex)
+    return evened(chain.convex, np.ones(steps), least, np.zeros(steps, np.int64), np.full(steps, chain.closed))
 
 
 def _corners(chain: Chain, on_crease: Bool[Mask, " V"]) -> Int[Index, " U"]:

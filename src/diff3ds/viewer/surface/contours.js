@@ -1,10 +1,6 @@
 // The contours of a surface in a view: where its normals are at right angles to the line of sight, and creases at which
 // it turns over. They are chords that follow on each other, as those of strokes.
 
-// Of the steps over which a contour bends away from the line of sight, or towards it, so few are noise. Faces so many
-// rings from a contour do not hide it: facets beside it hide each other. Both as in the package (surfaces/meshes/seen.py).
-const [LEAST_RUN, RINGS] = [4, 2];
-
 // Chords of the contours, and for each how much farther from the eye what hides it must be, in the view's units. Some lie
 // where a solid hides them by itself: then that is less than nothing.
 function contoursOf(surface, camera, half, stroke) {
@@ -14,7 +10,7 @@ function contoursOf(surface, camera, half, stroke) {
   const [values, slack, first] = [new Float32Array(count * CHORD), new Float32Array(count), [0]];
   let made = 0;
   for (const chain of chains) {
-    const hidden = evened(chain.map(({ step }) => steps.inside[step]));
+    const hidden = evened(chain.map(({ step }) => steps.inside[step]), isClosed(chain, steps), surface.leastRun);
     chain.forEach(({ step, turned }, i) => {
       const ends = steps.ends.slice(6 * step, 6 * step + 6);
       const [a, b] = turned ? [3, 0] : [0, 3];
@@ -43,7 +39,7 @@ function stepsOf(surface, axes, orthographic) {
   return steps;
 }
 
-function acrossFaces({ points, faces, closed }, facing, axes, orthographic, steps) {
+function acrossFaces({ points, faces, closed, rings }, facing, axes, orthographic, steps) {
   for (let f = 0; f < faces.length; f += 3) {
     const [i, j, k] = [faces[f], faces[f + 1], faces[f + 2]];
     const [a, b, c] = [facing[i] >= 0, facing[j] >= 0, facing[k] >= 0];
@@ -60,7 +56,7 @@ function acrossFaces({ points, faces, closed }, facing, axes, orthographic, step
     // How wide the face is across the contour.
     const across = cross(normal, along);
     const [low, high] = [Math.min, Math.max].map((pick) => pick(0, ...sides.map((side) => dot(side, across))));
-    addStep(steps, ends, nodes, RINGS * (high - low), closed && !bendsAway(corners, sides, [one, other, third].map((p) => facing[p]), axes, orthographic));
+    addStep(steps, ends, nodes, rings * (high - low), closed && !bendsAway(corners, sides, [one, other, third].map((p) => facing[p]), axes, orthographic));
   }
 }
 
@@ -132,16 +128,24 @@ function chainsOf({ nodes, numbers }) {
   return begins.map(walk).filter((chain) => chain.length);
 }
 
-// Flags along a chain without short runs between longer ones.
-function evened(flags) {
+// Whether a chain comes back to where it begins.
+function isClosed(chain, { nodes }) {
+  const [first, last] = [chain[0], chain[chain.length - 1]];
+  return nodes[2 * first.step + (first.turned ? 1 : 0)] === nodes[2 * last.step + (last.turned ? 0 : 1)];
+}
+
+// Flags along a chain without runs of fewer than `least` steps, as the package evens them out (curves/even_out.py): the
+// shortest run, of equals the first, becomes one with its neighbours, until none is too short.
+function evened(flags, closed, least) {
   const even = [...flags];
-  for (let start = 0; start < flags.length; ) {
-    let end = start + 1;
-    while (end < flags.length && flags[end] === flags[start]) end++;
-    if (end - start < LEAST_RUN && start > 0) even.fill(even[start - 1], start, end);
-    start = end;
+  for (;;) {
+    const runs = [];
+    even.forEach((flag, i) => (i && flag === even[i - 1] ? runs[runs.length - 1].push(i) : runs.push([i])));
+    if (closed && runs.length > 1 && even[0] === even[even.length - 1]) runs[0].push(...runs.pop());
+    const shortest = Math.min(...runs.map((run) => run.length));
+    if (runs.length < 2 || shortest >= least) return even;
+    for (const i of runs.find((run) => run.length === shortest)) even[i] = !even[i];
   }
-  return even;
 }
 
 // How long strokes are in the picture before each of their chords begins, pixels.

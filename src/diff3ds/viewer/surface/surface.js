@@ -12,9 +12,10 @@ function readSurface(data, { middle, radius }) {
   const points = Float32Array.from(steps, (step, i) => (data.low[i % 3] + step * data.step - middle[i % 3]) / radius);
   const faces = numbersOf(data.faces, data.wide ? Uint32Array : Uint16Array);
   const creases = numbersOf(data.creases, Uint32Array);
-  const { convex, closed } = data;
+  const { convex, closed, rings, least_run: leastRun } = data;
   const normals = smoothNormals(points, faces);
-  return { points, faces, normals, places: placesOf(steps), creases, convex, closed, near: data.near / radius };
+  const places = placesOf(steps);
+  return { points, faces, normals, places, creases, convex, closed, rings, leastRun, near: data.near / radius };
 }
 
 // Corners in one place have one number, whichever side of a crease they are on.
