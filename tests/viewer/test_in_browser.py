@@ -6,6 +6,7 @@ import threading
 
 import pytest
 import torch
+from line_by_line import STROKE, ink_apart, strokes_off, with_lines_told
 from served_page import served
 from viewer_browser import CHROMIUM, Browser
 
@@ -46,7 +47,7 @@ def difference(image, other):
 
 def shown(browser, path, sketch, **size):
     ds.save(path, sketch)
-    browser.open(path.as_uri(), **size)
+    browser.open(with_lines_told(path), **size)
     return seen(browser)
 
 
@@ -102,13 +103,20 @@ SCENES = {
 }
 
 
+def looks_as(browser, image, sketch, azimuth=30.0, elevation=20.0, **lens):
+    """As `render` draws it: each stroke by itself, ink where there is some, and colours."""
+    camera = framed(sketch, azimuth, elevation, size=tuple(image.shape[:2]), **lens)
+    picture = drawn(sketch, image, azimuth, elevation, **lens)
+    assert max(strokes_off(browser, sketch, camera), default=0) < STROKE
+    assert ink_apart(image, picture) == 0
+    return difference(image, picture) < CLOSE
+
+
 def check_scenes(browser, folder, names):
-    found = {}
     for name in names:
         image = shown(browser, folder / "a.html", SCENES[name])
         assert not browser.errors, name
-        found[name] = difference(image, drawn(SCENES[name], image))
-    assert {name: value for name, value in found.items() if value > CLOSE} == {}
+        assert looks_as(browser, image, SCENES[name]), name
 
 
 def test_the_picture_is_that_of_the_renderer(browser, tmp_path):
@@ -139,7 +147,7 @@ def test_phones_and_fine_screens(browser, tmp_path):
         browser.value("[canvas.width, canvas.height]".replace("canvas", "document.querySelector('canvas')"))[0] == 780
     )
     assert image.shape[1] == 780
-    assert difference(image, drawn(sketch, image)) < CLOSE
+    assert looks_as(browser, image, sketch)
 
 
 @pytest.mark.slow
@@ -151,12 +159,12 @@ def test_keys_and_mouse_turn_it(browser, tmp_path):
     browser.key("ArrowDown")
     turned = seen(browser)
     assert difference(turned, first) > CLOSE
-    assert difference(turned, drawn(sketch, turned, azimuth=15, elevation=25)) < CLOSE
+    assert looks_as(browser, turned, sketch, 15, 25)
     browser.drag((100, 100), (200, 150))  # .4 degrees a pixel
-    assert difference(seen(browser), drawn(sketch, first, azimuth=-25, elevation=45)) < CLOSE
+    assert looks_as(browser, seen(browser), sketch, -25, 45)
     for key, place in {"f": (0, 0), "s": (-90, 0), "t": (-90, 90)}.items():
         browser.key(key)
-        assert difference(seen(browser), drawn(sketch, first, *place)) < CLOSE, key
+        assert looks_as(browser, seen(browser), sketch, *place), key
     browser.key("0")
     assert difference(seen(browser), first) < 1e-3
 
@@ -169,11 +177,11 @@ def test_zoom_and_orthographic_views(browser, tmp_path):
     for _ in range(4):
         browser.key("+")
     near = distance / 1.15**4
-    assert difference(seen(browser), drawn(sketch, first, distance=near)) < CLOSE
+    assert looks_as(browser, seen(browser), sketch, distance=near)
     browser.key("o")
     # The middle keeps its size.
     height = 2 * near * torch.tensor(20.0).deg2rad().tan().item()
-    assert difference(seen(browser), drawn(sketch, first, height=height)) < CLOSE
+    assert looks_as(browser, seen(browser), sketch, height=height)
 
 
 def _middle(sketch):

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 import torch
+from line_by_line import CONTOUR, ENDS, FLAT, STROKE, contours_off, ink_apart, strokes_off, with_lines_told
 from served_page import served
 from sweep import sweep
 from viewer_browser import CHROMIUM, Browser
@@ -145,11 +146,22 @@ def difference(image, other):
 def check(browser, path, name):
     sketch, surface = SCENES[name]
     ds.save(path, sketch, surface=surface)
-    browser.open(path.as_uri())
+    browser.open(with_lines_told(path))
     image = seen(browser)
     assert not browser.errors, name
     assert float((image < 0.5).float().mean()) > 0.003, name
-    return difference(image, drawn(sketch, surface, image))
+    return lines_agree(browser, image, sketch, surface)
+
+
+def lines_agree(browser, image, sketch, surface, **lens):
+    """How much the picture differs in the mean, where each stroke, contour and visible part is where it should be."""
+    camera = framed(sketch, 30, 20, size=tuple(image.shape[:2]), **lens)
+    picture = drawn(sketch, surface, image, **lens)
+    assert max(strokes_off(browser, sketch, camera)) < STROKE
+    assert max(contours_off(browser, sketch, surface, camera), default=0) < CONTOUR
+    assert ink_apart(image, picture, FLAT) == 0
+    assert ink_apart(image, picture) < ENDS
+    return difference(image, picture)
 
 
 @in_browser
@@ -179,7 +191,9 @@ def test_faint_and_shown_lines(browser, tmp_path):
     for how in ("show", "faint"):
         browser.key("V")
         pictures.append(seen(browser))
-        assert difference(pictures[-1], drawn(sketch, surface, pictures[-1], how)) < CLOSE / 4
+        wanted = drawn(sketch, surface, pictures[-1], how)
+        assert ink_apart(pictures[-1], wanted, FLAT) == 0
+        assert difference(pictures[-1], wanted) < CLOSE / 4
     assert difference(*pictures) > CLOSE / 4
     browser.value(
         "(l => { l.value = 'show'; l.dispatchEvent(new Event('change')) })(document.getElementById('hidden'))"
@@ -200,14 +214,14 @@ def test_every_scene_is_that_of_the_renderer(browser, tmp_path):
 def test_turned_and_orthographic_views(browser, tmp_path):
     sketch, surface = SCENES["cylinder of few sides"]
     ds.save(tmp_path / "a.html", sketch, surface=surface)
-    browser.open((tmp_path / "a.html").as_uri())
+    browser.open(with_lines_told(tmp_path / "a.html"))
     browser.key("o")
     image = seen(browser)
     points = sketch.points.double().flatten(0, 1)
     middle = (points.amin(0) + points.amax(0)) / 2
     distance = float((framed(sketch, 30, 20, size=tuple(image.shape[:2])).centers[0] - middle).norm())
     height = 2 * distance * float(torch.tensor(20.0).deg2rad().tan())
-    assert difference(image, drawn(sketch, surface, image, height=height)) < CLOSE / 2
+    assert lines_agree(browser, image, sketch, surface, height=height) < CLOSE / 2
 
 
 @in_browser
