@@ -33,17 +33,29 @@ def write(folder, cameras, images, name="transforms.json"):
     return folder / name
 
 
-@pytest.mark.parametrize("polarity", ["black on white", "white on black", "transparent"])
+@pytest.mark.parametrize("polarity", ["black on white", "white on black", "black on nothing", "white on nothing"])
 def test_ink_of_every_polarity(scene, tmp_path, polarity):
     sketch, cameras = scene
-    ink = ds.render(sketch, cameras).alpha
+    ink = ds.render(ds.Sketch(sketch.points, width=0.05), cameras).alpha
     gray = {"black on white": 1 - ink, "white on black": ink}.get(polarity)
-    images = torch.cat([torch.zeros(*ink.shape, 3), ink[..., None]], -1) if gray is None else gray[..., None]
+    straight = torch.full((*ink.shape, 3), float(polarity == "white on nothing"))
+    images = torch.cat([straight, ink[..., None]], -1) if gray is None else gray[..., None]
     pictures = load_posed(write(tmp_path, cameras, images))
     assert pictures.target == "edges"
     found = pictures.batch([0, 1, 2])
     torch.testing.assert_close(found.alpha, ink, rtol=0, atol=0.5 / 255 + 1e-6)
     torch.testing.assert_close(found.images, (1 - ink)[..., None].expand(-1, -1, -1, 3), rtol=0, atol=0.5 / 255 + 1e-6)
+
+
+def test_paper_that_is_cut_out_is_no_ink(scene, tmp_path):
+    """Black lines on white paper, with nothing around it: the paper is what is opaque, and the lines are the ink."""
+    sketch, cameras = scene
+    ink = ds.render(sketch, cameras).alpha
+    paper = torch.zeros_like(ink)
+    paper[:, 8:32, 20:40] = 1
+    images = torch.stack([1 - ink] * 3 + [paper], -1)
+    found = load_posed(write(tmp_path, cameras, images), "edges").batch([0, 1, 2])
+    torch.testing.assert_close(found.alpha, ink * paper, rtol=0, atol=0.5 / 255 + 1e-6)
 
 
 def test_colored_pictures_over_white(scene, tmp_path):

@@ -14,6 +14,8 @@ from diff3ds.distortion import Distortion
 from diff3ds.photogrammetry.edge_maps import with_edge_maps
 from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange, shared_lens
 from diff3ds.photogrammetry.project import present_views, sparse_points
+from diff3ds.pictures.content.cutout import CLEAR
+from diff3ds.pictures.content.ink import is_thin
 from diff3ds.pictures.content.masks import has_left_out
 from diff3ds.pictures.options import Masks, Target
 from diff3ds.pictures.reading.load_views import Told, canvas_of, load_some, load_views
@@ -128,7 +130,7 @@ def load_posed(
         some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
         looks = _Looks()
         first = load_some(views, sizes, some, looks, scratch, masks, told)
-        background = _background([views[i] for i in some], looks.pixels, target == "edges", masks)
+        background = _background([views[i] for i in some], looks, target == "edges", masks)
         if edges and not _is_gray(torch.cat(looks.pixels)):
             raise ValueError(f"{edges}: the pictures are coloured, and edge maps are gray, such as white on black")
     store = load_views(views, sizes, background, scratch, masks, told, first)
@@ -205,6 +207,8 @@ class _Looks:
 
     def __init__(self) -> None:
         self.pixels: list[Tensor] = []
+        # Whether what is opaque is lines, of pictures with transparent areas.
+        self.thin: list[bool] = []
 
     def __call__(self, view: View, size: tuple[int, int], masks: Masks) -> tuple[Tensor, Tensor]:
         """As `read_view`."""
@@ -213,21 +217,30 @@ class _Looks:
         # What a mask of the object hides has the background's value, which is not known yet.
         rgba, known = shown(picture, view, small, cut=False)
         self.pixels.append(rgba[known])
+        if float(rgba[..., 3].min()) < CLEAR and bool((rgba[..., 3] > 0).any()):
+            self.thin.append(is_thin(rgba[..., 3].numpy()))
         return shown(picture, view, size)
 
 
-def _background(views: list[View], looked_at: list[Tensor], drawn: bool, masks: Masks) -> float | None:
+def _background(views: list[View], looks: _Looks, drawn: bool, masks: Masks) -> float | None:
     """Value of the background, 0 or 1, if the pictures are edge maps or line drawings (known or found), else None.
 
+    A transparent ground is white, but for lines that are light themselves: ink is what is opaque.
+
     Args:
-        looked_at: of known pixels of these views, (M, 4) each: RGB times alpha, and alpha.
+        looks: at these views.
         drawn: whether they are drawings is known.
         masks: as for `load_posed`.
     """
-    pixels = torch.cat(looked_at)
+    pixels = torch.cat(looks.pixels)
     gray = pixels[:, :3].mean(1) + 1 - pixels[:, 3]
     if not len(gray):
         raise ValueError(f"{views[0].picture}: of this and other pictures {_left_nothing(views, masks)}")
+    inked = pixels[pixels[:, 3] > CLEAR]
+    if looks.thin and all(looks.thin) and len(inked) < (1 - DRAWING_BACKGROUND) * len(pixels):
+        light = float((inked[:, :3].mean(1) / inked[:, 3]).median()) > 0.5
+        if light and (drawn or _is_gray(pixels)):
+            return 0.0
     middle = float(gray.median())
     plain = float(((gray - middle).abs() < SAME).float().mean()) > DRAWING_BACKGROUND
     extreme = min(middle, 1 - middle) < SAME
