@@ -8,11 +8,12 @@ import re
 import warnings
 from pathlib import Path
 
+import examples_of_cameras
 import examples_of_meshes
 import pytest
 
 PAGE = Path(__file__).parents[2] / "docs/reference/formats-read.md"
-KINDS = {"Meshes": examples_of_meshes}
+KINDS = {"Cameras": examples_of_cameras, "Meshes": examples_of_meshes}
 WORDS = ("read", "left out", "said", "refused")
 
 

@@ -47,12 +47,6 @@ def read_metashape(path: Path) -> list[Shot]:
     parts = {str(part.get("id")): _transform(path, part.find("transform")) for part in chunk.iter("component")}
     apart = _unconnected([str(camera.get("component_id")) for camera in poses], parts)
     placed = {camera: pose for camera, pose in poses.items() if str(camera.get("component_id")) not in apart}
-    for some, why in (
-        (set(cameras) - set(enabled), "disabled"),
-        (set(enabled) - set(poses), "without a transform (not aligned, or slaves of a rig whose sensor has no place)"),
-        (set(poses) - set(placed), "in components that are not aligned with the largest"),
-    ):
-        warn_left_out(path, [str(camera.get("label")) for camera in cameras if camera in some], len(cameras), why)
     lenses = {key: _sensor(path, sensors[key]) for key in {str(camera.get("sensor_id")) for camera in placed}}
     whole = _transform(path, chunk.find("transform"))
     shots = []
@@ -63,6 +57,12 @@ def read_metashape(path: Path) -> list[Shot]:
                 pose = moved @ torch.cat([pose[:, :3], pose[:, 3:] * pose.new_tensor([[scale]] * 3 + [[1.0]])], 1)
         size, intrinsics, lens = lenses[str(camera.get("sensor_id"))]
         shots.append(Shot(str(camera.get("label")), size, inverse(pose), intrinsics, lens))
+    for some, why in (
+        (set(cameras) - set(enabled), "disabled"),
+        (set(enabled) - set(poses), "without a transform (not aligned, or slaves of a rig whose sensor has no place)"),
+        (set(poses) - set(placed), "in components that are not aligned with the largest"),
+    ):
+        warn_left_out(path, [str(camera.get("label")) for camera in cameras if camera in some], len(cameras), why)
     return shots
 
 
