@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from needs import needs
 from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
@@ -174,7 +173,6 @@ def test_what_is_no_mesh_is_refused(change, message):
         TriangleMesh(**({"vertices": points, "faces": faces} | change))
 
 
-@needs("trimesh")
 def test_a_file_of_two_objects_becomes_one_surface(tmp_path):
     first, second = box(), box((3, 0, 0), (4, 1, 2))
     lines = []
@@ -195,7 +193,6 @@ def test_a_file_of_two_objects_becomes_one_surface(tmp_path):
         ds.load_surface(path, up="x")
 
 
-@needs("trimesh")
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -54,7 +54,6 @@ def test_occt_reads_the_unit_of_a_step_file(unit, millimetres, source, tmp_path)
     torch.testing.assert_close(end, SKETCH.points[0, -1] * millimetres, rtol=1e-12, atol=0)
 
 
-@needs("trimesh")
 def test_lines_of_a_glb_file_in_its_unit(source, tmp_path):
     import trimesh
 

@@ -125,7 +125,7 @@ def test_gltf_multiplies_in_linear_light(tmp_path):
     start = content.index(b"\x89PNG")
     (tmp_path / "torn.glb").write_bytes(content[:start] + b"x" * 16 + content[start + 16 :])
     _, colors = load_colored_surface(tmp_path / "torn.glb")
-    assert colors.missing == ("the texture of material 'None'",) or colors.missing == ("the texture of material None",)
+    assert colors.missing == ("the texture of material 0",)
 
 
 def test_vertices_have_colours_that_mix_and_strokes_far_away_have_the_nearest(tmp_path):
@@ -213,7 +213,11 @@ def test_only_pictures_in_the_folder_are_read_and_only_so_large_ones(tmp_path, m
     assert "cannot be read beside it" in refused(path)
 
 
-def test_colours_of_polygons_that_cannot_be_told_apart_are_refused(tmp_path):
+def test_colours_of_faces_of_different_sizes(tmp_path):
+    """A red square and a blue triangle at an angle: their common edge is blue, the darker one."""
     head = PLY.format(5, "", 2, RGB)
-    (tmp_path / "a.ply").write_text(head + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n4 0 1 2 3 255 0 0\n3 1 4 2 0 0 255\n")
-    assert "2 colours are of faces of which some have more than three corners" in refused(tmp_path / "a.ply")
+    (tmp_path / "a.ply").write_text(head + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 1\n4 0 1 2 3 255 0 0\n3 1 4 2 0 0 255\n")
+    sketch = drawn(tmp_path / "a.ply")
+    blue = {tuple(p) for p, c in zip(sketch.points.mean(1).tolist(), sketch.color.tolist(), strict=True) if c[2] == 1}
+    assert blue == {(1, 0.5, 0), (1.5, 0, 0.5), (1.5, 0.5, 0.5)}
+    assert len(sketch) == 6

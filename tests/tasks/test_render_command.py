@@ -211,7 +211,6 @@ def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
 WALL = "v 0.5 -2 -2\nv 0.5 2 -2\nv 0.5 2 2\nv 0.5 -2 2\nf 1 2 3 4\n"
 
 
-@needs("trimesh")
 def test_a_surface_hides_what_lies_behind_it(source, tmp_path):
     """From +x the wall at x = 1/2 hides the stroke along z, and leaves half of the red one, which comes towards us."""
     (tmp_path / "wall.obj").write_text(WALL)
@@ -227,13 +226,11 @@ def test_a_surface_hides_what_lies_behind_it(source, tmp_path):
     assert (tmp_path / "e.svg").read_text().count("<path") == 1
 
 
-@needs("trimesh")
 def test_double_precision_is_drawn_over_any_background(tmp_path):
     ds.save(tmp_path / "double.json", SKETCH.to(torch.float64))
     assert drawn(tmp_path / "double.json", tmp_path / "a.png", "--background", "1,0,0")[0, 0].tolist() == [255, 0, 0]
 
 
-@needs("trimesh")
 def test_the_surface_of_a_run_hides_lines_when_asked(source, tmp_path, capsys):
     """A folder with the wall as its surface: without --hidden it hides nothing, from the other side neither."""
     with pytest.raises(SystemExit):

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 import torch
-from needs import needs
 
 from diff3ds import load, load_surface
 from diff3ds.tasks.progress import Stopped
@@ -43,7 +42,6 @@ def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     assert not (tmp_path / "run/surface.glb").exists()
 
 
-@needs("trimesh")
 def test_what_is_drawn_again_as_members_has_their_surface(tmp_path) -> None:
     """Boxes have corners where their strokes end, in the scene as in the things; a run over it leaves none."""
     drawn_again = replace(spec("a present on a house"), descent=DescentOptions(steps=30))

@@ -232,7 +232,7 @@ def broken(path: Path, what: str) -> str:
         case "deep":
             (path / "chair" / "more").mkdir(parents=True)
     return {
-        "missing": "is a folder of sketches or meshes (.json, .step, .stp, .obj, .stl, .ply, .off, .glb), and",
+        "missing": "is a folder of sketches or meshes (.json, .step, .stp, .obj, .stl, .ply, .off, .glb, .gltf), and",
         "file": "is a folder of sketches or meshes",
         "garbage": "chair_2.json: not a JSON file",
         "cut": "chair_2.json: not a JSON file",

@@ -196,7 +196,7 @@ class Image:
 class Mesh:
     """Draw a mesh: its creases and borders as strokes, and views with its outlines and without hidden lines.
 
-    Takes OBJ, STL, PLY, OFF or GLB, in their own units. Writes sketch.json, sketch.svg and sketch.step with the strokes
+    Takes OBJ, STL, PLY, OFF or glTF, in their own units. Writes sketch.json, sketch.svg and sketch.step with strokes
     that are there from everywhere, of smooth things outlines from several sides; drawing-1.svg and .png and so on, one
     a view; preview.png, turntable.webp, surface.glb and run.json.
     """

@@ -82,8 +82,8 @@ class View:
     source: Positional[Path]
     # A second one, which stands beside it and is seen by the same camera.
     beside: Positional[Path | None] = None
-    # A mesh, in the sketch's frame, that hides lines: .obj, .stl, .ply, .off or .glb; by default the surface.glb of the
-    # run, where there is one.
+    # A mesh, in the sketch's frame, that hides lines: .obj, .stl, .ply, .off, .glb or .gltf; by default the surface.glb
+    # of the run, where there is one.
     surface: Path | None = None
     # The axis that points up in its file; a .glb file says it itself.
     surface_up: Literal["z", "y"] = "z"

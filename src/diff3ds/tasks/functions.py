@@ -134,7 +134,7 @@ def mesh_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None 
     What the command says goes to the logger diff3ds.
 
     Args:
-        source: an OBJ, STL, PLY, OFF or GLB file.
+        source: an OBJ, STL, PLY, OFF or glTF file.
         out: folder for the files that the command writes, drawings among them; without one nothing is kept.
         options: those of the command by their names, such as `up="y"`, `strokes=24`, `hidden="dashed"`.
 

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.formats.mesh_files.polygons import MIXED
 from diff3ds.surfaces.meshes.t_junctions import without_t_junctions
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
 # every face or texture, and write them in six digits. Of vertices farther apart than this none are.
 SAME = 1e-6
-# Factors that mix whole numbers: the first 64 bits of the fractions of the square roots of 2, 3 and 5, made odd.
-MIXED = np.array([0x6A09E667F3BCC909, 0xBB67AE8584CAA73B, 0x3C6EF372FE94F82B], np.uint64).view(np.int64)
 
 
 def welded(

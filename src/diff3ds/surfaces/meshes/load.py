@@ -1,25 +1,30 @@
-"""Surfaces from files of triangle meshes; needs the extra `mesh`."""
+"""Surfaces from files of triangle meshes."""
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from diff3ds.formats.mesh import UP_IS_KNOWN, MeshFile, read_mesh
+from diff3ds.formats.mesh_files.polygons import counted
+from diff3ds.formats.mesh_files.strays import strays
 from diff3ds.surfaces.meshes.colors import SurfaceColors
 from diff3ds.surfaces.meshes.mesh import CREASE, TriangleMesh
 
 
 def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> TriangleMesh:
-    """The surface in a mesh file (OBJ, STL, PLY, OFF, GLB), in the file's own units.
+    """The surface in a mesh file (OBJ, STL, PLY, OFF, glTF), in the file's own units.
 
     The soup of triangles that STL files are is welded; open meshes, several objects and edges of many faces are taken
-    as they are. glTF says what is up; it comes with z up and x in front.
+    as they are. glTF says what is up; it comes with z up and x in front. Pieces without extent of their own, far from
+    the rest, are left out; this, and what else of a file is left out, is said in a warning.
 
     Args:
         up: the axis that points up in files of the other formats, "z" or "y"; what is seen has z up.
         crease: as of `TriangleMesh`.
 
     Raises:
-        ImportError: the extra `mesh` is not installed.
         ValueError: another suffix; larger than 256 MiB or 8 million triangles, broken, without triangles of any area or
             with coordinates that are not finite; another axis.
         OSError: the file cannot be read.
@@ -33,7 +38,7 @@ def load_colored_surface(
     """As `load_surface`, with the colours of its faces.
 
     Raises:
-        ImportError, ValueError, OSError: as `load_surface`; no face of the file has a colour.
+        ValueError, OSError: as `load_surface`; no face of the file has a colour.
     """
     path = Path(path)
     mesh, read = _surface(path, up, crease, True)
@@ -42,7 +47,7 @@ def load_colored_surface(
         lost = f"; {', '.join(read.colors.missing)} cannot be read beside it" if read.colors.missing else ""
         raise ValueError(
             f"{path}: no face has a colour{lost}: colours are read from OBJ (materials, textures, vertices), PLY "
-            "(vertices, triangles, textures) and GLB"
+            "(vertices, faces, textures), glTF, OFF and binary STL"
         )
     return mesh, SurfaceColors(read.colors, mesh.source, read.vertices[read.faces[mesh.source]])
 
@@ -50,10 +55,26 @@ def load_colored_surface(
 def _surface(path: Path, up: str, crease: float, colors: bool) -> tuple[TriangleMesh, MeshFile]:
     if up not in ("y", "z"):
         raise ValueError(f'up must be "y" or "z", got {up!r}')
-    read = read_mesh(path, colors)
+    read = _without_strays(path, read_mesh(path, colors))
     if up == "y" and path.suffix.lower() not in UP_IS_KNOWN:
         read = replace(read, vertices=read.vertices[:, [2, 0, 1]])
     try:
-        return TriangleMesh(read.vertices, read.faces, read.part, crease), read
+        return TriangleMesh(read.vertices, read.faces, read.part, crease, read.polygon), read
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def _without_strays(path: Path, read: MeshFile) -> MeshFile:
+    """What a file holds but for tiny pieces that are far away from the rest."""
+    away = strays(read.vertices, read.faces)
+    if not away.any():
+        return read
+    warnings.warn(
+        f"{path}: left out: {counted(int(away.sum()), 'face')} far away from the rest, less than a 100,000th of it",
+        stacklevel=4,
+    )
+    rows = np.flatnonzero(~away)
+    colors = read.colors
+    if colors is not None:
+        colors = replace(colors, corners=colors.corners[rows], uv=colors.uv[rows], texture=colors.texture[rows])
+    return MeshFile(read.vertices, read.faces[rows], read.polygon[rows], read.part[rows], colors)

@@ -31,6 +31,7 @@ class TriangleMesh:
         source: which of the given faces each one is, or is a part of.
         part: which object of the file each face belongs to; 0 where there is one.
         crease: faces that meet at more than this make a crease, over which normals are not smoothed; degrees.
+        polygon: which face of the file each one was cut from: faces of one polygon make no crease.
 
     Raises:
         TypeError, ValueError: other shapes, faces between vertices that there are not, values that are not finite, no
@@ -42,6 +43,7 @@ class TriangleMesh:
     source: Int[Index, " F"]
     part: Int[Index, " F"]
     crease: float
+    polygon: Int[Index, " F"]
     _given: tuple[Tensor | None, Index] = field(repr=False)
     _edges: tuple[Index, Index, Index] = field(repr=False)
 
@@ -51,13 +53,13 @@ class TriangleMesh:
         faces: ArrayLike,
         part: ArrayLike | None = None,
         crease: float = CREASE,
+        polygon: ArrayLike | None = None,
     ) -> None:
         given_points = vertices.cpu().double() if isinstance(vertices, Tensor) else None
         points, corners = _checked(vertices if given_points is None else given_points.detach().numpy(), faces)
         angle = _angle(crease)
-        given = np.zeros(len(corners), np.int64) if part is None else np.asarray(part, np.int64)
-        if given.shape != (len(corners),):
-            raise ValueError(f"part must be one number a face, {len(corners)}, got shape {given.shape}")
+        given = _of_faces("part", part, np.zeros(len(corners), np.int64))
+        polygons = _of_faces("polygon", polygon, np.arange(len(corners)))
         rows, corners, source = welded(points, corners)
         points = points[rows]
         if not len(corners):
@@ -76,6 +78,7 @@ class TriangleMesh:
             ("source", source),
             ("part", given[source]),
             ("crease", angle),
+            ("polygon", polygons[source]),
             ("_given", (given_points, rows)),
             ("_edges", (edges, of_faces, beside)),
         ):
@@ -201,8 +204,9 @@ class TriangleMesh:
 
     @cached_property
     def is_crease(self) -> Bool[Mask, " E"]:
-        """Edges of two faces that meet at more than `crease`."""
-        return np.nan_to_num(np.abs(self.turns)) > self.crease
+        """Edges of two faces, of two polygons, that meet at more than `crease`."""
+        one, other = self.polygon[self.edge_faces].T
+        return (np.nan_to_num(np.abs(self.turns)) > self.crease) & (one != other)
 
     @cached_property
     def corner_normals(self) -> Float[Array, "F 3 3"]:
@@ -267,6 +271,14 @@ def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[Float[Array, "V 3"]
     if len(broken):
         raise ValueError(f"vertices must be finite: those of face {broken[0]} are not")
     return points, corners
+
+
+def _of_faces(name: str, given: ArrayLike | None, default: Int[Index, " F"]) -> Int[Index, " F"]:
+    """Numbers of faces, or the default."""
+    found = default if given is None else np.asarray(given, np.int64)
+    if found.shape != default.shape:
+        raise ValueError(f"{name} must be one number a face, {len(default)}, got shape {found.shape}")
+    return found
 
 
 def _edges_of(faces: Int[Index, "F 3"]) -> tuple[Int[Index, "E 2"], Int[Index, "F 3"]]:

@@ -158,6 +158,8 @@ class MeshSeen:
 
     def _through_seams(self, axis: Float[Array, " A"], place: Float[Array, " A"]) -> Cuts:
         """Where contours go into another piece of the mesh: their pictures only touch that of the seam there."""
+        if not len(axis):
+            return np.zeros(0, np.int64), axis
         seam = Seams.of(self._mesh)
         before, share = places_on_seams(self._points, seam, APART * self._mesh.size)
         segment, t = np.divmod(np.interp(before + self._in_perspective(before, share, -1), place, axis), 1)

@@ -41,7 +41,7 @@ class SmoothMesh(TriangleMesh):
     def __init__(
         self, vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"], coarse: TriangleMesh, patch: Int[Index, " F"]
     ) -> None:
-        super().__init__(vertices, faces, coarse.part[patch], coarse.crease)
+        super().__init__(vertices, faces, coarse.part[patch], coarse.crease, coarse.polygon[patch])
         object.__setattr__(self, "coarse", coarse)
         object.__setattr__(self, "patch", patch[self.source])
 

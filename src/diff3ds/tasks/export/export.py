@@ -116,7 +116,7 @@ def _solid(given: SurfaceInput, options: ExportOptions) -> TriangleMesh | None:
     _, mesh = given.now()
     if mesh is None or options.scale == 1:
         return mesh
-    return TriangleMesh(mesh.vertices * options.scale, mesh.faces, mesh.part, mesh.crease)
+    return TriangleMesh(mesh.vertices * options.scale, mesh.faces, mesh.part, mesh.crease, mesh.polygon)
 
 
 def _placed(sketch: Sketch, options: ExportOptions) -> Sketch:

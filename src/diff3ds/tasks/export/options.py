@@ -20,8 +20,8 @@ class ExportOptions:
         scale: how many of these units a world unit of the sketch becomes.
         up: the axis of the file that points up; sketches have z up. GLB files have y up by themselves.
         beside: a second sketch (a file, or the folder of a run) on an .html page, seen by the same camera.
-        surface: a mesh, in the sketch's frame, that hides lines on an .html page: .obj, .stl, .ply, .off or .glb; by
-            default the surface.glb of the run, where there is one.
+        surface: a mesh, in the sketch's frame, that hides lines on an .html page: .obj, .stl, .ply, .off, .glb or
+            .gltf; by default the surface.glb of the run, where there is one.
         surface_up: the axis that points up in its file, y or z; a .glb file says it itself.
         tolerance: how far lines, arcs and polylines in a .step, .dxf or .3dm file may lie off the strokes that they
             stand for, in the unit of the file; by default as well as the sketch's coordinates are known, and 1e-4 of

@@ -93,7 +93,7 @@ def run_mesh(
     """Makes a sketch of the mesh in a file and drawings of it, and writes the folder of the run.
 
     Args:
-        source: OBJ, STL, PLY, OFF or GLB.
+        source: OBJ, STL, PLY, OFF or glTF.
         out: folder of the results.
         options: of the command.
         report: called after every drawing.

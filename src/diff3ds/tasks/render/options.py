@@ -116,8 +116,8 @@ class SurfaceOptions:
     """What hides lines.
 
     Attributes:
-        surface: a mesh, in the sketch's frame, that hides what lies behind it: .obj, .stl, .ply, .off or .glb; with
-            --hidden the surface.glb of the run by default.
+        surface: a mesh, in the sketch's frame, that hides what lies behind it: .obj, .stl, .ply, .off, .glb or .gltf;
+            with --hidden the surface.glb of the run by default.
         surface_up: the axis that points up in its file, y or z; a .glb file says it itself.
         hidden: what becomes of hidden lines: drop (the default with a surface), faint (a quarter of the opacity),
             dashed, or show.

@@ -51,7 +51,7 @@ class Placing:
     def surface(self, surface: TriangleMesh) -> TriangleMesh:
         """The surface in the new world."""
         matrix = (self.scale * self.turn).double().numpy()
-        return TriangleMesh(surface.vertices @ matrix.T, surface.faces, surface.part, surface.crease)
+        return TriangleMesh(surface.vertices @ matrix.T, surface.faces, surface.part, surface.crease, surface.polygon)
 
     def cameras(self, cameras: Cameras) -> Cameras:
         """The cameras in the new world."""
