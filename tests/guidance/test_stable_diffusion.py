@@ -7,6 +7,7 @@ from needs import needs
 
 from diff3ds.camera import orbit
 from diff3ds.guidance import formulas
+from diff3ds.guidance.denoiser import gaussian
 from diff3ds.guidance.networks import prompts
 from diff3ds.guidance.networks.latent import Autoencoder
 from diff3ds.guidance.networks.prompts import BACK, FRONT, SIDE
@@ -80,14 +81,19 @@ def test_what_a_checkpoint_says_is_read(prior):
     assert torch.equal(prior.schedule.alpha_bars, NoiseSchedule.scaled_linear().alpha_bars)
 
 
-def test_a_picture_goes_to_latents_and_back(prior, generator):
+def test_a_picture_goes_to_latents_and_back(prior, folder, generator):
+    """Through the autoencoder of the checkpoint: in [-1, 1] there, scaled by the number of the published models."""
+    from diffusers import AutoencoderKL
+
+    network = AutoencoderKL.from_pretrained(folder / "vae")
     pictures = torch.rand(2, 64, 64, 3, generator=generator)
-    latents = prior.encode(pictures, generator)
-    assert latents.shape == (2, 4, 8, 8)
-    decoded = prior.decode(latents)
-    assert decoded.shape == pictures.shape
-    assert decoded.min() >= 0
-    assert decoded.max() <= 1
+    latents = prior.encode(pictures, torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        posterior = network.encode(2 * pictures.permute(0, 3, 1, 2) - 1).latent_dist
+        noise = gaussian(posterior.mean, torch.Generator().manual_seed(1))
+        assert torch.allclose(latents, 0.18215 * (posterior.mean + posterior.std * noise), atol=1e-5)
+        back = network.decode(latents / 0.18215).sample.permute(0, 2, 3, 1) / 2 + 0.5
+    assert torch.allclose(prior.decode(latents), back.clamp(0, 1), atol=1e-5)
 
 
 def test_branches_are_what_the_network_says(made, texts, noisy, by_hand):

@@ -53,6 +53,15 @@ def test_an_example_shows_what_its_words_say():
         )
 
 
+@pytest.mark.parametrize("index", [0, 2, 3])
+def test_the_kind_that_words_say_is_seen_in_the_views(index):
+    """By the recogniser of drawings, which knows nothing of examples; in pictures large enough for it."""
+    example = Examples(0, 6, size=256)[index]
+    named = {word for word, value in zip(words(), example["words"].tolist(), strict=True) if value}
+    paper = (255 * (1 - example["views"][0])).to(torch.uint8).numpy()
+    assert ds.recognise(paper).guesses[0].kind in named
+
+
 def test_views_are_those_of_the_cameras_that_are_said(monkeypatch):
     """A ring on the ground in front of the object is seen where its camera says."""
     cameras = ds.orbit([0.0, 90.0], 15.0, 1.9, size=64)
