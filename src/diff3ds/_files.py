@@ -34,7 +34,8 @@ def read_text(path: Path) -> str:
     try:
         return content.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: not a text file (UTF-8)") from error
+        kind = "; of the CSV files that spreadsheets write take CSV UTF-8" if path.suffix.lower() == ".csv" else ""
+        raise ValueError(f"{path}: not a text file (UTF-8){kind}") from error
 
 
 def read_json(path: Path) -> Any:

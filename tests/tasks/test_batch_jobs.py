@@ -1,15 +1,17 @@
 """Files of jobs: what is read from them, and what is refused before anything runs."""
 
 import csv
+import io
 import json
 from pathlib import Path
 
 import pytest
 
+from diff3ds.tasks.batch.claims import Claims, Outcome
 from diff3ds.tasks.batch.job_file import read_jobs
 from diff3ds.tasks.batch.machine import places
 from diff3ds.tasks.batch.options import BatchOptions
-from diff3ds.tasks.batch.summary import JobState, write_summary
+from diff3ds.tasks.batch.summary import JobState, states_of, write_summary
 
 
 def written(folder: Path, name: str, text: str) -> Path:
@@ -40,6 +42,73 @@ def test_one_job_in_three_formats_is_the_same_job(tmp_path):
     assert first == second == third
     assert first.name.startswith("a_chair-")
     assert first.options == {"phrase": "a chair", "steps": 20, "t_high": [0.9, 0.4], "redraw": False}
+
+
+PHRASE = 'a chair; with "arms",\nand a high back'
+
+
+def spreadsheet(separator: str, decimal: str = ".", end: str = "\n", empty: int = 1) -> str:
+    """A job as a program of tables writes it: in quotes what has separators, quotes or line ends in it."""
+    out = io.StringIO()
+    writer = csv.writer(out, delimiter=separator, lineterminator=end)
+    writer.writerow(["command", "phrase", "t_high", "rate", "seed"])
+    writer.writerow(["text", PHRASE, f"0{decimal}9 0{decimal}4", f"0{decimal}02"] + [""] * empty)
+    writer.writerow([""] * empty)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        (spreadsheet(","), "utf-8"),
+        (spreadsheet(";", ",", "\r\n"), "utf-8-sig"),
+        (spreadsheet("\t", ",", "\r\n"), "utf-16"),
+        ("sep=,\n" + spreadsheet(",", ","), "utf-8"),
+        ('"sep=;"\r\n' + spreadsheet(";", end="\r\n"), "utf-8-sig"),
+        ("sep=|\n" + spreadsheet("|", ","), "utf-8"),
+        (spreadsheet(";", ",", empty=4), "utf-8"),
+        # As Excel does after a while where the last columns are empty.
+        (spreadsheet(",", empty=0), "utf-8"),
+    ],
+)
+def test_tables_of_spreadsheets_are_read_as_they_write_them(text, encoding, tmp_path):
+    (tmp_path / "jobs.csv").write_bytes(text.encode(encoding))
+    (job,) = read_jobs(tmp_path / "jobs.csv")
+    assert job.options == {"phrase": PHRASE, "t_high": [0.9, 0.4], "rate": 0.02}
+
+
+def test_colours_keep_their_commas(tmp_path):
+    (tmp_path / "views").mkdir()
+    for cells in (
+        "command;source;background\nviews;views;0.5,0.5,0.5\n",
+        'command,source,background\nviews,views,"1,0,0"',
+    ):
+        (job,) = read_jobs(written(tmp_path, "jobs.csv", cells))
+        assert job.options["background"].count(",") == 2
+
+
+def test_tables_in_the_letters_of_one_country_are_refused(tmp_path):
+    (tmp_path / "jobs.csv").write_bytes("command;picture\nimage;Stühle/*.png\n".encode("cp1252"))
+    with pytest.raises(ValueError, match=r"jobs\.csv: not a text file \(UTF-8\); .* take CSV UTF-8"):
+        read_jobs(tmp_path / "jobs.csv")
+
+
+def test_a_default_that_a_command_does_not_take_is_told_as_such(tmp_path):
+    (tmp_path / "a.stl").touch()
+    jobs = '\n[[jobs]]\ncommand = "text"\nphrase = "a chair"\n[[jobs]]\ncommand = "mesh"\nsource = "a.stl"\n'
+    for default, said in (
+        (
+            'prior = "exemplar"',
+            r"jobs\.toml, \[defaults\]: mesh has no option 'prior'.* Give prior to the jobs",
+        ),
+        ("strokes = 0", r"jobs\.toml, \[defaults\]: .*strokes must be"),
+        ("size = 1.5", r"jobs\.toml, \[defaults\]: size must be"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            read_jobs(written(tmp_path, "jobs.toml", f"[defaults]\n{default}{jobs}"))
+    # The job's own are the job's.
+    with pytest.raises(ValueError, match=r"jobs\.toml, job 2: .*option 'prior'"):
+        read_jobs(written(tmp_path, "jobs.toml", f'[defaults]\nstrokes = 9{jobs}prior = "exemplar"\n'))
 
 
 def test_sweeps_are_all_combinations_and_names_say_settings(tmp_path):
@@ -105,7 +174,9 @@ def test_files_that_are_none(tmp_path):
         ("jobs.jsonl", "\n\n", "no jobs in it"),
         ("jobs.jsonl", '{"command": "text", "seed": 1, "seed": 2}', "line 1: .*seed is given twice"),
         ("jobs.toml", "[[jobs]]\nfinal-rate = 1\nfinal_rate = 2", "job 1: final_rate is given twice"),
-        ("jobs.csv", "command,phrase\ntext\n", "1 cells for 2 columns"),
+        ("jobs.csv", "command,phrase\ntext\n", "line 2: text needs a phrase"),
+        ("jobs.csv", "command,phrase\ntext,a chair, red\n", "line 2: 3 cells for 2 columns"),
+        ("jobs.csv", "sep=;\ncommand;phrase\n\ntext;a;b\n", "line 4: 3 cells for 2 columns"),
         ("jobs.csv", "command,phrase,steps\ntext,a chair,many\n", "steps must be a whole number, got 'many'"),
         ("jobs.csv", "command,phrase,redraw\ntext,a chair,yes\n", "redraw must be true or false"),
         ("jobs.yaml", "", "is .toml, .jsonl or .csv"),
@@ -157,3 +228,22 @@ def test_an_option_called_as_a_result_has_a_column_of_its_own(tmp_path):
     with (tmp_path / "summary.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["--strokes"], row["strokes"]) for row in rows] == [("8", "7"), ("16", "15")]
+
+
+def test_the_times_of_all_tries_count_and_what_is_nearly_empty_is_marked(tmp_path):
+    jobs = read_jobs(lines(tmp_path, *({"command": "text", "phrase": f"a {name}"} for name in ("chair", "mug", "bus"))))
+    claims = Claims(tmp_path / "attempts")
+    for job, ends in zip(jobs, (("killed", "timeout", "done"), ("done",), ("failed", "failed")), strict=True):
+        for state in ends:
+            claim = claims.claim(job.name)
+            assert claim is not None
+            claim.end(Outcome(state, seconds=10.0))
+    for job, strokes in zip(jobs[:2], (30, 3), strict=True):
+        (tmp_path / job.name).mkdir()
+        record = {"stopped_early": False, "strokes_left": strokes, "seconds": {"distill": 1.5, "scores": 0.5}}
+        (tmp_path / job.name / "run.json").write_text(json.dumps(record))
+    states = states_of(jobs, tmp_path, claims, {})
+    assert [state.seconds for state in states] == [22.0, 2.0, 20.0]
+    assert [state.message for state in states[:2]] == ["", "nearly empty: 3 strokes"]
+    write_summary(tmp_path, states)
+    assert "nearly empty: 3 strokes" in (tmp_path / "summary.md").read_text()

@@ -19,6 +19,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.tasks.progress import Progress
+from diff3ds.tasks.view.serve import server_of
 
 
 def lines(count: int) -> ds.Sketch:
@@ -85,6 +86,55 @@ def test_other_sites_are_refused(sketch):
             assert asked(server, path, method)[0].status == 501
     with served(sketch) as other:
         assert other.secret != server.secret
+
+
+TUNNELS = ("localhost:9000", "127.0.0.1:9000", "[::1]:9000", "LocalHost", "localhost:65535")
+# Names that other sites have pointed here, and what is no name.
+FOREIGN = (
+    "evil.example:9000", "localhost.evil.example:9000", "127.0.0.1.evil.example", "localhost:9000@evil.example", "",
+    "evil.example:9000:9000", "127.0.0.2:9000", "[::2]:9000", "localhost:", "localhost:9000/", "hub.example.org",
+)  # fmt: skip
+
+
+def test_tunnels_of_this_machine_reach_the_page_through_any_port(sketch, tmp_path):
+    new = text_of(lines(4), tmp_path)
+    with served(sketch) as server:
+        path = f"/{server.secret}/"
+        for host in TUNNELS:
+            assert asked(server, path, Host=host, Origin=f"http://{host}")[0].status == 200, host
+            assert sent(server, "copy", new, Host=host, Origin=f"http://{host}")[0] == 200, host
+        for host in FOREIGN:
+            answer, said = asked(server, path, Host=host)
+            assert (answer.status, server.secret in said) == (403, False), host
+            assert f"ssh -L {server.server_port}:127.0.0.1:{server.server_port}" in said
+            assert "--allow-host NAME" in said
+            # A page of theirs that asks for this machine by its name.
+            assert sent(server, "copy", new, Host="localhost:9000", Origin=f"http://{host}")[0] == 403, host
+
+
+def test_a_hub_is_let_in_by_name(sketch, tmp_path):
+    new = text_of(lines(4), tmp_path)
+    with served(sketch, allowed=("Hub.example.org",)) as server:
+        for host in ("hub.example.org", "hub.example.org:8443", "localhost:8888"):
+            for origin in ("https://hub.example.org", "http://hub.example.org:8443", "http://localhost:8888"):
+                assert sent(server, "copy", new, Host=host, Origin=origin)[0] == 200
+        for origin in ("https://evil.example", "https://localhost:8888", "ftp://hub.example.org", "https://"):
+            assert sent(server, "copy", new, Host="hub.example.org", Origin=origin)[0] == 403
+        assert asked(server, f"/{server.secret}/", Host="sub.hub.example.org")[0].status == 403
+    for name in ("http://hub.example.org", "hub.example.org/user", "hub.example.org:8000", "", "*"):
+        with pytest.raises(ValueError, match="allow_host must be a name alone, such as hub"):
+            server_of(sketch, 0, print, allowed=(name,))
+
+
+def test_another_address_is_listened_on_where_it_is_asked_for(sketch):
+    with served(sketch, host="0.0.0.0") as server:
+        assert server.server_address[0] == "0.0.0.0"
+        # Which names no machine.
+        assert server.address.startswith("http://127.0.0.1:")
+        assert asked(server, f"/{server.secret}/", Host="localhost:1")[0].status == 200
+        assert asked(server, f"/{server.secret}/", Host="evil.example")[0].status == 403
+    with pytest.raises(OSError, match=r"no\.such\.example is no address of this machine .*: leave --host out"):
+        server_of(sketch, 0, print, host="no.such.example")
 
 
 def test_a_changed_file_is_another_version_and_a_broken_one_leaves_the_page(sketch):

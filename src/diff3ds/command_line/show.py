@@ -89,6 +89,12 @@ class View:
     surface_up: Literal["z", "y"] = "z"
     # Of the address; by default any that is free.
     port: int = 0
+    # The address of this machine that it listens on; 0.0.0.0 is all of them, as a container needs: then whoever has
+    # the address of the page sees and changes the sketch.
+    host: str = "127.0.0.1"
+    # Other names by which your browser reaches this machine, such as that of a JupyterHub or a codespace; localhost
+    # with any port, as through an SSH tunnel, needs none.
+    allow_host: tuple[str, ...] = ()
     # Open the address in the browser of this machine.
     open: bool = False
     # Say the address alone.
@@ -101,4 +107,5 @@ class View:
 
         show = partial(print, flush=True)
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
-        run_view(self.source, self.port, self.open, show, say, self.beside, self.surface, self.surface_up)
+        solid = (self.surface, self.surface_up)
+        run_view(self.source, self.port, self.open, show, say, self.beside, *solid, self.host, self.allow_host)

@@ -152,8 +152,10 @@ def _read(name: str, words: str, hint: Any) -> Any:
             raise ValueError(f"{name} must be true or false, got {words!r}")
         return words.lower() == "true"
     if hint in (int, float):
+        # Many countries write .5 as 0,5.
+        plain = words.replace(",", ".") if hint is float and words.count(",") == 1 and "." not in words else words
         try:
-            return hint(words)
+            return hint(plain)
         except ValueError:
             raise ValueError(
                 f"{name} must be {'a whole number' if hint is int else 'a number'}, got {words!r}"

@@ -21,6 +21,12 @@ MOST_JOBS = 1_000_000
 # Letters of a folder's name that say what its job is about, before those that make it unique.
 SAYING, UNIQUE = 40, 10
 _METHOD = re.compile(r"\w[\w.-]*")
+# The first line by which Excel is told what separates cells.
+_SEPARATOR = re.compile(r'\s*"?sep=(.)"?[^\S\r\n]*\r?\n', re.IGNORECASE)
+# What a job says beside the options of its command.
+_OF_JOBS = ("command", "method", "sweep")
+# Where a job stands, the options of all jobs, and over them its own.
+_Read = tuple[str, dict[str, Any], dict[str, Any]]
 # What the batch itself writes into its folder: no method's folder, on disks that tell no capitals apart either.
 TAKEN = ("attempts", "sheet.png", "summary.csv", "summary.md")
 
@@ -58,22 +64,23 @@ def read_jobs(path: Path) -> list[Job]:
         raise ValueError(f"{path} is not there: give a file of jobs; docs/howto/batch.md shows some")
     base = path.absolute().parent
     found: dict[str, tuple[str, Job]] = {}
-    for place, given in _READERS[kind](path, read_text(path)):
+    for place, shared, own in _READERS[kind](path, read_text(path)):
         try:
-            for job in _expanded(given, base):
+            for job in _expanded(shared | own, base):
                 if job.name in found:
                     raise ValueError(f"the same job as {found[job.name][0]}: leave one of them out")
                 if len(found) == MOST_JOBS:
                     raise ValueError(f"more than {MOST_JOBS} jobs: make the sweep smaller")
                 found[job.name] = place, job
         except (ValueError, TypeError, FileNotFoundError) as error:
-            raise ValueError(f"{path}, {place}: {error}") from error
+            blamed = _misfit(shared, own, base) or f"{place}: {error}"
+            raise ValueError(f"{path}, {blamed}") from error
     if not found:
         raise ValueError(f"{path}: no jobs in it")
     return [job for _, job in found.values()]
 
 
-def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _of_toml(path: Path, text: str) -> Iterator[_Read]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -85,18 +92,13 @@ def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
     for number, job in enumerate(jobs, 1):
         if not isinstance(job, dict):
             raise ValueError(f"{path}, job {number}: not a table of options")
-        yield f"job {number}", _joined(f"{path}, job {number}", shared, job)
+        try:
+            yield f"job {number}", _underscored(shared), _underscored(job)
+        except ValueError as error:
+            raise ValueError(f"{path}, job {number}: {error}") from error
 
 
-def _joined(where: str, shared: Mapping[str, Any], job: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of all jobs, and over them those of one."""
-    try:
-        return _underscored(shared) | _underscored(job)
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from error
-
-
-def _of_lines(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _of_lines(path: Path, text: str) -> Iterator[_Read]:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
             continue
@@ -108,7 +110,7 @@ def _of_lines(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
             raise ValueError(
                 f"{path}, line {number}: wants an object of options, such as " + '{"command": "text", ...}'
             )
-        yield f"line {number}", job
+        yield f"line {number}", {}, job
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -121,27 +123,66 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Cells are words; what they mean, the options say that they are of. Empty ones say nothing."""
-    rows = csv.reader(io.StringIO(text), strict=True)
+def _of_csv(path: Path, text: str) -> Iterator[_Read]:
+    """Cells are words; what they mean, the options say that they are of. Empty ones say nothing.
+
+    Spreadsheets leave out empty cells at the ends of lines, or write them where no column is.
+    """
+    said = _SEPARATOR.match(text)
+    text, skipped = (text[said.end() :], 1) if said else (text, 0)
+    rows = csv.reader(io.StringIO(text, newline=""), delimiter=said[1] if said else _separator(text), strict=True)
     try:
-        head = [name.strip() for name in next(rows, [])]
+        head = _filled(next(rows, []))
         if not head or len(set(head)) < len(head) or "" in head:
             raise ValueError(f"{path}: the first line names the columns, each once: command, phrase, seed")
         for row in rows:
-            if len(row) > len(head) or (row and len(row) < len(head)):
-                raise ValueError(f"{path}, line {rows.line_num}: {len(row)} cells for {len(head)} columns")
-            given: dict[str, Any] = {name: cell.strip() for name, cell in zip(head, row, strict=False) if cell.strip()}
+            cells, place = _filled(row), f"line {rows.line_num + skipped}"
+            if len(cells) > len(head):
+                raise ValueError(f"{path}, {place}: {len(cells)} cells for {len(head)} columns")
+            given = {name: cell for name, cell in zip(head, cells, strict=False) if cell}
             if given:
                 try:
-                    yield f"line {rows.line_num}", worded(given)
+                    yield place, {}, worded(given)
                 except ValueError as error:
-                    raise ValueError(f"{path}, line {rows.line_num}: {error}") from error
+                    raise ValueError(f"{path}, {place}: {error}") from error
     except csv.Error as error:
-        raise ValueError(f"{path}, line {rows.line_num}: not a CSV file ({error})") from error
+        raise ValueError(f"{path}, line {rows.line_num + skipped}: not a CSV file ({error})") from error
+
+
+def _separator(text: str) -> str:
+    """What stands between the names of columns, of which one is command: spreadsheets of many countries write ;."""
+    head = text.lstrip().partition("\n")[0]
+    found = (mark for mark in ",;\t" if "command" in (name.strip(' "\r') for name in head.split(mark)))
+    return next(found, ",")
+
+
+def _filled(row: list[str]) -> list[str]:
+    """The cells of a line without the empty ones at its end."""
+    cells = [cell.strip() for cell in row]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
 
 
 _READERS = {".toml": _of_toml, ".jsonl": _of_lines, ".csv": _of_csv}
+
+
+def _misfit(shared: Mapping[str, Any], own: Mapping[str, Any], base: Path) -> str | None:
+    """Says which of the options of all jobs the command of one does not take; None where it takes each."""
+    given = {**shared, **own}
+    command = given.get("command")
+    subject = SUBJECTS.get(command) if isinstance(command, str) else None
+    if subject is None or subject not in given:
+        return None
+    about = {name: value for name, value in shared.items() if name not in {*own, *_OF_JOBS, subject}}
+    for name, value in about.items():
+        try:
+            check_options(str(command), {subject: given[subject], name: value}, base)
+        except FileNotFoundError:
+            return None
+        except (ValueError, TypeError) as error:
+            return f"[defaults]: {error}. Give {name} to the jobs of other commands than {command} alone"
+    return None
 
 
 def _expanded(given: Mapping[str, Any], base: Path) -> Iterator[Job]:

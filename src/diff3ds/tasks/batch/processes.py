@@ -112,7 +112,7 @@ class Batch:
         self.report(Progress("jobs", len(self.done) + len(self.failed), len(self.jobs), None, 0))
 
     def _is_done(self, job: Job, record: Mapping[str, Any]) -> None:
-        self.done[job.name] = done_state(job, record, self.claims.tries(job.name))
+        self.done[job.name] = done_state(job, record, self.claims)
 
     # Jobs that begin
 

@@ -77,7 +77,7 @@ def _watched(
     while True:
         for job in jobs:
             if job.name not in done and (record := run_record(out / job.name)) is not None:
-                done[job.name] = done_state(job, record, claims.tries(job.name))
+                done[job.name] = done_state(job, record, claims)
         report(Progress("jobs", len(done), len(jobs), None, 0))
         if not workers:
             return done

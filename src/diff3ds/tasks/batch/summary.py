@@ -16,6 +16,9 @@ from diff3ds.tasks.batch.finished import run_record
 from diff3ds.tasks.batch.job_file import Job
 from diff3ds.tasks.evaluate.score_table import Row, columns_of, mean_and_spread, summaries, table
 
+# A result of so few strokes is worth a look: little of what was asked for, or nothing. Empirical.
+FEW = 3
+
 
 @dataclass(frozen=True)
 class JobState:
@@ -25,9 +28,9 @@ class JobState:
         job: which.
         state: done; failed, killed or timeout (the last try); stopped, or waiting (no try has ended).
         tries: that were begun.
-        message: why the last one failed.
+        message: why the last one failed, or what is odd about the result.
         strokes: of the result.
-        seconds: that the commands took, as run.json has it.
+        seconds: that all tries took: the last one as run.json has it.
         scores: of the result, from run.json.
     """
 
@@ -45,11 +48,20 @@ def states_of(jobs: Sequence[Job], out: Path, claims: Claims, done: Mapping[str,
     return [done.get(job.name) or _state(job, out, claims) for job in jobs]
 
 
-def done_state(job: Job, record: Mapping[str, Any], tries: int) -> JobState:
+def done_state(job: Job, record: Mapping[str, Any], claims: Claims) -> JobState:
     """Where a job is whose run.json says this."""
-    seconds = round(math.fsum(record.get("seconds", {}).values()), 3)
+    tries = claims.tries(job.name)
+    seconds = round(_seconds(job, claims, tries - 1) + math.fsum(record.get("seconds", {}).values()), 3)
     strokes, scores = record.get("strokes_left"), record.get("scores", {})
-    return JobState(job, "done", tries, strokes=strokes, seconds=seconds, scores=scores)
+    few = isinstance(strokes, int) and strokes <= FEW
+    message = f"nearly empty: {strokes} stroke{'' if strokes == 1 else 's'}" if few else ""
+    return JobState(job, "done", tries, message, strokes, seconds, scores)
+
+
+def _seconds(job: Job, claims: Claims, tries: int) -> float:
+    """What the first so many tries of a job took, as far as they have ended."""
+    outcomes = (claims.outcome(job.name, number) for number in range(1, tries + 1))
+    return math.fsum(outcome.seconds for outcome in outcomes if outcome)
 
 
 def counted(states: Sequence[JobState]) -> str:
@@ -80,11 +92,13 @@ def _state(job: Job, out: Path, claims: Claims) -> JobState:
     tries = claims.tries(job.name)
     record = run_record(out / job.name)
     if record is not None:
-        return done_state(job, record, tries)
+        return done_state(job, record, claims)
     outcome = claims.outcome(job.name, tries) if tries else None
+    seconds = round(_seconds(job, claims, tries), 3) if tries else None
     if outcome is None:
-        return JobState(job, "waiting", tries)
-    return JobState(job, outcome.state if outcome.state != "done" else "waiting", tries, shortened(outcome.message))
+        return JobState(job, "waiting", tries, seconds=seconds)
+    state = outcome.state if outcome.state != "done" else "waiting"
+    return JobState(job, state, tries, shortened(outcome.message), seconds=seconds)
 
 
 def _differing(jobs: Sequence[Job]) -> list[str]:

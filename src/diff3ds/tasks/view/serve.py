@@ -1,14 +1,16 @@
 """A page with a sketch from a server on this machine, which gives it to nobody else.
 
 It listens on 127.0.0.1, shows the page under a secret in the address and nothing besides, and answers only what asks
-for this address by name: not other sites' scripts, and no name that another site has pointed here.
+for this machine by name, through whatever port a tunnel has: not other sites' scripts, and no name that another site
+has pointed here.
 """
 
 import json
 import re
 import secrets
+import socket
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -22,8 +24,13 @@ from diff3ds.tasks.view import saving
 from diff3ds.tasks.view.run_folder import picture_in
 from diff3ds.tasks.view.shown_page import ShownPage
 
-# The only address it listens on.
+# The address it listens on, unless another is asked for; how browsers call this machine; all addresses of a machine.
 HOST = "127.0.0.1"
+NAMES = (HOST, "localhost", "[::1]")
+EVERYWHERE = ("0.0.0.0", "::")
+# What a request calls a server: a name or address, and a port; what users call one.
+_AUTHORITY = re.compile(r"(\[[0-9a-f:.]+\]|[^\[\]:/@\s]+)(?::[0-9]{1,5})?")
+_NAME = re.compile(r"[\w.-]+")
 # Before the names of a run's pictures.
 PICTURE = "picture/"
 # Before the names of pages that keep edits.
@@ -50,6 +57,8 @@ def run_view(
     beside: Path | None = None,
     surface: Path | None = None,
     surface_up: Literal["z", "y"] = "z",
+    host: str = HOST,
+    allowed: Sequence[str] = (),
 ) -> None:
     """Shows a sketch until Ctrl-C.
 
@@ -62,12 +71,17 @@ def run_view(
         beside: a file with a second sketch, or the folder of a run, which is seen by the same camera.
         surface: a mesh that hides lines of the sketch; by default that of the run, where there is one.
         surface_up: the axis that points up in its file.
+        host: the address that it listens on.
+        allowed: other names by which browsers reach this machine, such as that of a hub that passes requests on.
 
     Raises:
-        ValueError, OSError, ImportError: as `load_sketch` and `load_surface`; a port that is taken or none.
+        ValueError, OSError, ImportError: as `load_sketch` and `load_surface`; a port that is taken or none; names that
+            are none.
     """
-    with server_of(source, port, say, beside=beside, surface=surface, surface_up=surface_up) as server:
+    with server_of(source, port, say, False, beside, surface, surface_up, host, allowed) as server:
         show(server.address)
+        if host not in (HOST, "localhost", "::1"):
+            say(f"warning: {host} is more than this machine: whoever has the address sees and changes the sketch")
         say("Ctrl-C ends it")
         if opened:
             webbrowser.open(server.address)
@@ -86,16 +100,36 @@ class PageServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, page: ShownPage, port: int) -> None:
+    def __init__(self, page: ShownPage, port: int, host: str = HOST, allowed: Sequence[str] = ()) -> None:
         """Listens at once."""
-        super().__init__((HOST, port), _Handler)
+        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        super().__init__((host, port), _Handler)
         self.page = page
         self.secret = secrets.token_urlsafe(16)
-        self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
-        self.address = f"http://{HOST}:{self.server_port}/{self.secret}/"
+        called = HOST if host in EVERYWHERE else f"[{host}]" if ":" in host else host
+        self.names = {*NAMES, called.lower()}
+        self.allowed = {name.lower() for name in allowed}
+        self.address = f"http://{called}:{self.server_port}/{self.secret}/"
+
+    def is_named(self, authority: str) -> bool:
+        """Whether a request that calls this server so, at whatever port, means this machine."""
+        name = _name_in(authority)
+        return name in self.names or name in self.allowed
+
+    def is_own_page(self, origin: str) -> bool:
+        """Whether a page of this server asks; names that are allowed may be those of a hub that speaks https."""
+        scheme, _, authority = origin.partition("://")
+        name = _name_in(authority)
+        return (scheme == "http" and name in self.names) or (scheme in ("http", "https") and name in self.allowed)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that goes away is no fault."""
+
+
+def _name_in(authority: str) -> str | None:
+    """The name or address, without the port, in lower case; None of what is neither."""
+    found = _AUTHORITY.fullmatch(authority.lower())
+    return found[1] if found else None
 
 
 @contextmanager
@@ -133,6 +167,8 @@ def server_of(
     beside: Path | None = None,
     surface: Path | None = None,
     surface_up: Literal["z", "y"] = "z",
+    host: str = HOST,
+    allowed: Sequence[str] = (),
 ) -> PageServer:
     """The server of a sketch, which listens but does not answer yet.
 
@@ -141,12 +177,17 @@ def server_of(
         beside: as of `run_view`, as the next ones.
         surface: what hides lines.
         surface_up: the axis that points up in its file.
+        host: as of `run_view`, as the next one.
+        allowed: names.
 
     Raises:
         ValueError, OSError, ImportError: as `run_view`.
     """
     if not 0 <= port <= 65535:
         raise ValueError(f"port must be from 0 to 65535, got {port}")
+    for name in allowed:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"allow_host must be a name alone, such as hub.example.org, got {name!r}")
     # What cannot be shown is said before anything listens.
     for path in [] if waits else [source, *([] if beside is None else [beside])]:
         load_sketch(path)
@@ -154,9 +195,12 @@ def server_of(
     page = ShownPage(source, say, solid, waits, None if beside is None else ShownPage(beside, say))
     page.text()
     try:
-        return PageServer(page, port)
+        return PageServer(page, port, host, allowed)
+    except socket.gaierror as error:
+        raise OSError(f"{host} is no address of this machine ({error.strerror}): leave --host out") from error
     except OSError as error:
-        raise OSError(f"port {port} cannot be had ({error.strerror}): leave --port out for one that is free") from error
+        where = f"port {port}" if host == HOST else f"port {port} of {host}"
+        raise OSError(f"{where} cannot be had ({error.strerror}): leave --port out for one that is free") from error
 
 
 def kept_name(name: str | None) -> str | None:
@@ -239,11 +283,17 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _is_foreign(self, must_say: bool = False) -> bool:
         """Whether somebody else asks, who is then refused; browsers say who writes."""
-        origin = self.headers.get("Origin")
-        foreign = must_say if origin is None else origin.removeprefix("http://") not in self.server.names
-        if self.headers.get("Host") in self.server.names and not foreign:
+        host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
+        foreign = must_say if origin is None else not self.server.is_own_page(origin)
+        if self.server.is_named(host) and not foreign:
             return False
-        self._answer(HTTPStatus.FORBIDDEN, "text/plain", "this address is for the browser of its own machine")
+        told = self.server.address.replace(self.server.secret, "...")
+        refused = (
+            f"this page is for the browser of its own machine: open it as {told}, or by localhost with the port of a "
+            f"tunnel (ssh -L {self.server.server_port}:{HOST}:{self.server.server_port} MACHINE). To reach it by "
+            "another name, as through a hub or a container, start diff3ds view with --allow-host NAME"
+        )
+        self._answer(HTTPStatus.FORBIDDEN, "text/plain", refused)
         return True
 
     def _asked(self) -> str | None:
