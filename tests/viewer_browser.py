@@ -16,8 +16,10 @@ FLAGS = (
     "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--remote-debugging-pipe", "--hide-scrollbars",
     "--no-first-run", "--disable-extensions", "--disable-background-networking", "--force-color-profile=srgb",
 )  # fmt: skip
-# Seconds for anything the browser is asked for: software rendering on a loaded machine.
-PATIENCE = 60
+# Seconds for anything the browser is asked for: software rendering on a machine where each process gets a tenth.
+PATIENCE = 300
+# When what was drawn last is on the screen.
+SHOWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
 
 
 class Browser:
@@ -128,6 +130,7 @@ class Browser:
 
     def picture(self, whole: bool = False) -> bytes:
         """A PNG of the canvas, or of the whole page."""
+        assert self.value(SHOWN)
         clip = {} if whole else {"clip": {**self.canvas_box(), "scale": 1}}
         return base64.b64decode(self.ask("Page.captureScreenshot", format="png", **clip)["data"])
 

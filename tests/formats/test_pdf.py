@@ -8,6 +8,7 @@ import zlib
 import numpy as np
 import pytest
 import torch
+from ink import ink_apart
 
 import diff3ds as ds
 from diff3ds.formats import save_pdf, save_svg
@@ -53,6 +54,7 @@ def test_looks_as_rendered(tmp_path, space):
     rendered = ds.render(sketch, CAMERAS[0]).color[0].numpy() * 255
     assert picture.shape == rendered.shape
     assert np.abs(picture - rendered).mean() < 3
+    assert ink_apart(picture / 255, rendered / 255) == 0
 
 
 def test_a_page_has_its_size_and_every_stroke(tmp_path):

@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 import torch
+from ink import ink_apart
 from PIL import Image
 
 import diff3ds as ds
@@ -69,6 +70,7 @@ def check_scenes(path, seeds):
         picture, rendered = drawn(path), ds.render(sketch, CAMERA).color[0].numpy() * 255
         # 3 is what is promised; the pictures are nearer.
         assert np.abs(picture - rendered).mean() < 1.5
+        assert ink_apart(picture / 255, rendered / 255) == 0
         colors = sketch.color.numpy() * 255
         for x, y, nearer, gap in crossings(sketch):
             around = np.abs(rendered[y - 1 : y + 2, x - 1 : x + 2] - colors[nearer]).max()
@@ -110,6 +112,7 @@ def test_a_tangle_is_cut_in_few_parts(tmp_path):
     picture, rendered = drawn(tmp_path / "a.svg"), ds.render(sketch, CAMERA).color[0].numpy() * 255
     # The promise of all pictures.
     assert np.abs(picture - rendered).mean() < 3
+    assert ink_apart(picture / 255, rendered / 255) == 0
     alike = ds.Sketch(sketch.points, color=(0.1, 0.2, 0.3))
     ds.save(tmp_path / "a.svg", alike, CAMERA)
     assert (tmp_path / "a.svg").read_text().count("<path") == 100

@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 import torch
+from ink import ink_apart
 from PIL import Image
 
 import diff3ds as ds
@@ -93,6 +94,7 @@ def test_cairosvg_draws_what_render_draws(tmp_path, space):
     picture = Image.open(io.BytesIO(cairosvg.svg2png(url=str(tmp_path / "a.svg")))).convert("RGB")
     rendered = ds.render(colored(space), CAMERA).color[0].numpy() * 255
     assert np.abs(np.asarray(picture) - rendered).mean() < 2
+    assert ink_apart(np.asarray(picture) / 255, rendered / 255) == 0
 
 
 def test_layers_are_named_by_their_colour(tmp_path):

@@ -1,11 +1,10 @@
-"""A page's lines against Python's, each by itself: the chords that its scripts draw, and where its picture has ink."""
+"""A page's lines against Python's, each by itself: the chords that its scripts draw, by ends and distance."""
 
 import re
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
 import diff3ds as ds
@@ -34,15 +33,11 @@ STEP = 0.05
 STROKE = 0.2
 # And a contour: on the page it has a corner in each face, in Python it is smooth. A tenth of that on fine meshes.
 CONTOUR = 1.0
-# Ink that both pictures must have, and what is ink at all: faint lines have a quarter.
-STRONG, WEAK = 0.2, 0.1
-# Pixels between ink and ink, for antialiasing; and where strokes go into a surface at a flat angle, which pixels decide
-# on the page and crossings in Python.
-BESIDE, FLAT = 2, 8
+# Pixels between ink and ink where strokes go into a surface at a flat angle, which pixels decide on the page and
+# crossings in Python.
+FLAT = 8
 # Pixels that such ends of wide strokes take up at most, all of a picture's together; 37 were found.
 ENDS = 50
-# Around its picture the page shows where the focus is, pixels.
-FOCUS = 4
 
 
 def with_lines_told(path: Path) -> str:
@@ -106,12 +101,3 @@ def contours_off(browser, sketch: ds.Sketch, surface: ds.TriangleMesh, camera: d
         inside = [places[((places > 0) & (places < (width, height))).all(1)] for places in each]
         off += [apart(places, others) for places in inside if len(places)]
     return off
-
-
-def ink_apart(page: torch.Tensor, picture: torch.Tensor, reach: int = BESIDE) -> int:
-    """Pixels that have ink in one of two pictures and none near by in the other."""
-    one, other = ((1 - image).amax(-1)[FOCUS:-FOCUS, FOCUS:-FOCUS].numpy() for image in (page, picture))
-    count = 0
-    for here, there in ((one, other), (other, one)):
-        count += int(((here > STRONG) & (maximum_filter(there, 2 * reach + 1) < WEAK)).sum())
-    return count
