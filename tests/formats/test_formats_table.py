@@ -9,11 +9,12 @@ import warnings
 from pathlib import Path
 
 import examples_of_cameras
+import examples_of_curves
 import examples_of_meshes
 import pytest
 
 PAGE = Path(__file__).parents[2] / "docs/reference/formats-read.md"
-KINDS = {"Cameras": examples_of_cameras, "Meshes": examples_of_meshes}
+KINDS = {"Cameras": examples_of_cameras, "Meshes": examples_of_meshes, "CAD drawings and scenes": examples_of_curves}
 WORDS = ("read", "left out", "said", "refused")
 
 

@@ -92,7 +92,8 @@ def test_files_are_valid(tmp_path):
 def test_places_of_prims_count_and_curves_of_one_prim_are_strokes(tmp_path):
     (tmp_path / "a.usda").write_text(
         """#usda 1.0
-(metersPerUnit = 1)
+(metersPerUnit = 1
+ upAxis = "Z")
 def Xform "a" {
     double3 xformOp:translate = (10, 0, 0)
     uniform token[] xformOpOrder = ["xformOp:translate"]

@@ -75,6 +75,7 @@ _READERS = {
     ".usd": load_usd,
     ".usda": load_usd,
     ".usdc": load_usd,
+    ".usdz": load_usd,
 }
 
 
@@ -154,7 +155,7 @@ def notebook_png(sketch: Sketch) -> bytes:
 
 
 def load(path: str | Path) -> Sketch:
-    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf`, `.3dm`, `.usd`, `.usda` or `.usdc` file.
+    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf`, `.3dm`, `.usd`, `.usda`, `.usdc` or `.usdz` file.
 
     STEP, DXF and 3DM need the extra `cad` (see `load_step`, `load_dxf`, `load_3dm`), USD the extra `usd` (`load_usd`).
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import torch
 
-from diff3ds.bezier import MAX_DEGREE, from_nurbs
+from diff3ds._shapes import Tensor
+from diff3ds.bezier import MAX_DEGREE, from_nurbs, subcurve
 from diff3ds.formats.assembly import ReadStroke, Segment, sketch_of
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 
@@ -43,16 +44,7 @@ def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict
         OSError: the file cannot be read.
     """
     check_size(path)
-    script = Path(__file__).with_name("reader_process.py")
-    command = [sys.executable, "-P", str(script), reader, str(path.resolve())]
-    patience = SECONDS + SECONDS_PER_MEGABYTE * path.stat().st_size / 1e6
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
-        answer = json.loads(done.stdout)
-    except subprocess.TimeoutExpired as error:
-        raise ValueError(f"{path}: {program} has not read this {kind} file in {patience:.0f} s") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: {program} failed on this {kind} file (exit code {done.returncode})") from error
+    answer = _answer(path, reader, program, kind)
     if "error" in answer:
         raise ValueError(f"{path}: {answer['error']}")
     strokes: list[dict[str, Any]] = answer["strokes"]
@@ -61,6 +53,21 @@ def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict
     for line in answer["said"]:
         warnings.warn(f"{path}: {line}", stacklevel=4)
     return strokes
+
+
+def _answer(path: Path, reader: str, program: str, kind: str) -> dict[str, Any]:
+    """What a reader says of a file (`reader_process.py`)."""
+    script = Path(__file__).with_name("reader_process.py")
+    command = [sys.executable, "-P", str(script), reader, str(path.resolve())]
+    patience = SECONDS + SECONDS_PER_MEGABYTE * path.stat().st_size / 1e6
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
+        answer: dict[str, Any] = json.loads(done.stdout)
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(f"{path}: {program} has not read this {kind} file in {patience:.0f} s") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {program} failed on this {kind} file (exit code {done.returncode})") from error
+    return answer
 
 
 def nurbs_sketch(path: Path, reader: str, program: str, kind: str) -> Sketch:
@@ -109,8 +116,10 @@ def _joined(curves: list[dict[str, Any]], scale: float) -> list[list[Segment]]:
         degree = len(knots) - len(points) - 1
         if degree > MAX_DEGREE:
             raise ValueError(f"of degree {degree}, and only up to {MAX_DEGREE} is read: rebuild it as a cubic")
-        parts = zip(*(part.tolist() for part in from_nurbs(points * scale, weights, knots)), strict=True)
-        segments: list[Segment] = list(parts)
+        bezier = _within(
+            *from_nurbs(points * scale, weights, knots), knots[degree : len(points) + 1], curve.get("range")
+        )
+        segments: list[Segment] = list(zip(*(part.tolist() for part in bezier), strict=True))
         # Programs give some curves the other way round, such as arcs that they draw counter-clockwise.
         if runs and not meet(runs[-1][-1], segments[0]):
             back = _reversed(segments)
@@ -123,6 +132,23 @@ def _joined(curves: list[dict[str, Any]], scale: float) -> list[list[Segment]]:
         else:
             runs.append(segments)
     return runs
+
+
+def _within(points: Tensor, weights: Tensor, knots: Tensor, reach: list[float] | None) -> tuple[Tensor, Tensor]:
+    """The parts of segments between two parameters; by default all of them.
+
+    Raises:
+        ValueError: there is nothing between.
+    """
+    start, stop = knots[:-1][knots[1:] > knots[:-1]], knots[1:][knots[1:] > knots[:-1]]
+    if reach is None or (reach[0] <= knots[0] and reach[1] >= knots[-1]):
+        return points, weights
+    some = (start < reach[1]) & (stop > reach[0])
+    if not bool(some.any()):
+        raise ValueError(f"nothing of it lies in its range {reach[0]:g} to {reach[1]:g}")
+    start, stop = start[some], stop[some]
+    ends = ((t.clamp(*reach) - start) / (stop - start) for t in (start, stop))
+    return subcurve(points[some], weights[some], *ends)
 
 
 def _reversed(segments: list[Segment]) -> list[Segment]:

@@ -16,16 +16,8 @@ from typing import Any
 MEMORY = 1 << 33
 
 
-def main(reader: str, path: str) -> None:
-    """Prints {"strokes": [...], "said": [...]} or {"error": message}."""
-    with contextlib.suppress(ImportError):  # not on Windows
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    # Libraries print statistics to the standard output: that goes to the error output, the answer to the real one.
-    answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    result: dict[str, Any]
+def answer_of(reader: str, path: str) -> dict[str, Any]:
+    """{"strokes": [...], "said": [...]} or {"error": message}."""
     try:
         place = Path(__file__).parent / f"{reader}.py"
         spec = importlib.util.spec_from_file_location(place.stem, place)
@@ -34,10 +26,22 @@ def main(reader: str, path: str) -> None:
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
         strokes, said = module.strokes_of(path)
-        result = {"strokes": strokes, "said": said}
     # The libraries' exceptions have no common class but this.
     except Exception as error:
-        result = {"error": str(error).strip() or type(error).__name__}
+        return {"error": str(error).strip() or type(error).__name__}
+    return {"strokes": strokes, "said": said}
+
+
+def main(reader: str, path: str) -> None:
+    """Prints the answer."""
+    with contextlib.suppress(ImportError):  # not on Windows
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    # Libraries print statistics to the standard output: that goes to the error output, the answer to the real one.
+    answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    result = answer_of(reader, path)
     with answer:
         json.dump(result, answer)
 

@@ -124,7 +124,7 @@ class Reader:
         """What a block reference shows, at each place of its array."""
         block = insert.block()
         if block is None or block.block.is_xref:
-            self._left_out["references to other files" if block else "references to missing blocks"] += 1
+            self._left_out["references to other files" if block is not None else "references to missing blocks"] += 1
             return
         if place.depth >= DEPTH:
             raise ValueError(f"blocks more than {DEPTH} deep in this DXF file")

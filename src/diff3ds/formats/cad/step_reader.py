@@ -1,19 +1,21 @@
 """The wires and edges of a STEP file as Bézier curves, by OCCT; `reader_process.py` runs it."""
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
 from OCP.BRep import BRep_Tool
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.collections import Sequence_TCollection_AsciiString, Sequence_TDF_Label
-from OCP.Geom import Geom_BSplineCurve, Geom_TrimmedCurve
+from OCP.Geom import Geom_BezierCurve, Geom_BSplineCurve, Geom_Conic, Geom_Line, Geom_TrimmedCurve
 from OCP.GeomAbs import GeomAbs_C1
 from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxCurve, GeomConvert_BSplineCurveToBezierCurve
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.STEPConstruct import STEPConstruct
+from OCP.StepShape import StepShape_GeometricSet
 from OCP.StepVisual import (
     StepVisual_ColourRgb,
     StepVisual_CurveStyle,
@@ -22,14 +24,22 @@ from OCP.StepVisual import (
 )
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Iterator
-from OCP.XCAFDoc import XCAFDoc_ColorCurv, XCAFDoc_ColorGen, XCAFDoc_DocumentTool
+from OCP.XCAFDoc import (
+    XCAFDoc_ColorCurv,
+    XCAFDoc_ColorGen,
+    XCAFDoc_ColorTool,
+    XCAFDoc_DocumentTool,
+    XCAFDoc_ShapeTool,
+)
 
 MAX_DEGREE = 3
 # Of the approximation of other curves, relative to how far their control points reach from the first.
 TOLERANCE = 1e-4
 MAX_SEGMENTS = 1000
+# Places along a curve where its approximation is looked at.
+_PROBES = 16
 # Of the sizes of two segments: how far apart the end of one and the start of the other may be at a joint of a wire.
 # [empirical: ends of arcs are computed to 1e-15; other programs write 7 digits and more]
 JOINT = 1e-6
@@ -38,13 +48,14 @@ MILLIMETRES = {"millimetre": 1.0, "centimetre": 10.0, "metre": 1000.0, "inch": 2
 
 
 def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
-    """All wires and other edges, and what is said.
+    """All wires and other edges that are shown, and what is said.
 
     Each has Bézier segments with points (K, 3) in millimetres and weights (K), whether it is closed, its colour (sRGB,
     in [0, 1]), and the width of its curve style (or None): the style's name, the number, and the unit of the file.
     """
     reader = STEPCAFControl_Reader()
     reader.SetColorMode(True)
+    reader.SetLayerMode(True)
     reader.SetNameMode(False)
     if reader.ReadFile(path) != IFSelect_RetDone:
         raise ValueError("OCCT cannot read this STEP file: it is broken or of an unknown schema")
@@ -54,13 +65,32 @@ def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     labels = Sequence_TDF_Label()
     shapes.GetFreeShapes(labels)
-    looks = Looks(reader, document)
-    seen = ShapeMap()
+    looks, walk = Looks(reader, document), Walk(document)
     strokes: list[dict[str, Any]] = []
     for i in range(1, labels.Length() + 1):
-        for edges, shape in _chains(shapes.GetShape_s(labels.Value(i)), seen):
+        whole = shapes.GetShape_s(labels.Value(i))
+        for found, shape in walk.chains(whole, whole):
+            edges = [edge for edge in found if _is_tame(edge)]
+            walk.left_out["curves that are not approximated"] += len(found) - len(edges)
             strokes += [{**chain, **looks.of(shape, edges[0])} for chain in _joined(edges)]
-    return strokes, []
+    counted = _not_transferred(reader) + walk.left_out
+    parts = [f"{count} {kind}" for kind, count in sorted(counted.items())]
+    return strokes, [f"left out of what is drawn: {', '.join(parts)}"] if parts else []
+
+
+def _not_transferred(reader: STEPCAFControl_Reader) -> Counter[str]:
+    """What sets of curves hold and OCCT makes nothing of, by kind: points, and curves that it refuses."""
+    left_out = Counter[str]()
+    session = reader.Reader().WS()
+    model, process = session.Model(), session.TransferReader().TransientProcess()
+    for i in range(1, model.NbEntities() + 1):
+        entity = model.Entity(i)
+        if isinstance(entity, StepShape_GeometricSet):
+            for k in range(1, entity.NbElements() + 1):
+                item = entity.ElementsValue(k).Value()
+                if STEPConstruct.FindShape_s(process, item).IsNull():
+                    left_out[item.DynamicType().Name().split("_")[-1]] += 1
+    return left_out
 
 
 class Looks:
@@ -110,32 +140,77 @@ def _curve_style(item: StepVisual_StyledItem) -> Any:
     return None
 
 
-def _chains(shape: Any, seen: ShapeMap, face: bool = False) -> Iterator[tuple[list[Any], Any]]:
-    """Edges of wires that bound no face, and other edges each by itself, once; with the shape that they make up.
+class Walk:
+    """Goes through shapes, each once, and passes over what is hidden.
 
-    Args:
-        seen: edges that have been met; those of this shape are added.
-        face: whether the shape is one or within one.
+    Attributes:
+        left_out: what is no curve, or not shown, by kind.
     """
-    kind = shape.ShapeType()
-    parts = []
-    inner = TopoDS_Iterator(shape)
+
+    def __init__(self, document: TDocStd_Document) -> None:
+        self.left_out = Counter[str]()
+        self._seen, self._hidden = ShapeMap(), ShapeMap()
+        main = document.Main()
+        layers, labels = XCAFDoc_DocumentTool.LayerTool_s(main), Sequence_TDF_Label()
+        layers.GetLayerLabels(labels)
+        for i in range(1, labels.Length() + 1):
+            if not layers.IsVisible(labels.Value(i)):
+                shown = Sequence_TDF_Label()
+                layers.GetShapesOfLayer_s(labels.Value(i), shown)
+                for k in range(1, shown.Length() + 1):
+                    self._hidden.Add(XCAFDoc_ShapeTool.GetShape_s(shown.Value(k)))
+        shapes = XCAFDoc_DocumentTool.ShapeTool_s(main)
+        labels = Sequence_TDF_Label()
+        shapes.GetShapes(labels)
+        for i in range(1, labels.Length() + 1):
+            self._hide(labels.Value(i))
+
+    def _hide(self, label: Any) -> None:
+        """Notes what is hidden of a shape, its components and its parts."""
+        parts = Sequence_TDF_Label()
+        XCAFDoc_ShapeTool.GetComponents_s(label, parts)
+        inner = Sequence_TDF_Label()
+        XCAFDoc_ShapeTool.GetSubShapes_s(label, inner)
+        parts.Append(inner)
+        for one in [label, *(parts.Value(i) for i in range(1, parts.Length() + 1))]:
+            if not XCAFDoc_ColorTool.IsVisible_s(one):
+                self._hidden.Add(XCAFDoc_ShapeTool.GetShape_s(one))
+
+    def chains(self, shape: Any, local: Any, face: bool = False) -> Iterator[tuple[list[Any], Any]]:
+        """Edges of wires that bound no face, and other edges each by itself, once; with the shape that they make up.
+
+        Args:
+            local: the shape where what it is a part of has it, by which it is known to be hidden.
+            face: whether the shape is one or within one.
+        """
+        if self._hidden.Contains(local):
+            self.left_out["hidden (themselves or by their layers)"] += 1
+            return
+        kind = shape.ShapeType()
+        parts = list(zip(_inner(shape, True), _inner(shape, False), strict=True))
+        if kind == TopAbs_VERTEX:
+            self.left_out["points"] += 1
+        elif kind == TopAbs_EDGE:
+            if not self._seen.Contains(shape):
+                self._seen.Add(shape)
+                yield [TopoDS.Edge(shape)], shape
+        elif kind == TopAbs_WIRE and not face:
+            edges = [TopoDS.Edge(part) for part, _ in parts if not self._seen.Contains(part)]
+            for edge in edges:
+                self._seen.Add(edge)
+            if edges:
+                yield edges, shape
+        else:
+            for part, within in parts:
+                yield from self.chains(part, within, face or kind == TopAbs_FACE)
+
+
+def _inner(shape: Any, placed: bool) -> Iterator[Any]:
+    """What a shape is made of, in space or as the shape has it."""
+    inner = TopoDS_Iterator(shape, True, placed)
     while inner.More():
-        parts.append(inner.Value())
+        yield inner.Value()
         inner.Next()
-    if kind == TopAbs_EDGE:
-        if not seen.Contains(shape):
-            seen.Add(shape)
-            yield [TopoDS.Edge(shape)], shape
-    elif kind == TopAbs_WIRE and not face:
-        edges = [TopoDS.Edge(part) for part in parts if not seen.Contains(part)]
-        for edge in edges:
-            seen.Add(edge)
-        if edges:
-            yield edges, shape
-    else:
-        for part in parts:
-            yield from _chains(part, seen, face or kind == TopAbs_FACE)
 
 
 def _joined(edges: list[Any]) -> Iterator[dict[str, Any]]:
@@ -170,6 +245,19 @@ def _meet(before: dict[str, Any], after: dict[str, Any]) -> bool:
     a, b = before["points"], after["points"]
     size = max(math.dist(a[0], p) for p in a[1:]) + max(math.dist(b[0], p) for p in b[1:])
     return math.dist(a[-1], b[0]) <= JOINT * size
+
+
+def _is_tame(edge: Any) -> bool:
+    """Whether what stands for the curve of an edge lies near it: of offset curves that break off it does not."""
+    curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
+    if curve is None or isinstance(curve, (Geom_BSplineCurve, Geom_BezierCurve, Geom_Conic, Geom_Line)):
+        return True
+    first, last = BRep_Tool.Range_s(edge)
+    spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, first, last))
+    places = [first + (last - first) * i / _PROBES for i in range(_PROBES + 1)]
+    wanted, got = ([c.Value(t) for t in places] for c in (curve, spline))
+    size = max(wanted[0].Distance(p) for p in wanted)
+    return all(a.Distance(b) <= TOLERANCE * size for a, b in zip(wanted, got, strict=True))
 
 
 def _beziers(edge: Any) -> Iterator[tuple[list[list[float]], list[float]]]:

@@ -139,17 +139,21 @@ def _extent(points: Float[NDArray[np.float64], "_ 3"], width: float) -> Float[ND
 
 
 def load_usd(path: str | Path) -> Sketch:
-    """The NurbsCurves of a USD file as strokes, float64, in metres; ours come back as they are in float32.
+    """The curves that a USD file shows as strokes, float64, z up, in metres; ours come back as they are in float32.
 
-    A file without such curves is an error: BasisCurves are not read. Colours and opacities are what is shown
-    (`displayColor`), the widths those of `save_usd`; of other files they get the defaults of `Sketch`. Places of prims
-    count; animated ones are taken at their default time. What else the file refers to is not opened.
+    NurbsCurves and BasisCurves (linear, Bézier, B-spline, Catmull-Rom) are exact, also as instances and of point
+    instancers; what is y up is turned. Colours and opacities are what is shown (`displayColor`; the mean one along a
+    curve), the widths those of `save_usd`; of other files they get the defaults of `Sketch`. What moves is taken at the
+    first frame. Guides and proxies are left out. Files that this one refers to are opened if
+    they lie in its folder. A warning counts, by kind, what else is drawn, and what is invisible; another one says that
+    the file names no unit of length.
 
     usd-core reads in a process of its own: a file that makes it crash or hang gives an error like any broken file.
 
     Raises:
         ImportError: the extra `usd` is not installed.
-        ValueError: larger than 256 MiB, not a USD file, a broken one, no curves, a curve of a degree above 3.
+        ValueError: larger than 256 MiB, not a USD file, a broken one, no curves, a curve of a degree above 3, or a file
+            that refers to what is missing or not in its folder.
         OSError: the file cannot be read.
     """
     path = Path(path)
