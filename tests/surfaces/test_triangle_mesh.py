@@ -5,7 +5,7 @@ import pytest
 from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
-from diff3ds.surfaces.meshes.clean import MIXED, different
+from diff3ds.formats.mesh_files.same_rows import MIXED, different
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 

@@ -1,5 +1,6 @@
 """Triangle meshes from files: vertices, faces and their colours."""
 
+import codecs
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,7 +81,7 @@ def read_mesh(path: str | Path, colors: bool = False) -> MeshFile:
     try:
         # Numbers of broken files may be of any size; what is too large is left out below.
         with np.errstate(all="ignore"):
-            read = _read(path, content, colors)
+            read = _read(path, _plain(content), colors)
             mesh, left_out = _triangles(read)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
@@ -88,10 +89,17 @@ def read_mesh(path: str | Path, colors: bool = False) -> MeshFile:
         # Anything may stand where a number, a list or a name should.
         raise ValueError(f"{path}: not a mesh that can be read ({type(error).__name__}: {error})") from error
     for what in (*read.left_out, *left_out):
-        warnings.warn(f"{path}: left out: {what}", stacklevel=2)
+        warnings.warn(f"{path}: {what}", stacklevel=2)
     if path.suffix.lower() in UP_IS_KNOWN:
         return MeshFile(mesh.vertices[:, [2, 0, 1]], mesh.faces, mesh.polygon, mesh.part, mesh.colors)
     return mesh
+
+
+def _plain(content: bytes) -> bytes:
+    """A text without a byte order mark, in UTF-8 where it was in UTF-16; other files as they are."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", "replace").encode()
+    return content.removeprefix(codecs.BOM_UTF8)
 
 
 def _read(path: Path, content: bytes, colors: bool) -> Polygons:
@@ -113,6 +121,8 @@ def _read(path: Path, content: bytes, colors: bool) -> Polygons:
 def _triangles(read: Polygons) -> tuple[MeshFile, list[str]]:
     """The faces in triangles, and what of them is left out."""
     points, sizes = read.vertices, read.sizes
+    if not len(sizes):
+        raise ValueError(f"{counted(len(points), 'vertex', 'vertices')} and no face: a mesh needs triangles")
     finite = np.asarray((np.abs(points) < FARTHEST).all(1))
     first = np.cumsum(sizes) - sizes
     of = np.repeat(np.arange(len(sizes)), sizes)
@@ -126,7 +136,7 @@ def _triangles(read: Polygons) -> tuple[MeshFile, list[str]]:
     if len(faces) > MOST:
         raise ValueError(f"{len(faces)} faces are more than the {MOST} that are read")
     left_out = [
-        f"{counted(int(count), 'face')} {what}"
+        f"left out: {counted(int(count), 'face')} {what}"
         for count, what in (
             (short.sum(), "of fewer than three corners"),
             (broken.sum(), "with coordinates that are no numbers, or far too large"),
@@ -136,7 +146,8 @@ def _triangles(read: Polygons) -> tuple[MeshFile, list[str]]:
     if not len(faces):
         raise ValueError("a mesh needs triangles between finite vertices")
     if cut.crossed:
-        left_out.append(f"how {counted(cut.crossed, 'face')} of more than three corners cross themselves")
+        crossed = "crosses itself" if cut.crossed == 1 else "cross themselves"
+        left_out.append(f"{counted(cut.crossed, 'face')} {crossed}: no triangles cover what it encloses just once")
     colors = None if read.paint is None else _colors(read.paint, row[cut.rows], polygon)
     return MeshFile(points, faces, polygon, read.part[polygon], colors), left_out
 

@@ -28,8 +28,10 @@ class GltfMaterials:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Materials that are drawn as if nothing was seen through them."""
-        return tuple(f"transparency of material {name}: it is drawn whole" for name in self._seen_through)
+        """Materials that are drawn as if nothing was seen through them, in one line."""
+        names = list(self._seen_through)
+        shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        return (f"left out: transparency of the material {shown}: what has it is drawn whole",) if names else ()
 
     def paint(self, primitive: dict[str, Any], faces: Int[Index, "F 3"], vertices: int) -> Paint:
         """The colours of a primitive's triangles.

@@ -6,11 +6,10 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.mesh_colors import NO_TEXTURE, Texture
+from diff3ds.formats.mesh_files.same_rows import different
 
 # Triangles, vertices and corners; a scene that shows one mesh many times has more than are in the file.
 MOST = 1 << 23
-# Factors that mix whole numbers: the first 64 bits of the fractions of the square roots of 2, 3 and 5, made odd.
-MIXED = np.array([0x6A09E667F3BCC909, 0xBB67AE8584CAA73B, 0x3C6EF372FE94F82B], np.uint64).view(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ class Polygons:
         sizes: corners of each face.
         part: which object of the file each face is of.
         paint: colours, where they were asked for.
-        left_out: what was passed over and should be said: "2 lines" and the like.
+        left_out: what was passed over and should be said, in a sentence each.
     """
 
     vertices: Float[Array, "V 3"]
@@ -70,9 +69,9 @@ def check_corners(corners: Int[Index, " C"], vertices: int) -> None:
 
 
 def numbered_places(vertices: Float[Array, "V 3"]) -> Int[Index, " V"]:
-    """A number for each vertex, the same for those in the very same place: one number mixes the bits of a place."""
+    """A number for each vertex, the same for those in the very same place."""
     # -0 is 0.
-    return np.asarray(np.unique((vertices + 0.0).view(np.int64) @ MIXED, return_inverse=True)[1].reshape(-1), np.int64)
+    return different(list((vertices + 0.0).view(np.int64).T))[1]
 
 
 def counted(number: int, one: str, many: str = "") -> str:

@@ -75,7 +75,7 @@ class _Reader:
             raise ValueError("it shows points and lines alone, no triangles: it is no mesh")
         left_out: tuple[str, ...] = ()
         if self._flat:
-            left_out = (counted(self._flat, "set of points or lines", "sets of points or lines"),)
+            left_out = (f"left out: {counted(self._flat, 'set of points or lines', 'sets of points or lines')}",)
         part = np.repeat(np.arange(len(self._faces)), [len(some) for some in self._faces])
         paint = self._materials.joined(self._paints) if self._materials else None
         if self._materials:

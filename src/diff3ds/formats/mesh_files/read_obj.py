@@ -29,8 +29,7 @@ class _Read:
     material: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     libraries: list[str] = field(default_factory=list)
-    lines: int = 0
-    points: int = 0
+    flat: int = 0
 
 
 def read_obj(content: bytes, beside: FilesBeside | None) -> Polygons:
@@ -55,18 +54,11 @@ def read_obj(content: bytes, beside: FilesBeside | None) -> Polygons:
     corners = _counted_on(indices[:, 0], before[:, 0])
     check_corners(corners, len(vertices))
     weighted = values[count == 4, 3] if values.shape[1] > 3 else np.ones(0)
-    left_out = [
-        *(
-            [
-                f"weights of vertices: they are of free-form curves, and {counted(len(vertices), 'vertex', 'vertices')}"
-                " stay in place"
-            ]
-            if (weighted != 1).any()
-            else []
-        ),
-        *([counted(read.lines, "line")] if read.lines else []),
-        *([counted(read.points, "point")] if read.points else []),
-    ]
+    left_out = []
+    if (weighted != 1).any():
+        left_out.append("left out: weights of vertices, which are those of free-form curves")
+    if read.flat:
+        left_out.append(f"left out: {counted(read.flat, 'line or point', 'lines and points')}")
     paint = None
     if beside is not None:
         own = values[:, 3:6] if values.shape[1] >= 6 else np.full((len(vertices), 3), np.nan)
@@ -79,7 +71,7 @@ def read_obj(content: bytes, beside: FilesBeside | None) -> Polygons:
 def _sorted(content: bytes) -> _Read:
     read = _Read()
     part = material = -1
-    content = content.removeprefix(b"\xef\xbb\xbf").replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    content = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     numbers: dict[str, int] = {}
     for line in content.splitlines():
         word, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
@@ -100,10 +92,8 @@ def _sorted(content: bytes) -> _Read:
             material = numbers.setdefault(_name(rest), len(numbers))
         elif word == b"mtllib":
             read.libraries.append(_name(rest))
-        elif word == b"l":
-            read.lines += 1
-        elif word == b"p":
-            read.points += 1
+        elif word in (b"l", b"p"):
+            read.flat += 1
         elif word in _FREE_FORM:
             raise ValueError(
                 f"it has free-form curves or surfaces ({word.decode()}), which are not read: export meshes"
@@ -178,7 +168,8 @@ def _paint(
     if given.shape[1] == 1:
         given = np.concatenate([given, np.zeros_like(given)], 1)
     if places.max(initial=-1) >= len(given):
-        raise ValueError(f"a face has texture coordinate {places.max() + 1} of {len(given)}")
+        missing.append(f"{counted(int((places >= len(given)).sum()), 'texture coordinate')} of faces")
+        places = np.where(places < len(given), places, -1)
     uv = np.concatenate([given, np.full((1, 2), np.nan)])[places]
     row = np.repeat(material, sizes)
     uv = uv * moved[row, :2] + moved[row, 2:]

@@ -17,7 +17,6 @@ def read_off(content: bytes, colors: bool) -> Polygons:
     Raises:
         ValueError: a binary one, one of other than three dimensions, or broken.
     """
-    content = content.removeprefix(b"\xef\xbb\xbf")
     lines = [line for line in (line.split(b"#", 1)[0].strip() for line in content.splitlines()) if line]
     header = _HEADER.match(lines[0]) if lines else None
     if header and header[6]:

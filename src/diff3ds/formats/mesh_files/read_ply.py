@@ -11,7 +11,7 @@ from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.files_beside import FilesBeside
 from diff3ds.formats.mesh_colors import NO_TEXTURE, Pictures
 from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, check_corners, counted
-from diff3ds.formats.mesh_files.text_numbers import numbers
+from diff3ds.formats.mesh_files.text_numbers import numbers, widths
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -98,9 +98,7 @@ def _header(lines: list[str]) -> tuple[str, list[tuple[str, int, list[_Property]
                 elements[-1][2].append(_Property(name.lower(), _TYPES[of], _TYPES[count]))
             case ["property", of, name] if of in _TYPES and elements:
                 elements[-1][2].append(_Property(name.lower(), _TYPES[of], None))
-            case [] | ["comment" | "obj_info", *_]:
-                pass
-            case _:
+            case ["format" | "element" | "property", *_]:
                 raise ValueError(f"a line of its header is not understood: {line[:60]!r}")
     if not kind:
         raise ValueError("its header does not say its format")
@@ -112,16 +110,22 @@ def _elements(
 ) -> dict[str, _Columns]:
     """All elements; of a name that is there twice the last one."""
     data: dict[str, _Columns] = {}
-    # A text is as one of numbers of one type, one after the other.
-    flat = numbers(content[at:]).view(np.uint8) if kind == "ascii" else np.frombuffer(content, np.uint8)
+    flat = np.frombuffer(content, np.uint8)
     order = {"binary_big_endian": ">"}.get(kind, "<")
-    at = 0 if kind == "ascii" else at
+    lines = [line for line in content[at:].splitlines() if line.strip()] if kind == "ascii" else []
+    row = 0
     for name, count, properties in elements:
-        written = properties
-        if kind == "ascii":
-            written = [_Property(p.name, "f8", p.count and "f8") for p in properties]
+        written, length = properties, None
         try:
-            columns, at = _columns(flat, at, count, written, order)
+            if kind == "ascii":
+                # A text is as one of numbers of one type; what more a line has is passed over.
+                block = lines[row : row + count]
+                flat, length, at = numbers(b"\n".join(block)).view(np.uint8), 8 * widths(block), 0
+                if len(block) < count or length.sum() != len(flat):
+                    raise ValueError("the file ends before")
+                written = [_Property(p.name, "f8", p.count and "f8") for p in properties]
+                row += count
+            columns, at = _columns(flat, at, count, written, order, length)
             data[name] = {p.name: _typed(columns[p.name], p.kind) for p in properties}
         except (IndexError, ValueError) as error:
             raise ValueError(f"it is cut off or broken: its {count} of {name} are not there ({error})") from error
@@ -139,10 +143,14 @@ def _typed(column: NDArray[Any] | _List, kind: str) -> NDArray[Any] | _List:
 
 
 def _columns(
-    flat: NDArray[np.uint8], at: int, count: int, properties: list[_Property], order: str
+    flat: NDArray[np.uint8], at: int, count: int, properties: list[_Property], order: str, length: Index | None
 ) -> tuple[_Columns, int]:
-    """The properties of an element whose first row begins at a byte, and where what follows begins."""
-    fixed = _alike(flat, at, count, properties, order)
+    """The properties of an element whose first row begins at a byte, and where what follows begins.
+
+    Args:
+        length: bytes of each row, where the file tells it.
+    """
+    fixed = _alike(flat, at, count, properties, order, length)
     if fixed is not None:
         return fixed
     starts: list[list[int]] = [[] for _ in properties]
@@ -150,14 +158,16 @@ def _columns(
     width = [np.dtype(p.kind).itemsize for p in properties]
     kinds = [np.dtype(order + p.count) if p.count else None for p in properties]
     raw = flat.tobytes()
-    for _ in range(count):
+    ends = [len(raw)] * count if length is None else np.cumsum(length).tolist()
+    for row in range(count):
+        at = at if length is None else ends[row] - int(length[row])
         for k, kind in enumerate(kinds):
             number = 1
             if kind is not None:
-                number = int(np.frombuffer(raw, kind, 1, at)[0]) if kind.itemsize > 1 else raw[at]
+                number = int(np.frombuffer(raw, kind, 1, at)[0])
                 at += kind.itemsize
-            if number < 0 or at + number * width[k] > len(raw):
-                raise ValueError("a list is longer than the file")
+            if number < 0 or at + number * width[k] > ends[row]:
+                raise ValueError("a list is longer than the file, or its line")
             starts[k].append(at)
             sizes[k].append(number)
             at += number * width[k]
@@ -172,7 +182,7 @@ def _columns(
 
 
 def _alike(
-    flat: NDArray[np.uint8], at: int, count: int, properties: list[_Property], order: str
+    flat: NDArray[np.uint8], at: int, count: int, properties: list[_Property], order: str, length: Index | None
 ) -> tuple[_Columns, int] | None:
     """The same for rows that are all as long as the first one; None where they are not."""
     fields: list[tuple[str, str, int]] = []
@@ -191,7 +201,12 @@ def _alike(
             raise ValueError("a row is longer than the file")
         fields.append((f"value {k}", order + p.kind, number))
         end += width
-    # A field of one number has no axis for it.
+    if length is not None and count:
+        if (length != length[0]).any():
+            return None
+        if at + length[0] < end:
+            raise ValueError("its lines have fewer numbers")
+        fields.append(("more", "u1", at + int(length[0]) - end))
     kind = np.dtype([(name, of, (number,)) for name, of, number in fields])
     if not count or not kind.itemsize:
         return {

@@ -24,8 +24,8 @@ def read_stl(content: bytes, colors: bool) -> Polygons:
     said = int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
     whole = len(content) == _HEADER + said * _FACET.itemsize
     # Some programs begin the header of binary files with "solid".
-    if not whole and re.match(rb"(?:\xef\xbb\xbf)?\s*solid\b", content, re.IGNORECASE) and _is_text(content):
-        return _text(content)
+    if not whole and re.match(rb"\s*solid\b", content, re.IGNORECASE) and _is_text(content):
+        return _text(content, colors)
     there = (len(content) - _HEADER) // _FACET.itemsize
     if there < 1:
         raise ValueError("neither a text that begins with solid and has facets nor a binary STL file")
@@ -34,10 +34,10 @@ def read_stl(content: bytes, colors: bool) -> Polygons:
         raise ValueError(f"it is cut off: it says that it has {counted(said, 'triangle')}, and has {there}")
     count = there if said > there or said == 0 else said
     if count != said:
-        left_out = [f"its count, {said}: it has {counted(there, 'triangle')}"]
+        left_out = [f"left out: its count, {said}: it has {counted(there, 'triangle')}"]
     elif not whole:
         extra = len(content) - _HEADER - count * _FACET.itemsize
-        left_out = [f"{counted(extra, 'byte')} behind the last of {counted(count, 'triangle')}"]
+        left_out = [f"left out: {counted(extra, 'byte')} behind the last of {counted(count, 'triangle')}"]
     if count > MOST:
         raise ValueError(f"{count} faces are more than the {MOST} that are read")
     facets = np.frombuffer(content, _FACET, count, _HEADER)
@@ -61,13 +61,14 @@ def _soup(
     return Polygons(np.asarray(vertices, np.float64), corners, sizes, part, paint, tuple(left_out))
 
 
-def _text(content: bytes) -> Polygons:
+def _text(content: bytes, colors: bool) -> Polygons:
     """Loops of any number of vertices, whatever their lines."""
     solids = [_loops(chunk) for chunk in _SOLID.split(content)]
     solids = [solid for solid in solids if len(solid[1])] or [(np.zeros((0, 3)), np.zeros(0, np.int64))]
     sizes = np.concatenate([sizes for _, sizes in solids])
     part = np.repeat(np.arange(len(solids)), [len(sizes) for _, sizes in solids])
-    return _soup(np.concatenate([points for points, _ in solids]), sizes, part, None, [])
+    vertices = np.concatenate([points for points, _ in solids])
+    return _soup(vertices, sizes, part, Paint.none(len(vertices), len(sizes)) if colors else None, [])
 
 
 def _loops(text: bytes) -> tuple[Float[Array, "V 3"], Int[Index, " P"]]:

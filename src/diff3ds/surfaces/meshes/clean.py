@@ -1,11 +1,9 @@
 """Triangles of any origin made a mesh: vertices welded, faces that are twice there dropped, all wound alike."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.formats.mesh_files.polygons import MIXED
+from diff3ds.formats.mesh_files.same_rows import different
 from diff3ds.surfaces.meshes.t_junctions import without_t_junctions
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
@@ -46,42 +44,6 @@ def _used(faces: Int[Index, "F 3"]) -> tuple[Index, Int[Index, "F 3"]]:
     is_used = np.zeros(int(faces.max(initial=-1)) + 1, bool)
     is_used[faces.ravel()] = True
     return np.flatnonzero(is_used), (np.cumsum(is_used) - 1)[faces]
-
-
-def different(columns: Sequence[Int[Index, " N"]]) -> tuple[Int[Index, " D"], Int[Index, " N"]]:
-    """Rows without those that are equal to one before: which these are, rising, and which of them each row is equal to.
-
-    One number is sorted that mixes the columns; all columns are where two rows have it by chance.
-
-    Args:
-        columns: three, of whole numbers.
-    """
-    key = np.zeros(len(columns[0]), np.int64)
-    for column, factor in zip(columns, MIXED, strict=True):
-        # What are numbers of 32 bits as float64 differs in its upper half only.
-        key += (column ^ (column >> 32)) * factor
-    order = np.argsort(key, kind="stable")
-    fresh = _changes(columns, order)
-    if (fresh != _changes([key], order)).any():
-        order = np.lexsort(list(columns))
-        fresh = _changes(columns, order)
-    first = order[fresh]
-    rank = np.argsort(first)
-    number = np.empty_like(rank)
-    number[rank] = np.arange(len(rank))
-    same = np.empty_like(order)
-    same[order] = number[np.cumsum(fresh) - 1]
-    return first[rank], same
-
-
-def _changes(columns: Sequence[Int[Index, " N"]], order: Int[Index, " N"]) -> Bool[Mask, " N"]:
-    """Which rows, in this order, are not equal to the one before."""
-    fresh = np.zeros(len(order), bool)
-    fresh[:1] = True
-    for column in columns:
-        ordered = column[order]
-        fresh[1:] |= ordered[1:] != ordered[:-1]
-    return fresh
 
 
 def _joined(vertices: Float[Array, "V 3"], faces: Int[Index, "F 3"]) -> tuple[Int[Index, " W"], Int[Index, "F 3"]]:
