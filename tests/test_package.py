@@ -125,7 +125,7 @@ def _imports(path: Path) -> set[str]:
 def _run(script: str, *arguments: str) -> str:
     """Output of a script in a fresh interpreter, outside the repository's tests."""
     done = subprocess.run(
-        [sys.executable, "-c", script, *arguments], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", script, *arguments], capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

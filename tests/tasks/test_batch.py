@@ -24,7 +24,7 @@ SMALL = {"command": "text", "prior": "exemplar", "steps": 4, "strokes": 6, "size
 LONG = {**SMALL, "steps": 300}
 FILES = ("sketch.json", "sketch.svg", "sketch.step", "preview.png")
 # Seconds for what a loaded machine does.
-PATIENCE = 120
+PATIENCE = 300
 
 
 def jobs_in(folder: Path, *jobs: dict) -> Path:

@@ -34,7 +34,7 @@ def interrupted(options, out, checkpoint):
     while not has_something(out / checkpoint) and run.poll() is None:
         time.sleep(0.02)
     run.send_signal(signal.SIGINT)
-    _, messages = run.communicate(timeout=120)
+    _, messages = run.communicate(timeout=300)
     return run.returncode, messages
 
 
