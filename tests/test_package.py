@@ -82,7 +82,7 @@ UPWARD = {
 }
 # Names that several files have, with how many; library/kinds apart, where a file has the name of the thing it draws.
 DOUBLED = {
-    "corners": 2, "curves": 2, "device": 2, "fit": 2, "lines": 2, "mesh": 2, "options": 12, "outline": 2, "outlines": 2,
+    "corners": 2, "curves": 2, "device": 2, "lines": 2, "mesh": 2, "options": 12, "outline": 2, "outlines": 2,
     "poses": 2, "project": 2, "read": 2, "run": 2, "scene": 2, "seen": 2, "union": 2,
 }  # fmt: skip
 # Modules that a folder may have, those that begin with an underscore apart; and the folders that have more.

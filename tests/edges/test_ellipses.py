@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
+from diff3ds.bezier.curves import bernstein
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.ellipses import fit_ellipse, fit_elliptic_arcs
-from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arc_control, bernstein
+from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arc_control
 from diff3ds.curves.shapes.simplest import simplest
 from diff3ds.curves.shapes.straight_lines import resampled
 from diff3ds.edges.clean.simplify import joined
@@ -126,9 +127,9 @@ T_ALL = np.linspace(-1, 1, 400)
 NONE_OF_THEM = {
     "parabola": np.stack([40 * T_ALL, 40 * T_ALL**2, 0 * T_ALL], 1),
     "hyperbola": np.stack([30 * np.sinh(1.2 * T_ALL), 20 * np.cosh(1.2 * T_ALL), 0 * T_ALL], 1),
-    "an S": bernstein((T_ALL + 1) / 2) @ np.array([[0, 0, 0], [60, 50, 0], [20, -40, 0], [80, 10, 0.0]]),
-    "a hook": bernstein((T_ALL + 1) / 2) @ np.array([[0, 0, 0], [10, 90, 0], [40, 60, 0], [90, 60, 0.0]]),
-    "a cubic in space": bernstein((T_ALL + 1) / 2) @ np.array([[0, 0, 0], [10, 60, 0], [60, 60, 40], [70, 0, 40.0]]),
+    "an S": bernstein((T_ALL + 1) / 2, 3) @ np.array([[0, 0, 0], [60, 50, 0], [20, -40, 0], [80, 10, 0.0]]),
+    "a hook": bernstein((T_ALL + 1) / 2, 3) @ np.array([[0, 0, 0], [10, 90, 0], [40, 60, 0], [90, 60, 0.0]]),
+    "a cubic in space": bernstein((T_ALL + 1) / 2, 3) @ np.array([[0, 0, 0], [10, 60, 0], [60, 60, 40], [70, 0, 40.0]]),
     "helix": np.stack([30 * np.cos(3 * T_ALL), 20 * np.sin(3 * T_ALL), 8 * T_ALL], 1),
     "a quarter of one": elliptic(90, 50, 90),
     "a third of a small one": elliptic(15, 8, 120, scatter=0.1),

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
+from diff3ds.bezier.curves import bernstein
 from diff3ds.curves.shapes.curve_set import curves_of
-from diff3ds.curves.shapes.primitives import Kind, arc_control, bernstein, fit_arcs, fit_circle, fit_cubic, fit_line
+from diff3ds.curves.shapes.primitives import Kind, arc_control, fit_arcs, fit_circle, fit_cubic, fit_line
 from diff3ds.edges.first.circles import find_circles
 from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints
@@ -103,7 +104,7 @@ def test_what_is_no_arc():
 
 def test_a_cubic_through_points_of_one():
     control = np.array([[0, 0, 0], [1, 1, 0], [2, 1, 0.5], [3, 0, 1.0]])
-    points = bernstein(np.linspace(0, 1, 80)) @ control
+    points = bernstein(np.linspace(0, 1, 80), 3) @ control
     fitted = fit_cubic(points)
     assert fitted.kind == Kind.FREE
     # The pull towards even spacing shortens it a little.
@@ -112,8 +113,8 @@ def test_a_cubic_through_points_of_one():
     np.testing.assert_allclose(fitted.control[[0, 3]], control[[0, 3]], rtol=0, atol=0.05)
     np.testing.assert_allclose(drawn([fitted])[0, [0, -1]], fitted.control[[0, 3]], rtol=0, atol=1e-6)
     t = np.linspace(0, 1, 7)
-    np.testing.assert_allclose(bernstein(t).sum(1), 1, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(bernstein(t)[:, 1], 3 * t * (1 - t) ** 2, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(bernstein(t, 3).sum(1), 1, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(bernstein(t, 3)[:, 1], 3 * t * (1 - t) ** 2, rtol=0, atol=1e-12)
 
 
 def rounded_corner(radius=10.0, length=30.0, scatter=0.0):

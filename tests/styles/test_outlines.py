@@ -11,7 +11,7 @@ from PIL import Image
 from style_pages import CAMERA, circle, lines, stroke
 
 import diff3ds as ds
-from diff3ds.styles.fit import fitted, is_straight
+from diff3ds.curves.fit_cubics import fit_outline, is_straight
 from diff3ds.styles.outline import TOLERANCE, add_contour, add_strip
 from diff3ds.styles.union import pathops, svg_data, united, within, without
 
@@ -103,7 +103,7 @@ def test_bends_cusps_and_loops_are_covered_as_by_discs():
 def test_few_cubics_within_the_tolerance():
     t = np.linspace(0, 2 * math.pi, 200)
     wave = np.stack([50 * t, 30 * np.sin(t)], -1)
-    cubics = fitted(wave, TOLERANCE)
+    cubics = fit_outline(wave, TOLERANCE)
     assert len(cubics) <= 6
     u = np.linspace(0, 1, 400)[:, None]
     dense = np.concatenate(
@@ -114,7 +114,7 @@ def test_few_cubics_within_the_tolerance():
 
 def test_corners_and_straight_lines_stay():
     square = np.array([[0.0, 0], [5, 0], [10, 0], [10, 10], [0, 10]])
-    cubics = fitted(square, TOLERANCE, closed=True)
+    cubics = fit_outline(square, TOLERANCE, closed=True)
     assert [is_straight(c) for c in cubics] == [True] * 4
     assert {tuple(p) for p in cubics[:, 0].tolist()} == {(0, 0), (10, 0), (10, 10), (0, 10)}
 
@@ -122,7 +122,7 @@ def test_corners_and_straight_lines_stay():
 def square(x, y, side):
     path = pathops().Path()
     corners = np.array([[x, y], [x + side, y], [x + side, y + side], [x, y + side]], dtype=float)
-    add_contour(path, fitted(corners, TOLERANCE, closed=True))
+    add_contour(path, fit_outline(corners, TOLERANCE, closed=True))
     return path
 
 

@@ -1,11 +1,13 @@
 """Rational Bézier curves of degree 1, 2 and 3 as tensors: evaluate, differentiate, elevate, split, cut."""
 
 import math
+from typing import Any, overload
 
+import numpy as np
 import torch
 
 from diff3ds._checks import kind
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Array, Float, Tensor
 
 MAX_DEGREE = 3
 
@@ -32,10 +34,19 @@ def check_curves(points: Tensor, weights: Tensor | None) -> tuple[Tensor, Tensor
     return points, weights
 
 
-def bernstein(t: Float[Tensor, "*B"], degree: int) -> Float[Tensor, "*B K"]:
-    """The degree + 1 Bernstein polynomials at t, last axis."""
+@overload
+def bernstein(t: Tensor, degree: int) -> Tensor: ...
+
+
+@overload
+def bernstein(t: Array, degree: int) -> Array: ...
+
+
+def bernstein(t: Tensor | Array, degree: int) -> Tensor | Array:
+    """The degree + 1 Bernstein polynomials at t, of any shape, along a last axis more."""
     s = 1 - t
-    return torch.stack([math.comb(degree, i) * s ** (degree - i) * t**i for i in range(degree + 1)], -1)
+    parts: Any = [math.comb(degree, i) * s ** (degree - i) * t**i for i in range(degree + 1)]
+    return torch.stack(parts, -1) if isinstance(t, Tensor) else np.stack(parts, -1)
 
 
 def homogeneous(points: Float[Tensor, "*B K D"], weights: Float[Tensor, "*B K"]) -> Float[Tensor, "*B K E"]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.fit_cubics import fit_outline
 from diff3ds.styles.brush_file import contours_of, load_brush
-from diff3ds.styles.fit import fitted
 from diff3ds.styles.lines import Line
 from diff3ds.styles.noise import seed_of, uniform
 from diff3ds.styles.outline import TOLERANCE, add_contour, inside_bends
@@ -49,7 +49,7 @@ class Stretched:
         for cubics in contours_of(self.shape):
             place = (cubics - [x0, (y0 + y1) / 2]) / [x1 - x0, (y1 - y0) / 2]
             points = _bent(place, line, right, left)
-            add_contour(path, fitted(points, TOLERANCE, closed=True))
+            add_contour(path, fit_outline(points, TOLERANCE, closed=True))
         return [Mark(united(path))]
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.styles.fit import fitted, is_straight
+from diff3ds.curves.fit_cubics import fit_outline, is_straight
 from diff3ds.styles.lines import Line
 
 # px. Of cubics from the outline at the samples.
@@ -51,11 +51,12 @@ def add_strip(
     right = line.points + near_right[:, None] * line.normals
     other = line.points - near_left[:, None] * line.normals
     if line.closed:
-        add_contour(path, fitted(other, TOLERANCE, closed=True))
-        add_contour(path, fitted(right[::-1], TOLERANCE, closed=True))
+        add_contour(path, fit_outline(other, TOLERANCE, closed=True))
+        add_contour(path, fit_outline(right[::-1], TOLERANCE, closed=True))
     else:
         stop, start = _cap(line, -1, half_width, left, cap), _cap(line, 0, half_width, left, cap)
-        add_contour(path, np.concatenate([fitted(other, TOLERANCE), stop, fitted(right[::-1], TOLERANCE), start]))
+        sides = fit_outline(other, TOLERANCE), fit_outline(right[::-1], TOLERANCE)
+        add_contour(path, np.concatenate([sides[0], stop, sides[1], start]))
     _add_wedges(path, line, half_width, near_right, 1.0)
     _add_wedges(path, line, left, near_left, -1.0)
 

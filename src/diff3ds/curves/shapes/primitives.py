@@ -9,16 +9,14 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float
 from diff3ds.curves.directions import unit
+from diff3ds.curves.fit_cubics import fit_points
 
 # [px; empirical] Scatter of triangulated points about the curve that they lie on.
 POINT_SCATTER = 0.45
-# [rounds; numerical] Iterations of the geometric circle fit, and of the parameters of a cubic's points.
-CIRCLE_ROUNDS, CUBIC_ROUNDS = 10, 4
+# [rounds; numerical] Iterations of the geometric circle fit.
+CIRCLE_ROUNDS = 10
 # [ratio; numerical] Relative to the radius, a step that changes nothing any more: some roundings.
 SETTLED = 1e-12
-# [ratio; numerical] Pull of a cubic's inner points towards even spacing, relative to the number of points: decides
-# where the points leave the parametrisation open.
-EVEN = 1e-3
 # [ratio, rad; empirical] Angles of points that run around in one direction spread no farther than this times the sweep,
 # and so much more.
 ONE_WAY, WAVERING = 1.1, 0.1
@@ -195,32 +193,5 @@ def arc_control(center: Array, u: Array, v: Array, start: float, stop: float) ->
 
 
 def fit_cubic(points: Float[Array, "M 3"]) -> Primitive:
-    """A cubic through the first and last region of the points, by least squares with improved parameters."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    t = length / max(length[-1], 1e-12)
-    even = line_control(points[0], points[-1])
-    pull = EVEN * len(points)
-    control = even
-    for _ in range(CUBIC_ROUNDS):
-        basis = bernstein(t)
-        solved = np.linalg.solve(basis.T @ basis + pull * np.eye(4), basis.T @ points + pull * even)
-        control = np.asarray(solved, np.float64)
-        t = np.clip(_newton(control, points, t), 0, 1)
-        t[0], t[-1] = 0, 1
-    return Primitive(Kind.FREE, control, np.linalg.norm(bernstein(t) @ control - points, axis=1))
-
-
-def bernstein(t: Float[Array, " M"]) -> Float[Array, "M 4"]:
-    """Values of the four cubic Bernstein polynomials."""
-    s = 1 - t
-    return np.stack([s**3, 3 * s * s * t, 3 * s * t * t, t**3], -1)
-
-
-def _newton(control: Float[Array, "4 3"], points: Float[Array, "M 3"], t: Float[Array, " M"]) -> Float[Array, " M"]:
-    """One Gauss-Newton step of each parameter towards the closest point."""
-    first = np.diff(control, axis=0)
-    s = 1 - t
-    basis = np.stack([s * s, 2 * s * t, t * t], -1)
-    tangent = 3 * basis @ first
-    residual = points - bernstein(t) @ control
-    return t + (residual * tangent).sum(1) / np.maximum((tangent**2).sum(1), 1e-12)
+    """The cubic nearest to the points, from their first region to their last."""
+    return Primitive(Kind.FREE, *fit_points(points))

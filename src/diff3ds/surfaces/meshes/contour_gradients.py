@@ -8,8 +8,10 @@ it does where the camera moves, which therefore has no part here: a camera's gra
 import torch
 
 from diff3ds._shapes import Float, Index, Int, Tensor
+from diff3ds.bezier.curves import bernstein
 from diff3ds.camera import Cameras
-from diff3ds.surfaces.fit_picture import EVEN, FittedChains
+from diff3ds.curves.fit_cubics import EVEN
+from diff3ds.surfaces.fit_picture import FittedChains
 
 
 def contours_of(
@@ -57,8 +59,7 @@ def _least_squares(values: Float[Tensor, "M 3"], fitted: FittedChains) -> Float[
     at = torch.arange(len(run)) - (counts.cumsum(0) - counts)[run] + start[run]
     t = torch.from_numpy(fitted.t)[at]
     t = torch.where(at == start[run], 0.0, torch.where(at == stop[run], 1.0, t))
-    s = 1 - t
-    b0, b1, b2, b3 = s**3, 3 * s * s * t, 3 * s * t * t, t**3
+    b0, b1, b2, b3 = bernstein(t, 3).unbind(1)
     p0, p3 = values[start], values[stop]
 
     def total(of: Tensor) -> Tensor:

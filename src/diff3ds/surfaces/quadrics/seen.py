@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
-from diff3ds.bezier.curves import homogeneous_derivatives
+from diff3ds.bezier.curves import bernstein, homogeneous_derivatives
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.curves.bernstein_roots import bernstein_roots, quadratic_form
@@ -100,7 +100,7 @@ class QuadricsSeen:
 
         A point on both surfaces moves across them as they do; along the curve it may slide, which changes no picture.
         """
-        basis = np.stack([_bernstein(t) for t in np.linspace(0, 1, 4)]) * control[:, None, :, 3]
+        basis = bernstein(np.linspace(0, 1, 4), 3) * control[:, None, :, 3]
         basis /= basis.sum(2, keepdims=True)
         points = basis @ (control[..., :3] / control[..., 3:])
         x = np.concatenate([points, np.ones_like(points[..., :1])], -1).reshape(-1, 4)
@@ -271,10 +271,6 @@ class QuadricsSeen:
 def _in_front(points: Float[Array, "M 3"], picture: Picture) -> bool:
     """Whether a chain is one, and lies in front of the near plane."""
     return len(points) > 2 and bool((picture.seen(points)[1] > picture.near).all())
-
-
-def _bernstein(t: float) -> Float[Array, " 4"]:
-    return np.array([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3])
 
 
 def _firsts(whole: Bool[Mask, " C"]) -> list[bool]:

@@ -1,0 +1,262 @@
+"""Cubics through rows of points, in any dimension: few of them, within a tolerance, smooth or with corners kept.
+
+All rows are fitted at once, by least squares with parameters that move towards the closest points; rows that no cubic
+fits are cut, and their parts fitted again.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.bezier.curves import bernstein
+from diff3ds.curves.directions import turns, unit
+
+# Rounds of improved parameters, and of those of outlines, of which there are many; empirical.
+ROUNDS, OUTLINE_ROUNDS = 4, 2
+# Pull of free control points towards even spacing, relative to the number of points: decides where points leave the
+# shape open.
+EVEN = 1e-3
+# Where a row of points turns by more (radians), it has a corner: smooth outlines are sampled at a third of that.
+CORNER = 0.6
+# Of the tolerance. What is nearer to the point before it says nothing about the direction.
+SHORTEST = 2e-3
+# Radians; a row whose cubic would leave its ends along the chord but for this, and whose points lie within half the
+# tolerance of it, is a straight line; one of two points, which say less, but for that.
+LEVEL, LEVEL_OF_TWO = 0.045, 0.014
+
+
+@dataclass(frozen=True, eq=False)
+class FittedRows:
+    """Cubics along rows of points.
+
+    Attributes:
+        control: their control points.
+        start: the point at which each begins, in rising order.
+        stop: and ends.
+        t: the parameter of each point in the cubic within which it lies; of ends of cubics it means nothing.
+    """
+
+    control: Float[Array, "C 4 D"]
+    start: Int[Index, " C"]
+    stop: Int[Index, " C"]
+    t: Float[Array, " N"]
+
+
+class _Rows(NamedTuple):
+    """Points of rows one after the other: where each row's begin, how many they are, and the row of each point."""
+
+    points: Float[Array, "M D"]
+    at: Int[Index, " M"]
+    row: Int[Index, " M"]
+    offset: Int[Index, " R"]
+    counts: Int[Index, " R"]
+
+    @staticmethod
+    def of(points: Float[Array, "N D"], start: Int[Index, " R"], stop: Int[Index, " R"]) -> "_Rows":
+        counts = stop - start + 1
+        offset = np.cumsum(counts) - counts
+        row = np.repeat(np.arange(len(start)), counts)
+        at = np.arange(len(row)) - offset[row] + start[row]
+        return _Rows(points[at], at, row, offset, counts)
+
+    @property
+    def ends(self) -> tuple[Float[Array, "R D"], Float[Array, "R D"]]:
+        return self.points[self.offset], self.points[self.offset + self.counts - 1]
+
+
+def fit_rows(
+    points: Float[Array, "N D"],
+    start: Int[Index, " R"],
+    stop: Int[Index, " R"],
+    tolerance: float,
+    length: Float[Array, " N"] | None = None,
+    measured: int | None = None,
+    ways: Float[Array, "R 2 D"] | None = None,
+    rounds: int = ROUNDS,
+) -> FittedRows:
+    """Cubics from the first point of each row to its last one, as many as it takes.
+
+    Args:
+        points: of all rows.
+        start: the first point of each row.
+        stop: and its last one, which may be the first of the next row.
+        tolerance: largest distance of the points from the cubics.
+        length: how far along each point lies, by which parameters begin; by default along the points.
+        measured: distances are those of so many coordinates, which the others follow; by default of all.
+        ways: unit vectors from the ends of each row into it, along which cubics leave these; they go on smoothly in
+            each other then.
+        rounds: in which the points' parameters move towards their closest points.
+    """
+    if length is None:
+        length = _along_points(points)
+    parameters = np.zeros(len(points))
+    done: list[tuple[Array, Index, Index]] = []
+    while len(start):
+        rows = _Rows.of(points, start, stop)
+        control, t, off = _fitted(rows, length, measured or points.shape[1], rounds, ways)
+        parameters[rows.at] = t
+        error = np.maximum.reduceat(off, rows.offset)
+        if ways is not None:
+            straight = _is_level(rows, ways, tolerance)
+            first, last = (end[straight] for end in rows.ends)
+            control[straight] = np.stack([first, first, last, last], 1)
+            error[straight] = 0
+        good = (error <= tolerance) | (rows.counts < 3)
+        done.append((control[good], start[good], stop[good]))
+        # In the middle of the length, and not at an end.
+        start, stop = start[~good], stop[~good]
+        middle = np.clip(np.searchsorted(length, (length[start] + length[stop]) / 2), start + 1, stop - 1)
+        start, stop = np.concatenate([start, middle]), np.concatenate([middle, stop])
+        if ways is not None:
+            along, rest = unit(points[middle + 1] - points[middle - 1]), ways[~good]
+            ways = np.concatenate([np.stack([rest[:, 0], -along], 1), np.stack([along, rest[:, 1]], 1)])
+    if not done:
+        nothing = np.zeros(0, np.int64)
+        return FittedRows(np.zeros((0, 4, points.shape[1])), nothing, nothing, parameters)
+    control, start, stop = (np.concatenate(column) for column in zip(*done, strict=True))
+    order = np.argsort(start, kind="stable")
+    return FittedRows(control[order], start[order], stop[order], parameters)
+
+
+def fit_points(points: Float[Array, "M D"]) -> tuple[Float[Array, "4 D"], Float[Array, " M"]]:
+    """The one cubic nearest to points in a row, from the first to the last region of them, and their distances."""
+    rows = _Rows.of(points, np.zeros(1, np.int64), np.array([len(points) - 1]))
+    control, _, off = _fitted(rows, _along_points(points), points.shape[1], ROUNDS, None, free=(0, 1, 2, 3))
+    return control[0], off
+
+
+def fit_outline(
+    points: Float[Array, "N D"], tolerance: float, closed: bool = False, corner: float = CORNER
+) -> Float[Array, "C 4 D"]:
+    """Cubics that follow on each other from the first point to the last, or round to the first again.
+
+    They go on smoothly in each other but at corners. One with its inner control points on its ends stands for a
+    straight line (`is_straight`).
+
+    Args:
+        tolerance: largest distance of the points from the cubics.
+        corner: radians; points at which the row turns by more are corners.
+    """
+    apart = np.linalg.norm(np.diff(points, axis=0), axis=1) > SHORTEST * tolerance
+    points = points[np.append(True, apart)[: len(points)]]
+    if closed and len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= SHORTEST * tolerance:
+        points = points[:-1]
+    if len(points) < 2:
+        return np.zeros((0, 4, points.shape[1]))
+    smooth_seam = False
+    if closed:
+        around = turns(points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points) > corner
+        # Begin at a corner, if there is one: then the seam is a point like any other.
+        turn = int(around.argmax())
+        smooth_seam = not around[turn]
+        points = np.roll(points, -turn, axis=0)
+        points = np.concatenate([points, points[:1]])
+    steps = np.diff(points, axis=0)
+    corners = np.flatnonzero(turns(steps[:-1], steps[1:]) > corner) + 1
+    start, stop = np.append(0, corners), np.append(corners, len(points) - 1)
+    seam = unit(points[1] - points[-2])
+    ends = np.stack([_leaving(points, start, stop, 1), _leaving(points, stop, start, -1)], 1)
+    ways = np.stack([seam, -seam])[None] if smooth_seam else ends
+    return fit_rows(points, start, stop, tolerance, ways=ways, rounds=OUTLINE_ROUNDS).control
+
+
+def is_straight(cubic: Float[Array, "4 D"]) -> bool:
+    """Whether a cubic of `fit_outline` stands for a straight line."""
+    return bool((cubic[1] == cubic[0]).all())
+
+
+def _along_points(points: Float[Array, "N D"]) -> Float[Array, " N"]:
+    """How far along their polyline points lie."""
+    return np.append(0.0, np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum())[: len(points)]
+
+
+def _fitted(
+    rows: _Rows,
+    length: Float[Array, " N"],
+    measured: int,
+    rounds: int,
+    ways: Float[Array, "R 2 D"] | None,
+    free: tuple[int, ...] = (1, 2),
+) -> tuple[Float[Array, "R 4 D"], Float[Array, " M"], Float[Array, " M"]]:
+    """A cubic for each row, and the parameters and distances of the points."""
+    begin = length[rows.at[rows.offset]]
+    span = length[rows.at[rows.offset + rows.counts - 1]] - begin
+    t = (length[rows.at] - begin[rows.row]) / np.where(span > 0, span, 1.0)[rows.row]
+    for left in range(rounds, -1, -1):
+        control = _free(rows, t, free) if ways is None else _along(rows, t, ways)
+        own = control[rows.row][..., :measured]
+        off = rows.points[:, :measured] - (bernstein(t, 3)[:, None] @ own)[:, 0]
+        if not left:
+            break
+        # One step of Gauss and Newton towards the closest point; what is not measured follows.
+        tangent = 3 * (bernstein(t, 2)[:, None] @ np.diff(own, axis=1))[:, 0]
+        t = np.clip(t + (off * tangent).sum(1) / np.maximum((tangent**2).sum(1), 1e-12), 0, 1)
+        t[rows.offset], t[rows.offset + rows.counts - 1] = 0, 1
+    return control, t, np.linalg.norm(off, axis=1)
+
+
+def _sums(rows: _Rows, t: Float[Array, " M"]) -> tuple[Float[Array, "R 4 4"], Float[Array, "R 4 D"]]:
+    """Of products of the Bernstein polynomials, and of them with the points as seen from the first of each row."""
+    b = bernstein(t, 3)
+    moved = rows.points - rows.ends[0][rows.row]
+    products = np.add.reduceat(b[:, :, None] * b[:, None], rows.offset)
+    return products, np.add.reduceat(b[:, :, None] * moved[:, None], rows.offset)
+
+
+def _free(rows: _Rows, t: Float[Array, " M"], free: tuple[int, ...]) -> Float[Array, "R 4 D"]:
+    """The cubics of least squares of which these control points are free, and the others those of even spacing."""
+    products, sums = _sums(rows, t)
+    first, last = rows.ends
+    even = np.linspace(0, 1, 4)[:, None] * (last - first)[:, None]
+    pull = (EVEN * rows.counts)[:, None, None]
+    inner, held = list(free), [k for k in range(4) if k not in free]
+    right = sums[:, inner] - products[:, inner][:, :, held] @ even[:, held] + pull * even[:, inner]
+    even[:, inner] = np.linalg.solve(products[:, inner][:, :, inner] + pull * np.eye(len(inner)), right)
+    return first[:, None] + even
+
+
+def _along(rows: _Rows, t: Float[Array, " M"], ways: Float[Array, "R 2 D"]) -> Float[Array, "R 4 D"]:
+    """The cubics of least squares that leave the ends of rows along these vectors."""
+    products, sums = _sums(rows, t)
+    first, last = rows.ends
+    chord = last - first
+    rest = sums[:, 1:3] - (products[:, 1:3, 2:].sum(2))[..., None] * chord[:, None]
+    wanted = (rest * ways).sum(2)
+    a, b, c = products[:, 1, 1], products[:, 1, 2] * (ways[:, 0] * ways[:, 1]).sum(1), products[:, 2, 2]
+    determinant = a * c - b * b
+    sound = np.abs(determinant) > 1e-12 * a * c
+    reach = np.stack([wanted[:, 0] * c - wanted[:, 1] * b, wanted[:, 1] * a - wanted[:, 0] * b], 1)
+    reach /= np.where(sound, determinant, 1.0)[:, None]
+    steps = np.linalg.norm(np.diff(rows.points, axis=0, append=rows.points[-1:]), axis=1)
+    steps[rows.offset + rows.counts - 1] = 0
+    third = np.add.reduceat(steps, rows.offset)[:, None] / 3
+    # Handles that point backwards, or far beyond the points, make loops.
+    sound &= ((reach > 0) & (reach < 4 * third)).all(1)
+    handles = np.where(sound[:, None], reach, third)[..., None] * ways
+    return np.stack([first, first + handles[:, 0], last + handles[:, 1], last], 1)
+
+
+def _is_level(rows: _Rows, ways: Float[Array, "R 2 D"], tolerance: float) -> Bool[Mask, " R"]:
+    """Which rows are straight lines."""
+    first, last = rows.ends
+    way = unit(last - first)
+    moved = rows.points - first[rows.row]
+    across = moved - (moved * way[rows.row]).sum(1, keepdims=True) * way[rows.row]
+    off = np.maximum.reduceat(np.linalg.norm(across, axis=1), rows.offset)
+    turned = np.maximum(turns(way, ways[:, 0]), turns(-way, ways[:, 1]))
+    pair = rows.counts == 2
+    return (off < tolerance / 2) & (turned < np.where(pair, LEVEL_OF_TWO, LEVEL)) | (pair & (first == last).all(1))
+
+
+def _leaving(
+    points: Float[Array, "N D"], start: Int[Index, " R"], stop: Int[Index, " R"], step: int
+) -> Float[Array, "R D"]:
+    """The directions in which rows leave their first points: of the parabola through the first three."""
+    first = points[start + step] - points[start]
+    three = np.abs(stop - start) > 1
+    second = points[np.where(three, start + 2 * step, stop)] - points[start + step]
+    a, b = (np.linalg.norm(each, axis=1, keepdims=True) for each in (first, second))
+    curved = first / a * (2 * a + b) - second / np.where(b > 0, b, 1.0) * a
+    return unit(np.where(three[:, None], curved, first))
