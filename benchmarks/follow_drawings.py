@@ -28,7 +28,7 @@ from diff3ds.tasks.exact_prior.exemplars import FITTING
 from diff3ds.tasks.recognition.lines import lines_of
 from diff3ds.tasks.recognition.poses import PlacedLines, alike, gap, placed_over
 from diff3ds.tasks.recognition.recognise import seen_as
-from diff3ds.tasks.text_image.bend import bent_to, seen_by
+from diff3ds.tasks.text_image.bend import bend_to, seen_by
 
 SIZE, NEAR, SAMPLES = 256, 3, 33
 # Of the sheet.
@@ -64,7 +64,7 @@ def main() -> None:
         found = seen_as(lines, drawing.kind)
         members = [m.sketch for m in alike(lines, found.kind, found.attributes, found.camera, FITTING)]
         placed = placed_over(lines, members[0], found.camera)
-        bent = [bent_to(member, placed, CATEGORIES[drawing.kind].mirror == "y") for member in members]
+        bent = [bend_to(member, placed, CATEGORIES[drawing.kind].mirror == "y").sketch(member) for member in members]
         best = min(bent, key=lambda member: gap(lines, member, found.camera))
         before, after = against(members[0], placed), against(best, placed)
         rows.append(

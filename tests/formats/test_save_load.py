@@ -113,3 +113,11 @@ def test_the_same_sketch_gives_the_same_file(tmp_path, sketch, name):
 def test_suffixes_in_capitals(tmp_path, sketch):
     ds.save(str(tmp_path / "A.JSON"), sketch)
     assert torch.equal(ds.load(str(tmp_path / "A.JSON")).points, sketch.points)
+
+
+def test_the_folder_of_a_run_is_read_by_its_sketch(tmp_path):
+    sketch = ds.Sketch(torch.rand(2, 4, 3, generator=torch.Generator().manual_seed(0)))
+    with pytest.raises(ValueError, match=r"has no sketch\.json: give the folder of a run"):
+        ds.load(tmp_path)
+    ds.save(tmp_path / "sketch.json", sketch)
+    assert torch.equal(ds.load(tmp_path).points, sketch.points)

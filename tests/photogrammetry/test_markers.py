@@ -13,7 +13,7 @@ from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.photogrammetry.markers import is_marker, marker_corners
 from diff3ds.photogrammetry.placing import distance_between
-from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.run import run_cameras
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import run_views
@@ -89,6 +89,6 @@ def test_which_names_are_markers(tmp_path, monkeypatch):
         marker_corners([], ["aruco:7:0"])
     # Before anything is looked at.
     options = {"scale": 40.0, "between": ("aruco:7:0", "aruco:7:1")}
-    for run, given in ((run_cameras, CamerasOptions(**options)), (run_views, ViewsOptions(**options))):
+    for run, given in ((run_cameras, RegistrationOptions(**options)), (run_views, ViewsOptions(**options))):
         with pytest.raises(ImportError, match="markers are found by OpenCV"):
             run(tmp_path / "nothing", tmp_path / "out", given)

@@ -11,7 +11,7 @@ import diff3ds as ds
 from diff3ds.library import member
 from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.poses import PlacedLines, cameras_at
-from diff3ds.tasks.text_image.bend import bend_to, bent_to, seen_by
+from diff3ds.tasks.text_image.bend import bend_to, seen_by
 
 CAMERA = cameras_at([(35.0, 15.0)])
 
@@ -56,19 +56,19 @@ def test_proportions_that_a_drawing_changes_are_followed(name):
     sketch = drawn(name)
     stretched = replace(sketch, points=sketch.points * torch.tensor([1.0, 0.85, 1.2]))
     lines = lines_of(stretched)
-    assert away(bent_to(sketch, lines, True), lines) < 0.3 * away(sketch, lines)
+    assert away(bend_to(sketch, lines, True).sketch(sketch), lines) < 0.3 * away(sketch, lines)
 
 
 def test_its_own_lines_leave_it_where_it_is():
     sketch = drawn("house")
-    assert float((bent_to(sketch, lines_of(sketch), True).points - sketch.points).abs().max()) < 1e-4
+    assert float((bend_to(sketch, lines_of(sketch), True).sketch(sketch).points - sketch.points).abs().max()) < 1e-4
 
 
 def test_both_sides_stay_alike_straight_lines_straight_and_ends_together():
     sketch = drawn("house")
     z = sketch.points[..., 2:]
     wavy = replace(sketch, points=sketch.points + 0.15 * z.square() * torch.tensor([1.0, 1.0, 0.0]))
-    bent = bent_to(sketch, lines_of(wavy), True)
+    bent = bend_to(sketch, lines_of(wavy), True).sketch(sketch)
     assert float((bent.points - sketch.points).abs().max()) > 0.02
     ours, others = (
         cKDTree(s.points.reshape(-1, 3).numpy())

@@ -12,7 +12,7 @@ from PIL import Image
 import diff3ds as ds
 from diff3ds.photogrammetry.placing import centers_of, moved, turned_up, up_of
 from diff3ds.photogrammetry.project import sparse_points
-from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.register import _pairs
 from diff3ds.tasks.cameras.run import are_estimated, run_cameras
 from diff3ds.transforms import read_views
@@ -59,7 +59,9 @@ def test_a_project_comes_in_units_of_the_user(tmp_path):
     """Cameras at 2 units from the origin; between a and c the user has measured 500 mm."""
     source = colmap_project(tmp_path / "scan", CAMERAS, NAMES)
     lines = []
-    path = run_cameras(source, tmp_path / "out", CamerasOptions(scale=500.0, between=("a", "c.png")), say=lines.append)
+    path = run_cameras(
+        source, tmp_path / "out", RegistrationOptions(scale=500.0, between=("a", "c.png")), say=lines.append
+    )
     views = read_views(path)
     factor = 500 / float((CAMERAS.centers[0] - CAMERAS.centers[2]).norm())
     np.testing.assert_allclose(centers_of(views), CAMERAS.centers * factor, atol=1e-3)
@@ -68,12 +70,12 @@ def test_a_project_comes_in_units_of_the_user(tmp_path):
     assert json.loads((tmp_path / "out" / "cameras.json").read_text())["points"] == 0
     assert lines == [f"{source / 'sparse'}: 4 cameras"]
     with pytest.raises(ValueError, match="between: 0 pictures with cameras are called 'e'"):
-        run_cameras(source, tmp_path / "other", CamerasOptions(scale=500.0, between=("a", "e")))
+        run_cameras(source, tmp_path / "other", RegistrationOptions(scale=500.0, between=("a", "e")))
     assert not (tmp_path / "other").exists()
     with pytest.raises(ValueError, match="two different places, got 'a' twice"):
-        CamerasOptions(scale=500.0, between=("a", "a"))
+        RegistrationOptions(scale=500.0, between=("a", "a"))
     with pytest.raises(ValueError, match="scale and between belong together"):
-        CamerasOptions(scale=5.0)
+        RegistrationOptions(scale=5.0)
 
 
 def test_up_is_what_level_photographs_say(tmp_path):
@@ -97,8 +99,8 @@ def test_up_is_what_level_photographs_say(tmp_path):
 def test_which_photographs_are_compared():
     files = [Path(f"f{i:03d}.jpg") for i in range(100)]
     names = [file.stem for file in files]
-    assert len(list(_pairs(names[:50], files[:50], CamerasOptions()))) == 50 * 49 // 2
-    pairs = set(_pairs(names, files, CamerasOptions()))
+    assert len(list(_pairs(names[:50], files[:50], RegistrationOptions()))) == 50 * 49 // 2
+    pairs = set(_pairs(names, files, RegistrationOptions()))
     # 8 neighbours, and steps of 16 and 32, round a closed sequence.
     assert len(pairs) == 100 * 10
     assert {("f000", "f001"), ("f000", "f099"), ("f010", "f042")} <= pairs
@@ -107,12 +109,12 @@ def test_which_photographs_are_compared():
     bare = sorted(Path(f"f{i}.jpg") for i in range(100))
     of_bare = {
         frozenset((bare[names.index(a)].stem, bare[names.index(b)].stem))
-        for a, b in _pairs(names, bare, CamerasOptions())
+        for a, b in _pairs(names, bare, RegistrationOptions())
     }
     assert of_bare == {frozenset(f"f{int(name[1:])}" for name in pair) for pair in pairs}
     other = [Path(f"{i}-by-night.jpg") for i in range(100)]
-    assert len(list(_pairs(names, other, CamerasOptions()))) == 100 * 99 // 2
-    assert len(list(_pairs(names[:20], files[:20], CamerasOptions(order="sequence")))) < 20 * 19 // 2
+    assert len(list(_pairs(names, other, RegistrationOptions()))) == 100 * 99 // 2
+    assert len(list(_pairs(names[:20], files[:20], RegistrationOptions(order="sequence")))) < 20 * 19 // 2
 
 
 def test_too_few_photographs(tmp_path):

@@ -13,7 +13,7 @@ from diff3ds.cli import main
 from diff3ds.formats.framing import ball_of, framed
 from diff3ds.formats.mesh import save_surface
 from diff3ds.tasks.render import blender_engine
-from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions, parse_size
+from diff3ds.tasks.render.options import OrbitOptions, PictureOptions, SurfaceOptions, parse_size
 from diff3ds.tasks.render.render_views import run_render
 from diff3ds.tasks.style_options import StyleOptions
 
@@ -203,7 +203,7 @@ def test_what_blender_says_when_it_fails_is_told(source, tmp_path, monkeypatch):
     picture = PictureOptions(engine="blender")
     with pytest.raises(OSError, match=r"Blender drew nothing.*no GPU today"):
         run_render(
-            source, tmp_path / "out.png", ViewOptions(), picture, SurfaceOptions(), StyleOptions(), lambda _: None
+            source, tmp_path / "out.png", OrbitOptions(), picture, SurfaceOptions(), StyleOptions(), lambda _: None
         )
     assert (tmp_path / "out.png").read_bytes() == b"old"
 

@@ -10,7 +10,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds.command_line.console import PlainConsole, progress_on, say_written, sayer, viewed
 from diff3ds.command_line.interrupt import importing
-from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.mesh.options import MeshOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -231,7 +231,7 @@ class Cameras:
     others, which is converted. Writes transforms.json and cameras.json, a report.
     """
 
-    cameras: OmitArgPrefixes[CamerasOptions]
+    cameras: OmitArgPrefixes[RegistrationOptions]
     # Folder of photographs, or of a project.
     source: Positional[Path]
     # Folder of the results.

@@ -10,7 +10,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 from diff3ds.command_line.console import PlainConsole, counted_strokes, progress_on, sayer
 from diff3ds.command_line.interrupt import importing
 from diff3ds.tasks.export.options import ExportOptions
-from diff3ds.tasks.render.options import PictureOptions, SurfaceOptions, ViewOptions
+from diff3ds.tasks.render.options import OrbitOptions, PictureOptions, SurfaceOptions
 from diff3ds.tasks.style_options import StyleOptions
 
 
@@ -21,7 +21,7 @@ class Render:
     The suffix says what is written: .png, .svg or .pdf; .mp4, .webp or .gif for a turntable.
     """
 
-    view: OmitArgPrefixes[ViewOptions]
+    view: OmitArgPrefixes[OrbitOptions]
     picture: OmitArgPrefixes[PictureOptions]
     hiding: OmitArgPrefixes[SurfaceOptions]
     styles: OmitArgPrefixes[StyleOptions]

@@ -157,14 +157,21 @@ def notebook_png(sketch: Sketch) -> bytes:
 def load(path: str | Path) -> Sketch:
     """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf`, `.3dm`, `.usd`, `.usda`, `.usdc` or `.usdz` file.
 
+    Of the folder of a run it reads the sketch.json in it.
+
     STEP, DXF and 3DM need the extra `cad` (see `load_step`, `load_dxf`, `load_3dm`), USD the extra `usd` (`load_usd`).
 
     Raises:
-        ValueError: another suffix; not such a file, or a broken, too large or unsupported one.
+        ValueError: another suffix; not such a file, or a broken, too large or unsupported one; a folder without
+            sketch.json.
         OSError: the file cannot be read.
         ImportError: the extra that reads this format is not installed.
     """
     path = Path(path)
+    if path.is_dir():
+        path /= "sketch.json"
+        if not path.is_file():
+            raise ValueError(f"{path.parent} has no sketch.json: give the folder of a run, or a file with a sketch")
     suffix = path.suffix.lower()
     reader = _READERS.get(suffix)
     if reader is None:

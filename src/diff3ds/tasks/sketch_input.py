@@ -12,20 +12,15 @@ def name_of(source: Path) -> str:
 
 
 def load_sketch(source: Path) -> Sketch:
-    """The sketch in a file that `load` reads, or in the sketch.json of a folder that a run wrote.
+    """The sketch that `load` reads, which has strokes.
 
     Raises:
-        ValueError: a folder without sketch.json, a sketch without strokes; as `load`.
+        ValueError: a sketch without strokes; as `load`.
         OSError, ImportError: as `load`.
     """
-    path = source
     if not source.exists():
         raise FileNotFoundError(f"{source} is not there: give the folder of a run, or a file with a sketch")
-    if source.is_dir():
-        path = source / "sketch.json"
-        if not path.is_file():
-            raise ValueError(f"{source} has no sketch.json: give the folder of a run, or a file with a sketch")
-    sketch = load(path)
+    sketch = load(source)
     if len(sketch) == 0:
-        raise ValueError(f"{path}: the sketch has no strokes")
+        raise ValueError(f"{source}: the sketch has no strokes")
     return sketch

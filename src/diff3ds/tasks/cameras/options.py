@@ -12,7 +12,7 @@ Up = Literal["auto", "keep"]
 
 
 @dataclass(frozen=True)
-class CamerasOptions:
+class RegistrationOptions:
     """Options of `diff3ds cameras`.
 
     Attributes:

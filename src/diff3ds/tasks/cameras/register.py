@@ -20,7 +20,7 @@ from diff3ds.photogrammetry import colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.programs import colmap
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
-from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.transforms import View
 
@@ -59,7 +59,7 @@ class Registered:
 
 def register(
     pictures: list[Path],
-    options: CamerasOptions,
+    options: RegistrationOptions,
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Registered:
@@ -178,7 +178,7 @@ def _reduced_masks(pictures: list[Path], names: list[str], place: Path) -> Path 
     return place / "masks"
 
 
-def _pairs(names: list[str], pictures: list[Path], options: CamerasOptions) -> Iterator[tuple[str, str]]:
+def _pairs(names: list[str], pictures: list[Path], options: RegistrationOptions) -> Iterator[tuple[str, str]]:
     """Which pictures are compared. A sequence is taken for closed: those of a turntable are."""
     numbered = all(re.search(r"[0-9]+$", picture.stem) for picture in pictures)
     count = len(names)

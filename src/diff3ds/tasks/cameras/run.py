@@ -16,7 +16,7 @@ from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
 from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
-from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.register import register
 from diff3ds.tasks.progress import Report
 from diff3ds.transforms import View, of_picture_sizes, save_views
@@ -46,7 +46,7 @@ class Found:
 def run_cameras(
     source: Path,
     out: Path,
-    options: CamerasOptions | None = None,
+    options: RegistrationOptions | None = None,
     report: Report = lambda progress: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Path:
@@ -57,7 +57,7 @@ def run_cameras(
     Args:
         source: a folder of photographs, or a project.
         out: folder of the results.
-        options: default `CamerasOptions()`.
+        options: default `RegistrationOptions()`.
         report: called as it goes on.
         say: called with what a user should know.
 
@@ -71,7 +71,7 @@ def run_cameras(
         OSError: the folder cannot be written.
     """
     existing_folder(out)
-    options = options or CamerasOptions()
+    options = options or RegistrationOptions()
     require_opencv(options.between)
     try:
         path = find_project(source)
@@ -121,7 +121,7 @@ def are_estimated(path: Path) -> bool:
 
 
 def _placing(
-    views: list[View], options: CamerasOptions, photographs: bool
+    views: list[View], options: RegistrationOptions, photographs: bool
 ) -> tuple[Float[Tensor, " 3"], Float[Tensor, "3 3"], float]:
     """What makes a world upright and in the user's unit, for `moved`: origin, rotation and scale.
 

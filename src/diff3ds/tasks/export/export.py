@@ -11,7 +11,7 @@ from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.tasks.export.options import ExportOptions
-from diff3ds.tasks.render.options import PictureOptions, ViewOptions
+from diff3ds.tasks.render.options import OrbitOptions, PictureOptions
 from diff3ds.tasks.render.render_views import views_of
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions
@@ -50,7 +50,7 @@ def run_export(
     _check(source, file, options, styles)
     sketch = _placed(load_sketch(source), options)
     if styles.style is not None:
-        write_text(file, Styling(styles).svg(sketch, views_of(sketch, ViewOptions(), PictureOptions())))
+        write_text(file, Styling(styles).svg(sketch, views_of(sketch, OrbitOptions(), PictureOptions())))
     elif file.suffix.lower() == ".html":
         write_text(file, _page(source, file, sketch, options, say))
     elif file.suffix.lower() == ".dxf":

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE
-from diff3ds.tasks.render.options import MOST_FRAMES, ViewOptions
+from diff3ds.tasks.render.options import MOST_FRAMES, OrbitOptions
 
 # A smooth thing's strokes where nobody says how many.
 SMOOTH_STROKES = 24
@@ -31,7 +31,7 @@ class MeshOptions:
         overwrite: the folder's run may be lost.
     """
 
-    view: ViewOptions = field(default_factory=lambda: ViewOptions(azimuth=(30.0, 120.0, 210.0, 300.0)))
+    view: OrbitOptions = field(default_factory=lambda: OrbitOptions(azimuth=(30.0, 120.0, 210.0, 300.0)))
     up: Literal["z", "y"] = "z"
     angle: float | None = None
     strokes: int | None = None

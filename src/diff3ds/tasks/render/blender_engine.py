@@ -11,13 +11,13 @@ from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
 from diff3ds.formats.scenes.blender import FRAMES, blender_script
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.render.options import PictureOptions, ViewOptions
+from diff3ds.tasks.render.options import OrbitOptions, PictureOptions
 
 # Of what Blender says when it fails, the last part tells why.
 TOLD = 2000
 
 
-def draw_in_blender(file: Path, sketch: Sketch, cameras: Cameras, view: ViewOptions, picture: PictureOptions) -> None:
+def draw_in_blender(file: Path, sketch: Sketch, cameras: Cameras, view: OrbitOptions, picture: PictureOptions) -> None:
     """Draws the first view as a PNG file, or a turn from there as MP4; whole or not at all.
 
     Raises:

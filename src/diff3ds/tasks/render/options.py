@@ -15,7 +15,7 @@ MOST_FRAMES = 10_000
 
 
 @dataclass(frozen=True)
-class ViewOptions:
+class OrbitOptions:
     """From where the sketch is seen: its middle is in the middle of the picture.
 
     Attributes:
@@ -46,7 +46,7 @@ class ViewOptions:
                 raise ValueError(f"{name} must be positive, got {value:g}")
         if not 0 < self.fov < 180:
             raise ValueError(f"fov must be between 0 and 180 degrees, got {self.fov:g}")
-        if self.height is not None and self.fov != ViewOptions.fov:
+        if self.height is not None and self.fov != OrbitOptions.fov:
             raise ValueError("give either --fov or --height: orthographic views have no field of view")
         if self.cameras is not None:
             for field in fields(self):

@@ -24,9 +24,9 @@ from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.options import (
     VECTORS,
+    OrbitOptions,
     PictureOptions,
     SurfaceOptions,
-    ViewOptions,
     check_file,
     parse_size,
 )
@@ -67,7 +67,7 @@ class _Scene:
 def run_render(
     source: Path,
     file: Path,
-    view: ViewOptions,
+    view: OrbitOptions,
     picture: PictureOptions,
     hiding: SurfaceOptions,
     styles: StyleOptions,
@@ -136,7 +136,7 @@ def _surface(source: Path, hiding: SurfaceOptions) -> TriangleMesh | None:
     return load_surface(source / SURFACE)
 
 
-def views_of(sketch: Sketch, view: ViewOptions, picture: PictureOptions) -> Cameras:
+def views_of(sketch: Sketch, view: OrbitOptions, picture: PictureOptions) -> Cameras:
     """The cameras that are asked for: of a turntable, one a frame.
 
     Raises:

@@ -37,11 +37,6 @@ SAMPLES = 33
 STRAIGHT = 1e-3
 
 
-def bent_to(sketch: Sketch, lines: PlacedLines, mirrored: bool) -> Sketch:
-    """Bends a sketch towards lines, as `bend_to` finds it."""
-    return bend_to(sketch, lines, mirrored).sketch(sketch)
-
-
 def bend_to(sketch: Sketch, lines: PlacedLines, mirrored: bool) -> "Bend":
     """Finds how a sketch is bent towards lines.
 

@@ -24,7 +24,7 @@ from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.tasks.cameras.options import CamerasOptions
+from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
 from diff3ds.tasks.mesh.draw_mesh import sketch_mesh
 from diff3ds.tasks.mesh.options import MeshOptions
@@ -253,7 +253,7 @@ def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, 
         if kept.is_file() and options.resume:
             return kept
         say(f"{source}: photographs without cameras. These are found first, and kept in {kept}")
-        return run_cameras(source, kept.parent, CamerasOptions(), report, say)
+        return run_cameras(source, kept.parent, RegistrationOptions(), report, say)
 
 
 def _pictures(
