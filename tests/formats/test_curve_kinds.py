@@ -124,3 +124,31 @@ def test_a_tolerance_is_a_number():
     for wrong in (-1.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="tolerance must be at least 0 and finite"):
             ds.formats.save_step("never.step", arc(True, True, np.random.default_rng(0)), tolerance=wrong)
+
+
+def test_no_kind_is_off_by_more_than_the_tolerance():
+    """Quarters of circles and chords, bent by up to twelve times the tolerance: what is told from splines is near."""
+    rng, tolerance = np.random.default_rng(1), 1e-3
+    t = torch.linspace(0, 1, 201, dtype=torch.float64)
+    told = 0
+    for _ in range(60):
+        points, weights = ds.bezier.circle((0.0, 0.0, 0.0), 1.0, start=0.0, stop=rng.uniform(5, 90))
+        sketch = ds.Sketch(points, weights).elevate(3)
+        bent = torch.from_numpy(rng.normal(size=(1, 2, 3))) * rng.uniform(0, 12) * tolerance
+        points = torch.cat([sketch.points[:, :1], sketch.points[:, 1:3] + bent, sketch.points[:, 3:]], 1)
+        ((curve,),) = curves_of(ds.Sketch(points, sketch.weights), tolerance)
+        on = ds.bezier.evaluate(points, sketch.weights, t)[0].numpy()
+        if isinstance(curve, Arc) and curve.circular:
+            normal = np.cross(curve.major, curve.minor) / np.linalg.norm(curve.major) ** 2
+            rise = (on - curve.center) @ normal
+            around = np.linalg.norm(on - curve.center - rise[:, None] * normal, axis=1) - np.linalg.norm(curve.major)
+            distance = np.hypot(rise, around)
+        elif isinstance(curve, Line):
+            along = (curve.stop - curve.start) / np.linalg.norm(curve.stop - curve.start)
+            distance = np.linalg.norm(np.cross(on - curve.start, along), axis=1)
+        else:
+            continue
+        told += 1
+        # 1.09: between the points that are looked at.
+        assert distance.max() < 1.09 * tolerance
+    assert 10 < told < 50

@@ -62,3 +62,38 @@ def test_no_strokes_and_no_rhino3dm(tmp_path, monkeypatch):
     with pytest.raises(ImportError, match=r"pip install 'diff3ds\[cad\]'"):
         ds.save(tmp_path / "a.3dm", ds.Sketch(torch.rand(1, 4, 3)))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_lines_and_arcs_are_told_far_from_the_origin_too(tmp_path):
+    """A circle 10 km away, an ellipse, and a closed slot of two lines and two arcs."""
+    import rhino3dm
+
+    far = torch.tensor([1e7, -1e7, 2e6]).double()
+    ring, of_ring = ds.bezier.circle((0.0, 0.0, 0.0), 8.0, normal=(1.0, 2.0, 0.5))
+    oval, of_oval = ds.bezier.ellipse((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, 1.0, 0.0), 20.0, 150.0)
+    right, of_right = ds.bezier.circle((10.0, 0.0, 0.0), 3.0, start=-90.0, stop=90.0)
+    left, of_left = ds.bezier.circle((0.0, 0.0, 0.0), 3.0, start=90.0, stop=270.0)
+    below, above = (torch.stack(ends)[None] for ends in ((left[-1, -1], right[0, 0]), (right[-1, -1], left[0, 0])))
+    parts = [(ring, of_ring), (oval, of_oval), (below, None), (right, of_right), (above, None), (left, of_left)]
+    raised = [ds.bezier.elevate(*part) for part in parts]
+    points, weights = (torch.cat([part[i] for part in raised]) for i in (0, 1))
+    chains = ds.Chains.of([len(ring), len(oval), len(points) - len(ring) - len(oval)], [True, False, True])
+    ds.save(tmp_path / "a.3dm", ds.Sketch(points + far, weights, chains=chains))
+    circle, ellipse, slot = (item.Geometry for item in read(tmp_path / "a.3dm").Objects)
+    assert isinstance(circle, rhino3dm.ArcCurve)
+    assert circle.Radius == pytest.approx(8, abs=1e-7)
+    assert circle.IsClosed
+    assert isinstance(ellipse, rhino3dm.NurbsCurve)
+    assert isinstance(slot, rhino3dm.PolyCurve)
+    kinds = [type(slot.SegmentCurve(i)).__name__ for i in range(slot.SegmentCount)]
+    assert kinds == ["LineCurve", "ArcCurve", "LineCurve", "ArcCurve"]
+    assert slot.IsClosed
+    assert not slot.HasGap
+    back = ds.load(tmp_path / "a.3dm")
+    assert back.chains.closed.tolist() == [True, False, True]
+    sketch = ds.Sketch(points + far, weights, chains=chains)
+    low, high = ds.bezier.bounding_box(back.points, back.weights)
+    for found, whole in ((low.amin(0), 0), (high.amax(0), 1)):
+        expected = ds.bezier.bounding_box(sketch.points, sketch.weights)[whole]
+        expected = expected.amax(0) if whole else expected.amin(0)
+        torch.testing.assert_close(found, expected, atol=1e-6, rtol=0)

@@ -343,3 +343,34 @@ def test_missing_extra_says_how_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"pip install 'diff3ds\[cad\]'"):
         ds.load(tmp_path / "a.step")
+
+
+@needs_occt
+@pytest.mark.parametrize(("far", "unit"), [(0.0, "mm"), (1e7, "mm"), (1e7, "m")])
+def test_corners_of_a_closed_stroke_are_single_vertices_of_a_closed_wire(far, unit, tmp_path):
+    """Of a slot of two lines and two half circles, which 10,000 km away are known to 2e-6 mm."""
+    from OCP.BRep import BRep_Tool
+    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
+    from OCP.TopExp import TopExp, TopExp_Explorer
+
+    right, weights = ds.bezier.circle((10.0, 0.0, 0.0), 3.0, start=-90.0, stop=90.0)
+    left, _ = ds.bezier.circle((0.0, 0.0, 0.0), 3.0, start=90.0, stop=270.0)
+    below, above = (torch.stack(ends)[None] for ends in ((left[-1, -1], right[0, 0]), (right[-1, -1], left[0, 0])))
+    raised = [ds.bezier.elevate(*part) for part in ((below, None), (right, weights), (above, None), (left, weights))]
+    points, weights = (torch.cat([part[i] for part in raised]) for i in (0, 1))
+    turn = torch.linalg.qr(torch.tensor([[1.0, 2, 3], [0, 1, 5], [4, 1, 1]]).double())[0]
+    slot = ds.Sketch(points @ turn.T + far, weights, chains=ds.Chains.of([len(points)], True))
+    ds.save(tmp_path / "a.step", slot, unit=unit)
+    reader = STEPControl_Reader()
+    reader.ReadFile(str(tmp_path / "a.step"))
+    reader.TransferRoots()
+    wires = TopExp_Explorer(reader.OneShape(), TopAbs_WIRE)
+    counts = []
+    for kind in (TopAbs_EDGE, TopAbs_VERTEX):
+        found = ShapeMap()
+        TopExp.MapShapes_s(wires.Current(), kind, found)
+        counts.append(found.Extent())
+    assert counts == [4, 4]
+    assert BRep_Tool.IsClosed_s(wires.Current())
