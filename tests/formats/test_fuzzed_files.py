@@ -1,18 +1,23 @@
-"""Readers of sketches on broken and hostile files: a sketch or a ValueError that names the file, in bounded time.
+"""Readers on broken and hostile files: a sketch or a mesh, or a ValueError that names the file, in bounded time.
 
-Seeded: what fails can be made again. Every format that `ds.load` reads takes part.
+Seeded: what fails can be made again. Every format that `ds.load` and `ds.load_surface` read takes part.
 """
 
 import importlib.util
+import json
 import random
+import struct
 import warnings
 
+import examples_of_meshes
+import numpy as np
 import pytest
 import torch
 from examples_of_curves import EXAMPLES
 
 import diff3ds as ds
 from diff3ds.formats import load_dxf
+from diff3ds.formats.mesh import MESHES, UP_IS_KNOWN, read_mesh
 
 # Damaged files of each format in the slow test, some ten seconds each: a STEP file takes a second to be read.
 MANY = {".json": 5000, ".step": 15, ".dxf": 50, ".3dm": 80, ".usda": 40, ".usdc": 40}
@@ -110,6 +115,103 @@ def check_fuzzed(folder, suffix, count, seed):
             said.append(str(error))
     assert [text for text in said if f"some file{suffix}" not in text] == []
     return count - len(said)
+
+
+def mesh_seeds(folder, suffix):
+    """The examples of the tables that are files of this format and can be read, each in a folder of its own."""
+    seeds = []
+    for k, example in enumerate(e for of in examples_of_meshes.EXAMPLES.values() for e in of.values()):
+        inner = folder / f"seed {k}"
+        inner.mkdir()
+        path = example.make(inner)
+        try:
+            examples_of_meshes.read(path)
+        except ValueError:
+            continue
+        if path.suffix == suffix:
+            seeds.append((path.with_name(f"some file{suffix}"), path.read_bytes()))
+    return seeds
+
+
+# What may stand in JSON where something else should.
+STRANGE = [
+    "null",
+    "true",
+    "-1",
+    "1e308",
+    "2147483647",
+    "9223372036854775808",
+    "0.5",
+    '"x"',
+    "[]",
+    "{}",
+    "[[]]",
+    "[1, 2, 3]",
+]
+
+
+def broken_gltf(good, rng):
+    """A glTF file, binary or not, of which some values are others, or missing, and which is whole otherwise."""
+    binary = good[:4] == b"glTF"
+    size = struct.unpack_from("<I", good, 12)[0] if binary else len(good)
+    text, rest = (good[20 : 20 + size], good[20 + size :]) if binary else (good, b"")
+    content = json.loads(text)
+    for _ in range(rng.choice([1, 1, 2, 5])):
+        places, ways = [], [content]
+        while ways:
+            thing = ways.pop()
+            keys = list(thing) if isinstance(thing, dict) else range(len(thing))
+            places += [(thing, key) for key in keys]
+            ways += [thing[key] for key in keys if isinstance(thing[key], dict | list)]
+        thing, key = rng.choice(places)
+        if rng.random() < 0.2:
+            del thing[key]
+        else:
+            thing[key] = json.loads(rng.choice([*STRANGE, str(rng.randrange(12))]))
+        if not content:
+            break
+    text = json.dumps(content).encode()
+    if not binary:
+        return text
+    text += b" " * (-len(text) % 4)
+    return b"glTF" + struct.pack("<IIII", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A) + text + rest
+
+
+def check_fuzzed_meshes(folder, suffix, count, seed):
+    """As `check_fuzzed`: what is read are triangles between places, with colours or none."""
+    rng, said = random.Random(seed), []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        seeds = mesh_seeds(folder, suffix)
+        for _ in range(count):
+            path, good = rng.choice(seeds)
+            gltf = suffix in UP_IS_KNOWN and rng.random() < 0.7
+            path.write_bytes(broken_gltf(good, rng) if gltf else broken(good, rng))
+            try:
+                found = read_mesh(path, colors=True)
+            except ValueError as error:
+                said.append(str(error))
+                continue
+            corners = found.vertices[found.faces]
+            assert corners.shape == (len(found.polygon), 3, 3)
+            assert np.isfinite(corners).all()
+            shades = found.colors.at(np.arange(len(corners)), np.full((len(corners), 3), 1 / 3))
+            assert np.isnan(shades[~found.colors.known]).all()
+            assert ((shades[found.colors.known] >= 0) & (shades[found.colors.known] <= 1)).all()
+    # Types are checked in tests alone: elsewhere what they say would go on.
+    assert [text for text in said if f"some file{suffix}" not in text or "Type-check" in text] == []
+    return count - len(said)
+
+
+@pytest.mark.parametrize("suffix", MESHES)
+def test_damaged_meshes_give_a_mesh_or_an_error_that_names_the_file(tmp_path, suffix):
+    check_fuzzed_meshes(tmp_path, suffix, 100, seed=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", MESHES)
+def test_many_damaged_meshes(tmp_path, suffix):
+    assert 0 < check_fuzzed_meshes(tmp_path, suffix, 2000, seed=1) < 2000
 
 
 @pytest.mark.parametrize("suffix", FORMATS)

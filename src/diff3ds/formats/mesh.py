@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._files import write_bytes
-from diff3ds._shapes import Bool, Float, Int
+from diff3ds._shapes import Bool, Float, Index, Int, Mask
 from diff3ds.formats.files_beside import FilesBeside
 from diff3ds.formats.gltf import FLOAT, INDICES, UINT32, VERTICES, one_scene, packed
-from diff3ds.formats.mesh_colors import MeshColors
+from diff3ds.formats.mesh_colors import NO_TEXTURE, MeshColors
 from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, counted, numbered_places
 from diff3ds.formats.mesh_files.read_gltf import read_gltf
 from diff3ds.formats.mesh_files.read_obj import read_obj
@@ -28,6 +28,8 @@ UP_IS_KNOWN = (".glb", ".gltf")
 MAX_MESH_BYTES = 1 << 28
 # Coordinates beyond are no numbers of anything: their squares' squares would overflow.
 FARTHEST = 1e60
+# Of places in textures: beyond, float64 does not tell texels apart.
+FARTHEST_UV = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +45,13 @@ class MeshFile:
     """
 
     vertices: Float[NDArray[np.float64], "V 3"]
-    faces: Int[NDArray[np.int64], "F 3"]
-    polygon: Int[NDArray[np.int64], " F"]
-    part: Int[NDArray[np.int64], " F"]
+    faces: Int[Index, "F 3"]
+    polygon: Int[Index, " F"]
+    part: Int[Index, " F"]
     colors: MeshColors | None
 
 
-def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[NDArray[np.int64], "F 3"]]:
+def load_mesh(path: str | Path) -> tuple[Float[NDArray[np.float64], "V 3"], Int[Index, "F 3"]]:
     """The vertices and triangles of a mesh, as `read_mesh`."""
     read = read_mesh(path)
     return read.vertices, read.faces
@@ -152,7 +154,7 @@ def _triangles(read: Polygons) -> tuple[MeshFile, list[str]]:
     return MeshFile(points, faces, polygon, read.part[polygon], colors), left_out
 
 
-def _twice(read: Polygons, first: Int[NDArray[np.int64], " P"]) -> Bool[NDArray[np.bool_], " P"]:
+def _twice(read: Polygons, first: Int[Index, " P"]) -> Bool[Mask, " P"]:
     """Faces of more than three corners that were there before: cut otherwise, their triangles would not be the same."""
     twice = np.zeros(len(read.sizes), bool)
     large = read.sizes[read.sizes > 3]
@@ -169,15 +171,15 @@ def _twice(read: Polygons, first: Int[NDArray[np.int64], " P"]) -> Bool[NDArray[
     return twice
 
 
-def _colors(paint: Paint, rows: Int[NDArray[np.int64], "F 3"], polygon: Int[NDArray[np.int64], " F"]) -> MeshColors:
-    return MeshColors(
-        paint.color[rows], paint.uv[rows], paint.texture[polygon], paint.textures, paint.multiplied, paint.missing
-    )
+def _colors(paint: Paint, rows: Int[Index, "F 3"], polygon: Int[Index, " F"]) -> MeshColors:
+    """Colours of triangles; textures where all corners have a place in them."""
+    corners, uv = paint.color[rows], paint.uv[rows]
+    corners[~np.isfinite(corners).all(2)] = np.nan
+    texture = np.where((np.abs(uv) < FARTHEST_UV).all((1, 2)), paint.texture[polygon], NO_TEXTURE)
+    return MeshColors(corners, uv, texture, paint.textures, paint.multiplied, paint.missing)
 
 
-def save_surface(
-    path: str | Path, vertices: Float[NDArray[np.float64], "V 3"], faces: Int[NDArray[np.int64], "F 3"]
-) -> None:
+def save_surface(path: str | Path, vertices: Float[NDArray[np.float64], "V 3"], faces: Int[Index, "F 3"]) -> None:
     """Writes a mesh with z up and x in front as a GLB file, whole or not at all; numbers become float32.
 
     Raises:

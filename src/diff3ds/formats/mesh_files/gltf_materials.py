@@ -70,7 +70,7 @@ class GltfMaterials:
             raise ValueError(f"{len(places)} texture coordinates are of {vertices} vertices")
         places = _transformed(places, moved) * [1, -1] + [0, 1]
         paint.uv[:] = places[corners]
-        paint.texture[np.isfinite(paint.uv).all(1).reshape(-1, 3).all(1)] = number
+        paint.texture[:] = number
         return paint
 
     def joined(self, paints: list[Paint]) -> Paint:

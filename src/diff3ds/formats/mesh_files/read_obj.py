@@ -46,23 +46,21 @@ def read_obj(content: bytes, beside: FilesBeside | None) -> Polygons:
     count = widths(read.v)
     if ((count < 3) | (count == 5)).any():
         raise ValueError(f"{read.v[int(((count < 3) | (count == 5)).argmax())][:60]!r} is no vertex of three numbers")
-    values = table(read.v, count)
-    vertices = values[:, :3].copy() if len(read.v) else np.zeros((0, 3))
+    values = table(read.v, count, 6)
+    vertices = values[:, :3].copy()
     sizes = widths(read.f)
     indices = _indices(b" ".join(read.f), int(sizes.sum()))
     before = np.repeat(np.array(read.before, np.int64).reshape(-1, 2), sizes, 0)
     corners = _counted_on(indices[:, 0], before[:, 0])
     check_corners(corners, len(vertices))
-    weighted = values[count == 4, 3] if values.shape[1] > 3 else np.ones(0)
     left_out = []
-    if (weighted != 1).any():
+    if (values[count == 4, 3] != 1).any():
         left_out.append("left out: weights of vertices, which are those of free-form curves")
     if read.flat:
         left_out.append(f"left out: {counted(read.flat, 'line or point', 'lines and points')}")
     paint = None
     if beside is not None:
-        own = values[:, 3:6] if values.shape[1] >= 6 else np.full((len(vertices), 3), np.nan)
-        own = np.where(count[:, None] >= 6, own, np.nan)
+        own = np.where(count[:, None] >= 6, values[:, 3:6], np.nan)
         places = _counted_on(indices[:, 1], before[:, 1]) if indices.shape[1] > 1 else np.full(len(corners), -1)
         paint = _paint(read, beside, sizes, _shares(own)[corners], places)
     return Polygons(vertices, corners, sizes, np.array(read.part, np.int64), paint, tuple(left_out))
@@ -164,9 +162,10 @@ def _paint(
         numbers.append(number)
     material = np.array(read.material, np.int64)
     texture = np.array([*numbers, NO_TEXTURE], np.int64)[material]
-    given = table(read.vt, widths(read.vt))[:, :2] if read.vt else np.zeros((0, 2))
-    if given.shape[1] == 1:
-        given = np.concatenate([given, np.zeros_like(given)], 1)
+    count = widths(read.vt)
+    given = table(read.vt, count, 2)[:, :2]
+    # One number is a place along the texture's lower edge.
+    given[count == 1, 1] = 0
     if places.max(initial=-1) >= len(given):
         missing.append(f"{counted(int((places >= len(given)).sum()), 'texture coordinate')} of faces")
         places = np.where(places < len(given), places, -1)

@@ -36,10 +36,10 @@ def read_off(content: bytes, colors: bool) -> Polygons:
     n, f = int(counts[0]), int(counts[1])
     if len(lines) < 1 + n + f:
         raise ValueError(f"it is cut off: {n} vertices and {f} faces take more lines than it has")
-    rows = lines[1 : 1 + n]
-    values = table(rows, widths(rows))
     size = 4 if four else 3
-    if n and (values.shape[1] < size or np.isnan(values[:, :size]).any(1).sum() > _nans(rows)):
+    rows = lines[1 : 1 + n]
+    values = table(rows, widths(rows), size)
+    if np.isnan(values[:, :size]).any(1).sum() > _nans(rows):
         raise ValueError(f"a vertex has fewer than {size} numbers")
     vertices = values[:, :3] / values[:, 3:4] if four else values[:, :3].copy()
     corners, sizes, shades = _faces(lines[1 + n : 1 + n + f], colors)
@@ -49,7 +49,7 @@ def read_off(content: bytes, colors: bool) -> Polygons:
         paint = Paint.none(len(corners), len(sizes))
         first = size + 3 * normals
         own = values[:, first : first + 3]
-        if n and own.shape[1] == 3 and (colored or not (normals or texture)):
+        if own.shape[1] == 3 and (colored or not (normals or texture)):
             paint.color[:] = _shares(own)[corners]
         painted = np.isfinite(shades).all(1)
         paint.color[np.repeat(painted, sizes)] = np.repeat(_shares(shades)[painted], sizes[painted], 0)

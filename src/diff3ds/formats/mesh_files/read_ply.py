@@ -297,9 +297,7 @@ def _paint(
     which = np.zeros(len(sizes), np.int64)
     if isinstance(number, np.ndarray):
         which[: len(number)] = np.clip(np.nan_to_num(number), 0, max(len(found) - 1, 0))
-    lost = np.repeat(np.arange(len(sizes)), sizes)[~np.isfinite(paint.uv).all(1)]
-    placed = np.bincount(lost, minlength=len(sizes)) == 0
-    texture = np.where(placed, np.array([*found, NO_TEXTURE], np.int64)[which], NO_TEXTURE)
+    texture = np.array([*found, NO_TEXTURE], np.int64)[which]
     return Paint(paint.color, paint.uv, texture, tuple(pictures.textures), False, tuple(beside.missing))
 
 

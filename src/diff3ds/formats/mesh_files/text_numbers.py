@@ -65,8 +65,8 @@ def widths(lines: list[bytes]) -> NDArray[np.int64]:
     return np.fromiter((len(line.split()) for line in lines), np.int64, len(lines))
 
 
-def table(lines: list[bytes], count: NDArray[np.int64]) -> Float[Array, "N W"]:
-    """Numbers in lines of so many words each, NaN behind the end of shorter ones.
+def table(lines: list[bytes], count: NDArray[np.int64], least: int) -> Float[Array, "N W"]:
+    """Numbers in lines of so many words each, NaN behind the end of shorter ones; at least so many columns.
 
     Raises:
         ValueError: as `numbers`.
@@ -74,6 +74,6 @@ def table(lines: list[bytes], count: NDArray[np.int64]) -> Float[Array, "N W"]:
     flat = numbers(b"\n".join(lines))
     if len(flat) != count.sum():
         raise ValueError("a line has something that is no number")
-    found = np.full((len(lines), int(count.max(initial=0))), np.nan)
+    found = np.full((len(lines), int(count.max(initial=least))), np.nan)
     found[np.arange(found.shape[1]) < count[:, None]] = flat
     return found
