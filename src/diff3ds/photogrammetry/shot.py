@@ -2,7 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +40,25 @@ class Shot:
     intrinsics: Float[Tensor, "3 3"]
     distortion: Distortion = NO_DISTORTION
     centered: bool = False
+
+
+@contextmanager
+def damaged(path: Path, what: str) -> Iterator[None]:
+    """Has what fails while the values of a file are taken say which file it is.
+
+    Args:
+        path: the file.
+        what: it should be: "Meshroom's: expected views and poses".
+
+    Raises:
+        ValueError: in place of what broken values raise; errors that name the file stay as they are.
+    """
+    try:
+        yield
+    except (AttributeError, IndexError, KeyError, OverflowError, RuntimeError, TypeError, ValueError) as error:
+        if isinstance(error, ValueError) and str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: damaged, or not {what} ({error!r:.80})") from error
 
 
 def warn_left_out(path: Path, names: Sequence[str], total: int, why: str) -> None:

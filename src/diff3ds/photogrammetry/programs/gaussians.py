@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from diff3ds._files import read_json
-from diff3ds.photogrammetry.shot import Shot, inverse, picture_size, pinhole, rigid
+from diff3ds.photogrammetry.shot import Shot, damaged, inverse, picture_size, pinhole, rigid
 
 NAME = "cameras.json"
 
@@ -22,13 +22,11 @@ def read_gaussians(path: Path) -> list[Shot]:
     data = read_json(path)
     shots = []
     for i, camera in enumerate(data if is_gaussians(data) else []):
-        try:
+        with damaged(path, "the cameras of 3D Gaussians"):
             name, turn, place = camera["img_name"], camera["rotation"], camera["position"]
             rows = [[*map(float, row), float(at)] for row, at in zip(turn, place, strict=True)]
             focal = float(camera["fx"]), float(camera["fy"])
             size = picture_size(f"{path}: camera {i}", camera["width"], camera["height"])
-        except (KeyError, OverflowError, TypeError, ValueError) as error:
-            raise ValueError(f"{path}: camera {i} is damaged ({error!r:.60})") from error
         intrinsics = pinhole(f"{path}: camera {i}", *focal, size[1] / 2, size[0] / 2)
         shots.append(Shot(str(name), size, inverse(rigid(path, i, rows, "rotation")), intrinsics))
     if not shots:

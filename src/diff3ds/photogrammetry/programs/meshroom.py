@@ -7,7 +7,7 @@ from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import Shot, checked, inverse, picture_size, pinhole, rigid, warn_left_out
+from diff3ds.photogrammetry.shot import Shot, checked, damaged, inverse, picture_size, pinhole, rigid, warn_left_out
 
 PATTERN = "*.sfm"
 # Lenses by the names of types and of distortions, before and since they are told apart; AliceVision's radialk3pt,
@@ -30,7 +30,7 @@ def read_meshroom(path: Path) -> list[Shot]:
     """
     data = read_json(path)
     shots, lost = [], []
-    try:
+    with damaged(path, "Meshroom's"):
         version = tuple(int(n) for n in data["version"])
         cameras = {camera["intrinsicId"]: camera for camera in data.get("intrinsics", [])}
         poses = {pose["poseId"]: pose["pose"]["transform"] for pose in data.get("poses", [])}
@@ -46,8 +46,6 @@ def read_meshroom(path: Path) -> list[Shot]:
             to_world = rigid(path, i, [[*turn[3 * r : 3 * r + 3], center[r]] for r in range(3)], "rotation")
             size, intrinsics, lens = _camera(f"{path}: view {i}", version, cameras[view["intrinsicId"]])
             shots.append(Shot(str(view["path"]), size, inverse(to_world), intrinsics, lens))
-    except (AttributeError, IndexError, KeyError, OverflowError, TypeError) as error:
-        raise ValueError(f"{path}: damaged, or not Meshroom's ({error!r:.60})") from error
     if not shots:
         raise ValueError(f"{path}: no view has a pose: give the file that StructureFromMotion wrote")
     warn_left_out(path, lost, len(data["views"]), "without a pose or intrinsics")

@@ -21,10 +21,12 @@ MAX_BYTES = 1 << 12
 
 def is_neus(path: Path) -> bool:
     """Whether a file has a projection of the first picture."""
-    if not zipfile.is_zipfile(path):
-        return False
-    with zipfile.ZipFile(path) as archive:
-        return f"{WORLD}0.npy" in archive.namelist()
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return f"{WORLD}0.npy" in archive.namelist()
+    except (zipfile.BadZipFile, NotImplementedError, ValueError):
+        # Damaged, as reading it says.
+        return True
 
 
 def read_neus(path: Path) -> list[Shot]:

@@ -1,11 +1,10 @@
 """VisualSFM's models, NVM_V3: pictures, focal lengths and poses, with the principal points in the middle."""
 
-import math
 from pathlib import Path
 
 from diff3ds._files import read_text
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import Shot, pinhole, quaternion_pose
+from diff3ds.photogrammetry.shot import Shot, damaged, pinhole, quaternion_pose
 
 PATTERN, HEADER = "*.nvm", "NVM_V3"
 
@@ -26,17 +25,14 @@ def read_nvm(path: Path) -> list[Shot]:
     for line in lines[2 : 2 + min(int(lines[1][:9]), len(lines))]:
         # A name may have spaces, written as quotation marks.
         words = line.rsplit(maxsplit=10)
-        try:
-            focal, *quaternion, x, y, z, radial, _ = [float(word) for word in words[1:]]
-        except ValueError as error:
-            raise ValueError(f"{path}: expected a name and 10 numbers, is {line!r:.60}") from error
+        with damaged(path, f"a picture of VisualSFM's, {line!r:.60}"):
+            focal, w, i, j, k, x, y, z, radial, _ = (float(word) for word in words[1:])
         where = f"{path}: {words[0]:.60}"
         if radial:
             raise ValueError(f"{where}: VisualSFM's radial distortion is not read; {ADVICE}")
-        if not all(map(math.isfinite, (x, y, z))):
-            raise ValueError(f"{where}: its place is {[x, y, z]}")
-        pose = quaternion_pose(where, quaternion, [0.0, 0.0, 0.0])
-        pose[:3, 3] = -pose[:3, :3] @ pose.new_tensor([x, y, z])
+        pose = quaternion_pose(where, [w, i, j, k], [x, y, z])
+        # The file holds where the camera is.
+        pose[:3, 3] = -pose[:3, :3] @ pose[:3, 3]
         name, intrinsics = words[0].replace('"', " "), pinhole(where, focal, focal, 0.0, 0.0)
         shots.append(Shot(name, None, pose, intrinsics, centered=True))
     if len(shots) != int(lines[1][:9]):

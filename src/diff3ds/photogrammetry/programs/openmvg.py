@@ -9,7 +9,7 @@ from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import Shot, checked, picture_size, pinhole, rigid, warn_left_out
+from diff3ds.photogrammetry.shot import Shot, checked, damaged, picture_size, pinhole, rigid, warn_left_out
 
 NAME = "sfm_data.json"
 
@@ -21,15 +21,12 @@ def read_openmvg(path: Path) -> list[Shot]:
         ValueError: not such a file; a camera of another kind; no view has a pose.
     """
     data = read_json(path)
-    try:
+    shots, lost = [], []
+    with damaged(path, "OpenMVG's: expected views, intrinsics and extrinsics"):
         views = [view["value"]["ptr_wrapper"]["data"] for view in data["views"]]
         cameras = {entry["key"]: entry["value"]["ptr_wrapper"]["data"] for entry in data["intrinsics"]}
         poses = {entry["key"]: entry["value"] for entry in data["extrinsics"]}
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"{path}: not OpenMVG's: expected views, intrinsics and extrinsics ({error!r:.60})") from error
-    shots, lost = [], []
-    for i, view in enumerate(views):
-        try:
+        for i, view in enumerate(views):
             pose, camera = poses.get(view["id_pose"]), cameras.get(view["id_intrinsic"])
             name = str(PurePosixPath(str(view.get("local_path", "")), str(view["filename"])))
             if pose is None or camera is None:
@@ -37,14 +34,12 @@ def read_openmvg(path: Path) -> list[Shot]:
                 continue
             centers = [[float(n)] for n in pose["center"]]
             rows = [[*turn, *center] for turn, center in zip(pose["rotation"], centers, strict=True)]
-        except (KeyError, OverflowError, TypeError, ValueError) as error:
-            raise ValueError(f"{path}: view {i} is damaged ({error!r:.60})") from error
-        # x_camera = R (x - c): the file holds R and c.
-        placed = rigid(path, i, rows, "rotation")
-        to_camera = placed.clone()
-        to_camera[:3, 3] = -placed[:3, :3] @ placed[:3, 3]
-        size, intrinsics, lens = _camera(path, camera)
-        shots.append(Shot(name, size, to_camera, intrinsics, lens))
+            # x_camera = R (x - c): the file holds R and c.
+            placed = rigid(path, i, rows, "rotation")
+            to_camera = placed.clone()
+            to_camera[:3, 3] = -placed[:3, :3] @ placed[:3, 3]
+            size, intrinsics, lens = _camera(path, camera)
+            shots.append(Shot(name, size, to_camera, intrinsics, lens))
     if not shots:
         raise ValueError(f"{path}: no view has a pose and intrinsics: give the file that the reconstruction wrote")
     warn_left_out(path, lost, len(views), "without a pose or intrinsics")
@@ -57,11 +52,9 @@ def read_openmvg_points(path: Path) -> Float[Tensor, "P 3"]:
     Raises:
         ValueError: a damaged file.
     """
-    try:
+    with damaged(path, "OpenMVG's"):
         found = [[float(n) for n in entry["value"]["X"]] for entry in read_json(path).get("structure") or []]
         return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
-    except (AttributeError, KeyError, OverflowError, RuntimeError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: its structure is damaged ({error!r:.60})") from error
 
 
 def _camera(path: Path, camera: dict[str, Any]) -> tuple[tuple[int, int], Float[Tensor, "3 3"], Distortion]:

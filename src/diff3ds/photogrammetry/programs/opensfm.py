@@ -11,7 +11,7 @@ from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import LARGEST, Shot, checked, picture_size, pinhole, quaternion_pose
+from diff3ds.photogrammetry.shot import LARGEST, Shot, checked, damaged, picture_size, pinhole, quaternion_pose
 
 NAME = "reconstruction.json"
 # Names of lenses, with their radial coefficients.
@@ -36,9 +36,8 @@ def read_opensfm(path: Path) -> list[Shot]:
     Raises:
         ValueError: not such a file; a lens of another kind.
     """
-    whole, where = _largest(path), str(path)
-    shots = []
-    try:
+    whole, shots = _largest(path), []
+    with damaged(path, "OpenSfM's"):
         cameras = {name: _camera(f"{path}: camera {name}", camera) for name, camera in whole["cameras"].items()}
         for name, shot in sorted(whole["shots"].items()):
             where = f"{path}: {name}"
@@ -49,8 +48,6 @@ def read_opensfm(path: Path) -> list[Shot]:
             half = math.sin(angle / 2) / angle if 0 < angle < LARGEST else 0.5
             turn = [math.cos(angle / 2) if angle < LARGEST else math.nan, half * x, half * y, half * z]
             shots.append(Shot(name, size, quaternion_pose(where, turn, place), intrinsics, lens))
-    except (AttributeError, KeyError, OverflowError, TypeError) as error:
-        raise ValueError(f"{where}: damaged, or not OpenSfM's ({error!r:.60})") from error
     if not shots:
         raise ValueError(f"{path}: the reconstruction has no shots")
     return shots
@@ -62,11 +59,9 @@ def read_opensfm_points(path: Path) -> Float[Tensor, "P 3"]:
     Raises:
         ValueError: a damaged file.
     """
-    try:
+    with damaged(path, "OpenSfM's"):
         found = [[float(n) for n in point["coordinates"]] for point in (_largest(path).get("points") or {}).values()]
         return torch.tensor(found, dtype=torch.float64).reshape(-1, 3)
-    except (AttributeError, KeyError, OverflowError, RuntimeError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: its points are damaged ({error!r:.60})") from error
 
 
 def _largest(path: Path) -> dict[str, Any]:
