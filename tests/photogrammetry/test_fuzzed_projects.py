@@ -14,7 +14,7 @@ import diff3ds as ds
 from diff3ds.photogrammetry.project import find_project, present_views, sparse_points
 
 # Damaged files of each program: of the quick test, of the slow one.
-FEW, MANY = 60, 2000
+FEW, MANY = 60, 1000
 
 
 def write_binary(folder):

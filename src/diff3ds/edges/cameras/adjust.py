@@ -39,7 +39,7 @@ LEAST_VIEWS = 3
 
 
 def adjusted(start: Posed, posed: Posed, views: EdgeViews, effect: LensEffect, curves: Curves) -> tuple[Posed, float]:
-    """The cameras with which the curves, free to move, meet the ridges best, and what k1 gains (`_Normal.gain`).
+    """The cameras with which the curves, free to move, meet the ridges best, and what k1 gains (`Normal.gain`).
 
     Args:
         start: the cameras that were given, near which they stay where the ridges say nothing.
@@ -48,20 +48,31 @@ def adjusted(start: Posed, posed: Posed, views: EdgeViews, effect: LensEffect, c
         effect: of the lens, on all ridge points.
         curves: near the edges, by the cameras so far.
     """
+    moved, x, tangent, normal = settled(start, posed, views, effect, curves)
+    # A view that has lost its way shows less than before.
+    now, before = (inliers(p.views(views, effect), x, tangent, SURE).sum(1) for p in (moved, posed))
+    return moved.with_poses(posed, now < before), normal.gain(float(moved.lens[2]))
+
+
+def settled(
+    start: Posed, posed: Posed, views: EdgeViews, effect: LensEffect, curves: Curves
+) -> tuple[Posed, Float[Array, "M 3"], Float[Array, "M 3"], "Normal"]:
+    """The cameras after all steps, the sample points and their tangents, and the equations of the last step.
+
+    Args:
+        start, posed, views, effect, curves: as for `adjusted`.
+    """
     x, tangent = some_samples(curves)
-    first, seen = posed, posed.views(views, effect)
+    seen = posed.views(views, effect)
     alone = ~crowded(seen, x, tangent, at=inliers(seen, x, tangent, FAR))
     for far, scatter in narrowing():
         shown = inliers(seen, x, tangent, far) & alone
         shown &= shown.sum(0) >= LEAST_VIEWS
-        normal = _normal(start, posed, equations(posed, seen, effect, x, shown, scatter), seen.pixel, tangent)
-        step, moved = normal.solved()
-        posed, x = posed.stepped(step[:-NUMBERS].reshape(-1, 6), step[-NUMBERS:]), x + moved
+        normal = normal_equations(start, posed, equations(posed, seen, effect, x, shown, scatter), seen.pixel, tangent)
+        step, away = normal.solved()
+        posed, x = posed.stepped(step[:-NUMBERS].reshape(-1, 6), step[-NUMBERS:]), x + away
         seen = posed.views(views, effect)
-    # A view that has lost its way shows less than before.
-    now, before = (inliers(p.views(views, effect), x, tangent, SURE).sum(1) for p in (posed, first))
-    lost = now < before
-    return posed.with_poses(first, lost), normal.gain(float(posed.lens[2]))
+    return posed, x, tangent, normal
 
 
 def some_samples(curves: Curves) -> tuple[Float[Array, "M 3"], Float[Array, "M 3"]]:
@@ -119,13 +130,14 @@ def equations(
 
 
 @dataclass(frozen=True, eq=False)
-class _Normal:
+class Normal:
     """The normal equations of one Gauss-Newton step, for K numbers of cameras, without displacements.
 
     Attributes:
         rows: the equations, with displacements in pixels at the middle of the scene, as their pulls are.
         pixel: in world units.
-        left, right: of the numbers of cameras, with what is expected of them.
+        left, right: of the numbers of cameras.
+        tight, back: what is expected of them (`expected`).
         square: the inverse of each displacement's own equations.
         both, offset: of displacements by numbers of cameras, and by residuals.
     """
@@ -134,26 +146,35 @@ class _Normal:
     pixel: float
     left: Float[Array, "K K"]
     right: Float[Array, " K"]
+    tight: Float[Array, " K"]
+    back: Float[Array, " K"]
     square: Float[Array, "M 3 3"]
     both: Float[Array, "M 3 K"]
     offset: Float[Array, "M 3"]
 
     def solved(self) -> tuple[Float[Array, " K"], Float[Array, "M 3"]]:
         """The step of cameras, and that of points in world units."""
-        step = np.asarray(np.linalg.solve(self.left, self.right), dtype=np.float64)
+        whole = self.left + np.diag(self.tight)
+        step = np.asarray(np.linalg.solve(whole, self.right + self.tight * self.back), dtype=np.float64)
         return step, (self.square @ (self.offset - self.both @ step)[..., None])[..., 0] * self.pixel
+
+    def squares(self, step: Float[Array, " K"]) -> float:
+        """The sum of the squared residuals, weighted, after a step of the cameras, with the points free to move."""
+        here = (self.rows.weight * self.rows.residual**2).sum()
+        here -= np.einsum("mi,mij,mj->", self.offset, self.square, self.offset)
+        return float(here - 2 * self.right @ step + step @ self.left @ step)
 
     def gain(self, k1: float) -> float:
         """What of the sum of the squared residuals, weighted, k1 takes away, all other numbers free to move.
 
         The extra sum of squares of regression: the sum grows by k1 squared over its entry of the inverse without it.
         """
-        entry = np.linalg.solve(self.left, np.eye(len(self.right))[-1])[-1]
+        entry = np.linalg.solve(self.left + np.diag(self.tight), np.eye(len(self.right))[-1])[-1]
         extra = k1**2 / entry
         return float(extra / max(extra + (self.rows.weight * self.rows.residual**2).sum(), 1e-300))
 
 
-def _normal(start: Posed, posed: Posed, rows: Equations, pixel: float, tangent: Float[Array, "M 3"]) -> _Normal:
+def normal_equations(start: Posed, posed: Posed, rows: Equations, pixel: float, tangent: Float[Array, "M 3"]) -> Normal:
     """Of these equations."""
     count, poses = len(posed.rotation), 6 * len(posed.rotation)
     rows = replace(rows, place=rows.place * pixel)
@@ -181,8 +202,7 @@ def _normal(start: Posed, posed: Posed, rows: Equations, pixel: float, tangent: 
     halves = (root @ both).reshape(-1, poses + NUMBERS)
     left -= halves.T @ halves
     right -= halves.T @ (root @ offset[..., None]).ravel()
-    tight, back = expected(start, posed)
-    return _Normal(rows, pixel, left + np.diag(tight), right + tight * back, square, both, offset)
+    return Normal(rows, pixel, left, right, *expected(start, posed), square, both, offset)
 
 
 def expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Array, " K"]]:

@@ -10,9 +10,10 @@ from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.adjust import adjusted
-from diff3ds.edges.cameras.find_again import agreement, found_again
+from diff3ds.edges.cameras.find_again import LEAST_AGREEMENT, agreement, are_lost, found_again
 from diff3ds.edges.cameras.lens_effect import LensEffect, bending
 from diff3ds.edges.cameras.posed import Posed, coarser, held
+from diff3ds.edges.cameras.right_already import RIGHT, gain_unseen
 from diff3ds.edges.evidence.bias import outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
@@ -31,10 +32,6 @@ DECIDED = SIDES.index(1)
 # [fraction, px; empirical] Distortion is there if it takes away so much of the squared residuals, and moves a corner so
 # far. Of photographs without it took away .002 to .008; of 50 real ones whose lens was left out .044.
 LEAST_GAIN, LEAST_BENT = 0.015, 0.3
-# [ratio, ratio; empirical] A view is lost where it shows less of the curves, beyond what chance would, than so large a
-# part of what the median view does, unless that shows hardly more than chance either. Of the photographs of
-# `find_again` right cameras have .44 and more.
-LOST, LEAST_AGREEMENT = 1 / 3, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +52,7 @@ class Refined:
     @property
     def lost(self) -> Bool[NDArray[np.bool_], " V"]:
         """Views that agree with the others no more, and say nothing."""
-        middle = float(np.median(self.agreement))
-        lost = self.agreement - 1 < LOST * (middle - 1)
-        return np.asarray(lost & (middle >= LEAST_AGREEMENT))
+        return are_lost(self.agreement)
 
     def cameras(self, like: Cameras) -> Cameras:
         """As `Cameras`, with what else those before have."""
@@ -68,6 +63,8 @@ def refined_cameras(
     cameras: Cameras, ridges: Sequence[Ridges], report: Report = no_report, lens: Distortion | None = None
 ) -> Refined:
     """The cameras with which the ridges of all views agree best; their mean place, direction and spread stay.
+
+    Cameras that are right already stay where they are (`right_already`), but for those that are lost.
 
     Poses move, and all focal lengths by one factor; so does the radial distortion, where one lens has taken all
     pictures and the views leave no doubt that it is another. Where the views show no edges that agree, nothing moves.
@@ -82,6 +79,8 @@ def refined_cameras(
     start = posed = Posed.of(cameras)
     least = confirming(sum(len(ridge) > 0 for ridge in ridges))
     agrees = np.full(len(ridges), np.nan)
+    if (kept := _as_given(cameras, start, ridges, least, lens)) is not None:
+        return kept
     for turn, side in enumerate(SIDES):
         report("cameras", turn, len(SIDES), None, 0)
         now = coarser(posed, side)
@@ -103,6 +102,23 @@ def refined_cameras(
             lens = None
     found = posed.cameras(cameras)
     return Refined(found.world_to_camera, found.intrinsics, agrees, float(posed.lens[2]))
+
+
+def _as_given(
+    cameras: Cameras, start: Posed, ridges: Sequence[Ridges], least: float, lens: Distortion | None
+) -> Refined | None:
+    """The cameras that were given, but lost ones found again, if they are right; else None."""
+    views, effect = _views(cameras, start, ridges, 1, lens)
+    curves = first_curves(views, least)
+    if len(curves) < 2:
+        return None
+    agrees = agreement(start, views, effect, curves)
+    lost = are_lost(agrees)
+    if float(np.median(agrees)) < LEAST_AGREEMENT or gain_unseen(start, views, effect, curves, ~lost) > RIGHT:
+        return None
+    posed = start.with_poses(found_again(start, start, views, effect, curves), lost) if lost.any() else start
+    found = posed.cameras(cameras) if lost.any() else cameras
+    return Refined(found.world_to_camera, found.intrinsics, agreement(posed, views, effect, curves))
 
 
 def is_bent(cameras: Cameras, posed: Posed, lens: Distortion, gain: float) -> bool:

@@ -5,16 +5,21 @@ ones. But where the curves are known, trying tells: in the right place a view sh
 chance brings together.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.camera import Cameras
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.edges.cameras.adjust import SURE, equations, expected, narrowing, some_samples
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import NUMBERS, Posed
-from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.bias import Bias, corrected, outline_sides
+from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import inliers
 
 # [px; empirical] Turns that are tried move the picture by up to so much to each side, in steps that leave no place
@@ -28,6 +33,13 @@ BETTER = 1.1
 # [px; derived] Pictures that are moved by so much to all sides show what chance brings together: farther than what an
 # adjustment leaves, nearer than where other things are shown.
 WRONG = (6.0, 9.0, 12.0)
+# [ratio, ratio; empirical] A view is lost where it shows less of the curves, beyond what chance would, than so large a
+# part of what the median view does, unless that shows hardly more than chance either. Of the photographs above right
+# cameras have .44 and more.
+LOST, LEAST_AGREEMENT = 1 / 3, 1.5
+# [times; empirical] A view that shows more than chance so many times is not lost. In small pictures with few edges the
+# other rule alone finds right cameras lost, at 2.4 times where the median is 8; cameras turned by 25 degrees have 0.
+SURELY = 2.0
 # [tries; empirical] Directions to which pictures are moved for that.
 AROUND = 24
 
@@ -81,6 +93,29 @@ def agreement(posed: Posed, views: EdgeViews, effect: LensEffect, curves: Curves
         chance = _shown(wrong, _copies(views, view, AROUND), effect, x, tangents).mean()
         found[view] = now[view] / max(1.0, float(chance))
     return found
+
+
+def agreement_of(cameras: Cameras, ridges: Sequence[Ridges], curves: Curves, bias: Bias) -> Float[Array, " V"]:
+    """As `agreement`, of cameras that nothing was changed of; nan of views without ridges, which say nothing.
+
+    Args:
+        cameras: with perspective.
+        ridges: of every view.
+        curves: by these cameras, not none.
+        bias: of the ridges.
+    """
+    sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
+    views = edge_views(cameras, corrected(ridges, sides, bias))
+    found = agreement(Posed.of(cameras), views, LensEffect.fixed(np.concatenate(sides)), curves)
+    return np.where([len(ridge) > 0 for ridge in ridges], found, np.nan)
+
+
+def are_lost(agreement: Float[Array, " V"]) -> Bool[NDArray[np.bool_], " V"]:
+    """Which views agree with the others no more, by `agreement`."""
+    known = agreement[~np.isnan(agreement)]
+    middle = float(np.median(known)) if len(known) else 0.0
+    lost = (agreement - 1 < LOST * (middle - 1)) & (agreement < SURELY)
+    return np.asarray(lost & (middle >= LEAST_AGREEMENT))
 
 
 def _shown(

@@ -11,7 +11,9 @@ import torch
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.curves.shapes.smooth_joints import sketch_of
+from diff3ds.edges.cameras.find_again import agreement_of, are_lost
 from diff3ds.edges.evidence.edge_views import require_perspective
+from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import reconstruct
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
@@ -22,6 +24,7 @@ from diff3ds.tasks.views.edge_course import EdgeCourse
 from diff3ds.tasks.views.edges_of_pictures import look
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
+from diff3ds.tasks.views.refined_cameras import NAMED
 from diff3ds.tasks.views.refined_views import RefinedViews, refine
 
 
@@ -74,6 +77,8 @@ def fit_edges(
             capped=course.cap,
             seed=options.seed,
         )
+        if refined is None and start is None:
+            about["disagreeing"] = _disagreeing(pictures.chosen(views), frame, ridges, course, say)
     except KeyboardInterrupt:
         if not course.kept.result.stage:
             raise
@@ -94,6 +99,23 @@ def _bound(frame: Frame, pictures: PosedPictures, say: Callable[[str], None]) ->
             "--bound none looks everywhere"
         )
     return smaller
+
+
+def _disagreeing(
+    pictures: PosedPictures, frame: Frame, ridges: list[Ridges], course: EdgeCourse, say: Callable[[str], None]
+) -> list[str]:
+    """The pictures that show hardly any of the curves that the others show, which is said."""
+    reached = course.kept.result
+    lost = are_lost(agreement_of(frame.cameras(pictures.cameras), ridges, reached.curves, reached.bias))
+    names = [name for name, gone in zip(pictures.names, lost.tolist(), strict=True) if gone]
+    if names:
+        some = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
+        say(
+            f"{len(names)} of {len(pictures)} views agree with the edges of the others hardly more than by chance: "
+            f"{some}. Are their cameras right, and do they show the same thing, standing still? --refine-cameras finds "
+            "cameras that are off by some pixels; leave out what is off by more"
+        )
+    return names
 
 
 def _settings(pictures: PosedPictures, options: ViewsOptions) -> dict[str, object]:
