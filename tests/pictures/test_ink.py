@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from PIL import Image, ImageDraw
 
 from diff3ds.formats import save_png
-from diff3ds.pictures.content.ink import ink_on_paper
+from diff3ds.pictures.content.ink import beside_page, ink_on_paper
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.tasks.recognition.lines import lines_of
 
@@ -42,6 +43,77 @@ def test_ink_is_where_the_pencil_was():
     drawn = circle(6.0)[..., 0].numpy()
     assert ink[drawn == 1].min() > 0.3
     assert ink[np.abs(distance().numpy() - 130) > 8].max() == 0
+
+
+def beside(*shapes) -> torch.Tensor:
+    """1 where shapes lie over the sheet: polygons of several points, ellipses of two."""
+    image = Image.new("L", (SIZE, SIZE), 0)
+    for points in shapes:
+        (ImageDraw.Draw(image).ellipse if len(points) == 2 else ImageDraw.Draw(image).polygon)(points, 255)
+    return torch.from_numpy(np.asarray(image) / 255.0).float()[..., None]
+
+
+def band(left, top, right, bottom):
+    return [(left, top), (right, top), (right, bottom), (left, bottom)]
+
+
+# What scanners and phones show beside a page or over its edge, and how dark.
+BESIDE = {
+    "two sides with the lid open": (beside(band(0, 0, 14, SIZE), band(0, SIZE - 9, SIZE, SIZE)), 0.03),
+    "a broad band": (beside(band(0, 0, 50, SIZE)), 0.03),
+    "all around": (
+        beside(*(band(*b) for b in ((0, 0, 9, SIZE), (0, 0, SIZE, 7), (380, 0, 400, 400), (0, 394, 400, 400)))),
+        0.1,
+    ),
+    "a page that lies askew": (beside([(0, 0), (SIZE, 0), (SIZE, 18)], [(0, 0), (0, SIZE), (18, SIZE)]), 0.05),
+    "a corner": (beside([(0, 0), (70, 0), (0, 45)]), 0.05),
+    "a finger": (beside([(-40, 180), (40, 250)]), 0.4),
+}
+
+
+@pytest.mark.parametrize("what", BESIDE)
+def test_what_lies_beside_a_page_is_no_ink(what, tmp_path):
+    there, gray = BESIDE[what]
+    drawing = sheet(0.01) / sheet(0.01).amax() * (1 - 0.67 * circle(6.0))
+    picture = (drawing * (1 - there) + gray * there).clamp(0, 1)
+    ink = ink_on_paper(picture.numpy())
+    assert ink is not None
+    drawn = circle(6.0)[..., 0].numpy()
+    assert ink[drawn == 1].min() > 0.3
+    assert ink[np.abs(distance().numpy() - 130) > 8].max() == 0
+    save_png(tmp_path / "a.png", picture)
+    lines = lines_of(read_reference(tmp_path / "a.png"))
+    assert np.abs(np.linalg.norm(lines.points, axis=1) - 0.5).max() < 0.015
+
+
+@pytest.mark.parametrize("darkest", [0.5, 0.25])
+def test_a_shadow_over_all_of_a_page_is_no_ink(darkest):
+    light = torch.linspace(1, darkest, SIZE)[None, :, None]
+    noise = 0.01 * torch.randn(SIZE, SIZE, 3, generator=torch.Generator().manual_seed(2))
+    ink = ink_on_paper((light * (1 - 0.67 * circle(6.0)) + noise).clamp(0, 1).numpy())
+    assert ink is not None
+    assert ink[circle(6.0)[..., 0].numpy() == 1].min() > 0.3
+    assert ink[np.abs(distance().numpy() - 130) > 8].max() == 0
+
+
+def test_holes_and_rules_of_a_page_do_no_harm():
+    """Punched holes at its edge, and rules fainter than what is drawn."""
+    rules = ((torch.arange(SIZE) + 14) % 28 < 2).float()[:, None, None]
+    page = 0.95 * (1 - 0.25 * rules) * torch.ones(SIZE, SIZE, 3)
+    holes = beside([(10, 120), (22, 132)], [(10, 270), (22, 282)])
+    drawn = circle(6.0)
+    ink = ink_on_paper(((page * (1 - 0.8 * drawn)) * (1 - holes)).clamp(0, 1).numpy())
+    assert ink is not None
+    assert ink[drawn[..., 0].numpy() == 1].min() > 0.5
+    assert ink[np.abs(distance().numpy() - 130) > 8].max() < 0.4
+
+
+def test_a_thing_that_a_border_cuts_stays():
+    """What reaches far in, or ends softly, is no band beside the page."""
+    far = beside(band(0, 0, 120, SIZE))
+    soft = (torch.linspace(0, 8, SIZE).clamp(max=1))[None, :, None]
+    for picture in (0.9 * (1 - far), 0.9 * (0.3 + 0.7 * soft).expand(SIZE, SIZE, 1)):
+        assert not beside_page(picture.expand(SIZE, SIZE, 3).numpy()).any()
 
 
 def test_bare_paper_is_no_drawing():

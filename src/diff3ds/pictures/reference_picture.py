@@ -11,7 +11,7 @@ from diff3ds.formats.orientation import load_upright
 from diff3ds.pictures.content.background import parse_background, with_alpha
 from diff3ds.pictures.content.cutout import is_inverted, premultiplied
 from diff3ds.pictures.content.foreground import foreground
-from diff3ds.pictures.content.ink import ink_on_paper
+from diff3ds.pictures.content.ink import beside_page, ink_on_paper
 from diff3ds.pictures.content.masks import mask_of
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.options import PictureOptions
@@ -114,11 +114,13 @@ def _cut_out(name: str, image: Float[Tensor, "H W C"], options: PictureOptions) 
     # The camera says the size and nothing else.
     opaque = PosedPictures(orbit(0.0, size=size), "color", store_of(pixels[None]), (Path(name).name,))
     cut, found = with_alpha(opaque, color)
-    if found is None:
+    # A dark frame around a page is of one colour, and no background.
+    if found is None or (color is None and bool(beside_page(pixels[..., :3].numpy()).any())):
         ink = ink_on_paper(pixels[..., :3].numpy())
         if ink is not None:
             pixels[..., :3], pixels[..., 3] = 0, torch.from_numpy(ink)
             return pixels
+    if found is None:
         tells = "the picture has no transparency" if image.shape[2] < 4 else "no area of the picture is transparent"
         raise ValueError(
             f"{name}: cannot tell the object from what is behind it: {tells}, and its borders "

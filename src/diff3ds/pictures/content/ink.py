@@ -1,6 +1,7 @@
 """Ink on paper: a drawing that was photographed or scanned, on paper that is grainy or unevenly lit."""
 
 import numpy as np
+from numpy.polynomial.legendre import legvander, legvander2d
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Bool, Float
@@ -16,6 +17,13 @@ INKED = 0.5
 SPECK = 0.03
 # Lightness of paper changes slowly, over this fraction of the picture's longer side; grain is smaller than the other.
 SLOW, GRAIN = 0.06, 0.002
+# What is no page: shades at the border, such as what a scanner sees beside the page, or a finger, darker than this
+# fraction of the page. They are wider than lines, touch the border over so much, reach in no farther than this, as
+# fractions of the longer side, and end within a few pixels in a step of this fraction of the page. Empirical.
+SHADE, WIDER, TOUCHES, REACHES, STEP, EDGE = 0.75, 0.012, 0.05, 0.2, 0.15, 4
+# Of a shadow over all of a page: the degree in each direction of the logarithm of its light, the parts along each side
+# whose lightest pixels tell it, and how often those that are no paper are left out. Empirical.
+DEGREE, PARTS, ROUNDS = 3, 24, 3
 # Ink is darker than paper by this fraction at least, and by so many times the grain's median deviation; it takes less
 # than these fractions of the picture and of its borders. Empirical.
 DARKER, DEVIATIONS, MOST, MOST_AT_BORDERS = 0.12, 6.0, 0.25, 0.1
@@ -26,22 +34,86 @@ def ink_on_paper(image: Float[NDArray[np.float32], "H W 3"]) -> Float[NDArray[np
     from scipy.ndimage import gaussian_filter, maximum_filter
 
     side = max(image.shape[:2])
-    gray = gaussian_filter(image.mean(-1), max(1.0, GRAIN * side))
+    beside = beside_page(image)
+    gray = _evenly_lit(gaussian_filter(_filled(image.mean(-1), beside), max(1.0, GRAIN * side)))
     slow = round(SLOW * side)
     paper = gaussian_filter(maximum_filter(gray, 2 * slow + 1), slow)
     darkness = 1 - gray / np.maximum(paper, 1e-3)
     darkness -= np.median(darkness)
     least = max(DARKER, DEVIATIONS * float(np.median(np.abs(darkness))))
     dark = darkness > least
-    inked = without_specks(dark)
+    inked = without_specks(dark & ~beside)
     borders = np.concatenate([inked[0], inked[-1], inked[:, 0], inked[:, -1]])
-    texture = inked.sum() < dark.sum() / 2
-    if texture or not 0 < inked.mean() < MOST or borders.mean() > MOST_AT_BORDERS:
+    texture = inked.sum() < (dark & ~beside).sum() / 2
+    # Where the border of the page is in the picture, a drawing keeps within it.
+    most = MOST_AT_BORDERS / 2 if beside.any() else MOST_AT_BORDERS
+    if texture or not 0 < inked.mean() < MOST or borders.mean() > most:
         return None
     full = max(2 * least, float(np.quantile(darkness[inked], 0.9)))
     ink = np.clip((darkness - least / 2) / (full - least / 2), 0, 1).astype(np.float32)
     ink[~inked] = 0
     return ink if is_thin(ink) else None
+
+
+def beside_page(image: Float[NDArray[np.float32], "H W 3"]) -> Bool[NDArray[np.bool_], "H W"]:
+    """Finds what lies beside a page, or on its edge: dark bands and corners of a scan, a finger."""
+    from scipy.ndimage import distance_transform_edt, gaussian_filter, label, maximum
+
+    height, width = image.shape[:2]
+    side = max(height, width)
+    gray = _evenly_lit(gaussian_filter(image.mean(-1).astype(float), max(1.0, GRAIN * side)))
+    page = float(np.quantile(gray, 0.8))
+    radius = max(2, round(WIDER * side))
+    # Opened by a disc: what is narrower goes. Beyond the border all is dark, so that the narrowest band is wide.
+    dark = np.pad(gray < SHADE * page, radius + 1, constant_values=True)
+    wide = distance_transform_edt(~(distance_transform_edt(dark) > radius)) <= radius
+    names, count = label(wide[radius + 1 : -radius - 1, radius + 1 : -radius - 1])
+    rows, columns = np.arange(height)[:, None], np.arange(width)
+    inward = np.minimum(np.minimum(rows, height - 1 - rows), np.minimum(columns, width - 1 - columns))
+    touches = np.bincount(names[inward == 0], minlength=count + 1)
+    reaches = maximum(inward, names, np.arange(count + 1))
+    found = np.zeros((height, width), bool)
+    for name in np.flatnonzero((touches >= TOUCHES * side) & (reaches <= REACHES * side)):
+        away = distance_transform_edt(names != name)
+        if name and _step_out_of(gray, away) > STEP * page:
+            found |= away <= EDGE
+    return found
+
+
+def _step_out_of(gray: Float[Array, "H W"], away: Float[Array, "H W"]) -> float:
+    """How much lighter it is outside of a shade than within it, by its edge, from how far from it each pixel is."""
+    from scipy.ndimage import distance_transform_edt
+
+    outside = (away > EDGE) & (away <= 2 * EDGE)
+    # The border of the picture is no edge of a shade.
+    deep = distance_transform_edt(np.pad(away == 0, 1, mode="edge"))[1:-1, 1:-1]
+    within = (away == 0) & (deep <= EDGE)
+    return float(np.median(gray[outside]) - np.median(gray[within])) if outside.any() and within.any() else 0.0
+
+
+def _evenly_lit(gray: Float[Array, "H W"]) -> Float[Array, "H W"]:
+    """A page without the shadow that falls on all of it: a polynomial through the lightest of each part of it."""
+    rows, columns = (np.linspace(0, side, min(PARTS, side) + 1).astype(int)[:-1] for side in gray.shape)
+    lightest = np.maximum.reduceat(np.maximum.reduceat(gray, rows, 0), columns, 1).clip(1e-3)
+    places = [np.linspace(-1, 1, side) for side in lightest.shape]
+    terms = legvander2d(*np.meshgrid(*places, indexing="ij"), (DEGREE, DEGREE)).reshape(lightest.size, -1)
+    wanted, kept = np.log(lightest).ravel(), np.ones(lightest.size, bool)
+    for _ in range(ROUNDS):
+        amounts = np.linalg.lstsq(terms[kept], wanted[kept], rcond=None)[0]
+        # Where ink, or a thing, takes all of a part, it says nothing of the page.
+        kept = wanted > terms @ amounts - DARKER / 2
+    light = [legvander(np.linspace(-1, 1, side), DEGREE) for side in gray.shape]
+    return gray / np.exp(light[0] @ amounts.reshape(DEGREE + 1, DEGREE + 1) @ light[1].T)
+
+
+def _filled(gray: Float[NDArray[np.float32], "H W"], gone: Bool[NDArray[np.bool_], "H W"]) -> Float[Array, "H W"]:
+    """A picture with the nearest of what is left where something has gone."""
+    from scipy.ndimage import distance_transform_edt
+
+    if not gone.any() or gone.all():
+        return gray
+    row, column = distance_transform_edt(gone, return_distances=False, return_indices=True)
+    return gray[row, column]
 
 
 def without_specks(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.bool_], "H W"]:
