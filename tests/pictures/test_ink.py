@@ -96,16 +96,23 @@ def test_a_shadow_over_all_of_a_page_is_no_ink(darkest):
     assert ink[np.abs(distance().numpy() - 130) > 8].max() == 0
 
 
-def test_holes_and_rules_of_a_page_do_no_harm():
-    """Punched holes at its edge, and rules fainter than what is drawn."""
-    rules = ((torch.arange(SIZE) + 14) % 28 < 2).float()[:, None, None]
-    page = 0.95 * (1 - 0.25 * rules) * torch.ones(SIZE, SIZE, 3)
-    holes = beside([(10, 120), (22, 132)], [(10, 270), (22, 282)])
-    drawn = circle(6.0)
-    ink = ink_on_paper(((page * (1 - 0.8 * drawn)) * (1 - holes)).clamp(0, 1).numpy())
+def test_holes_of_a_page_are_no_ink():
+    """Punched along one side; a spot in the drawing stays."""
+    holes, spot = beside([(10, 120), (24, 134)], [(10, 270), (24, 284)]), beside([(193, 193), (207, 207)])
+    page = 0.95 * (1 - 0.8 * circle(6.0)) * (1 - holes) * (1 - 0.8 * spot) * torch.ones(SIZE, SIZE, 3)
+    ink = ink_on_paper(page.numpy())
     assert ink is not None
-    assert ink[drawn[..., 0].numpy() == 1].min() > 0.5
-    assert ink[np.abs(distance().numpy() - 130) > 8].max() < 0.4
+    assert ink[holes[..., 0].numpy() > 0].max() == 0
+    assert ink[200, 200] == 1
+
+
+def test_rules_of_a_page_are_fainter_than_what_is_drawn():
+    rules = ((torch.arange(SIZE) + 14) % 28 < 2).float()[:, None, None]
+    ink = ink_on_paper((0.95 * (1 - 0.25 * rules) * (1 - 0.8 * circle(6.0))).expand(SIZE, SIZE, 3).numpy())
+    assert ink is not None
+    assert ink[circle(6.0)[..., 0].numpy() == 1].min() > 0.5
+    # A rule of two pixels, blurred by one, away from the circle.
+    assert ink[14 + 28 * 12 + 1, 30] < 0.5
 
 
 def test_a_thing_that_a_border_cuts_stays():

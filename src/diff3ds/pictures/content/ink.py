@@ -21,6 +21,11 @@ SLOW, GRAIN = 0.06, 0.002
 # fraction of the page. They are wider than lines, touch the border over so much, reach in no farther than this, as
 # fractions of the longer side, and end within a few pixels in a step of this fraction of the page. Empirical.
 SHADE, WIDER, TOUCHES, REACHES, STEP, EDGE = 0.75, 0.012, 0.05, 0.2, 0.15, 4
+# Pixels along a side are enough to see it.
+ENOUGH = 1000
+# A punched hole is a filled spot no longer than this, whose middle lies no farther from the border, as fractions of the
+# longer side, and takes this share of its box: a disc has .79. Empirical.
+HOLE, FROM_BORDER, ROUND = 0.06, 0.1, 0.6
 # Of a shadow over all of a page: the degree in each direction of the logarithm of its light, the parts along each side
 # whose lightest pixels tell it, and how often those that are no paper are left out. Empirical.
 DEGREE, PARTS, ROUNDS = 3, 24, 3
@@ -35,14 +40,14 @@ def ink_on_paper(image: Float[NDArray[np.float32], "H W 3"]) -> Float[NDArray[np
 
     side = max(image.shape[:2])
     beside = beside_page(image)
-    gray = _evenly_lit(gaussian_filter(_filled(image.mean(-1), beside), max(1.0, GRAIN * side)))
+    gray = _evenly_lit(gaussian_filter(_filled(image.mean(-1).astype(float), beside), max(1.0, GRAIN * side)))
     slow = round(SLOW * side)
     paper = gaussian_filter(maximum_filter(gray, 2 * slow + 1), slow)
     darkness = 1 - gray / np.maximum(paper, 1e-3)
     darkness -= np.median(darkness)
     least = max(DARKER, DEVIATIONS * float(np.median(np.abs(darkness))))
     dark = darkness > least
-    inked = without_specks(dark & ~beside)
+    inked = _without_holes(without_specks(dark & ~beside))
     borders = np.concatenate([inked[0], inked[-1], inked[:, 0], inked[:, -1]])
     texture = inked.sum() < (dark & ~beside).sum() / 2
     # Where the border of the page is in the picture, a drawing keeps within it.
@@ -57,6 +62,13 @@ def ink_on_paper(image: Float[NDArray[np.float32], "H W 3"]) -> Float[NDArray[np
 
 def beside_page(image: Float[NDArray[np.float32], "H W 3"]) -> Bool[NDArray[np.bool_], "H W"]:
     """Finds what lies beside a page, or on its edge: dark bands and corners of a scan, a finger."""
+    times = -(-max(image.shape[:2]) // ENOUGH)
+    found = _beside_page(image[::times, ::times])
+    whole: Bool[NDArray[np.bool_], "H W"] = found.repeat(times, 0).repeat(times, 1)[: image.shape[0], : image.shape[1]]
+    return whole
+
+
+def _beside_page(image: Float[NDArray[np.float32], "H W 3"]) -> Bool[NDArray[np.bool_], "H W"]:
     from scipy.ndimage import distance_transform_edt, gaussian_filter, label, maximum
 
     height, width = image.shape[:2]
@@ -96,24 +108,27 @@ def _evenly_lit(gray: Float[Array, "H W"]) -> Float[Array, "H W"]:
     rows, columns = (np.linspace(0, side, min(PARTS, side) + 1).astype(int)[:-1] for side in gray.shape)
     lightest = np.maximum.reduceat(np.maximum.reduceat(gray, rows, 0), columns, 1).clip(1e-3)
     places = [np.linspace(-1, 1, side) for side in lightest.shape]
-    terms = legvander2d(*np.meshgrid(*places, indexing="ij"), (DEGREE, DEGREE)).reshape(lightest.size, -1)
+    down, across = np.meshgrid(*places, indexing="ij")
+    terms = legvander2d(down, across, [DEGREE, DEGREE]).reshape(lightest.size, -1)
     wanted, kept = np.log(lightest).ravel(), np.ones(lightest.size, bool)
     for _ in range(ROUNDS):
         amounts = np.linalg.lstsq(terms[kept], wanted[kept], rcond=None)[0]
         # Where ink, or a thing, takes all of a part, it says nothing of the page.
         kept = wanted > terms @ amounts - DARKER / 2
     light = [legvander(np.linspace(-1, 1, side), DEGREE) for side in gray.shape]
-    return gray / np.exp(light[0] @ amounts.reshape(DEGREE + 1, DEGREE + 1) @ light[1].T)
+    even: Float[Array, "H W"] = gray / np.exp(light[0] @ amounts.reshape(DEGREE + 1, DEGREE + 1) @ light[1].T)
+    return even
 
 
-def _filled(gray: Float[NDArray[np.float32], "H W"], gone: Bool[NDArray[np.bool_], "H W"]) -> Float[Array, "H W"]:
+def _filled(gray: Float[Array, "H W"], gone: Bool[NDArray[np.bool_], "H W"]) -> Float[Array, "H W"]:
     """A picture with the nearest of what is left where something has gone."""
     from scipy.ndimage import distance_transform_edt
 
     if not gone.any() or gone.all():
         return gray
     row, column = distance_transform_edt(gone, return_distances=False, return_indices=True)
-    return gray[row, column]
+    filled: Float[Array, "H W"] = gray[row, column]
+    return filled
 
 
 def without_specks(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.bool_], "H W"]:
@@ -123,6 +138,22 @@ def without_specks(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.boo
     names, _ = label(drawn, np.ones((3, 3)))
     spans = np.array([0, *(max(a.stop - a.start, b.stop - b.start) for a, b in find_objects(names))])
     kept: NDArray[np.bool_] = spans[names] > SPECK * max(drawn.shape)
+    return kept
+
+
+def _without_holes(drawn: Bool[NDArray[np.bool_], "H W"]) -> Bool[NDArray[np.bool_], "H W"]:
+    """What is drawn without the holes that are punched in a page along its edge."""
+    from scipy.ndimage import find_objects, label
+
+    names, _ = label(drawn, np.ones((3, 3)))
+    kept = drawn.copy()
+    for name, box in enumerate(find_objects(names), 1):
+        spans = [part.stop - part.start for part in box]
+        middles = [(part.start + part.stop) / 2 for part in box]
+        near = min(min(m, side - m) for m, side in zip(middles, drawn.shape, strict=True))
+        if max(spans) <= HOLE * max(drawn.shape) and near <= FROM_BORDER * max(drawn.shape):
+            spot = names[box] == name
+            kept[box] &= ~spot if spot.mean() > ROUND else True
     return kept
 
 
