@@ -57,7 +57,7 @@ def test_every_optional_package_of_the_project_is_looked_for():
         # The last two are for who works on the project; the network of "networks" stands among the priors.
         if extra not in ("all", "networks", "dev", "docs"):
             names = {re.match(r"[\w-]+", requirement)[0] for requirement in requirements}
-            assert names <= set(doctor.OPTIONAL[extra])
+            assert names <= set(doctor.OPTIONAL.get(extra, ()))
     found = {package.name for package in diagnose().packages}
     assert found - {"NVRTC"} == {name for names in doctor.OPTIONAL.values() for name in names}
 
