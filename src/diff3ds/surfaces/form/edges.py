@@ -1,0 +1,246 @@
+"""Edges: where the samples of two forms touch, the path on which these meet, cut where a third form ends it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float, Int
+from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.surfaces.arrays import Index
+from diff3ds.surfaces.form.forms import Form
+from diff3ds.surfaces.form.labels import NONE, Labelled
+from diff3ds.surfaces.form.meets import Path, exact_paths, marched, onto
+from diff3ds.surfaces.form.samples import Samples
+from diff3ds.surfaces.form.search import within
+
+# Forms that meet at less than this, degrees, go on in each other: no edge. Empirical.
+SMOOTH = 18.0
+# A place where samples touch says something of the path where it is so near, in spacings and in reaches. Empirical.
+NEAR_SPACINGS, NEAR_REACHES = 2.5, 2.0
+# A gap of the places along a path that is longer, in spacings, is no edge. Empirical.
+GAP = 3.5
+# How far from the end of its places an edge may have its corner, in spacings and in reaches. Empirical.
+CORNER_SPACINGS, CORNER_REACHES = 3.5, 2.0
+# An edge touches in so many places at least. Empirical.
+LEAST = 4
+# Corners nearer than this, in reaches and in spacings, are one. Empirical.
+SAME_REACHES, SAME_SPACINGS = 1.5, 0.5
+# Points of a path that are looked at for a corner, to each side.
+LOOKED = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """A part of a path on which two forms meet.
+
+    Attributes:
+        forms: the numbers of the two forms.
+        path: on which it lies.
+        start, stop: parameters of its ends; of a closed one a whole period apart.
+        closed: whether it runs round.
+        corner: for each end the number of the third form that it ends at, NONE where none is.
+        turn: between the normals of the two forms, degrees, median along it.
+        places: how many pairs of neighbouring samples it lies between.
+        radius: of the rounding that it stands for, world units; 0 where it is sharp.
+    """
+
+    forms: tuple[int, int]
+    path: Path
+    start: float
+    stop: float
+    closed: bool
+    corner: tuple[int, int]
+    turn: float
+    places: int
+    radius: float = 0.0
+
+    @property
+    def ends(self) -> Float[Array, "2 3"]:
+        """Its ends, world units."""
+        return self.path.at(np.array([self.start, self.stop]))
+
+
+def edges_between(samples: Samples, found: Labelled, label: Int[Index, " N"]) -> list[Edge]:
+    """The edges between forms whose samples touch.
+
+    Args:
+        label: of the samples, carried on over what lies between forms.
+    """
+    places = _touching(samples, label)
+    edges = []
+    for (a, b), middles in places.items():
+        edges += list(_along(samples, (a, b), found.forms, middles))
+    near = _Near(samples, label)
+    return [_cornered(samples, edge, found.forms, near) for edge in edges]
+
+
+def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int], Float[Array, "C 3"]]:
+    """The middles between neighbouring samples of two forms."""
+    i, j = samples.pairs.T
+    a, b = np.minimum(label[i], label[j]), np.maximum(label[i], label[j])
+    rows = np.flatnonzero((a != b) & (a != NONE))
+    count = int(label.max()) + 2
+    key = a[rows] * count + b[rows]
+    order = np.argsort(key, kind="stable")
+    keys, first = np.unique(key[order], return_index=True)
+    middles = (samples.points[i] + samples.points[j])[rows[order]] / 2
+    parts = np.split(middles, first[1:])
+    return {(int(k // count), int(k % count)): part for k, part in zip(keys, parts, strict=True)}
+
+
+def _along(samples: Samples, pair: tuple[int, int], forms: list[Form], middles: Float[Array, "C 3"]) -> Iterator[Edge]:
+    """The edges of two forms through the places where they touch."""
+    a, b = forms[pair[0]], forms[pair[1]]
+    if len(middles) < LEAST:
+        return
+    on = onto([a, b], middles)
+    limit = NEAR_SPACINGS * samples.spacing + NEAR_REACHES * within(samples)
+    off = np.abs(np.stack([a.distance(on), b.distance(on)])).max(0)
+    turn = _turns(a, b, on)
+    good = (np.linalg.norm(on - middles, axis=1) < limit) & (off < 1e-6 * samples.size) & (turn > SMOOTH)
+    on, turn = on[good], turn[good]
+    if len(on) < max(LEAST, 0.3 * len(middles)):
+        return
+    for path, rows in _paths(samples, a, b, on):
+        for start, stop, closed, inside in _intervals(path, on[rows], GAP * samples.spacing):
+            if len(inside) >= LEAST:
+                angle = float(np.median(turn[rows[inside]]))
+                yield Edge(pair, path, start, stop, closed, (NONE, NONE), angle, len(inside))
+
+
+def _turns(a: Form, b: Form, points: Float[Array, "C 3"]) -> Float[Array, " C"]:
+    """Angles between two forms at points, degrees, to 90."""
+    n, m = a.normal(points), b.normal(points)
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs((n * m).sum(1))))
+
+
+def _paths(samples: Samples, a: Form, b: Form, on: Float[Array, "C 3"]) -> Iterator[tuple[Path, Index]]:
+    """Paths of two forms, each with the rows of the points that lie on it."""
+    paths = exact_paths(a, b)
+    if paths:
+        away = np.stack([np.linalg.norm(p.at(p.parameter(on)) - on, axis=1) for p in paths])
+        best = away.argmin(0)
+        for k, path in enumerate(paths):
+            rows = np.flatnonzero(best == k)
+            if len(rows):
+                yield path, rows
+        return
+    from scipy.spatial import cKDTree
+
+    left = np.ones(len(on), bool)
+    gap = GAP * samples.spacing
+    while left.sum() >= LEAST:
+        rows = np.flatnonzero(left)
+        tree = cKDTree(on[rows])
+
+        def stops(x: Array, tree: "cKDTree" = tree) -> bool:
+            return bool(tree.query(x)[0] > gap)
+
+        path = marched(a, b, on[rows[len(rows) // 2]], 0.3 * samples.spacing, stops)
+        assert path.line is not None
+        near = cKDTree(path.line).query(on[rows])[0] < samples.spacing
+        near[len(rows) // 2] = True
+        left[rows[near]] = False
+        if len(path.line) > 3:
+            yield path, rows[near]
+
+
+def _intervals(
+    path: Path, points: Float[Array, "C 3"], gap: float
+) -> Iterator[tuple[float, float, bool, Index]]:
+    """Parts of a path along which points have no larger gaps: start, stop, whether it runs round, rows of points."""
+    t = path.parameter(points)
+    order = np.argsort(t, kind="stable")
+    s = t[order]
+    gap = gap / path.speed
+    period = path.period
+    cuts = np.flatnonzero(np.diff(s) > gap)
+    if np.isfinite(period):
+        over = s[0] + period - s[-1] > gap
+        if not len(cuts) and not over:
+            yield float(s[0]), float(s[0] + period), True, order
+            return
+        if not over:
+            # Begin after a gap.
+            first = cuts[0] + 1
+            s = np.r_[s[first:], s[:first] + period]
+            order = np.r_[order[first:], order[:first]]
+            cuts = np.flatnonzero(np.diff(s) > gap)
+    for part in np.split(np.arange(len(s)), cuts + 1):
+        yield float(s[part[0]]), float(s[part[-1]]), False, order[part]
+
+
+class _Near:
+    """Which forms have samples near to a point."""
+
+    def __init__(self, samples: Samples, label: Int[Index, " N"]) -> None:
+        from scipy.spatial import cKDTree
+
+        rows = np.flatnonzero(label != NONE)
+        self.label, self.tree = label[rows], cKDTree(samples.points[rows])
+
+    def forms(self, point: Float[Array, " 3"], reach: float, least: int = 2) -> list[int]:
+        """Their numbers."""
+        found = self.label[self.tree.query_ball_point(point, reach)]
+        return [] if not len(found) else np.flatnonzero(np.bincount(found) >= least).tolist()
+
+
+def _cornered(samples: Samples, edge: Edge, forms: list[Form], near: _Near) -> Edge:
+    """The edge with ends where a third form cuts its path, if one does near to them."""
+    if edge.closed:
+        return edge
+    reach = CORNER_SPACINGS * samples.spacing + CORNER_REACHES * within(samples)
+    ends, corner = [edge.start, edge.stop], [NONE, NONE]
+    span = (edge.stop - edge.start) * edge.path.speed
+    for side, t in enumerate((edge.start, edge.stop)):
+        best = np.inf
+        point = edge.path.at(np.array([t]))[0]
+        # Not beyond the middle of the edge.
+        inward = min(reach, 0.45 * span)
+        back, ahead = (reach, inward) if side == 0 else (inward, reach)
+        grid = t + np.linspace(-back, ahead, 2 * LOOKED) / edge.path.speed
+        along = edge.path.at(grid)
+        for k in near.forms(point, reach):
+            if k in edge.forms:
+                continue
+            off = forms[k].distance(along)
+            for row in np.flatnonzero(off[1:] * off[:-1] <= 0):
+                root = grid[row] - off[row] * (grid[row + 1] - grid[row]) / (off[row + 1] - off[row] or 1)
+                if abs(root - t) < best:
+                    best, ends[side], corner[side] = abs(root - t), float(root), int(k)
+    return replace(edge, start=ends[0], stop=ends[1], corner=(corner[0], corner[1]))
+
+
+def corners(samples: Samples, edges: list[Edge], forms: list[Form]) -> tuple[Float[Array, "V 3"], Int[Index, "E 2"]]:
+    """The points at which edges end, and those of each edge; ends that lie together are one."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    if not edges:
+        return np.zeros((0, 3)), np.zeros((0, 2), np.int64)
+    ends = np.stack([edge.ends for edge in edges])
+    for row, edge in enumerate(edges):
+        for side, third in enumerate(edge.corner):
+            if third != NONE:
+                three = [forms[k] for k in sorted((*edge.forms, third))]
+                exact = onto(three, ends[row, side][None])[0]
+                if np.linalg.norm(exact - ends[row, side]) < samples.spacing:
+                    ends[row, side] = exact
+    flat = ends.reshape(-1, 3)
+    fixed = np.array([k != NONE for edge in edges for k in edge.corner])
+    together = SAME_REACHES * within(samples) + SAME_SPACINGS * samples.spacing
+    pairs = cKDTree(flat).query_pairs(2.5 * together, output_type="ndarray")
+    apart = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
+    both = fixed[pairs].all(1)
+    # An end that no form cuts is not known well.
+    pairs = pairs[(apart < together) | ~both]
+    # Ends of one edge stay apart.
+    pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(flat), len(flat)))
+    count, vertex = connected_components(graph, directed=False)
+    weight = np.where(fixed, 1.0, 1e-6)
+    total = np.bincount(vertex, weight, count)
+    points = np.stack([np.bincount(vertex, weight * flat[:, k], count) for k in range(3)], 1) / total[:, None]
+    return points, vertex.reshape(-1, 2).astype(np.int64)

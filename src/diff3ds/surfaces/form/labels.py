@@ -1,0 +1,154 @@
+"""Which form each sample of a surface belongs to, where forms touch, and forms refitted to what is theirs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float, Int
+from diff3ds.surfaces.arrays import Index
+from diff3ds.surfaces.form.forms import Form, FormKind
+from diff3ds.surfaces.form.samples import Samples
+from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, within
+
+# Sweeps over the samples, each of which takes the label that its own place and its neighbours' labels like best; what
+# a neighbour's label counts, all of them together, in squared standard deviations. Empirical.
+SWEEPS, TOGETHER = 6, 6.0
+# A normal that is off by `ALIKE` counts as much as a distance of so many thirds of the reach. Empirical.
+TURNED = 4.0
+# Rounds of labels and fits.
+ROUNDS = 2
+# Two forms are one where one fits the samples of both nearly as well as each its own. Empirical.
+MERGED = 1.3
+NONE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """Forms, and which of them each sample belongs to; NONE where it is none."""
+
+    forms: list[Form]
+    label: Int[Index, " N"]
+
+
+def labelled(samples: Samples, forms: Sequence[Form]) -> Labelled:
+    """Every sample to the form that explains it and its neighbours best; forms refitted to their samples."""
+    current = list(forms)
+    label = np.full(len(samples), NONE)
+    for last in range(ROUNDS):
+        label = _swept(samples, current)
+        label, current = _without_small(samples, label, current)
+        if not last:
+            current = _merged(samples, label, current)
+            label = _swept(samples, current)
+            label, current = _without_small(samples, label, current)
+        current = [_refitted(samples, label, row, one) for row, one in enumerate(current)]
+    return Labelled(current, label)
+
+
+def spread(samples: Samples, label: Int[Index, " N"], reach: float) -> Int[Index, " N"]:
+    """Labels carried on to samples without one that lie within a distance along neighbours of samples that have one."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import dijkstra
+
+    i, j = samples.pairs.T
+    length = np.maximum(np.linalg.norm(samples.points[i] - samples.points[j], axis=1), 1e-12)
+    graph = coo_matrix((length, (i, j)), shape=(len(label), len(label))).tocsr()
+    bare = label == NONE
+    # Only labelled samples beside bare ones need to be looked from.
+    edge = np.zeros(len(label), bool)
+    mixed = bare[i] != bare[j]
+    edge[i[mixed]] = edge[j[mixed]] = True
+    starts = np.flatnonzero(edge & ~bare)
+    if not len(starts):
+        return label
+    _, _, source = dijkstra(graph, False, starts, limit=reach, min_only=True, return_predecessors=True)
+    out = label.copy()
+    found = bare & (source >= 0)
+    out[found] = label[source[found]]
+    return out
+
+
+def _swept(samples: Samples, forms: list[Form]) -> Int[Index, " N"]:
+    """The labels that cost least: distances from forms, turns of normals, and neighbours with other labels."""
+    if not forms:
+        return np.full(len(samples), NONE)
+    third = within(samples) / 3
+    cost = np.empty((len(samples), len(forms) + 1), np.float32)
+    for k, one in enumerate(forms):
+        distance, cosine = one.measured(samples.points, samples.normals)
+        turn = (1 - np.minimum(np.abs(cosine), 1)) / (1 - np.cos(ALIKE))
+        cost[:, k] = np.minimum((distance / third) ** 2 + TURNED * turn, 60)
+    cost[:, -1] = 9 + TURNED
+    graph = samples.graph
+    degree = np.maximum(np.asarray(graph.sum(1)).ravel(), 1)[:, None]
+    label = cost.argmin(1)
+    for _ in range(SWEEPS):
+        ones = np.zeros(cost.shape, np.float32)
+        ones[np.arange(len(label)), label] = 1
+        changed = (cost - TOGETHER * (graph @ ones) / degree).argmin(1)
+        if (changed == label).all():
+            break
+        label = changed
+    return np.where(label == len(forms), NONE, label)
+
+
+def _without_small(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> tuple[Int[Index, " N"], list[Form]]:
+    """Without pieces of a form that are too small to say that it is there, and without forms that have no other."""
+    from scipy.sparse.csgraph import connected_components
+
+    i, j = samples.pairs.T
+    from scipy.sparse import coo_matrix
+
+    same = label[i] == label[j]
+    graph = coo_matrix((same[same], (i[same], j[same])), shape=(len(label), len(label)))
+    piece = connected_components(graph, directed=False)[1]
+    least = max(LEAST, LEAST_SHARE * len(label))
+    label = np.where(np.bincount(piece)[piece] < least, NONE, label)
+    kept, row = np.unique(label[label != NONE], return_inverse=True)
+    out = np.full(len(label), NONE)
+    out[label != NONE] = row
+    return out, [forms[k] for k in kept]
+
+
+def _refitted(samples: Samples, label: Int[Index, " N"], row: int, one: Form) -> Form:
+    return one.fitted(_some(samples, label, row), within(samples) / 2)
+
+
+def _some(samples: Samples, label: Int[Index, " N"], row: int) -> Float[Array, "S 3"]:
+    members = np.flatnonzero(label == row)
+    return samples.points[members[np.unique(np.linspace(0, len(members) - 1, REFITTED).astype(int))]]
+
+
+def _merged(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    """The forms, those that are one only once."""
+    reach = within(samples)
+    floor = 0.1 * reach
+    own = [_some(samples, label, row) for row in range(len(forms))]
+    current, alive = list(forms), [True] * len(forms)
+    for b in range(len(forms)):
+        for a in range(b):
+            if not (alive[a] and alive[b]) or forms[a].kind != forms[b].kind:
+                continue
+            if np.abs(current[a].distance(own[b])).mean() > 3 * reach:
+                continue
+            both = current[a].fitted(np.concatenate([own[a], own[b]]), reach)
+            apart = max(_rms(current[a], own[a]), _rms(current[b], own[b]), floor)
+            if max(_rms(both, own[a]), _rms(both, own[b])) < MERGED * apart:
+                current[a], alive[b] = both, False
+                own[a] = np.concatenate([own[a], own[b]])
+    return [one for one, there in zip(current, alive, strict=True) if there]
+
+
+def _rms(one: Form, points: Float[Array, "S 3"]) -> float:
+    return float(np.sqrt((one.distance(points) ** 2).mean()))
+
+
+def narrow(form: Form, most: float) -> bool:
+    """Whether a form may be a rounded edge: a cylinder, a torus or a sphere of a small radius."""
+    return form.kind in (FormKind.CYLINDER, FormKind.TORUS, FormKind.SPHERE) and bool(form.radius < most)
+
+
+def moved(one: Form, **numbers: Array) -> Form:
+    """The form with other numbers."""
+    return replace(one, **numbers)

@@ -1,0 +1,131 @@
+"""A mesh or a cloud of points as samples of a surface: places, normals, neighbours, and the scale of their noise."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float, Int
+from diff3ds.edges.shapes.lines import unit
+from diff3ds.surfaces.arrays import Index
+from diff3ds.surfaces.meshes.mesh import TriangleMesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+# Neighbours of a point of a cloud: a plane's normal from fewer is uncertain. Empirical.
+NEIGHBOURS = 12
+# Points whose scatter is measured, and the numbers of neighbours to which quadrics are fitted.
+MEASURED, AROUND = 1500, (20, 48)
+# Samples farther apart than this, as a share of the longest side, have few neighbours on one form. Empirical.
+COARSE = 0.02
+# Most of the surface lies within a patch that has no edge; so large a share of the patches do. Empirical.
+SMOOTH_SHARE = 0.35
+# Rounds in which normals become those of their neighbours that point alike, and how far apart such normals are at
+# most, radians. Empirical.
+ROUNDS, ALIKE = 6, 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of a surface, all alike whether they were a mesh's vertices or a cloud's points.
+
+    Attributes:
+        points: world units.
+        normals: unit vectors; outwards where `oriented`, else either way.
+        pairs: neighbours, each pair once, the smaller number first.
+        oriented: whether the normals say what is outside.
+        spacing: how far a sample is from its nearest neighbours, median, world units.
+        noise: standard deviation of the distances of samples from a smooth surface, world units.
+        size: the longest side of the box, world units.
+    """
+
+    points: Float[Array, "N 3"]
+    normals: Float[Array, "N 3"]
+    pairs: Int[Index, "P 2"]
+    oriented: bool
+    spacing: float
+    noise: float
+    size: float
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @cached_property
+    def graph(self) -> "csr_matrix":
+        """Neighbours as a symmetric matrix of ones."""
+        from scipy.sparse import coo_matrix
+
+        i, j = self.pairs.T
+        ones = np.ones(2 * len(i), np.float32)
+        return coo_matrix((ones, (np.r_[i, j], np.r_[j, i])), shape=(len(self), len(self))).tocsr()
+
+    @classmethod
+    def of_mesh(cls, mesh: TriangleMesh) -> "Samples":
+        """The vertices of a mesh; its edges say which are neighbours."""
+        weighted = mesh.corner_angles[..., None] * mesh.face_normals[:, None]
+        total = np.stack([np.bincount(mesh.faces.ravel(), weighted[..., k].ravel()) for k in range(3)], 1)
+        return _measured(mesh.vertices, unit(total), mesh.edges, True)
+
+    @classmethod
+    def of_points(cls, points: Float[Array, "N 3"], normals: Float[Array, "N 3"] | None = None) -> "Samples":
+        """Points of a cloud; normals are those of planes through their neighbours where there are none."""
+        from scipy.spatial import cKDTree
+
+        points = np.asarray(points, float)
+        _, near = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
+        own, other = np.repeat(np.arange(len(points)), near.shape[1] - 1), near[:, 1:].ravel()
+        keys = np.unique(np.minimum(own, other) * len(points) + np.maximum(own, other))
+        pairs = np.stack(np.divmod(keys, len(points)), 1)
+        if normals is None:
+            around = points[near] - points[near].mean(1, keepdims=True)
+            normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
+            return _measured(points, normals, pairs, False)
+        return _measured(points, unit(np.asarray(normals, float)), pairs, True)
+
+
+def _measured(points: Array, normals: Array, pairs: Index, oriented: bool) -> Samples:
+    """Samples with their scales, and with normals that noise has less of."""
+    lengths = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    size = float(np.ptp(points, axis=0).max())
+    spacing = float(np.median(lengths))
+    # Few neighbours say less of waves, many more of edges.
+    noise = _noise(points, AROUND[int(spacing < COARSE * size)])
+    steady = _steadied(points, normals, pairs, noise, spacing)
+    return Samples(points, steady, pairs, oriented, spacing, noise, size)
+
+
+def _noise(points: Float[Array, "N 3"], around: int) -> float:
+    """Root mean square distance of points from quadrics through their neighbours, where these fit well."""
+    from scipy.spatial import cKDTree
+
+    some = np.linspace(0, len(points) - 1, min(MEASURED, len(points))).astype(int)
+    _, near = cKDTree(points).query(points[some], k=min(around, len(points)), workers=-1)
+    local = points[near] - points[near].mean(1, keepdims=True)
+    axes = np.linalg.eigh(np.einsum("mki,mkj->mij", local, local))[1]
+    z, x, y = np.moveaxis(local @ axes, 2, 0)
+    scale = np.maximum(np.sqrt((x * x + y * y).mean(1, keepdims=True)), 1e-300)
+    x, y = x / scale, y / scale
+    design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 2)
+    solved = np.linalg.pinv(design) @ z[..., None]
+    off = z - (design @ solved)[..., 0]
+    spread = np.sqrt((off * off).sum(1) / max(off.shape[1] - 6, 1))
+    return float(np.quantile(spread, SMOOTH_SHARE))
+
+
+def _steadied(points: Array, normals: Array, pairs: Index, noise: float, spacing: float) -> Float[Array, "N 3"]:
+    """Normals as those of the neighbours that point alike, so often as noise asks for."""
+    from scipy.sparse import coo_matrix
+
+    # Noise of so many spacings turns normals by as many radians; each round takes about two thirds of that away.
+    rounds = int(np.clip(np.ceil(np.log(max(noise / spacing / 0.02, 1)) / np.log(1.7)), 0, ROUNDS))
+    i, j = np.r_[pairs[:, 0], pairs[:, 1], np.arange(len(points))], np.r_[pairs[:, 1], pairs[:, 0], np.arange(len(points))]
+    for left in range(rounds, 0, -1):
+        cosine = np.einsum("pi,pi->p", normals[i], normals[j])
+        # Wide at first, since the noise itself sets neighbours apart.
+        angle = ALIKE * (1 + left / rounds)
+        weight = np.exp(-np.maximum(1 - np.abs(cosine), 0) / (1 - np.cos(angle))) * np.sign(cosine)
+        matrix = coo_matrix((weight, (i, j)), shape=(len(points), len(points))).tocsr()
+        normals = unit(matrix @ normals)
+    return normals
