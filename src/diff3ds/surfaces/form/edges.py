@@ -83,6 +83,8 @@ def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int]
     count = int(label.max()) + 2
     key = a[rows] * count + b[rows]
     order = np.argsort(key, kind="stable")
+    if not len(rows):
+        return {}
     keys, first = np.unique(key[order], return_index=True)
     middles = (samples.points[i] + samples.points[j])[rows[order]] / 2
     parts = np.split(middles, first[1:])

@@ -9,6 +9,7 @@ from diff3ds.edges.shapes.curve_set import Curves
 from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive, arc_control, line_control
 from diff3ds.surfaces.form.edges import Edge, corners, edges_between
 from diff3ds.surfaces.form.labels import Labelled, labelled, spread
+from diff3ds.surfaces.form.regular import regularised
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import found_forms, within
 from diff3ds.surfaces.meshes.feature_curves import _curves, _pieces
@@ -45,6 +46,7 @@ def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
     """The edges of a surface as exact intersections of the forms that it is made of."""
     generator = np.random.default_rng(seed)
     found = labelled(samples, [one.form for one in found_forms(samples, generator)])
+    found = Labelled(regularised(samples, found.label, found.forms), found.label)
     band = BAND_SPACINGS * samples.spacing + BAND_REACHES * within(samples)
     label = spread(samples, found.label, band)
     edges = edges_between(samples, found, label)

@@ -4,6 +4,7 @@ A point lies at the height h along an axis and at the distance q from it. The di
 on these two alone, as that from a line of the plane of q and h (plane, cylinder, cone) or from a circle (sphere, torus).
 """
 
+from collections.abc import Set
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -22,11 +23,11 @@ OUTLIER = 3.0
 
 
 class FormKind(IntEnum):
-    """What a form is, in the order of what it may be made of: simpler ones first."""
+    """What a form is, in the order in which one is taken for another: more usual ones first."""
 
     PLANE = 0
-    SPHERE = 1
-    CYLINDER = 2
+    CYLINDER = 1
+    SPHERE = 2
     CONE = 3
     TORUS = 4
 
@@ -118,19 +119,17 @@ class Form:
         far = np.maximum(np.hypot(out, h), TINY)
         return far - radius, out / far, h / far
 
-    def fitted(
-        self, points: Float[Array, "S 3"], scale: float, fixed_axis: bool = False, steps: int = STEPS
-    ) -> "Form":
+    def fitted(self, points: Float[Array, "S 3"], scale: float, held: Set[int] = frozenset()) -> "Form":
         """The form of this kind nearest to points, by least squares of which outliers have no part.
 
         Args:
             scale: of the points' distances, world units.
-            fixed_axis: the axis keeps its direction.
+            held: numbers of `FREE` that stay as they are.
         """
         form = self.recentred(points)
-        free = [k for k in FREE[form.kind] if not (fixed_axis and k in (3, 4))]
+        free = [k for k in FREE[form.kind] if k not in held]
         size = float(np.ptp(points, axis=0).max())
-        for _ in range(steps):
+        for _ in range(STEPS):
             distance, jacobian = form._linearised(points)
             weight = np.maximum(1 - (distance / (OUTLIER * scale)) ** 2, 0)
             columns = jacobian[:, free] * weight[:, None]

@@ -16,10 +16,10 @@ from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, wi
 SWEEPS, TOGETHER = 6, 6.0
 # A normal that is off by `ALIKE` counts as much as a distance of so many thirds of the reach. Empirical.
 TURNED = 4.0
-# Rounds of labels and fits.
-ROUNDS = 2
 # Two forms are one where one fits the samples of both nearly as well as each its own. Empirical.
 MERGED = 1.3
+# A form of which so large a share lies on its neighbours, or on its own rim, is a rim of theirs. Empirical.
+RIM = 0.8
 NONE = -1
 
 
@@ -33,16 +33,9 @@ class Labelled:
 
 def labelled(samples: Samples, forms: Sequence[Form]) -> Labelled:
     """Every sample to the form that explains it and its neighbours best; forms refitted to their samples."""
-    current = list(forms)
-    label = np.full(len(samples), NONE)
-    for last in range(ROUNDS):
-        label = _swept(samples, current)
-        label, current = _without_small(samples, label, current)
-        if not last:
-            current = _merged(samples, label, current)
-            label = _swept(samples, current)
-            label, current = _without_small(samples, label, current)
-        current = [_refitted(samples, label, row, one) for row, one in enumerate(current)]
+    label, current = _swept(samples, list(forms))
+    for change in (_merged, _needed, _refitted, _needed, _refitted):
+        label, current = _swept(samples, change(samples, label, current))
     return Labelled(current, label)
 
 
@@ -69,10 +62,13 @@ def spread(samples: Samples, label: Int[Index, " N"], reach: float) -> Int[Index
     return out
 
 
-def _swept(samples: Samples, forms: list[Form]) -> Int[Index, " N"]:
-    """The labels that cost least: distances from forms, turns of normals, and neighbours with other labels."""
+def _swept(samples: Samples, forms: list[Form]) -> tuple[Int[Index, " N"], list[Form]]:
+    """The labels that cost least: distances from forms, turns of normals, and neighbours with other labels.
+
+    Without pieces of a form that are too small to say that it is there, and without forms that have no other.
+    """
     if not forms:
-        return np.full(len(samples), NONE)
+        return np.full(len(samples), NONE), forms
     third = within(samples) / 3
     cost = np.empty((len(samples), len(forms) + 1), np.float32)
     for k, one in enumerate(forms):
@@ -90,16 +86,14 @@ def _swept(samples: Samples, forms: list[Form]) -> Int[Index, " N"]:
         if (changed == label).all():
             break
         label = changed
-    return np.where(label == len(forms), NONE, label)
+    return _without_small(samples, np.where(label == len(forms), NONE, label), forms)
 
 
 def _without_small(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> tuple[Int[Index, " N"], list[Form]]:
-    """Without pieces of a form that are too small to say that it is there, and without forms that have no other."""
+    from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
     i, j = samples.pairs.T
-    from scipy.sparse import coo_matrix
-
     same = label[i] == label[j]
     graph = coo_matrix((same[same], (i[same], j[same])), shape=(len(label), len(label)))
     piece = connected_components(graph, directed=False)[1]
@@ -111,11 +105,13 @@ def _without_small(samples: Samples, label: Int[Index, " N"], forms: list[Form])
     return out, [forms[k] for k in kept]
 
 
-def _refitted(samples: Samples, label: Int[Index, " N"], row: int, one: Form) -> Form:
-    return one.fitted(_some(samples, label, row), within(samples) / 2)
+def _refitted(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    scale = within(samples) / 2
+    return [one.fitted(some_of(samples, label, row), scale) for row, one in enumerate(forms)]
 
 
-def _some(samples: Samples, label: Int[Index, " N"], row: int) -> Float[Array, "S 3"]:
+def some_of(samples: Samples, label: Int[Index, " N"], row: int) -> Float[Array, "S 3"]:
+    """Points of a form's samples, as many as a fit looks at."""
     members = np.flatnonzero(label == row)
     return samples.points[members[np.unique(np.linspace(0, len(members) - 1, REFITTED).astype(int))]]
 
@@ -124,7 +120,7 @@ def _merged(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> lis
     """The forms, those that are one only once."""
     reach = within(samples)
     floor = 0.1 * reach
-    own = [_some(samples, label, row) for row in range(len(forms))]
+    own = [some_of(samples, label, row) for row in range(len(forms))]
     current, alive = list(forms), [True] * len(forms)
     for b in range(len(forms)):
         for a in range(b):
@@ -138,6 +134,29 @@ def _merged(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> lis
                 current[a], alive[b] = both, False
                 own[a] = np.concatenate([own[a], own[b]])
     return [one for one, there in zip(current, alive, strict=True) if there]
+
+
+def _needed(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    """Without forms whose samples lie on the others that they touch, or all beside other forms: rims of those."""
+    i, j = samples.pairs.T
+    reach = within(samples)
+    alive = np.ones(len(forms), bool)
+    differs = label[i] != label[j]
+    rim = np.zeros(len(label), bool)
+    rim[i[differs]] = rim[j[differs]] = True
+    for row in np.argsort(np.bincount(label[label != NONE], minlength=len(forms)), kind="stable"):
+        members = np.flatnonzero(label == row)
+        beside = np.zeros(len(forms), bool)
+        for one, other in ((i, j), (j, i)):
+            found = label[other[label[one] == row]]
+            beside[found[found != NONE]] = True
+        beside[row] = False
+        points = samples.points[members]
+        away = [np.abs(forms[k].distance(points)) for k in np.flatnonzero(beside & alive)]
+        on_others = (np.min(away, axis=0) < reach).mean() if away else 0.0
+        if on_others > RIM or rim[members].mean() > RIM:
+            alive[row] = False
+    return [one for one, there in zip(forms, alive, strict=True) if there]
 
 
 def _rms(one: Form, points: Float[Array, "S 3"]) -> float:

@@ -24,7 +24,7 @@ LEAST, LEAST_SHARE = 12, 0.0012
 # Times a form is refitted while it grows, and the samples that its fit looks at.
 GROWN, REFITTED = 6, 1500
 # A kind with more numbers is taken where it makes the mean square distance so much smaller. Empirical.
-BETTER = 1.25
+BETTER = 1.12
 # A form rounder than this, in longest sides, is flat. Empirical.
 ROUNDEST = 4.0
 

@@ -1,0 +1,172 @@
+"""What forms share where their samples say so: parallel and right-angled axes, axes in one line, equal radii."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from diff3ds._shapes import Array, Int
+from diff3ds.edges.shapes.lines import unit
+from diff3ds.surfaces.arrays import Index
+from diff3ds.surfaces.form.forms import Form, FormKind
+from diff3ds.surfaces.form.labels import some_of
+from diff3ds.surfaces.form.samples import Samples
+from diff3ds.surfaces.form.search import within
+
+# Axes nearer than this, degrees, may be parallel, or at right angles. Empirical.
+NEAR = 2.5
+# Axes may be one, and radii equal, where they differ by less than so many reaches. Empirical.
+NEAR_REACHES = 1.5
+# What is shared may make the mean square distance of a form's samples so much larger. Empirical.
+WORSE = 1.03
+# And below this, in longest sides, distances are rounding.
+ROUNDING = 2e-5
+# The numbers of a fit, as of `forms.FREE`.
+CENTER, ALONG, AXIS, RADIUS = (0, 1), (2,), (3, 4), (5,)
+ROUND_KINDS = (FormKind.CYLINDER, FormKind.CONE, FormKind.TORUS)
+
+
+class _Regular:
+    """Forms, of which some numbers are held already."""
+
+    def __init__(self, samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> None:
+        self.samples, self.forms = samples, list(forms)
+        self.reach = within(samples)
+        self.points = [some_of(samples, label, row) for row in range(len(forms))]
+        self.weight = np.bincount(label[label >= 0], minlength=len(forms)).astype(float)
+        self.held: list[set[int]] = [set() for _ in forms]
+        self.before = [self._square(one, points) for one, points in zip(forms, self.points, strict=True)]
+
+    def try_(self, row: int, changed: Form, hold: tuple[int, ...]) -> bool:
+        """Takes a changed form, refitted but for what is held, if its samples allow it."""
+        held = self.held[row] | set(hold)
+        new = changed.fitted(self.points[row], self.reach / 2, held)
+        floor = (ROUNDING * self.samples.size) ** 2
+        if self._square(new, self.points[row]) > WORSE * self.before[row] + floor:
+            return False
+        self.forms[row], self.held[row] = new, held
+        return True
+
+    def _square(self, one: Form, points: Array) -> float:
+        off = one.distance(points)
+        return float(np.minimum(off * off, self.reach**2).mean())
+
+
+def regularised(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    """The forms with what they share the same to the last digit."""
+    if not forms:
+        return forms
+    state = _Regular(samples, label, forms)
+    _axes(state)
+    _one_line(state)
+    _equal_radii(state)
+    return state.forms
+
+
+def _axes(state: _Regular) -> None:
+    """Directions that are parallel or at right angles to heavier ones become so."""
+    rows = [r for r, one in enumerate(state.forms) if one.kind != FormKind.SPHERE]
+    rows.sort(key=lambda r: -state.weight[r])
+    known: list[Array] = []
+    for axis, members in _clusters(state, rows):
+        for direction in _candidates(axis, known):
+            taken = [r for r in members if state.try_(r, _turned(state.forms[r], direction), AXIS)]
+            members = [r for r in members if r not in taken]
+            if taken and not any(abs(direction @ k) > 1 - 1e-12 for k in known):
+                known.append(direction)
+            if not members:
+                break
+
+
+def _clusters(state: _Regular, rows: list[int]) -> list[tuple[Array, list[int]]]:
+    """Groups of nearly parallel axes, heavier ones first, each with its mean."""
+    groups: list[list[int]] = []
+    limit = np.cos(np.radians(NEAR))
+    for r in rows:
+        axis = state.forms[r].axis
+        best = max(groups, key=lambda g: abs(axis @ state.forms[g[0]].axis), default=None)
+        if best is not None and abs(axis @ state.forms[best[0]].axis) > limit:
+            best.append(r)
+        else:
+            groups.append([r])
+    out = []
+    for group in groups:
+        first = state.forms[group[0]].axis
+        total = sum(state.weight[r] * np.sign(state.forms[r].axis @ first) * state.forms[r].axis for r in group)
+        out.append((unit(np.asarray(total)), group))
+    return sorted(out, key=lambda pair: -sum(state.weight[r] for r in pair[1]))
+
+
+def _candidates(axis: Array, known: list[Array]) -> list[Array]:
+    """Directions that an axis may be: across two known ones, across one, and as it is."""
+    near = np.sin(np.radians(NEAR))
+    across = [k for k in known if abs(axis @ k) < near]
+    out = []
+    for i, one in enumerate(across):
+        for other in across[:i]:
+            both = np.cross(other, one)
+            if np.linalg.norm(both) > 0.5 and abs(unit(both) @ axis) > np.cos(np.radians(NEAR)):
+                out.append(unit(both) * np.sign(both @ axis))
+    out += [unit(axis - (axis @ k) * k) for k in across]
+    return [*out, axis]
+
+
+def _turned(one: Form, direction: Array) -> Form:
+    return replace(one, axis=direction * (np.sign(one.axis @ direction) or 1.0))
+
+
+def _one_line(state: _Regular) -> None:
+    """Round forms, and spheres, whose centres lie beside the axis of a heavier one come onto it."""
+    rows = sorted((r for r, one in enumerate(state.forms) if one.kind != FormKind.PLANE), key=lambda r: -state.weight[r])
+    done: set[int] = set()
+    for r in rows:
+        first = state.forms[r]
+        if r in done or first.kind == FormKind.SPHERE:
+            continue
+        group = [r]
+        for k in rows:
+            one = state.forms[k]
+            parallel = one.kind == FormKind.SPHERE or abs(one.axis @ first.axis) > 1 - 1e-12
+            if k != r and k not in done and parallel and _off(first, one.center) < NEAR_REACHES * state.reach:
+                group.append(k)
+        if len(group) == 1:
+            continue
+        weights = np.array([state.weight[k] for k in group])
+        feet = np.array([_foot(first, state.forms[k].center) for k in group])
+        middle = (weights[:, None] * feet).sum(0) / weights.sum()
+        for k in group:
+            one = state.forms[k]
+            center = middle + ((one.center - middle) @ first.axis) * first.axis
+            axis = first.axis if one.kind == FormKind.SPHERE else one.axis
+            if state.try_(k, replace(one, center=center, axis=axis), CENTER):
+                done.add(k)
+
+
+def _foot(first: Form, point: Array) -> Array:
+    """The point moved along the axis to the height of the first centre."""
+    return np.asarray(point - ((point - first.center) @ first.axis) * first.axis)
+
+
+def _off(first: Form, point: Array) -> float:
+    return float(np.linalg.norm(_foot(first, point) - first.center))
+
+
+def _equal_radii(state: _Regular) -> None:
+    """Cylinders, spheres and tori of nearly one radius get the mean of them."""
+    for kind in (FormKind.CYLINDER, FormKind.SPHERE, FormKind.TORUS):
+        rows = sorted((r for r, one in enumerate(state.forms) if one.kind == kind), key=lambda r: state.forms[r].radius)
+        group: list[int] = []
+        for r in [*rows, None]:
+            if r is not None and (not group or _alike(state, group, r)):
+                group.append(r)
+                continue
+            if len(group) > 1:
+                weights = [state.weight[k] for k in group]
+                radius = np.average([state.forms[k].radius for k in group], weights=weights)
+                for k in group:
+                    state.try_(k, replace(state.forms[k], radius=radius), RADIUS)
+            group = [] if r is None else [r]
+
+
+def _alike(state: _Regular, group: list[int], row: int) -> bool:
+    return bool(abs(state.forms[row].radius - state.forms[group[0]].radius) < 0.5 * NEAR_REACHES * state.reach)
+
