@@ -17,8 +17,10 @@ DENSE = 1_500_000
 # a share of the longest side and their width in cells. Such meshes turn by 5 degrees in the median from face to face,
 # and spread a right angle over two to four rows, as those of Hunyuan3D do.
 CELLS, BLUR, BUMP, BUMP_WIDTH = (128, 192), 1.0, 0.0018, 2.0
-GENERATED_FACES = 30_000
+GENERATED_FACES, SCANNED_FACES = 30_000, 60_000
 CLOUD = 32_768
+# Of the decimation; more of it tears holes into noisy meshes.
+AGGRESSIVE = 4
 
 
 def samples(mesh: Mesh, count: int, rng: Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -37,48 +39,55 @@ def samples(mesh: Mesh, count: int, rng: Generator) -> tuple[np.ndarray, np.ndar
 def generated(part: Part, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """The part through a blurred, bumped distance field, decimated: vertices and faces, as image-to-3D models give."""
     from scipy.ndimage import gaussian_filter
-    from scipy.spatial import cKDTree
 
     from diff3ds.surfaces.meshes.level_set import level_set
 
     rng = np.random.default_rng([seed, 3000])
-    cells = int(rng.integers(CELLS[0], CELLS[1] + 1))
-    spacing, margin = 1 / cells, 6
-    low = part.mesh.vertices.min(0) - margin * spacing
-    shape = np.ceil(np.ptp(part.mesh.vertices, axis=0) / spacing).astype(int) + 2 * margin + 1
-    on, normals = samples(part.mesh, DENSE, rng)
-    tree, reach = cKDTree(on), 4 * spacing
-    # Only cells near the surface are measured: those that a sample lies in, and their neighbours.
-    near = np.zeros(shape, bool)
-    near[tuple(np.round((on - low) / spacing).astype(int).T)] = True
-    from scipy.ndimage import binary_dilation, binary_fill_holes
-
-    solid = binary_fill_holes(near)
-    near = binary_dilation(near, iterations=4)
-    places = np.argwhere(near)
-    points = low + spacing * places
-    _, row = tree.query(points, workers=2)
-    away = points - on[row]
-    value = np.where(solid, reach, -reach)
-    signed = -np.copysign(np.linalg.norm(away, axis=1), np.einsum("ni,ni->n", away, normals[row]))
-    value[tuple(places.T)] = np.clip(signed, -reach, reach)
-    bumps = gaussian_filter(rng.normal(size=shape), BUMP_WIDTH)
-    value = gaussian_filter(value, BLUR) + BUMP / bumps.std() * bumps
-    mesh = level_set(value, low, spacing)
+    field = _Field(part, int(rng.integers(CELLS[0], CELLS[1] + 1)), rng)
+    bumps = gaussian_filter(rng.normal(size=field.values.shape), BUMP_WIDTH)
+    value = gaussian_filter(field.values, BLUR) + BUMP / bumps.std() * bumps
+    mesh = level_set(value, field.low, field.spacing)
     return decimated(mesh.vertices, mesh.faces, GENERATED_FACES)
 
 
 def scanned(part: Part, noise: float, faces: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """The part's surface in 60,000 triangles, its vertices off along their normals by noise, decimated to `faces`."""
+    """The part's surface in even triangles, 60,000 at most, off along normals by noise, decimated to `faces`."""
+    from diff3ds.surfaces.meshes.level_set import level_set
+
     rng = np.random.default_rng([seed, 3001])
-    vertices, triangles = _refined(part.mesh, 60_000)
-    a, b, c = vertices[triangles].transpose(1, 0, 2)
-    normals = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(normals, triangles[:, k], np.cross(b - a, c - a))
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-15)
-    vertices = vertices + noise * rng.normal(size=(len(vertices), 1)) * normals
-    return decimated(vertices, triangles, faces)
+    a, b, c = part.mesh.vertices[part.mesh.triangles].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    # A cell that the surface goes through gives three triangles in the mean.
+    field = _Field(part, int(np.sqrt(SCANNED_FACES / (3 * area))), rng)
+    mesh = level_set(field.values, field.low, field.spacing)
+    row = field.tree.query(mesh.vertices, workers=2)[1]
+    vertices = field.on[row] + noise * rng.normal(size=(len(row), 1)) * field.normals[row]
+    return decimated(vertices, mesh.faces, faces)
+
+
+class _Field:
+    """Distances of the points of a grid from a part's surface, positive inside, as far as four cells."""
+
+    def __init__(self, part: Part, cells: int, rng: Generator) -> None:
+        from scipy.ndimage import binary_dilation, binary_fill_holes
+        from scipy.spatial import cKDTree
+
+        margin = 6
+        self.spacing = 1 / cells
+        self.low = part.mesh.vertices.min(0) - margin * self.spacing
+        shape = np.ceil(np.ptp(part.mesh.vertices, axis=0) / self.spacing).astype(int) + 2 * margin + 1
+        self.on, self.normals = samples(part.mesh, DENSE, rng)
+        self.tree, reach = cKDTree(self.on), 4 * self.spacing
+        # Only cells near the surface are measured: those that a sample lies in, and their neighbours.
+        near = np.zeros(shape, bool)
+        near[tuple(np.round((self.on - self.low) / self.spacing).astype(int).T)] = True
+        self.values = np.where(binary_fill_holes(near), reach, -reach)
+        places = np.argwhere(binary_dilation(near, iterations=4))
+        points = self.low + self.spacing * places
+        row = self.tree.query(points, workers=2)[1]
+        away = points - self.on[row]
+        signed = -np.copysign(np.linalg.norm(away, axis=1), np.einsum("ni,ni->n", away, self.normals[row]))
+        self.values[tuple(places.T)] = np.clip(signed, -reach, reach)
 
 
 def cloud(part: Part, noise: float, one_sided: bool, seed: int) -> np.ndarray:
@@ -109,41 +118,6 @@ def decimated(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.n
         return vertices, faces
     from fast_simplification import simplify
 
-    found, triangles = simplify(vertices.astype(np.float32), faces.astype(np.int32), target_count=count)
+    found, triangles = simplify(vertices.astype(np.float32), faces.astype(np.int32), target_count=count, agg=AGGRESSIVE)
     return found.astype(float), triangles.astype(np.int64)
 
-
-def _refined(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles cut at the middle of their longest edges until there are so many; vertices in one place are one."""
-    _, first, row = np.unique(np.round(mesh.vertices, 6), axis=0, return_index=True, return_inverse=True)
-    points, faces = mesh.vertices[first], row.ravel()[mesh.triangles]
-    faces = faces[(faces != np.roll(faces, 1, 1)).all(1)]
-    while len(faces) < count:
-        sides = np.sort(np.stack([faces, np.roll(faces, -1, 1)], 2), axis=2)
-        keys, edge = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
-        edge = edge.reshape(-1, 3)
-        length = np.linalg.norm(points[keys[:, 0]] - points[keys[:, 1]], axis=1)
-        longest = edge[np.arange(len(faces)), length[edge].argmax(1)]
-        # The longest edges of all are cut first; each cut edge splits its faces, one cut a face and round.
-        those = np.unique(longest)
-        most = min(max((count - len(faces) + 1) // 2, 1), max(len(those) // 3, 1))
-        wanted = np.zeros(len(keys), bool)
-        wanted[those[np.argsort(-length[those], kind="stable")[:most]]] = True
-        cut = wanted[edge]
-        # A face of which several edges are cut is cut at the longest of them; the others wait where all agree.
-        once = np.where(cut, length[edge], -1).argmax(1)
-        agreed = wanted.copy()
-        for k in range(3):
-            other = cut[:, k] & (once != k)
-            agreed[edge[other, k]] = False
-        middle = np.full(len(keys), -1)
-        middle[agreed] = len(points) + np.arange(agreed.sum())
-        points = np.concatenate([points, points[keys[agreed]].mean(1)])
-        has = agreed[edge]
-        split = has.any(1)
-        k = has[split].argmax(1)
-        rows = faces[split]
-        i, j, o = (np.take_along_axis(rows, ((k + s) % 3)[:, None], 1)[:, 0] for s in range(3))
-        m = middle[edge[split, k]]
-        faces = np.concatenate([faces[~split], np.stack([i, m, o], 1), np.stack([m, j, o], 1)])
-    return points, faces

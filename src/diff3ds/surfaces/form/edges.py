@@ -1,6 +1,6 @@
 """Edges: where the samples of two forms touch, the path on which these meet, cut where a third form ends it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,9 +8,8 @@ import numpy as np
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.surfaces.arrays import Index
-from diff3ds.surfaces.form.forms import Form
-from diff3ds.surfaces.form.labels import NONE, Labelled
-from diff3ds.surfaces.form.meets import Path, exact_paths, marched, onto
+from diff3ds.surfaces.form.free import NONE, FreeForm
+from diff3ds.surfaces.form.meets import Path, Surface, exact_paths, marched, onto
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
 
@@ -26,6 +25,8 @@ CORNER_SPACINGS, CORNER_REACHES = 3.5, 2.0
 LEAST = 4
 # Corners nearer than this, in reaches and in spacings, are one. Empirical.
 SAME_REACHES, SAME_SPACINGS = 1.5, 0.5
+# Ends of edges of one form that no other form cuts are one where they are nearer than this, in spacings. Empirical.
+LOOSE = 2.5
 # Points of a path that are looked at for a corner, to each side.
 LOOKED = 24
 
@@ -61,7 +62,7 @@ class Edge:
         return self.path.at(np.array([self.start, self.stop]))
 
 
-def edges_between(samples: Samples, found: Labelled, label: Int[Index, " N"]) -> list[Edge]:
+def edges_between(samples: Samples, forms: Sequence[Surface], label: Int[Index, " N"]) -> list[Edge]:
     """The edges between forms whose samples touch.
 
     Args:
@@ -70,9 +71,9 @@ def edges_between(samples: Samples, found: Labelled, label: Int[Index, " N"]) ->
     places = _touching(samples, label)
     edges = []
     for (a, b), middles in places.items():
-        edges += list(_along(samples, (a, b), found.forms, middles))
+        edges += list(_along(samples, (a, b), forms, middles))
     near = _Near(samples, label)
-    return [_cornered(samples, edge, found.forms, near) for edge in edges]
+    return [_cornered(samples, edge, forms, near) for edge in edges]
 
 
 def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int], Float[Array, "C 3"]]:
@@ -91,16 +92,17 @@ def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int]
     return {(int(k // count), int(k % count)): part for k, part in zip(keys, parts, strict=True)}
 
 
-def _along(samples: Samples, pair: tuple[int, int], forms: list[Form], middles: Float[Array, "C 3"]) -> Iterator[Edge]:
+def _along(samples: Samples, pair: tuple[int, int], forms: Sequence[Surface], middles: Float[Array, "C 3"]) -> Iterator[Edge]:
     """The edges of two forms through the places where they touch."""
     a, b = forms[pair[0]], forms[pair[1]]
     if len(middles) < LEAST:
         return
     on = onto([a, b], middles)
+    free = isinstance(a, FreeForm) or isinstance(b, FreeForm)
     limit = NEAR_SPACINGS * samples.spacing + NEAR_REACHES * within(samples)
     off = np.abs(np.stack([a.distance(on), b.distance(on)])).max(0)
     turn = _turns(a, b, on)
-    good = (np.linalg.norm(on - middles, axis=1) < limit) & (off < 1e-6 * samples.size) & (turn > SMOOTH)
+    good = (np.linalg.norm(on - middles, axis=1) < limit) & (off < (1e-3 if free else 1e-6) * samples.size) & (turn > SMOOTH)
     on, turn = on[good], turn[good]
     if len(on) < max(LEAST, 0.3 * len(middles)):
         return
@@ -111,13 +113,13 @@ def _along(samples: Samples, pair: tuple[int, int], forms: list[Form], middles: 
                 yield Edge(pair, path, start, stop, closed, (NONE, NONE), angle, len(inside))
 
 
-def _turns(a: Form, b: Form, points: Float[Array, "C 3"]) -> Float[Array, " C"]:
+def _turns(a: Surface, b: Surface, points: Float[Array, "C 3"]) -> Float[Array, " C"]:
     """Angles between two forms at points, degrees, to 90."""
     n, m = a.normal(points), b.normal(points)
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs((n * m).sum(1))))
 
 
-def _paths(samples: Samples, a: Form, b: Form, on: Float[Array, "C 3"]) -> Iterator[tuple[Path, Index]]:
+def _paths(samples: Samples, a: Surface, b: Surface, on: Float[Array, "C 3"]) -> Iterator[tuple[Path, Index]]:
     """Paths of two forms, each with the rows of the points that lie on it."""
     paths = exact_paths(a, b)
     if paths:
@@ -130,6 +132,7 @@ def _paths(samples: Samples, a: Form, b: Form, on: Float[Array, "C 3"]) -> Itera
         return
     from scipy.spatial import cKDTree
 
+    free = isinstance(a, FreeForm) or isinstance(b, FreeForm)
     left = np.ones(len(on), bool)
     gap = GAP * samples.spacing
     while left.sum() >= LEAST:
@@ -139,7 +142,8 @@ def _paths(samples: Samples, a: Form, b: Form, on: Float[Array, "C 3"]) -> Itera
         def stops(x: Array, tree: "cKDTree" = tree) -> bool:
             return bool(tree.query(x)[0] > gap)
 
-        path = marched(a, b, on[rows[len(rows) // 2]], 0.3 * samples.spacing, stops)
+        step = (1.0 if free else 0.3) * samples.spacing
+        path = marched(a, b, on[rows[len(rows) // 2]], step, stops)
         assert path.line is not None
         near = cKDTree(path.line).query(on[rows])[0] < samples.spacing
         near[len(rows) // 2] = True
@@ -188,7 +192,7 @@ class _Near:
         return [] if not len(found) else np.flatnonzero(np.bincount(found) >= least).tolist()
 
 
-def _cornered(samples: Samples, edge: Edge, forms: list[Form], near: _Near) -> Edge:
+def _cornered(samples: Samples, edge: Edge, forms: Sequence[Surface], near: _Near) -> Edge:
     """The edge with ends where a third form cuts its path, if one does near to them."""
     if edge.closed:
         return edge
@@ -214,7 +218,7 @@ def _cornered(samples: Samples, edge: Edge, forms: list[Form], near: _Near) -> E
     return replace(edge, start=ends[0], stop=ends[1], corner=(corner[0], corner[1]))
 
 
-def corners(samples: Samples, edges: list[Edge], forms: list[Form]) -> tuple[Float[Array, "V 3"], Int[Index, "E 2"]]:
+def corners(samples: Samples, edges: list[Edge], forms: Sequence[Surface]) -> tuple[Float[Array, "V 3"], Int[Index, "E 2"]]:
     """The points at which edges end, and those of each edge; ends that lie together are one."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -233,13 +237,15 @@ def corners(samples: Samples, edges: list[Edge], forms: list[Form]) -> tuple[Flo
     flat = ends.reshape(-1, 3)
     fixed = np.array([k != NONE for edge in edges for k in edge.corner])
     together = SAME_REACHES * within(samples) + SAME_SPACINGS * samples.spacing
-    pairs = cKDTree(flat).query_pairs(2.5 * together, output_type="ndarray")
+    loose = LOOSE * samples.spacing + together
+    pairs = cKDTree(flat).query_pairs(loose, output_type="ndarray")
     apart = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
-    both = fixed[pairs].all(1)
+    cut = fixed[pairs].sum(1)
+    shared = np.array([bool({*edges[a].forms} & {*edges[b].forms}) for a, b in pairs // 2], bool)
     # An end that no form cuts is not known well.
-    pairs = pairs[(apart < together) | ~both]
+    near = np.where(cut == 2, together, np.where(cut == 1, 2 * together, loose * shared))
     # Ends of one edge stay apart.
-    pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
+    pairs = pairs[(apart < near) & (pairs[:, 0] // 2 != pairs[:, 1] // 2)]
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(flat), len(flat)))
     count, vertex = connected_components(graph, directed=False)
     weight = np.where(fixed, 1.0, 1e-6)

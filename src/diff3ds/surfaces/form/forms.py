@@ -30,6 +30,7 @@ class FormKind(IntEnum):
     SPHERE = 2
     CONE = 3
     TORUS = 4
+    FREE = 5
 
 
 # Which numbers of a form its fit moves: the centre along two directions across the axis and along it, two turns of the

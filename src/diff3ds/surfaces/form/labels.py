@@ -1,13 +1,15 @@
 """Which form each sample of a surface belongs to, where forms touch, and forms refitted to what is theirs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
 from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.form.forms import Form, FormKind
+from diff3ds.surfaces.form.free import NONE
+from diff3ds.surfaces.form.meets import onto
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, within
 
@@ -20,7 +22,9 @@ TURNED = 4.0
 MERGED = 1.3
 # A form of which so large a share lies on its neighbours, or on its own rim, is a rim of theirs. Empirical.
 RIM = 0.8
-NONE = -1
+# A round form is a rounded edge of two others that meet at more than this, radians, where its samples are so near to
+# their edge: in spacings, and in longest sides. Empirical.
+MEET, BAND, ROUNDED = 0.4, 2.2, 0.035
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +116,8 @@ def _refitted(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> l
 
 def some_of(samples: Samples, label: Int[Index, " N"], row: int) -> Float[Array, "S 3"]:
     """Points of a form's samples, as many as a fit looks at."""
-    members = np.flatnonzero(label == row)
-    return samples.points[members[np.unique(np.linspace(0, len(members) - 1, REFITTED).astype(int))]]
+    places = samples.places(np.flatnonzero(label == row))
+    return places[np.unique(np.linspace(0, len(places) - 1, REFITTED).astype(int))]
 
 
 def _merged(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
@@ -137,37 +141,37 @@ def _merged(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> lis
 
 
 def _needed(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
-    """Without forms whose samples lie on the others that they touch, or all beside other forms: rims of those."""
+    """Without forms whose samples lie on the others that they touch, or beside the edge between two of these."""
     i, j = samples.pairs.T
     reach = within(samples)
     alive = np.ones(len(forms), bool)
-    differs = label[i] != label[j]
     rim = np.zeros(len(label), bool)
-    rim[i[differs]] = rim[j[differs]] = True
+    rim[i[label[i] != label[j]]] = rim[j[label[i] != label[j]]] = True
     for row in np.argsort(np.bincount(label[label != NONE], minlength=len(forms)), kind="stable"):
         members = np.flatnonzero(label == row)
-        beside = np.zeros(len(forms), bool)
-        for one, other in ((i, j), (j, i)):
-            found = label[other[label[one] == row]]
-            beside[found[found != NONE]] = True
-        beside[row] = False
+        touched = np.concatenate([label[j[label[i] == row]], label[i[label[j] == row]]])
+        count = np.bincount(touched[touched != NONE], minlength=len(forms)) * alive
+        count[row] = 0
         points = samples.points[members]
-        away = [np.abs(forms[k].distance(points)) for k in np.flatnonzero(beside & alive)]
+        away = [np.abs(forms[k].distance(points)) for k in np.flatnonzero(count)]
         on_others = (np.min(away, axis=0) < reach).mean() if away else 0.0
-        if on_others > RIM or rim[members].mean() > RIM:
+        two = [forms[k] for k in np.argsort(-count, kind="stable")[:2] if count[k]]
+        if on_others > RIM or rim[members].mean() > RIM or _is_rounding(samples, forms[row], points, two):
             alive[row] = False
     return [one for one, there in zip(forms, alive, strict=True) if there]
+
+
+def _is_rounding(samples: Samples, one: Form, points: Float[Array, "M 3"], two: list[Form]) -> bool:
+    """Whether a form is no more than what the edge between two others is rounded or bevelled by."""
+    if len(two) < 2 or one.kind == FormKind.PLANE:
+        return False
+    corner = onto(two, points)
+    normals = [other.normal(corner) for other in two]
+    meet = np.abs((normals[0] * normals[1]).sum(1)) < np.cos(MEET)
+    near = np.linalg.norm(corner - points, axis=1) < max(min(BAND * samples.spacing, 0.05 * samples.size), ROUNDED * samples.size)
+    return bool((meet & near).mean() > RIM)
 
 
 def _rms(one: Form, points: Float[Array, "S 3"]) -> float:
     return float(np.sqrt((one.distance(points) ** 2).mean()))
 
-
-def narrow(form: Form, most: float) -> bool:
-    """Whether a form may be a rounded edge: a cylinder, a torus or a sphere of a small radius."""
-    return form.kind in (FormKind.CYLINDER, FormKind.TORUS, FormKind.SPHERE) and bool(form.radius < most)
-
-
-def moved(one: Form, **numbers: Array) -> Form:
-    """The form with other numbers."""
-    return replace(one, **numbers)

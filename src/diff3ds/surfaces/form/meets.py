@@ -1,5 +1,6 @@
 """Where two forms meet: lines, circles and ellipses exactly, all else as points on both, one after the other."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,17 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.shapes.lines import TINY, unit
 from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.surfaces.form.forms import Form, FormKind, frame
+from diff3ds.surfaces.form.free import FreeForm
+
+Surface = Form | FreeForm
 
 # Newton steps towards two or three forms at once.
 STEPS = 12
 # Axes that are nearer to parallel (sine) and to each other (world units over the size of what they belong to) than
 # rounding count as one; a form is regularised before. Numerical.
 SAME = 1e-6
+# A path has at most so many steps to each side.
+MOST_STEPS = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +84,7 @@ class Path:
         return np.asarray(at[row] + ((points - self.line[row]) * along[row]).sum(1))
 
 
-def onto(forms: list[Form], points: Float[Array, "S 3"], steps: int = STEPS) -> Float[Array, "S 3"]:
+def onto(forms: Sequence[Surface], points: Float[Array, "S 3"], steps: int = STEPS) -> Float[Array, "S 3"]:
     """The points moved to where all forms, two or three, are at distance zero, by the shortest steps."""
     x = points.copy()
     for _ in range(steps):
@@ -91,8 +97,10 @@ def onto(forms: list[Form], points: Float[Array, "S 3"], steps: int = STEPS) -> 
     return x
 
 
-def exact_paths(a: Form, b: Form) -> list[Path]:
+def exact_paths(a: Surface, b: Surface) -> list[Path]:
     """Lines, circles and ellipses on which two forms meet; nothing where they meet in something else."""
+    if isinstance(a, FreeForm) or isinstance(b, FreeForm):
+        return []
     if a.kind > b.kind:
         a, b = b, a
     if FormKind.SPHERE in (a.kind, b.kind) and a.kind != FormKind.PLANE:
@@ -262,12 +270,12 @@ def _parallel_cylinders(a: Form, b: Form) -> list[Path]:
     return [Path(Kind.LINE, a.center + x * off / gap + way * y * side, a.axis, np.zeros(3)) for way in (-1, 1)]
 
 
-def marched(a: Form, b: Form, start: Float[Array, " 3"], step: float, stops, most: int = 4000) -> Path:
+def marched(a: Surface, b: Surface, start: Float[Array, " 3"], step: float, stops: Callable[[Array], bool]) -> Path:
     """The path through a point on both forms, in steps, both ways until it closes or `stops` says so of a point."""
     sides = []
     for way in (1.0, -1.0):
         x, points, last = start, [start], None
-        for _ in range(most):
+        for _ in range(MOST_STEPS):
             t = np.cross(a.normal(x[None])[0], b.normal(x[None])[0])
             size = float(np.linalg.norm(t))
             if size < 0.02:

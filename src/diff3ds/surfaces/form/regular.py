@@ -16,8 +16,9 @@ from diff3ds.surfaces.form.search import within
 NEAR = 2.5
 # Axes may be one, and radii equal, where they differ by less than so many reaches. Empirical.
 NEAR_REACHES = 1.5
-# What is shared may make the mean square distance of a form's samples so much larger. Empirical.
-WORSE = 1.03
+# What is shared may make the mean square distance of n independent samples larger by this and a share of n: twice what
+# chance gives a fit with three numbers more.
+WORSE, CHANCE = 1.01, 12.0
 # And below this, in longest sides, distances are rounding.
 ROUNDING = 2e-5
 # The numbers of a fit, as of `forms.FREE`.
@@ -33,6 +34,8 @@ class _Regular:
         self.reach = within(samples)
         self.points = [some_of(samples, label, row) for row in range(len(forms))]
         self.weight = np.bincount(label[label >= 0], minlength=len(forms)).astype(float)
+        independent = _independent(samples, label, forms)
+        self.worse = WORSE + CHANCE / np.maximum(independent * self.weight, CHANCE)
         self.held: list[set[int]] = [set() for _ in forms]
         self.before = [self._square(one, points) for one, points in zip(forms, self.points, strict=True)]
 
@@ -41,7 +44,7 @@ class _Regular:
         held = self.held[row] | set(hold)
         new = changed.fitted(self.points[row], self.reach / 2, held)
         floor = (ROUNDING * self.samples.size) ** 2
-        if self._square(new, self.points[row]) > WORSE * self.before[row] + floor:
+        if self._square(new, self.points[row]) > self.worse[row] * self.before[row] + floor:
             return False
         self.forms[row], self.held[row] = new, held
         return True
@@ -49,6 +52,18 @@ class _Regular:
     def _square(self, one: Form, points: Array) -> float:
         off = one.distance(points)
         return float(np.minimum(off * off, self.reach**2).mean())
+
+
+def _independent(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> float:
+    """How many independent distances a sample counts for: few where neighbours are off alike, as bumps are."""
+    off = np.zeros(len(label))
+    for row, one in enumerate(forms):
+        off[label == row] = one.distance(samples.points[label == row])
+    i, j = samples.pairs[(label[samples.pairs[:, 0]] == label[samples.pairs[:, 1]]) & (label[samples.pairs[:, 0]] >= 0)].T
+    square = float((off[i] ** 2 + off[j] ** 2).mean()) / 2 if len(i) else 0.0
+    alike = float(np.clip((off[i] * off[j]).mean() / square, 0, 0.95)) if square > 0 else 0.0
+    # Of a process with this correlation between neighbours, along two directions.
+    return ((1 - alike) / (1 + alike)) ** 2
 
 
 def regularised(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:

@@ -14,6 +14,8 @@ from diff3ds.surfaces.meshes.mesh import TriangleMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
+# Of meshes of no more faces than this the faces are the samples. Empirical.
+FEW_FACES = 16_000
 # Neighbours of a point of a cloud: a plane's normal from fewer is uncertain. Empirical.
 NEIGHBOURS = 12
 # Points whose scatter is measured, and the numbers of neighbours to which quadrics are fitted.
@@ -39,6 +41,8 @@ class Samples:
         spacing: how far a sample is from its nearest neighbours, median, world units.
         noise: standard deviation of the distances of samples from a smooth surface, world units.
         size: the longest side of the box, world units.
+        measured: points of the surface itself: the samples, or the vertices of the faces whose middles they are.
+        corners: of each sample the rows of `measured` that it is the middle of; None where it is one of them.
     """
 
     points: Float[Array, "N 3"]
@@ -48,6 +52,12 @@ class Samples:
     spacing: float
     noise: float
     size: float
+    measured: Float[Array, "V 3"]
+    corners: Int[Index, "N 3"] | None = None
+
+    def places(self, rows: Int[Index, " R"]) -> Float[Array, "P 3"]:
+        """Points of the surface that some samples stand for."""
+        return self.measured[rows if self.corners is None else np.unique(self.corners[rows])]
 
     def __len__(self) -> int:
         return len(self.points)
@@ -63,7 +73,15 @@ class Samples:
 
     @classmethod
     def of_mesh(cls, mesh: TriangleMesh) -> "Samples":
-        """The vertices of a mesh; its edges say which are neighbours."""
+        """The vertices of a mesh, whose edges say which are neighbours; of one of few faces the middles of these.
+
+        Most vertices of a coarse mesh lie at edges of the shape, where they have no normal.
+        """
+        if len(mesh) <= FEW_FACES:
+            two = mesh.edge_counts == 2
+            middles = mesh.vertices[mesh.faces].mean(1)
+            pairs = np.sort(mesh.edge_faces[two], axis=1)
+            return _measured(middles, mesh.face_normals, pairs, True, mesh.vertices, mesh.faces)
         weighted = mesh.corner_angles[..., None] * mesh.face_normals[:, None]
         total = np.stack([np.bincount(mesh.faces.ravel(), weighted[..., k].ravel()) for k in range(3)], 1)
         return _measured(mesh.vertices, unit(total), mesh.edges, True)
@@ -85,15 +103,23 @@ class Samples:
         return _measured(points, unit(np.asarray(normals, float)), pairs, True)
 
 
-def _measured(points: Array, normals: Array, pairs: Index, oriented: bool) -> Samples:
+def _measured(
+    points: Array,
+    normals: Array,
+    pairs: Index,
+    oriented: bool,
+    measured: Array | None = None,
+    corners: Index | None = None,
+) -> Samples:
     """Samples with their scales, and with normals that noise has less of."""
+    measured = points if measured is None else measured
     lengths = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     size = float(np.ptp(points, axis=0).max())
     spacing = float(np.median(lengths))
     # Few neighbours say less of waves, many more of edges.
-    noise = _noise(points, AROUND[int(spacing < COARSE * size)])
+    noise = _noise(measured, AROUND[int(spacing < COARSE * size)])
     steady = _steadied(points, normals, pairs, noise, spacing)
-    return Samples(points, steady, pairs, oriented, spacing, noise, size)
+    return Samples(points, steady, pairs, oriented, spacing, noise, size, measured, corners)
 
 
 def _noise(points: Float[Array, "N 3"], around: int) -> float:
