@@ -120,4 +120,3 @@ def decimated(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.n
 
     found, triangles = simplify(vertices.astype(np.float32), faces.astype(np.int32), target_count=count, agg=AGGRESSIVE)
     return found.astype(float), triangles.astype(np.int64)
-

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.edges.shapes.primitives import Kind
 from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.form.free import NONE, FreeForm
 from diff3ds.surfaces.form.meets import Path, Surface, exact_paths, marched, onto
@@ -27,6 +26,8 @@ LEAST = 4
 SAME_REACHES, SAME_SPACINGS = 1.5, 0.5
 # Ends of edges of one form that no other form cuts are one where they are nearer than this, in spacings. Empirical.
 LOOSE = 2.5
+# An edge that ends where no other does is a scrap where it is shorter than this, in spacings. Empirical.
+SCRAP = 6.0
 # Points of a path that are looked at for a corner, to each side.
 LOOKED = 24
 
@@ -57,6 +58,11 @@ class Edge:
     radius: float = 0.0
 
     @property
+    def length(self) -> float:
+        """About how long it is, world units."""
+        return (self.stop - self.start) * self.path.speed
+
+    @property
     def ends(self) -> Float[Array, "2 3"]:
         """Its ends, world units."""
         return self.path.at(np.array([self.start, self.stop]))
@@ -76,6 +82,23 @@ def edges_between(samples: Samples, forms: Sequence[Surface], label: Int[Index, 
     return [_cornered(samples, edge, forms, near) for edge in edges]
 
 
+def without_scraps(samples: Samples, edges: list[Edge], vertex: Int[Index, "E 2"]) -> list[int]:
+    """The numbers of the edges but for short ones that end where no other edge does, and those of no length."""
+    keep = list(range(len(edges)))
+    while True:
+        ends = np.bincount(vertex[keep].ravel(), minlength=int(vertex.max(initial=0)) + 1)
+        short = SCRAP * samples.spacing
+        left = [
+            k
+            for k in keep
+            if edges[k].closed
+            or (edges[k].stop > edges[k].start and (ends[vertex[k]].min() > 1 or edges[k].length > short))
+        ]
+        if len(left) == len(keep):
+            return left
+        keep = left
+
+
 def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int], Float[Array, "C 3"]]:
     """The middles between neighbouring samples of two forms."""
     i, j = samples.pairs.T
@@ -92,7 +115,9 @@ def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int]
     return {(int(k // count), int(k % count)): part for k, part in zip(keys, parts, strict=True)}
 
 
-def _along(samples: Samples, pair: tuple[int, int], forms: Sequence[Surface], middles: Float[Array, "C 3"]) -> Iterator[Edge]:
+def _along(
+    samples: Samples, pair: tuple[int, int], forms: Sequence[Surface], middles: Float[Array, "C 3"]
+) -> Iterator[Edge]:
     """The edges of two forms through the places where they touch."""
     a, b = forms[pair[0]], forms[pair[1]]
     if len(middles) < LEAST:
@@ -102,7 +127,11 @@ def _along(samples: Samples, pair: tuple[int, int], forms: Sequence[Surface], mi
     limit = NEAR_SPACINGS * samples.spacing + NEAR_REACHES * within(samples)
     off = np.abs(np.stack([a.distance(on), b.distance(on)])).max(0)
     turn = _turns(a, b, on)
-    good = (np.linalg.norm(on - middles, axis=1) < limit) & (off < (1e-3 if free else 1e-6) * samples.size) & (turn > SMOOTH)
+    good = (
+        (np.linalg.norm(on - middles, axis=1) < limit)
+        & (off < (1e-3 if free else 1e-6) * samples.size)
+        & (turn > SMOOTH)
+    )
     on, turn = on[good], turn[good]
     if len(on) < max(LEAST, 0.3 * len(middles)):
         return
@@ -152,9 +181,7 @@ def _paths(samples: Samples, a: Surface, b: Surface, on: Float[Array, "C 3"]) ->
             yield path, rows[near]
 
 
-def _intervals(
-    path: Path, points: Float[Array, "C 3"], gap: float
-) -> Iterator[tuple[float, float, bool, Index]]:
+def _intervals(path: Path, points: Float[Array, "C 3"], gap: float) -> Iterator[tuple[float, float, bool, Index]]:
     """Parts of a path along which points have no larger gaps: start, stop, whether it runs round, rows of points."""
     t = path.parameter(points)
     order = np.argsort(t, kind="stable")
@@ -218,7 +245,9 @@ def _cornered(samples: Samples, edge: Edge, forms: Sequence[Surface], near: _Nea
     return replace(edge, start=ends[0], stop=ends[1], corner=(corner[0], corner[1]))
 
 
-def corners(samples: Samples, edges: list[Edge], forms: Sequence[Surface]) -> tuple[Float[Array, "V 3"], Int[Index, "E 2"]]:
+def corners(
+    samples: Samples, edges: list[Edge], forms: Sequence[Surface]
+) -> tuple[Float[Array, "V 3"], Int[Index, "E 2"]]:
     """The points at which edges end, and those of each edge; ends that lie together are one."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds.edges.shapes.curve_set import Curves
-from diff3ds.surfaces.form.edges import Edge, corners, edges_between
+from diff3ds.surfaces.form.edges import Edge, corners, edges_between, without_scraps
 from diff3ds.surfaces.form.free import free_regions
 from diff3ds.surfaces.form.labels import Labelled, labelled, spread
+from diff3ds.surfaces.form.meets import Surface
 from diff3ds.surfaces.form.regular import regularised
 from diff3ds.surfaces.form.runs import drawn_runs
 from diff3ds.surfaces.form.samples import Samples
@@ -41,12 +42,16 @@ def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
     generator = np.random.default_rng(seed)
     found = labelled(samples, [one.form for one in found_forms(samples, generator)])
     found = Labelled(regularised(samples, found.label, found.forms), found.label)
-    label, free = free_regions(samples, found.label, len(found.forms))
-    forms = [*found.forms, *free]
     band = BAND_SPACINGS * samples.spacing + BAND_REACHES * within(samples)
+    carried = spread(samples, found.label, band)
+    label, free = free_regions(samples, found.label, carried, len(found.forms))
+    forms: list[Surface] = [*found.forms, *free]
     label = spread(samples, label, band)
     edges = edges_between(samples, forms, label)
-    runs, places = drawn_runs(samples, edges, *corners(samples, edges, forms))
+    points, vertex = corners(samples, edges, forms)
+    kept = without_scraps(samples, edges, vertex)
+    edges = [edges[k] for k in kept]
+    runs, places = drawn_runs(samples, edges, points, vertex[kept])
     pieces = [(run.vertices, run.strokes) for run in runs]
     owner = [run.edges[0] for run in runs for _ in run.strokes]
     curves = _curves(places, pieces)

@@ -1,10 +1,11 @@
 """Planes, cylinders, cones, spheres and tori: distances, normals and fits of all five, as surfaces of revolution.
 
 A point lies at the height h along an axis and at the distance q from it. The distance of the point from a form depends
-on these two alone, as that from a line of the plane of q and h (plane, cylinder, cone) or from a circle (sphere, torus).
+on these two alone: it is that from a line of the plane of q and h (plane, cylinder, cone) or from a circle (sphere,
+torus).
 """
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -61,13 +62,14 @@ class Form:
     kind: FormKind
     center: Float[Array, "*b 3"]
     axis: Float[Array, "*b 3"]
-    radius: Float[Array, "*b"]
-    angle: Float[Array, "*b"]
-    ring: Float[Array, "*b"]
+    radius: Array | float
+    angle: Array | float
+    ring: Array | float
 
     def __getitem__(self, row: "int | Int[Index, ' R']") -> "Form":
         """One of many, or some."""
-        return Form(self.kind, self.center[row], self.axis[row], self.radius[row], self.angle[row], self.ring[row])
+        numbers = (np.asarray(value)[row] for value in (self.radius, self.angle, self.ring))
+        return Form(self.kind, self.center[row], self.axis[row], *numbers)
 
     def measured(self, points: Float[Array, "S 3"], normals: Float[Array, "S 3"]) -> tuple[Array, Array]:
         """Signed distances (*b, S) of points, positive away from the axis or above a plane, and cosines to normals."""
@@ -81,8 +83,8 @@ class Form:
         distance, gq, gh = self._profile(q, h)
         return distance, gq * across / q + gh * along
 
-    def distance(self, points: Float[Array, "S 3"]) -> Float[Array, "*b S"]:
-        """Signed distances, as of `measured`."""
+    def distance(self, points: Float[Array, "*s 3"]) -> Float[Array, "*s"]:
+        """Signed distances, as of `measured`; of many forms each of its own points, or all of the same."""
         h, w = self._parts(points)
         return self._profile(np.linalg.norm(w, axis=-1), h)[0]
 
@@ -101,22 +103,22 @@ class Form:
         distance, gq, gh = self._profile(q, h)
         return distance, gq[..., None] * w / q[..., None] + gh[..., None] * self.axis
 
-    def _parts(self, points: Float[Array, "S 3"]) -> tuple[Float[Array, "*b S"], Float[Array, "*b S 3"]]:
+    def _parts(self, points: Float[Array, "*s 3"]) -> tuple[Float[Array, "*s"], Float[Array, "*s 3"]]:
         u = points - self.center[..., None, :]
         h = (u * self.axis[..., None, :]).sum(-1)
         return h, u - h[..., None] * self.axis[..., None, :]
 
     def _profile(self, q: Array, h: Array) -> tuple[Array, Array, Array]:
         """Distance, and how it grows with q and with h."""
-        radius = self.radius[..., None]
+        radius, angle, ring = (np.asarray(value)[..., None] for value in (self.radius, self.angle, self.ring))
         if self.kind == FormKind.PLANE:
             return h, np.zeros_like(h), np.ones_like(h)
         if self.kind == FormKind.CYLINDER:
             return q - radius, np.ones_like(h), np.zeros_like(h)
         if self.kind == FormKind.CONE:
-            cos, sin = np.cos(self.angle)[..., None], np.sin(self.angle)[..., None]
+            cos, sin = np.cos(angle), np.sin(angle)
             return q * cos - h * sin - radius, cos + 0 * h, -sin + 0 * h
-        out = q - self.ring[..., None]
+        out = q - ring
         far = np.maximum(np.hypot(out, h), TINY)
         return far - radius, out / far, h / far
 
@@ -182,14 +184,18 @@ class Form:
 
 
 def form(
-    kind: FormKind, center: Array, axis: Array, radius: Array | float = 0.0, angle: Array | float = 0.0,
+    kind: FormKind,
+    center: Array | Sequence[float],
+    axis: Array | Sequence[float],
+    radius: Array | float = 0.0,
+    angle: Array | float = 0.0,
     ring: Array | float = 0.0,
 ) -> Form:
     """A form, or many, of the numbers that its kind has."""  # fmt: skip
-    center, axis = np.asarray(center, float), unit(np.asarray(axis, float))
-    shape = np.broadcast_shapes(center.shape, axis.shape)
+    place, way = np.asarray(center, np.float64), unit(np.asarray(axis, np.float64))
+    shape = np.broadcast_shapes(place.shape, way.shape)
     full = [np.broadcast_to(np.asarray(value, float), shape[:-1]) for value in (radius, angle, ring)]
-    return Form(kind, np.broadcast_to(center, shape), np.broadcast_to(axis, shape), *full)
+    return Form(kind, np.broadcast_to(place, shape), np.broadcast_to(way, shape), *full)
 
 
 def frame(axis: Float[Array, " 3"]) -> Float[Array, "2 3"]:
@@ -233,7 +239,7 @@ def _round(kind: FormKind, middle: Array, axis: Array, x: Array, normals: Array)
 
 
 def _torus(middle: Array, x: Array, normals: Array) -> Form:
-    """Tori around the axis that all normals pass nearest to (Pottmann and Randrup 1998), with a circle for a profile."""
+    """Tori about the axis that all normals pass nearest to (Pottmann and Randrup 1998), with a circle for a profile."""
     moment = np.cross(x, normals)
     aa, am, mm = (np.einsum("mki,mkj->mij", p, q) for p, q in ((moment, moment), (moment, normals), (normals, normals)))
     mm = mm + 1e-6 * np.trace(mm, axis1=1, axis2=2)[:, None, None] * np.eye(3)

@@ -1,4 +1,4 @@
-"""What no plane, cylinder, cone, sphere or torus explains: free-form regions, known by quadrics through their samples."""
+"""What no plane, cylinder, cone, sphere or torus explains: free-form regions, as quadrics through their samples."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 # Neighbouring samples of a free-form region turn by less than this, radians. Empirical.
 SMOOTH = 0.5
-# A region has at least so many samples, most of them not on its rim. Empirical.
-LEAST, RIM = 40, 0.7
+# A region has at least so many samples, so large a share of them not beside a form. Empirical.
+LEAST, DEEP = 40, 0.1
 # Samples to which a quadric is fitted: with no noise, and at most; noise of so many spacings asks for twice as many.
 NEAREST, MOST, NOISY = 20, 100, 0.1
 # Pull of a quadric's bends towards a plane, relative to the number of samples: decides where noise hides them.
@@ -86,8 +86,14 @@ def _terms(x: Array, y: Array) -> Array:
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], -1)
 
 
-def free_regions(samples: Samples, label: Int[Index, " N"], first: int) -> tuple[Int[Index, " N"], list[FreeForm]]:
-    """Regions of samples without a label that no sharp turn parts; they get numbers from `first` on."""
+def free_regions(
+    samples: Samples, label: Int[Index, " N"], carried: Int[Index, " N"], first: int
+) -> tuple[Int[Index, " N"], list[FreeForm]]:
+    """Regions of samples without a label that no sharp turn parts; they get numbers from `first` on.
+
+    Args:
+        carried: the labels carried on over the bands between forms: a region has samples that this does not reach.
+    """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -98,16 +104,13 @@ def free_regions(samples: Samples, label: Int[Index, " N"], first: int) -> tuple
     joined = inner & alike
     graph = coo_matrix((np.ones(joined.sum(), bool), (i[joined], j[joined])), shape=(len(label), len(label)))
     piece = connected_components(graph, directed=False)[1]
-    rim = np.zeros(len(label), bool)
-    crossed = ~joined
-    rim[i[crossed]] = rim[j[crossed]] = True
-    out, forms = label.copy(), []
+    out = label.copy()
+    forms: list[FreeForm] = []
     size = np.bincount(piece[bare], minlength=piece.max() + 1)
-    on_rim = np.bincount(piece[bare], rim[bare], minlength=piece.max() + 1)
+    deep = np.bincount(piece[bare], carried[bare] == NONE, minlength=piece.max() + 1)
     count = int(min(NEAREST * (1 + (samples.noise / (NOISY * samples.spacing)) ** 2), MOST))
-    for k in np.flatnonzero((size >= LEAST) & (on_rim <= RIM * size)):
+    for k in np.flatnonzero((size >= LEAST) & (deep >= DEEP * size)):
         members = np.flatnonzero(bare & (piece == k))
         out[members] = first + len(forms)
         forms.append(FreeForm(samples.points[members], samples.normals[members], count))
     return out, forms
-

@@ -1,6 +1,6 @@
 """Which form each sample of a surface belongs to, where forms touch, and forms refitted to what is theirs."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +16,17 @@ from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, wi
 # Sweeps over the samples, each of which takes the label that its own place and its neighbours' labels like best; what
 # a neighbour's label counts, all of them together, in squared standard deviations. Empirical.
 SWEEPS, TOGETHER = 6, 6.0
+# Standard deviations in a median distance, and the distance that is rounding, in longest sides.
+STANDARD, ROUNDING = 1.4826, 1e-7
 # A normal that is off by `ALIKE` counts as much as a distance of so many thirds of the reach. Empirical.
 TURNED = 4.0
 # Two forms are one where one fits the samples of both nearly as well as each its own. Empirical.
 MERGED = 1.3
 # A form of which so large a share lies on its neighbours, or on its own rim, is a rim of theirs. Empirical.
-RIM = 0.8
+RIM, ALL_RIM = 0.8, 0.97
 # A round form is a rounded edge of two others that meet at more than this, radians, where its samples are so near to
-# their edge: in spacings, and in longest sides. Empirical.
-MEET, BAND, ROUNDED = 0.4, 2.2, 0.035
+# their edge: in spacings, of which no more count than make WIDEST longest sides, or in longest sides. Empirical.
+MEET, BAND, WIDEST, ROUNDED = 0.4, 2.2, 0.05, 0.035
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +112,16 @@ def _without_small(samples: Samples, label: Int[Index, " N"], forms: list[Form])
 
 
 def _refitted(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    return [refitted(samples, one, some_of(samples, label, row)) for row, one in enumerate(forms)]
+
+
+def refitted(samples: Samples, one: Form, points: Float[Array, "S 3"], held: Set[int] = frozenset()) -> Form:
+    """The form fitted to its samples, but for numbers that are held, as of `Form.fitted`."""
     scale = within(samples) / 2
-    return [one.fitted(some_of(samples, label, row), scale) for row, one in enumerate(forms)]
+    rough = one.fitted(points, scale, held)
+    # Samples beside an edge may belong to the other form: what is far off for this one's has no part.
+    own = STANDARD * float(np.median(np.abs(rough.distance(points))))
+    return rough.fitted(points, float(np.clip(own, ROUNDING * samples.size, scale)), held)
 
 
 def some_of(samples: Samples, label: Int[Index, " N"], row: int) -> Float[Array, "S 3"]:
@@ -156,7 +166,7 @@ def _needed(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> lis
         away = [np.abs(forms[k].distance(points)) for k in np.flatnonzero(count)]
         on_others = (np.min(away, axis=0) < reach).mean() if away else 0.0
         two = [forms[k] for k in np.argsort(-count, kind="stable")[:2] if count[k]]
-        if on_others > RIM or rim[members].mean() > RIM or _is_rounding(samples, forms[row], points, two):
+        if on_others > RIM or rim[members].mean() > ALL_RIM or _is_rounding(samples, forms[row], points, two):
             alive[row] = False
     return [one for one, there in zip(forms, alive, strict=True) if there]
 
@@ -168,10 +178,11 @@ def _is_rounding(samples: Samples, one: Form, points: Float[Array, "M 3"], two: 
     corner = onto(two, points)
     normals = [other.normal(corner) for other in two]
     meet = np.abs((normals[0] * normals[1]).sum(1)) < np.cos(MEET)
-    near = np.linalg.norm(corner - points, axis=1) < max(min(BAND * samples.spacing, 0.05 * samples.size), ROUNDED * samples.size)
+    near = np.linalg.norm(corner - points, axis=1) < max(
+        min(BAND * samples.spacing, 0.05 * samples.size), ROUNDED * samples.size
+    )
     return bool((meet & near).mean() > RIM)
 
 
 def _rms(one: Form, points: Float[Array, "S 3"]) -> float:
     return float(np.sqrt((one.distance(points) ** 2).mean()))
-

@@ -179,7 +179,7 @@ def _plane_and_cone(plane: Form, b: Form) -> list[Path]:
     downhill = unit(b.axis - (b.axis @ plane.axis) * plane.axis)
     side = np.cross(plane.axis, downhill)
     apex = b.center - float(b.radius) / np.sin(b.angle) * b.axis
-    # The lines of the cone in the plane of its axis and of the plane's normal meet the plane at the ends of the long axis.
+    # Two lines of the cone, in the plane of its axis and the plane's normal, end the long axis.
     across = unit(plane.axis - (plane.axis @ b.axis) * b.axis)
     sign = np.sign(np.sin(b.angle))
     ends = []
@@ -238,7 +238,7 @@ def _profiles_meet(a: Form, b: Form, center: Array, axis: Array) -> list[tuple[f
     return [tuple(c1 + x * way + s * y * np.array([-way[1], way[0]])) for s in (-1, 1)]
 
 
-def _profile(one: Form, center: Array, axis: Array) -> tuple:
+def _profile(one: Form, center: Array, axis: Array) -> tuple[str, Array, float]:
     """A form's profile about an axis that is its own: a line n . (q, h) = d, or a circle's centre and radius."""
     height = float((one.center - center) @ axis)
     same = float(np.sign(one.axis @ axis)) or 1.0

@@ -8,7 +8,7 @@ from diff3ds._shapes import Array, Int
 from diff3ds.edges.shapes.lines import unit
 from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.form.forms import Form, FormKind
-from diff3ds.surfaces.form.labels import some_of
+from diff3ds.surfaces.form.labels import refitted, some_of
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
 
@@ -42,7 +42,7 @@ class _Regular:
     def try_(self, row: int, changed: Form, hold: tuple[int, ...]) -> bool:
         """Takes a changed form, refitted but for what is held, if its samples allow it."""
         held = self.held[row] | set(hold)
-        new = changed.fitted(self.points[row], self.reach / 2, held)
+        new = refitted(self.samples, changed, self.points[row], held)
         floor = (ROUNDING * self.samples.size) ** 2
         if self._square(new, self.points[row]) > self.worse[row] * self.before[row] + floor:
             return False
@@ -59,7 +59,9 @@ def _independent(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -
     off = np.zeros(len(label))
     for row, one in enumerate(forms):
         off[label == row] = one.distance(samples.points[label == row])
-    i, j = samples.pairs[(label[samples.pairs[:, 0]] == label[samples.pairs[:, 1]]) & (label[samples.pairs[:, 0]] >= 0)].T
+    i, j = samples.pairs[
+        (label[samples.pairs[:, 0]] == label[samples.pairs[:, 1]]) & (label[samples.pairs[:, 0]] >= 0)
+    ].T
     square = float((off[i] ** 2 + off[j] ** 2).mean()) / 2 if len(i) else 0.0
     alike = float(np.clip((off[i] * off[j]).mean() / square, 0, 0.95)) if square > 0 else 0.0
     # Of a process with this correlation between neighbours, along two directions.
@@ -131,7 +133,9 @@ def _turned(one: Form, direction: Array) -> Form:
 
 def _one_line(state: _Regular) -> None:
     """Round forms, and spheres, whose centres lie beside the axis of a heavier one come onto it."""
-    rows = sorted((r for r, one in enumerate(state.forms) if one.kind != FormKind.PLANE), key=lambda r: -state.weight[r])
+    rows = sorted(
+        (r for r, one in enumerate(state.forms) if one.kind != FormKind.PLANE), key=lambda r: -state.weight[r]
+    )
     done: set[int] = set()
     for r in rows:
         first = state.forms[r]
@@ -168,7 +172,9 @@ def _off(first: Form, point: Array) -> float:
 def _equal_radii(state: _Regular) -> None:
     """Cylinders, spheres and tori of nearly one radius get the mean of them."""
     for kind in (FormKind.CYLINDER, FormKind.SPHERE, FormKind.TORUS):
-        rows = sorted((r for r, one in enumerate(state.forms) if one.kind == kind), key=lambda r: state.forms[r].radius)
+        rows = sorted(
+            (r for r, one in enumerate(state.forms) if one.kind == kind), key=lambda r: float(state.forms[r].radius)
+        )
         group: list[int] = []
         for r in [*rows, None]:
             if r is not None and (not group or _alike(state, group, r)):
@@ -183,5 +189,5 @@ def _equal_radii(state: _Regular) -> None:
 
 
 def _alike(state: _Regular, group: list[int], row: int) -> bool:
-    return bool(abs(state.forms[row].radius - state.forms[group[0]].radius) < 0.5 * NEAR_REACHES * state.reach)
-
+    apart = abs(float(state.forms[row].radius) - float(state.forms[group[0]].radius))
+    return bool(apart < 0.5 * NEAR_REACHES * state.reach)

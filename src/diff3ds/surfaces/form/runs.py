@@ -1,6 +1,7 @@
 """Edges as runs between corners, each with the curves that draw it; edges that go on in each other are one run."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,7 +27,7 @@ DENSE, BLURRED = 3.0, 4
 
 @dataclass(eq=False)
 class Run:
-    """A curve between two corners: vertices (its ends), strokes that draw it one after the other, edges it stands for."""
+    """A curve between two corners: its ends, strokes that draw it one after the other, the edges that it stands for."""
 
     vertices: list[int]
     strokes: list[Primitive]
@@ -77,7 +78,7 @@ def _run(samples: Samples, row: int, edge: Edge, points: Float[Array, "V 3"], en
     elif path.line is None:
         cuts = np.linspace(edge.start, edge.stop, 2 if edge.stop - edge.start <= MOST_ARC else 3)
         kind = CLOSED_KINDS[path.kind]
-        controls = [arc_control(path.center, path.u, path.v, a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+        controls = [arc_control(path.center, path.u, path.v, a, b) for a, b in pairwise(cuts)]
         strokes = [Primitive(kind, control, np.zeros(0)) for control in controls]
     return Run([start, stop], strokes, [row], line, False)
 
@@ -94,8 +95,7 @@ def _joined(runs: list[Run], points: Float[Array, "V 3"], tolerance: float) -> l
         if len(at[v]) != 2 or at[v][0] == at[v][1]:
             continue
         one, other = (alive[k] for k in at[v])
-        assert one is not None and other is not None
-        both = _both(one, other, v, tolerance)
+        both = None if one is None or other is None else _both(one, other, v, tolerance)
         if both is None:
             continue
         kept, gone = at[v]

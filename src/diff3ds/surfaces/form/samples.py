@@ -83,7 +83,7 @@ class Samples:
             pairs = np.sort(mesh.edge_faces[two], axis=1)
             return _measured(middles, mesh.face_normals, pairs, True, mesh.vertices, mesh.faces)
         weighted = mesh.corner_angles[..., None] * mesh.face_normals[:, None]
-        total = np.stack([np.bincount(mesh.faces.ravel(), weighted[..., k].ravel()) for k in range(3)], 1)
+        total: Array = np.stack([np.bincount(mesh.faces.ravel(), weighted[..., k].ravel()) for k in range(3)], 1)
         return _measured(mesh.vertices, unit(total), mesh.edges, True)
 
     @classmethod
@@ -100,7 +100,7 @@ class Samples:
             around = points[near] - points[near].mean(1, keepdims=True)
             normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
             return _measured(points, normals, pairs, False)
-        return _measured(points, unit(np.asarray(normals, float)), pairs, True)
+        return _measured(points, unit(np.asarray(normals, np.float64)), pairs, True)
 
 
 def _measured(
@@ -146,7 +146,10 @@ def _steadied(points: Array, normals: Array, pairs: Index, noise: float, spacing
 
     # Noise of so many spacings turns normals by as many radians; each round takes about two thirds of that away.
     rounds = int(np.clip(np.ceil(np.log(max(noise / spacing / 0.02, 1)) / np.log(1.7)), 0, ROUNDS))
-    i, j = np.r_[pairs[:, 0], pairs[:, 1], np.arange(len(points))], np.r_[pairs[:, 1], pairs[:, 0], np.arange(len(points))]
+    i, j = (
+        np.r_[pairs[:, 0], pairs[:, 1], np.arange(len(points))],
+        np.r_[pairs[:, 1], pairs[:, 0], np.arange(len(points))],
+    )
     for left in range(rounds, 0, -1):
         cosine = np.einsum("pi,pi->p", normals[i], normals[j])
         # Wide at first, since the noise itself sets neighbours apart.

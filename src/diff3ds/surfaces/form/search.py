@@ -1,5 +1,6 @@
-"""Which forms a surface is made of: fitted to patches of it, the best of them grown and refitted, one after the other."""
+"""Which forms a surface is made of: fitted to patches of it, the best of them grown and refitted, one by one."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ COMPARED = 1500
 DEVIATIONS, SLACK, ALIKE = 3.0, 0.0012, 0.35
 # A form has at least so many samples, and so large a share of all. Empirical.
 LEAST, LEAST_SHARE = 12, 0.0012
+# A round is over when so many patches in a row, nearly, gave nothing. Empirical.
+FAILURES = 60
 # Times a form is refitted while it grows, and the samples that its fit looks at.
 GROWN, REFITTED = 6, 1500
 # A kind with more numbers is taken where it makes the mean square distance so much smaller. Empirical.
@@ -74,7 +77,7 @@ class _Search:
         gains = weights.sum(1)
         least = 0.4 * self.least * len(compared) / len(rows)
         count, failures = 0, 0
-        while failures < PATCHES:
+        while failures < min(FAILURES, len(forms)):
             best = int(gains.argmax())
             if gains[best] < least:
                 break
@@ -110,7 +113,7 @@ class _Search:
                     many = fitted[block]
                     weights.append(self._weights(many, points[compared], normals[compared]).astype(np.float32))
                     forms += [many[row] for row in range(len(block))]
-        return forms, np.concatenate(weights)
+        return forms, np.concatenate(weights or [np.zeros((0, len(compared)), np.float32)])
 
     def _sound(self, form: Form) -> Bool[Mask, "*b"]:
         """Whether forms are what their kind says, and not nearly a simpler one."""
@@ -118,12 +121,12 @@ class _Search:
         ok = np.isfinite(form.center).all(-1) & np.isfinite(form.radius)
         ok &= np.linalg.norm(form.center - self.samples.points.mean(0), axis=-1) < 100 * size
         if form.kind == FormKind.CONE:
-            return ok & (np.abs(form.angle) > 0.03) & (np.abs(form.angle) < 1.5)
+            return np.asarray(ok & (np.abs(form.angle) > 0.03) & (np.abs(form.angle) < 1.5))
         if form.kind == FormKind.TORUS:
             ok &= (form.ring > 1.05 * form.radius) & (form.ring < ROUNDEST * size)
         if form.kind != FormKind.PLANE:
             ok &= (form.radius > 0.5 * self.samples.spacing) & (form.radius < ROUNDEST * size)
-        return ok
+        return np.asarray(ok)
 
     def _weights(self, form: Form, points: Array, normals: Array, reach: float | None = None) -> Float[Array, "*b S"]:
         distance, cosine = form.measured(points, normals)
@@ -163,7 +166,9 @@ class _Search:
         return best_kind(own, points, normals, scale, self._sound, self.samples) if other_kinds else own
 
 
-def best_kind(own: Form, points: Array, normals: Array, scale: float, sound, samples: Samples) -> Form:
+def best_kind(
+    own: Form, points: Array, normals: Array, scale: float, sound: Callable[[Form], Mask], samples: Samples
+) -> Form:
     """The simplest form that fits points nearly as well as the best one does."""
     sign = np.sign((own.normal(points) * normals).sum(1))
     turned = normals * np.where(sign == 0, 1, sign)[:, None]
