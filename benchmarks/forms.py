@@ -26,7 +26,7 @@ from curve_scores import circle_of
 from report import environment, show, write_json
 
 import diff3ds as ds
-from diff3ds.edges.shapes.curve_set import sampled
+from diff3ds.curves.shapes.curve_set import sampled
 from diff3ds.metrics.curves import resampled
 from diff3ds.surfaces.form.form_curves import form_curves
 from diff3ds.surfaces.form.samples import Samples

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import diff3ds as ds
-from diff3ds.edges.shapes.curve_set import sampled
-from diff3ds.edges.shapes.primitives import Kind
+from diff3ds.curves.shapes.curve_set import sampled
+from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.surfaces.form.form_curves import form_curves
 from diff3ds.surfaces.form.forms import FREE, Form, FormKind, fits_of_patches, form
 from diff3ds.surfaces.form.meets import exact_paths, onto

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds.edges.shapes.curve_set import Curves
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.surfaces.form.edges import Edge, corners, edges_between, without_scraps
 from diff3ds.surfaces.form.free import free_regions
 from diff3ds.surfaces.form.labels import Labelled, labelled, spread

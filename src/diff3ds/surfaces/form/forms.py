@@ -12,7 +12,7 @@ from enum import IntEnum
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.edges.shapes.lines import unit
+from diff3ds.curves.directions import unit
 from diff3ds.surfaces.arrays import Index
 
 # [units; numerical] Where something is divided by a distance from an axis it is at least so long.

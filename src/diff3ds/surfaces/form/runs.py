@@ -6,16 +6,16 @@ from itertools import pairwise
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.edges.clean.simplify import simplest
-from diff3ds.edges.shapes.lines import unit
-from diff3ds.edges.shapes.primitives import CLOSED_KINDS, Kind, Primitive, arc_control, line_control
+from diff3ds.curves.directions import unit
+from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive, arc_control, line_control
+from diff3ds.curves.shapes.simplest import simplest
 from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.form.edges import Edge
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
 from diff3ds.surfaces.meshes.feature_curves import _pieces
 
-# An arc of more than this is drawn as two: see `edges.shapes.primitives.MOST_SWEEP`.
+# An arc of more than this is drawn as two: see `curves.shapes.primitives.MOST_SWEEP`.
 MOST_ARC = np.deg2rad(200.0)
 # How near a curve stays to the edges that it draws, in longest sides and in reaches, whichever is more. Empirical.
 FIT, FIT_REACHES = 1 / 1000, 0.3
