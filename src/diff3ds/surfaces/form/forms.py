@@ -11,9 +11,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.arrays import Index
 
 # [units; numerical] Where something is divided by a distance from an axis it is at least so long.
 TINY = 1e-12

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
-from diff3ds.surfaces.arrays import Index
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.surfaces.form.forms import Form, FormKind
 from diff3ds.surfaces.form.free import NONE
 from diff3ds.surfaces.form.meets import onto

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from diff3ds._shapes import Array, Int
+from diff3ds._shapes import Array, Index, Int
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.form.forms import Form, FormKind
 from diff3ds.surfaces.form.labels import refitted, some_of
 from diff3ds.surfaces.form.samples import Samples

@@ -5,11 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive, arc_control, line_control
 from diff3ds.curves.shapes.simplest import simplest
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.form.edges import Edge
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.arrays import Index
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 
 if TYPE_CHECKING:

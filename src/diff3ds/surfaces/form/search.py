@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.surfaces.arrays import Index, Mask
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.surfaces.form.forms import Form, FormKind, fits_of_patches
 from diff3ds.surfaces.form.samples import Samples
 
