@@ -6,9 +6,9 @@ import pytest
 import diff3ds as ds
 from diff3ds.curves.shapes.curve_set import sampled
 from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.surfaces.form.exact_meets import exact_paths, onto
 from diff3ds.surfaces.form.form_curves import form_curves
-from diff3ds.surfaces.form.forms import FREE, Form, FormKind, fits_of_patches, form
-from diff3ds.surfaces.form.meets import exact_paths, onto
+from diff3ds.surfaces.form.form_kinds import FREE, Form, FormKind, fits_of_patches, form
 from diff3ds.surfaces.form.samples import Samples
 
 AXIS = np.array([0.2, -0.5, 0.8])

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
+from diff3ds.surfaces.form.exact_meets import Path, Surface, exact_paths, marched, onto
 from diff3ds.surfaces.form.free import NONE, FreeForm
-from diff3ds.surfaces.form.meets import Path, Surface, exact_paths, marched, onto
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.surfaces.form.edge_strokes import drawn_runs
 from diff3ds.surfaces.form.edges import Edge, corners, edges_between, without_scraps
+from diff3ds.surfaces.form.exact_meets import Surface
 from diff3ds.surfaces.form.free import free_regions
 from diff3ds.surfaces.form.labels import Labelled, labelled, spread
-from diff3ds.surfaces.form.meets import Surface
 from diff3ds.surfaces.form.regular import regularised
-from diff3ds.surfaces.form.runs import drawn_runs
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import found_forms, within
 from diff3ds.surfaces.meshes.feature_curves import _curves

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.surfaces.form.forms import FormKind
+from diff3ds.surfaces.form.form_kinds import FormKind
 from diff3ds.surfaces.form.samples import Samples
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.surfaces.form.forms import Form, FormKind
+from diff3ds.surfaces.form.exact_meets import onto
+from diff3ds.surfaces.form.form_kinds import Form, FormKind
 from diff3ds.surfaces.form.free import NONE
-from diff3ds.surfaces.form.meets import onto
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import ALIKE, LEAST, LEAST_SHARE, REFITTED, within
 

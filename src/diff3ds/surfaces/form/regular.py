@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Index, Int
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.form.forms import Form, FormKind
+from diff3ds.surfaces.form.form_kinds import Form, FormKind
 from diff3ds.surfaces.form.labels import refitted, some_of
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
@@ -20,7 +20,7 @@ NEAR_REACHES = 1.5
 WORSE, CHANCE = 1.01, 12.0
 # And below this, in longest sides, distances are rounding.
 ROUNDING = 2e-5
-# The numbers of a fit, as of `forms.FREE`.
+# The numbers of a fit, as of `form_kinds.FREE`.
 CENTER, ALONG, AXIS, RADIUS = (0, 1), (2,), (3, 4), (5,)
 ROUND_KINDS = (FormKind.CYLINDER, FormKind.CONE, FormKind.TORUS)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.surfaces.form.forms import Form, FormKind, fits_of_patches
+from diff3ds.surfaces.form.form_kinds import Form, FormKind, fits_of_patches
 from diff3ds.surfaces.form.samples import Samples
 
 # Rounds of patches, each on what no form has explained; patches of a round, and their numbers of samples, of which

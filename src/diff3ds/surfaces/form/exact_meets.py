@@ -8,7 +8,7 @@ import numpy as np
 from diff3ds._shapes import Array, Float
 from diff3ds.curves.directions import TINY, unit
 from diff3ds.curves.shapes.primitives import Kind
-from diff3ds.surfaces.form.forms import Form, FormKind, frame
+from diff3ds.surfaces.form.form_kinds import Form, FormKind, frame
 from diff3ds.surfaces.form.free import FreeForm
 
 Surface = Form | FreeForm
