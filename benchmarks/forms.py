@@ -2,9 +2,9 @@
 
     python benchmarks/forms.py [--seeds 0-59] [--kinds generated scan1 ...] [--keep FOLDER] [--json FILE]
 
-Seeds as of cad_objects.py. Kinds: `generated`, meshes as image-to-3D models give; `scan1`, `scan2`, `scan5`, scans of
-60,000 faces with noise of .1, .2 and .5 % of the longest side; `coarse1` and so on, the same decimated to 6,000 faces;
-`cloud0`, `cloud1`, `cloud5`, 32,768 points, clean and with noise, every third part seen from one side only; `pi3detr`,
+Seeds as of cad_objects.py. Kinds: generated, meshes as image-to-3D models give; scan1, scan2, scan5, scans of
+60,000 faces with noise of .1, .2 and .5 % of the longest side; coarse1 and so on, the same decimated to 6,000 faces;
+cloud0, cloud1, cloud5, 32,768 points, clean and with noise, every third part seen from one side only; pi3detr,
 the clouds with true curves in DIFF3DS_DATA/points, beside PI3DETR's own results. Needs the CAD kernel
 (pip install 'diff3ds[cad]') and fast-simplification.
 
