@@ -34,8 +34,9 @@ def text(name: str, content: str | bytes, **beside: str | bytes):
 
 
 def area(found: MeshFile) -> float:
+    """Of faces in a plane; those that are wound the other way count less than nothing."""
     a, b, c = found.vertices[found.faces].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a).sum(0)) / 2)
 
 
 def covers(size: float):
