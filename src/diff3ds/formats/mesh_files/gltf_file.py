@@ -71,10 +71,7 @@ class GltfFile:
 
     def all(self, name: str) -> list[Any]:
         """All things of a kind."""
-        found = self.json.get(name, [])
-        if not isinstance(found, list):
-            raise ValueError(f"its {name} are no list")
-        return found
+        return listed(self.json, name)
 
     def one(self, name: str, number: Any) -> Any:
         """A thing of a kind by its number.
@@ -179,6 +176,18 @@ class GltfFile:
         offset = _count(what.get("byteOffset", 0))
         found[rows] = self._strided(what.get("bufferView"), offset, found.dtype, found.shape[1], count)
         return found
+
+
+def listed(thing: dict[str, Any], name: str) -> list[Any]:
+    """What a thing has under a name, nothing where it has none.
+
+    Raises:
+        ValueError: no list.
+    """
+    found = thing.get(name, [])
+    if not isinstance(found, list):
+        raise ValueError(f"its {name} are no list")
+    return found
 
 
 def _no_number(text: str) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
-from diff3ds.formats.mesh_files.gltf_file import GltfFile
+from diff3ds.formats.mesh_files.gltf_file import GltfFile, listed
 from diff3ds.formats.mesh_files.polygons import MOST
 
 # Nodes in nodes: more is taken for an attack.
@@ -30,7 +30,7 @@ class Scene:
         nodes = file.all("nodes")
         self._parent = [-1] * len(nodes)
         for number in range(len(nodes)):
-            for child in _list(file.one("nodes", number), "children"):
+            for child in listed(file.one("nodes", number), "children"):
                 file.one("nodes", child)
                 if self._parent[child] != -1:
                     raise ValueError(f"node {child} is the child of two nodes")
@@ -38,7 +38,7 @@ class Scene:
         self._places: dict[int, Float[Array, "4 4"]] = {}
         scenes = file.all("scenes")
         if scenes:
-            ways = list(_list(file.one("scenes", file.json.get("scene", 0)), "nodes"))
+            ways = list(listed(file.one("scenes", file.json.get("scene", 0)), "nodes"))
         else:
             ways = [number for number, parent in enumerate(self._parent) if parent == -1]
         self.shown: list[int] = []
@@ -52,7 +52,7 @@ class Scene:
             if node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible") is False:
                 continue
             self.shown.append(number)
-            ways += _list(node, "children")
+            ways += listed(node, "children")
 
     def place(self, number: int) -> Float[Array, "4 4"]:
         """From a node's own coordinates to the world."""
@@ -93,7 +93,7 @@ class Scene:
             ValueError: other joints or weights than the skin has.
         """
         skin = self._file.one("skins", skin)
-        joints = _list(skin, "joints")
+        joints = listed(skin, "joints")
         for joint in joints:
             self._file.one("nodes", joint)
         matrices = np.stack([self.place(joint) for joint in joints]) if joints else np.zeros((0, 4, 4))
@@ -124,13 +124,6 @@ _IDENTITY: dict[str, NDArray[np.float64]] = {
     "ROTATION": np.array([0.0, 0.0, 0.0, 1.0]),
     "SCALE": np.ones(3),
 }
-
-
-def _list(thing: dict[str, Any], name: str) -> list[Any]:
-    found = thing.get(name, [])
-    if not isinstance(found, list):
-        raise ValueError(f"{name} are no list")
-    return found
 
 
 def _local(node: dict[str, Any]) -> Float[Array, "4 4"]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.files_beside import FilesBeside
-from diff3ds.formats.mesh_files.gltf_file import GltfFile
+from diff3ds.formats.mesh_files.gltf_file import GltfFile, listed
 from diff3ds.formats.mesh_files.gltf_materials import GltfMaterials
 from diff3ds.formats.mesh_files.gltf_scene import Scene
 from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, counted
@@ -51,13 +51,16 @@ class _Reader:
         mesh = self._file.one("meshes", node["mesh"])
         # A skin says alone where it is: the place of its mesh's node counts for nothing.
         places = [np.eye(4)] if "skin" in node else self._scene.copies(number)
-        for primitive in mesh.get("primitives", []):
+        weights = listed(node if "weights" in node else mesh, "weights")
+        for primitive in listed(mesh, "primitives"):
+            if not isinstance(primitive, dict) or not isinstance(primitive.get("attributes"), dict):
+                raise ValueError("a primitive of a mesh has no attributes")
             if primitive.get("mode", _TRIANGLES) in _FLAT_KINDS:
                 self._flat += 1
                 continue
             attributes = primitive["attributes"]
             faces = self._faces_of(primitive)
-            points = self._points_of(primitive, node.get("weights", mesh.get("weights", [])))
+            points = self._points_of(primitive, weights)
             if len(faces) and (faces.min() < 0 or faces.max() >= len(points)):
                 raise ValueError(f"a face has vertex {faces.max()} (counted from 0) of {len(points)}")
             flipped = False
@@ -95,7 +98,7 @@ class _Reader:
             self._paints.append(Paint(color, uv, paint.texture))
         self._vertices, self._triangles = self._vertices + len(points), self._triangles + len(faces)
 
-    def _points_of(self, primitive: dict[str, Any], weights: list[float]) -> Float[Array, "V 3"]:
+    def _points_of(self, primitive: dict[str, Any], weights: list[Any]) -> Float[Array, "V 3"]:
         """The vertices at rest: with morph targets by the weights that the file has for it."""
         if "POSITION" not in primitive["attributes"]:
             if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
@@ -104,7 +107,7 @@ class _Reader:
         number = primitive["attributes"]["POSITION"]
         self._check_there(primitive, number)
         points = self._file.values(number, 3)
-        for weight, target in zip(weights, primitive.get("targets", []), strict=False):
+        for weight, target in zip(weights, listed(primitive, "targets"), strict=False):
             if weight and "POSITION" in target:
                 points = points + float(weight) * self._file.values(target["POSITION"], 3)
         return points
