@@ -80,12 +80,13 @@ def test_edges_or_pictures_of_an_edge_data_set(tmp_path):
 
 
 def test_masks_lie_in_a_folder_of_that_name(tmp_path):
-    """With .png behind the whole name, as COLMAP has them, or in place of the suffix."""
+    """With .png behind the whole name, as COLMAP has them, or another suffix in place of the picture's."""
     write_colmap(tmp_path)
-    pictures(tmp_path / "masks", [f"{NAMES[0]}.png", *NAMES[1:3]])
+    masks = [f"{NAMES[0]}.png", NAMES[1], NAMES[2].replace(".png", ".jpg")]
+    pictures(tmp_path / "masks", masks)
     with pytest.warns(UserWarning, match="masks: 1 of 4 pictures have no mask there"):
         views = present_views(find_project(tmp_path))
-    assert [view.mask and view.mask.name for view in views] == [f"{NAMES[0]}.png", *NAMES[1:3], None]
+    assert [view.mask and view.mask.name for view in views] == [*masks, None]
 
 
 def test_missing_pictures_are_left_out(tmp_path):

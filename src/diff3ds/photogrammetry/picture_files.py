@@ -209,9 +209,9 @@ def _of_one_suffix(several: Mapping[str, list[Path]]) -> dict[str, Path]:
 
 
 def _mask(picture: Path, base: Path, folders: list[Path]) -> Path | None:
-    """COLMAP writes .png behind the whole name, others in place of the suffix."""
+    """COLMAP writes .png behind the whole name, others this or another suffix in place of the picture's."""
     # What "../" leads out of the folder of pictures would lead out of that of masks as well, perhaps to the picture.
     inside = picture.is_relative_to(base) and ".." not in picture.relative_to(base).parts
     place = picture.relative_to(base) if inside else Path(picture.name)
-    names = (place.with_name(place.name + ".png"), place.with_suffix(".png"), place)
+    names = (place.with_name(place.name + ".png"), *(place.with_suffix(suffix) for suffix in SUFFIXES))
     return next((file for folder in folders for name in names if (file := folder / name).is_file()), None)
