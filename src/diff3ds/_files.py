@@ -3,6 +3,7 @@
 import codecs
 import errno
 import json
+import os
 import re
 import secrets
 from collections.abc import Iterator
@@ -16,6 +17,11 @@ MAX_TEXT_BYTES = 1 << 28
 FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 # A string, to be kept, or a comment; one that is never closed goes on to the end, so that the search takes linear time.
 _COMMENTS = re.compile(r'("(?:[^"\\]|\\.)*")|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file: none of a name that is longer than any, or has a null character."""
+    return os.path.isfile(path)
 
 
 def read_text(path: Path) -> str:

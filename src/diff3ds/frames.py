@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -9,6 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 import torch
 
+from diff3ds._files import is_file
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import check_size
 from diff3ds.distortion import Distortion
@@ -61,7 +63,7 @@ def number(path: Path, values: Values, key: str, default: float | None = None) -
 def file_of(path: Path, name: str) -> Path:
     """A file that is named relative to the folder of the transforms.json, on Windows with backslashes."""
     file = path.parent / name
-    return file if "\\" not in name or file.is_file() else path.parent / name.replace("\\", "/")
+    return file if "\\" not in name or is_file(file) else path.parent / name.replace("\\", "/")
 
 
 def picture_of(path: Path, index: int, frame: Values) -> Path:
@@ -79,11 +81,11 @@ def picture_of(path: Path, index: int, frame: Values) -> Path:
 def named_picture(path: Path, name: str) -> Path:
     """The picture of this name, which may lack its suffix."""
     picture = file_of(path, name)
-    if picture.is_file():
+    if is_file(picture):
         return picture
     # Not with_suffix: what follows a dot in "frame.001" is no suffix.
     with_suffix = [picture.with_name(picture.name + suffix) for suffix in SUFFIXES]
-    return next((p for p in with_suffix if p.is_file()), picture if picture.suffix else with_suffix[0])
+    return next((p for p in with_suffix if is_file(p)), picture if picture.suffix else with_suffix[0])
 
 
 def mask_file(path: Path, index: int, frame: Values) -> Path | None:
@@ -101,7 +103,7 @@ def mask_file(path: Path, index: int, frame: Values) -> Path | None:
 def similar(file: Path) -> Path | None:
     """A file beside a missing one whose name differs in capitals or %20 only: other systems find it."""
     wanted = unquote(file.name).casefold()
-    if not file.parent.is_dir():
+    if not os.path.isdir(file.parent):
         return None
     return next((entry for entry in file.parent.iterdir() if unquote(entry.name).casefold() == wanted), None)
 

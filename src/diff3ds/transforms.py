@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from diff3ds._files import read_json, write_text
+from diff3ds._files import is_file, read_json, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import DEFAULT_NEAR, Cameras
 from diff3ds.distortion import NO_DISTORTION, Distortion
@@ -114,7 +114,7 @@ def present_views(path: str | Path) -> list[View]:
     frames: list[Values] = data["frames"]
     pictures = {i: picture_of(path, i, frame) for i, frame in enumerate(frames)}
     pictures = _smaller_copies(data, _listed(path, data, pictures))
-    there = {i: picture for i, picture in pictures.items() if picture.is_file()}
+    there = {i: picture for i, picture in pictures.items() if is_file(picture)}
     missing = [picture for i, picture in pictures.items() if i not in there]
     if missing and len(there) < LEAST:
         raise FileNotFoundError(_missing(path, missing, len(pictures)))
@@ -170,7 +170,7 @@ def require_files(path: Path, files: Sequence[Path], what: str = "pictures") -> 
     Raises:
         FileNotFoundError: says how many are missing, and names some.
     """
-    missing = [file for file in files if not file.is_file()]
+    missing = [file for file in files if not is_file(file)]
     if missing:
         raise FileNotFoundError(_missing(path, missing, len(files), what))
 
@@ -209,7 +209,7 @@ def _smaller_copies(data: Values, pictures: dict[int, Path]) -> dict[int, Path]:
     if not all({"w", "h"} <= {*data, *data["frames"][i]} for i in pictures):
         return pictures
     copies = [{i: p.parent.parent / (p.parent.name + times) / p.name for i, p in pictures.items()} for times in SMALLER]
-    return max(pictures, *copies, key=lambda files: sum(file.is_file() for file in files.values()))
+    return max(pictures, *copies, key=lambda files: sum(is_file(file) for file in files.values()))
 
 
 def load_transforms(path: str | Path) -> tuple[Cameras, list[Path]]:

@@ -9,7 +9,7 @@ from edge_scenes import arc, around, ridges_along, segment
 from scipy.spatial.transform import Rotation
 
 from diff3ds.edges.cameras.coarse_to_fine import refined_cameras
-from diff3ds.edges.cameras.find_again import agreement_of, are_lost
+from diff3ds.edges.cameras.find_again import agreement_of, are_surely_lost
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import Posed, held
 from diff3ds.edges.cameras.right_already import gain_unseen
@@ -132,7 +132,7 @@ def test_a_camera_that_disagrees_is_told_without_refining(scene):
         for some in (ridges, [ridges[0][np.zeros(len(ridges[0]), bool)], *ridges[1:]]):
             curves = first_curves(edge_views(cameras, some), confirming(len(ridges)))
             agrees = agreement_of(cameras, some, curves, Bias(0.0, 0.0, 0.0))
-            assert np.flatnonzero(are_lost(agrees)).tolist() == expected
+            assert np.flatnonzero(are_surely_lost(agrees)).tolist() == expected
 
 
 def test_the_whole_does_not_drift(scene, refined):

@@ -30,6 +30,17 @@ def write_transforms(folder):
 PROJECTS = {**KINDS, "colmap binary": write_binary, "transforms": write_transforms}
 
 
+@pytest.mark.parametrize("name", ["a" * 5000, "/".join(["a" * 300] * 9), "a\0b"])
+def test_names_that_no_file_can_have(tmp_path, name):
+    for kind, edit in {"transforms": f"images/{NAMES[1]}", "colmap": NAMES[1]}.items():
+        (tmp_path / kind).mkdir()
+        PROJECTS[kind](tmp_path / kind)
+        file = next(f for f in (tmp_path / kind).rglob("*") if f.name in ("transforms.json", "images.txt"))
+        file.write_text(file.read_text().replace(edit, name.replace("\0", "\\u0000") if kind == "transforms" else name))
+        with pytest.warns(UserWarning, match="1 of 4 pictures are missing"):
+            assert len(present_views(find_project(tmp_path / kind))) == 3
+
+
 def check_fuzzed(folder, kind, count, seed):
     """Of so many projects with one damaged file; returns how many were read all the same."""
     PROJECTS[kind](folder)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from needs import needs
 from PIL import Image
-from written_projects import CAMERAS, KINDS, NAMES, SIZE, pictures, write_colmap, write_meshroom, write_metashape
+from written_projects import CAMERAS, FOCAL, KINDS, NAMES, SIZE, pictures, write_colmap, write_meshroom, write_metashape
 
 import diff3ds as ds
 from diff3ds.formats.png import load_image
@@ -225,3 +225,21 @@ def test_heic_pictures_are_read(tmp_path):
     found = load_image(tmp_path / "a.heic")
     assert found.shape == (48, 64, 3)
     np.testing.assert_allclose(found[20, 20], [250 / 255, 10 / 255, 10 / 255], atol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("version", "numbers"),
+    [
+        ((1, 0, 0), {"pxFocalLength": "FOCAL", "principalPoint": ["32", "24"]}),
+        ((1, 2, 0), {"pxFocalLength": ["FOCAL", "FOCAL"], "principalPoint": ["32", "24"]}),
+        ((1, 2, 1), {"pxFocalLength": ["FOCAL", "FOCAL"], "principalPoint": ["0", "0"]}),
+        ((1, 2, 3), {}),
+    ],
+)
+def test_every_version_of_meshroom_has_the_same_lens(tmp_path, version, numbers):
+    """Focal lengths were pixels once, and principal points told from the corner."""
+    text = json.dumps({"type": "radial3", "distortionParams": ["-0.1", "0.05", "0"]} | numbers)
+    write_meshroom(tmp_path, version, json.loads(text.replace("FOCAL", repr(FOCAL))))
+    view = present_views(find_project(tmp_path))[0]
+    np.testing.assert_allclose(view.intrinsics, CAMERAS.intrinsics[0], atol=1e-5)
+    assert view.distortion.radial == (-0.1, 0.05, 0)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+from diff3ds._files import is_file
 from diff3ds.formats.png import size_of
 from diff3ds.frames import SUFFIXES
 from diff3ds.photogrammetry.shot import Shot
@@ -163,7 +164,7 @@ def _found_in(folder: Path, shots: Sequence[Shot]) -> Iterator[tuple[str, Path]]
         name = PurePosixPath(shot.name.replace("\\", "/"))
         # The folders of another machine may be the same below that of the pictures.
         tails = (folder.joinpath(*name.parts[first:]) for first in range(len(name.parts)))
-        if named := next((file for file in tails if file.is_file()), None):
+        if named := next((file for file in tails if is_file(file)), None):
             found.append((shot.name, named, named == folder / name))
         elif similar := stems.get(name.name) or stems.get(name.stem):
             several[shot.name] = similar

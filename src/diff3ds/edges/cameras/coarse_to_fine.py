@@ -10,7 +10,7 @@ from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.adjust import adjusted
-from diff3ds.edges.cameras.find_again import LEAST_AGREEMENT, agreement, are_lost, found_again
+from diff3ds.edges.cameras.find_again import LEAST_AGREEMENT, agreement, are_lost, are_surely_lost, found_again
 from diff3ds.edges.cameras.lens_effect import LensEffect, bending
 from diff3ds.edges.cameras.posed import Posed, coarser, held
 from diff3ds.edges.cameras.right_already import RIGHT, gain_unseen
@@ -113,7 +113,7 @@ def _as_given(
     if len(curves) < 2:
         return None
     agrees = agreement(start, views, effect, curves)
-    lost = are_lost(agrees)
+    lost = are_surely_lost(agrees)
     if float(np.median(agrees)) < LEAST_AGREEMENT or gain_unseen(start, views, effect, curves, ~lost) > RIGHT:
         return None
     posed = start.with_poses(found_again(start, start, views, effect, curves), lost) if lost.any() else start

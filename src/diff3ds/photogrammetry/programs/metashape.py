@@ -1,6 +1,5 @@
 """Agisoft Metashape's cameras.xml, and PhotoScan's: cameras of a chunk that are aligned, slaves of rigs among them."""
 
-import math
 import warnings
 from collections import Counter
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from diff3ds._files import read_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds.distortion import Distortion
 from diff3ds.frames import ADVICE
-from diff3ds.photogrammetry.shot import Shot, inverse, picture_size, pinhole, rigid, warn_left_out
+from diff3ds.photogrammetry.shot import LARGEST, Shot, inverse, picture_size, pinhole, rigid, warn_left_out
 
 # How programs call what holds cameras, and the kinds of lenses that are read.
 ROOT, LENSES = "document", ("frame", "fisheye")
@@ -130,7 +129,7 @@ def _numbers(path: Path, text: str | None, count: int) -> list[float]:
         found = [float(word) for word in (text or "").split()]
     except ValueError:
         found = []
-    if len(found) != count or not all(map(math.isfinite, found)):
+    if len(found) != count or not all(abs(n) < LARGEST for n in found):
         raise ValueError(f"{path}: expected {count} finite numbers, got {text!r:.60}")
     return found
 

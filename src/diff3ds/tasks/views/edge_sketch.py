@@ -11,7 +11,7 @@ import torch
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.curves.shapes.smooth_joints import sketch_of
-from diff3ds.edges.cameras.find_again import agreement_of, are_lost
+from diff3ds.edges.cameras.find_again import agreement_of, are_surely_lost
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import reconstruct
@@ -106,7 +106,7 @@ def _disagreeing(
 ) -> list[str]:
     """The pictures that show hardly any of the curves that the others show, which is said."""
     reached = course.kept.result
-    lost = are_lost(agreement_of(frame.cameras(pictures.cameras), ridges, reached.curves, reached.bias))
+    lost = are_surely_lost(agreement_of(frame.cameras(pictures.cameras), ridges, reached.curves, reached.bias))
     names = [name for name, gone in zip(pictures.names, lost.tolist(), strict=True) if gone]
     if names:
         some = ", ".join(names[:NAMED]) + (", ..." if len(names) > NAMED else "")
