@@ -56,19 +56,20 @@ ALLOWED = {
     "detectors": HELPERS,
     "optimize": {"constraints", "render", "project", "losses"} | SCENE,
     "viewer": set(),
-    "formats": {"render", "project", "viewer"} | SCENE,
+    "page": {"curves", "render", "project"} | SCENE,
+    "formats": {"page", "render", "project", "viewer"} | SCENE,
     "notebook": {"formats", "viewer"} | SCENE,
-    "styles": {"curves", "formats", "render", "project"} | SCENE,
+    "styles": {"curves", "page", "project"} | SCENE,
     "pictures": {"distortion", "formats", "photogrammetry", "render", "transforms"} | SCENE,
     "edges": {"curves", "distortion", "optimize", "render", "project"} | SCENE,
-    "surfaces": {"curves", "formats", "project", "render"} | SCENE,
+    "surfaces": {"curves", "formats", "page", "project", "render"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "notebook", "render",
                 "project", "styles", "surfaces", "transforms"} | SCENE,
     "tasks": {"constraints", "curves", "detectors", "distortion", "edges", "surfaces", "optimize", "pictures",
-              "guidance", "weights", "losses", "formats", "metrics", "library", "photogrammetry", "render", "project",
-              "styles", "transforms", "viewer"} | SCENE,
+              "guidance", "weights", "losses", "formats", "metrics", "library", "page", "photogrammetry", "render",
+              "project", "styles", "transforms", "viewer"} | SCENE,
     "cli": {"tasks", "command_line", "_version"},
 }  # fmt: skip
 
@@ -82,8 +83,8 @@ UPWARD = {
 }
 # Names that several files have, with how many; library/kinds apart, where a file has the name of the thing it draws.
 DOUBLED = {
-    "corners": 2, "curves": 2, "device": 2, "lines": 2, "mesh": 2, "options": 12, "outline": 2, "outlines": 2,
-    "poses": 2, "project": 2, "read": 2, "run": 2, "scene": 2, "seen": 2, "union": 2,
+    "corners": 2, "curves": 2, "device": 2, "mesh": 2, "options": 12, "poses": 2, "project": 2, "read": 2, "run": 2,
+    "scene": 2, "seen": 2, "union": 2,
 }  # fmt: skip
 # Modules that a folder may have, those that begin with an underscore apart; and the folders that have more.
 MOST = 14

@@ -14,9 +14,10 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_svg, tile_images
-from diff3ds.formats.vector import screen_pieces, svg
-from diff3ds.formats.vector.drawn_paths import TOLERANCE
-from diff3ds.formats.vector.outlines import _hull
+from diff3ds.formats.vector import svg
+from diff3ds.page import screen_pieces
+from diff3ds.page.drawn_paths import TOLERANCE
+from diff3ds.page.stroke_outlines import _hull
 
 needs_resvg = pytest.mark.skipif(importlib.util.find_spec("resvg_py") is None, reason="the extra svg is not installed")
 SPACE = "{http://www.w3.org/2000/svg}"

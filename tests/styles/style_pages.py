@@ -3,7 +3,7 @@
 import torch
 
 import diff3ds as ds
-from diff3ds.styles.lines import lines_of
+from diff3ds.page.lines import lines_of
 
 CAMERA = ds.orbit(0.0, 0.0, 3.0, height=2.0, size=256)
 

@@ -12,8 +12,8 @@ from style_pages import CAMERA, circle, lines, stroke
 
 import diff3ds as ds
 from diff3ds.curves.fit_cubics import fit_outline, is_straight
-from diff3ds.styles.outline import TOLERANCE, add_contour, add_strip
-from diff3ds.styles.union import pathops, svg_data, united, within, without
+from diff3ds.page.ink_outlines import TOLERANCE, add_contour, add_strip
+from diff3ds.page.union import pathops, svg_data, united, within, without
 
 pytestmark = needs("pathops")
 

@@ -13,11 +13,11 @@ from style_pages import CAMERA, circle, lines, stroke
 
 import diff3ds as ds
 from diff3ds import styles
+from diff3ds.page.noise import grain, uniform, wander
+from diff3ds.page.union import pathops, united
 from diff3ds.styles.brush_file import load_brush
-from diff3ds.styles.noise import grain, uniform, wander
 from diff3ds.styles.pens import ISO_WIDTHS, tapered
 from diff3ds.styles.styled_svg import LARGEST, THIN
-from diff3ds.styles.union import united
 
 pytestmark = needs("pathops")
 
@@ -133,7 +133,7 @@ def test_dashes_run_round_closed_strokes_evenly_and_along_bends():
 
 def test_the_edge_of_watercolour_lies_within_the_wash():
     wash, middle, edge = styles.Watercolour().marks(one_line(LINE), PAGE, 3)
-    both = styles.union.pathops().Path()
+    both = pathops().Path()
     both.addPath(wash.path)
     both.addPath(edge.path)
     assert united(both).area == pytest.approx(wash.path.area, rel=1e-4)

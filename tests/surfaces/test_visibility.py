@@ -6,7 +6,7 @@ import torch
 from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
-from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.page.boxes import BoxIndex
 
 PROFILE = np.array([[0, -1], [0.8, -1], [0.8, -0.5], [0.3, -0.4], [0.3, 0.6], [1, 0.9], [0, 1]])
 SCENES = {

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 import diff3ds as ds
 from diff3ds.library import member
-from diff3ds.tasks.recognition.lines import Lines
+from diff3ds.tasks.recognition.picture_lines import Lines
 from diff3ds.tasks.recognition.poses import PlacedLines, cameras_at
 from diff3ds.tasks.text_image.bend import bend_to, seen_by
 

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.lines import Lines, lines_of
+from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
 from diff3ds.tasks.recognition.poses import PlacedLines
 from diff3ds.tasks.text_image.picture_colors import LIGHTEST, LUMA, PictureColors
 

@@ -17,8 +17,8 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.library.members import added_strokes
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.lines import Lines, lines_of
 from diff3ds.tasks.recognition.network import trained
+from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
 from diff3ds.tasks.recognition.poses import alike, cameras_at, confidence, descriptors, gap, pieces, placed_over
 from diff3ds.tasks.recognition.recognise import Guess, NotRecognised, recognise, recognised, seen_as
 from diff3ds.tasks.text_image import priors

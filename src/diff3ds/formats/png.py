@@ -11,6 +11,7 @@ import torch
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.pixels import described, pixels_of, prepare, require_one_frame
+from diff3ds.page.views_grid import grid_columns
 
 # 11585 x 11585; as float32 RGBA that takes 2 GiB. More is taken for a mistake or an attack.
 MAX_PIXELS = 1 << 27
@@ -132,11 +133,6 @@ def load_reduced(
         # Broken files make pillow's decoders raise nearly anything.
         except Exception as error:
             raise ValueError(f"{path}: cannot be read as a picture ({error})") from error
-
-
-def grid_columns(count: int) -> int:
-    """Columns of a grid of `count` pictures that is as square as it gets, wider rather than higher."""
-    return math.ceil(math.sqrt(count))
 
 
 def tile_images(images: Float[Tensor, "V H W C"], columns: int | None = None) -> Float[Tensor, "H1 W1 C"]:

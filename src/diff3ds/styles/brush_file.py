@@ -11,8 +11,8 @@ from xml.parsers import expat
 import numpy as np
 
 from diff3ds._shapes import Array
+from diff3ds.page.union import pathops, united
 from diff3ds.styles.path_data import LARGEST, MOST_COMMANDS, add_path_data, number, numbers
-from diff3ds.styles.union import pathops, united
 
 # A brush is a small drawing; more is taken for a mistake or an attack.
 MAX_BYTES, MAX_ELEMENTS, DEEPEST = 1 << 20, 10_000, 64

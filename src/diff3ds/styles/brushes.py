@@ -9,12 +9,12 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float
 from diff3ds.curves.fit_cubics import fit_outline
+from diff3ds.page.ink_outlines import TOLERANCE, add_contour, inside_bends
+from diff3ds.page.lines import Line
+from diff3ds.page.noise import seed_of, uniform
+from diff3ds.page.union import pathops, united
 from diff3ds.styles.brush_file import contours_of, load_brush
-from diff3ds.styles.lines import Line
-from diff3ds.styles.noise import seed_of, uniform
-from diff3ds.styles.outline import TOLERANCE, add_contour, inside_bends
 from diff3ds.styles.style import Mark, Page
-from diff3ds.styles.union import pathops, united
 
 # Points of a cubic of a brush that is bent along a line: at most so many, and no more than one in so many pixels.
 MOST_POINTS, SPACING = 200, 3.0

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.styles.lines import Line
-from diff3ds.styles.noise import grain, seed_of, wander
-from diff3ds.styles.outline import add_strip, inside_bends
+from diff3ds.page.ink_outlines import add_strip, inside_bends
+from diff3ds.page.lines import Line
+from diff3ds.page.noise import grain, seed_of, wander
+from diff3ds.page.union import pathops, united
 from diff3ds.styles.pens import tapered
 from diff3ds.styles.style import Mark, Page
-from diff3ds.styles.union import pathops, united
 
 # Samples a bump of the paper: four show its shape. [empirical]
 SAMPLES = 1.7

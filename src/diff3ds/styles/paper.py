@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from diff3ds.styles.noise import seed_of, uniform
+from diff3ds.page.noise import seed_of, uniform
 
 # A fibre or speck in so many square pixels of a view 512 pixels high. [empirical: seen, but not looked at]
 AREA = 420.0

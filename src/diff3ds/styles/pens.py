@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.styles.lines import Line
-from diff3ds.styles.noise import wander
-from diff3ds.styles.outline import add_strip
+from diff3ds.page.ink_outlines import add_strip
+from diff3ds.page.lines import Line
+from diff3ds.page.noise import wander
+from diff3ds.page.union import pathops, united
 from diff3ds.styles.style import Mark, Page
-from diff3ds.styles.union import pathops, united
 
 # Line widths of ISO 128-2, millimetres: each is the square root of 2 times the one before.
 ISO_WIDTHS = (0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from diff3ds.styles.lines import Line
+from diff3ds.page.lines import Line
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,15 @@ import torch
 from diff3ds._shapes import Array, Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.curves.join import join_smooth
-from diff3ds.formats.vector.svg import check_page, corner, hexadecimal, page_size
+from diff3ds.page.ink_outlines import TOLERANCE
+from diff3ds.page.lines import Line, lines_of
+from diff3ds.page.noise import seed_of
+from diff3ds.page.union import pathops, svg_data, within
+from diff3ds.page.views_grid import check_page, corner, hexadecimal, page_size
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.styles.lines import Line, lines_of
-from diff3ds.styles.noise import seed_of
-from diff3ds.styles.outline import TOLERANCE
 from diff3ds.styles.paper import WARM, paper_elements
 from diff3ds.styles.style import Mark, Page, Style
-from diff3ds.styles.union import pathops, svg_data, within
 
 # What programs take a pixel for, where no size on paper is asked for (CSS).
 PIXELS_PER_MM = 96 / 25.4

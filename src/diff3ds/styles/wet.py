@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 from diff3ds._shapes import Array, Float
-from diff3ds.styles.lines import Line
-from diff3ds.styles.noise import seed_of, wander
-from diff3ds.styles.outline import add_strip
+from diff3ds.page.ink_outlines import add_strip
+from diff3ds.page.lines import Line
+from diff3ds.page.noise import seed_of, wander
+from diff3ds.page.union import pathops, united, without
 from diff3ds.styles.pens import tapered
 from diff3ds.styles.style import Mark, Page
-from diff3ds.styles.union import pathops, united, without
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,17 @@ import torch
 
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
+from diff3ds.page.chords import chords_of
+from diff3ds.page.dashes import dashed
+from diff3ds.page.parts import Parts, cut_sketch, faint
+from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.crossings import chords_of
-from diff3ds.surfaces.cut_sketch import cut_sketch, faint
-from diff3ds.surfaces.dashes import dashed
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.seen import Drawn, MeshSeen, prepare
-from diff3ds.surfaces.meshes.view import Picture
 from diff3ds.surfaces.quadrics.seen import QuadricsSeen
 from diff3ds.surfaces.quadrics.union import Quadrics
-from diff3ds.surfaces.visibility import Parts
 
 Hidden = Literal["drop", "faint", "dashed", "show"]
 Surface = TriangleMesh | Quadrics

@@ -10,7 +10,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.fit_cubics import fit_rows
-from diff3ds.surfaces.meshes.view import Picture
+from diff3ds.page.picture import Picture
 
 # A step along the line of sight counts so much of one across it where parameters are spread along a chain: a chain that
 # comes towards the camera has parameters too. Empirical.

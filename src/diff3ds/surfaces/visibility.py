@@ -1,13 +1,13 @@
 """Which parts of strokes a surface hides from a camera: cut where that may change, decided for each part as a whole."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.curves.even_out import evened
-from diff3ds.surfaces.crossings import Chords
+from diff3ds.page.chords import Chords, Ruler
+from diff3ds.page.parts import Parts
 
 # Which of the points at these parameters of these segments are hidden.
 Ask = Callable[[Index, Array], Mask]
@@ -18,40 +18,6 @@ SPACING, LEAST, MOST = 4.0, 3, 200
 HALVINGS = 30
 # Parts shorter than this are what the part beside them is, pixels.
 SHORTEST = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """Parts of segments, in order; together all that lies in front of the near plane.
-
-    Attributes:
-        segment: the segment of each.
-        start: its parameter where the part begins.
-        stop: and ends.
-        visible: whether it is seen.
-    """
-
-    segment: Int[Index, " P"]
-    start: Float[Array, " P"]
-    stop: Float[Array, " P"]
-    visible: Bool[Mask, " P"]
-
-    def __getitem__(self, rows: Mask | Index) -> "Parts":
-        """Some of the parts."""
-        return Parts(self.segment[rows], self.start[rows], self.stop[rows], self.visible[rows])
-
-    @staticmethod
-    def none() -> "Parts":
-        """Those of no segments."""
-        return Parts(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, bool))
-
-    @staticmethod
-    def concatenate(first: "Parts", second: "Parts", segments: int) -> "Parts":
-        """Parts of two sketches as parts of both together; the first has so many segments."""
-        return Parts(
-            np.concatenate([first.segment, second.segment + segments]),
-            *(np.concatenate([getattr(first, name), getattr(second, name)]) for name in ("start", "stop", "visible")),
-        )
 
 
 def parts_of(chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], ask: Ask, stray: float) -> Parts:
@@ -70,31 +36,6 @@ def parts_of(chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], 
     hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray)
     length = ruler.length(segment, start, stop)
     return _merged(segment, start, stop, hidden, length)
-
-
-class Ruler:
-    """Lengths along strokes in the picture."""
-
-    def __init__(self, chords: Chords) -> None:
-        # Chords follow on each other; parameters of one segment after the other make one axis.
-        self._axis = np.stack([chords.segment + chords.start, chords.segment + chords.stop], 1).ravel()
-        total = np.cumsum(chords.length)
-        self._length = np.stack([total - chords.length, total], 1).ravel()
-
-    def length(self, segment: Int[Index, " P"], start: Float[Array, " P"], stop: Float[Array, " P"]) -> Array:
-        """Of parts, pixels."""
-        return self.position(segment, stop) - self.position(segment, start)
-
-    def position(self, segment: Int[Index, " P"], t: Float[Array, " P"]) -> Float[Array, " P"]:
-        """How far along all strokes together points lie, pixels."""
-        return np.asarray(np.interp(segment + t, self._axis, self._length))
-
-    def places(self, segment: Index, start: Array, stop: Array, shares: Array) -> Float[Array, " P"]:
-        """Parameters at shares of the length of parts."""
-        low, high = self.position(segment, start), self.position(segment, stop)
-        t = np.interp(low + shares * (high - low), self._length, self._axis) - segment
-        # Where nothing moves in the picture, lengths say nothing.
-        return np.where((t > start) & (t < stop), t, start + shares * (stop - start))
 
 
 def _between(

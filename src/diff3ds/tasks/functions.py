@@ -93,7 +93,7 @@ def recognise(
     from diff3ds.pictures.options import PictureOptions
     from diff3ds.pictures.reading.array import picture_of_array
     from diff3ds.pictures.reference_picture import read_reference
-    from diff3ds.tasks.recognition.lines import lines_of
+    from diff3ds.tasks.recognition.picture_lines import lines_of
     from diff3ds.tasks.recognition.recognise import recognise as recognise_lines
 
     cut = PictureOptions(None if mask is None else Path(mask), background)

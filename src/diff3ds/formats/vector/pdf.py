@@ -8,9 +8,10 @@ import numpy as np
 
 from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
-from diff3ds.formats.vector.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
-from diff3ds.formats.vector.outlines import straight
-from diff3ds.formats.vector.svg import Background, Layers, check_page, corner, ground_of, layered, page_size
+from diff3ds.formats.vector.svg import Background, Layers, ground_of, layered
+from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
+from diff3ds.page.stroke_outlines import straight
+from diff3ds.page.views_grid import check_page, corner, page_size
 from diff3ds.sketch import Sketch
 
 # Points of 1/72 inch, in which PDF measures: of a millimetre, and of a pixel of which 96 make an inch, as on the web.

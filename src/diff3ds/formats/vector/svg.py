@@ -1,9 +1,8 @@
 """SVG files: views of a sketch as vector paths, one path a stroke."""
 
 import html
-import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -11,10 +10,10 @@ import numpy as np
 
 from diff3ds._files import write_text
 from diff3ds.camera import Cameras
-from diff3ds.formats.png import grid_columns
-from diff3ds.formats.vector.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
-from diff3ds.formats.vector.outlines import Path as Curve
-from diff3ds.formats.vector.outlines import straight
+from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
+from diff3ds.page.stroke_outlines import Path as Curve
+from diff3ds.page.stroke_outlines import straight
+from diff3ds.page.views_grid import check_page, corner, hexadecimal, page_size
 from diff3ds.sketch import Sketch
 
 Layers = Literal["color"]
@@ -89,43 +88,6 @@ def ground_of(background: Background, centerline: bool) -> Sequence[float] | Non
     return background
 
 
-def check_page(
-    sketch: Sketch,
-    cameras: Cameras,
-    background: Sequence[float] | None,
-    width_mm: float | None,
-    tolerance: float,
-) -> Sketch:
-    """Sees that the views can be written; returns the sketch, on the CPU and without its history.
-
-    Raises:
-        ValueError: they cannot.
-    """
-    if len(cameras) == 0:
-        raise ValueError("a file of views needs at least one view, got none")
-    if background is not None and len(background) != 3:
-        raise ValueError(f"background must be three numbers in [0, 1] or None, got {background}")
-    for name, value in (("width_mm", width_mm), ("tolerance", tolerance)):
-        if value is not None and not 0 < value < math.inf:
-            raise ValueError(f"{name} must be positive, got {value}")
-    sketch = sketch.detach()
-    sketch.check_values()
-    return sketch
-
-
-def page_size(cameras: Cameras) -> tuple[int, int]:
-    """(width, height) in pixels of the page that holds all views."""
-    columns = grid_columns(len(cameras))
-    height, width = cameras.size
-    return columns * width, math.ceil(len(cameras) / columns) * height
-
-
-def corner(cameras: Cameras, view: int) -> tuple[int, int]:
-    """Where a view is on the page: x and y of its upper left corner, pixels."""
-    row, column = divmod(view, grid_columns(len(cameras)))
-    return column * cameras.size[1], row * cameras.size[0]
-
-
 def layered(paths: Sequence[DrawnPath], named: Sequence[str] | None = None) -> dict[str, list[DrawnPath]]:
     """Paths by their colour as "#rrggbb", or by the name of their stroke's layer, in the order of the first of each."""
     groups: dict[str, list[DrawnPath]] = {}
@@ -181,8 +143,3 @@ def _pair(x: float, y: float) -> str:
 def _number(value: float) -> str:
     """To a thousandth of a pixel."""
     return f"{value:.3f}".rstrip("0").rstrip(".")
-
-
-def hexadecimal(color: Iterable[float]) -> str:
-    """A colour of numbers from 0 to 1 as "#rrggbb"."""
-    return "#" + "".join(f"{round(min(max(float(c), 0.0), 1.0) * 255):02x}" for c in color)

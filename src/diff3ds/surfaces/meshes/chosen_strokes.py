@@ -14,8 +14,8 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.page.parts import cut_sketch
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.cut_sketch import cut_sketch
 from diff3ds.surfaces.drawn import visible_lines
 from diff3ds.surfaces.meshes.coarse import without_specks
 from diff3ds.surfaces.meshes.line_drawings import LinePoints, points_along, sides_and_corners

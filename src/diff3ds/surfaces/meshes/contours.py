@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.page.picture import Picture
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.view import Picture
 
 
 @dataclass(frozen=True, eq=False)

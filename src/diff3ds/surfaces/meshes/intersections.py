@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.page.boxes import BoxIndex
 from diff3ds.surfaces.meshes.clean import SAME
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 

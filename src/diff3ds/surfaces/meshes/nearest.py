@@ -5,7 +5,7 @@ from typing import cast
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.surfaces.boxes import BoxIndex, all_of, slices
+from diff3ds.page.boxes import BoxIndex, all_of, slices
 from diff3ds.surfaces.meshes.intersections import Seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.view import MOST_BOXES

@@ -10,9 +10,12 @@ from diff3ds.bezier import tessellate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.curves.even_out import evened
+from diff3ds.page.chords import at, chords_of
+from diff3ds.page.parts import Parts
+from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.crossings import Outlines, at, chords_of, crossings
+from diff3ds.surfaces.crossings import Outlines, crossings
 from diff3ds.surfaces.fit_picture import FittedChains, fit_chains
 from diff3ds.surfaces.meshes.contour_gradients import contours_of
 from diff3ds.surfaces.meshes.contours import Chain, contour_chains
@@ -22,8 +25,8 @@ from diff3ds.surfaces.meshes.intersections import APART, Seams, places_on_seams
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import ON_SURFACE, Nearest, along_chords
 from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh
-from diff3ds.surfaces.meshes.view import MeshView, Picture
-from diff3ds.surfaces.visibility import Ask, Parts, parts_of
+from diff3ds.surfaces.meshes.view import MeshView
+from diff3ds.surfaces.visibility import Ask, parts_of
 
 # Faces within two rings of a contour's point do not hide it: beside a contour facets hide each other.
 RINGS = 2

@@ -7,7 +7,7 @@ these gaps, are left out first: nothing is known of the angle at their edges.
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.surfaces.boxes import BoxIndex
+from diff3ds.page.boxes import BoxIndex
 
 # A triangle whose height is below the tolerance is a needle if it is so many times longer.
 NEEDLE = 10.0

@@ -1,12 +1,10 @@
 """A triangle mesh as one camera sees it: where its triangles lie in the picture, and what lies in front of points."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.camera import Cameras
-from diff3ds.surfaces.boxes import BoxIndex, all_of, largest, slices
+from diff3ds.page.boxes import BoxIndex, all_of, largest, slices
+from diff3ds.page.picture import Picture
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh
 
@@ -17,47 +15,6 @@ MOST_BOXES = 1 << 19
 # So far outside of a triangle in the picture, in barycentric coordinates, a point counts as inside: no ray passes
 # between two triangles that share an edge.
 SEAM = 1e-10
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """One camera as arrays.
-
-    Attributes:
-        projection: from homogeneous points to (X, Y, Z, W), as `Cameras.projection`.
-        center: of the camera, world units.
-        forward: its axis, a unit vector.
-        near: the depth of the near plane.
-        size: (height, width) in pixels.
-        orthographic: whether nothing shrinks with depth.
-    """
-
-    projection: Float[Array, "4 4"]
-    center: Float[Array, " 3"]
-    forward: Float[Array, " 3"]
-    near: float
-    size: tuple[int, int]
-    orthographic: bool
-
-    @staticmethod
-    def of(cameras: Cameras, view: int) -> "Picture":
-        """One of the views."""
-        pose = cameras.world_to_camera[view].detach().double().cpu().numpy()
-        projection = cameras.projection[view].detach().cpu().numpy()
-        center = cameras.centers[view].detach().double().cpu().numpy()
-        return Picture(projection, center, pose[2, :3], cameras.near, cameras.size, cameras.orthographic)
-
-    def seen(self, points: Float[Array, "*P 3"]) -> tuple[Float[Array, "*P 2"], Float[Array, "*P"]]:
-        """Pixels and depths of points; those of points behind the near plane mean nothing."""
-        projected = points @ self.projection[:, :3].T + self.projection[:, 3]
-        if self.orthographic:
-            return projected[..., :2], projected[..., 3]
-        depth = projected[..., 2]
-        return projected[..., :2] / np.maximum(depth, self.near)[..., None], depth
-
-    def towards(self, points: Float[Array, "*P 3"]) -> Float[Array, "*P 3"]:
-        """Directions from points to the camera, of any length."""
-        return np.broadcast_to(-self.forward, points.shape) if self.orthographic else self.center - points
 
 
 class MeshView:

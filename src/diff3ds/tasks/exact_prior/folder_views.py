@@ -12,8 +12,8 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import FITTING, Exemplars, arranged, exemplars_among
 from diff3ds.tasks.exact_prior.folder_phrase import asked_of, fits
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
-from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
+from diff3ds.tasks.recognition.picture_lines import Lines
 from diff3ds.tasks.recognition.poses import (
     LEAST_CONFIDENCE,
     REFINED,

@@ -7,8 +7,8 @@ from diff3ds.camera import Cameras
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.tasks.recognition.lines import Lines
 from diff3ds.tasks.recognition.network import Opinion, trained
+from diff3ds.tasks.recognition.picture_lines import Lines
 from diff3ds.tasks.recognition.poses import (
     LEAST_CONFIDENCE,
     Match,

@@ -13,7 +13,7 @@ from diff3ds.camera import Cameras
 from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
-from diff3ds.formats.vector.drawn_paths import TOLERANCE
+from diff3ds.page.drawn_paths import TOLERANCE
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.drawn import visible_lines

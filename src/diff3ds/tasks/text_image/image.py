@@ -19,7 +19,7 @@ from diff3ds.tasks.exact_prior.exemplars import FITTING, SIZE, WIDTH, Color, Exe
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.recognition.lines import Lines, lines_of
+from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
 from diff3ds.tasks.recognition.poses import PlacedLines, alike, gap, placed_over
 from diff3ds.tasks.recognition.recognise import Guess, recognised, seen_as
 from diff3ds.tasks.results import check_output_folder

@@ -15,10 +15,11 @@ from diff3ds.chains import Chains
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import inliers
+from diff3ds.page.picture import Picture
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.meshes.mesh import TriangleMesh
 from diff3ds.surfaces.meshes.nearest import Nearest
-from diff3ds.surfaces.meshes.view import MeshView, Picture
+from diff3ds.surfaces.meshes.view import MeshView
 from diff3ds.tasks.results import evenly_spaced
 
 # Points along a segment.

@@ -10,8 +10,8 @@ import torch
 
 from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.bezier.curves import bernstein, subcurve_matrix
-from diff3ds.formats.vector.depth_order import painting_order
-from diff3ds.formats.vector.screen_pieces import Pieces, screen_pieces
+from diff3ds.page.depth_order import painting_order
+from diff3ds.page.screen_pieces import Pieces, screen_pieces
 from diff3ds.project import Strokes2D
 from diff3ds.render.hits import half_width_at
 

@@ -8,10 +8,9 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds.camera import Cameras
-from diff3ds.formats.vector.depth_order import Part, painting_order
-from diff3ds.formats.vector.outlines import Path, Way, outlines
-from diff3ds.formats.vector.page_cut import on_page
-from diff3ds.formats.vector.screen_pieces import Pieces, screen_pieces
+from diff3ds.page.depth_order import Part, painting_order
+from diff3ds.page.screen_pieces import Pieces, on_page, screen_pieces
+from diff3ds.page.stroke_outlines import Path, Way, outlines
 from diff3ds.project import Strokes2D, project
 from diff3ds.sketch import Sketch
 

@@ -1,14 +1,48 @@
 """Parts of a sketch's segments as a sketch: what goes on from one part to the next stays one stroke."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float, Index, Int, Tensor
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import subcurve
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Parts of segments, in order; together all that lies in front of the near plane.
+
+    Attributes:
+        segment: the segment of each.
+        start: its parameter where the part begins.
+        stop: and ends.
+        visible: whether it is seen.
+    """
+
+    segment: Int[Index, " P"]
+    start: Float[Array, " P"]
+    stop: Float[Array, " P"]
+    visible: Bool[Mask, " P"]
+
+    def __getitem__(self, rows: Mask | Index) -> "Parts":
+        """Some of the parts."""
+        return Parts(self.segment[rows], self.start[rows], self.stop[rows], self.visible[rows])
+
+    @staticmethod
+    def none() -> "Parts":
+        """Those of no segments."""
+        return Parts(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, bool))
+
+    @staticmethod
+    def concatenate(first: "Parts", second: "Parts", segments: int) -> "Parts":
+        """Parts of two sketches as parts of both together; the first has so many segments."""
+        return Parts(
+            np.concatenate([first.segment, second.segment + segments]),
+            *(np.concatenate([getattr(first, name), getattr(second, name)]) for name in ("start", "stop", "visible")),
+        )
 
 
 def cut_sketch(

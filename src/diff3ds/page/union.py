@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from diff3ds.styles.noise import uniform
+from diff3ds.page.noise import uniform
 
 # px. Islands and holes smaller than a square of this side are rounding.
 SPECK = 0.1

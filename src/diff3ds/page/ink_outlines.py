@@ -12,7 +12,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float
 from diff3ds.curves.fit_cubics import fit_outline, is_straight
-from diff3ds.styles.lines import Line
+from diff3ds.page.lines import Line
 
 # px. Of cubics from the outline at the samples.
 TOLERANCE = 0.08

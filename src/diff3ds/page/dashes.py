@@ -3,8 +3,8 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index
-from diff3ds.surfaces.crossings import Chords
-from diff3ds.surfaces.visibility import Parts, Ruler
+from diff3ds.page.chords import Chords, Ruler
+from diff3ds.page.parts import Parts
 
 # Of dashes and the gaps between them, as shares of the picture's height; lines and their round ends come on top.
 # Empirical.

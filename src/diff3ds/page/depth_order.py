@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Float, Int
-from diff3ds.formats.vector.screen_pieces import Pieces
+from diff3ds.page.screen_pieces import Pieces
 from diff3ds.project import Strokes2D
 
 # Pixels: how long the chords are by which meeting places are found, and how far they may be off the curve.

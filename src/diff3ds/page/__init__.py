@@ -1,0 +1,1 @@
+"""What is on paper: strokes as a camera sees them, in pieces, parts and lines, in their order, with their outlines."""
