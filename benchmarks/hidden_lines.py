@@ -30,7 +30,7 @@ from report import environment, show, write_json
 
 import diff3ds as ds
 from diff3ds.curves.shapes.smooth_joints import sketch_of
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
+from diff3ds.surfaces.lines.feature_curves import feature_curves
 
 ROUNDS = 3
 # Of triangles from the faces, as a share of the box that a part lies in; finer ones turn by less, too.

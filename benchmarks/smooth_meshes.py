@@ -23,11 +23,11 @@ from report import environment, show, write_json
 
 import diff3ds as ds
 from diff3ds.pictures.frame import Frame
-from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
-from diff3ds.surfaces.meshes.level_set import level_set
-from diff3ds.surfaces.meshes.line_drawings import MARGIN, SIZE, all_around, mean_distances, points_along
-from diff3ds.surfaces.meshes.smooth_surface import smooth_for_pictures
+from diff3ds.surfaces.chosen_strokes import choose_strokes
+from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.line_drawings import MARGIN, SIZE, all_around, mean_distances, points_along
+from diff3ds.surfaces.shape.level_set import level_set
+from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 
 # Points of the grid along each axis, and half its side.

@@ -10,8 +10,8 @@ import diff3ds as ds
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import save_png, tile_images
 from diff3ds.formats.framing import framed
-from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
+from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.lines.feature_curves import feature_curves
 
 SIZE, PIXELS_WIDE = 256, 1.6
 

@@ -78,17 +78,17 @@ ALLOWED = {
 UPWARD = {
     ("diff3ds.sketch", "diff3ds.formats"): "pictures of sketches in notebooks",
     ("diff3ds.render", "diff3ds.formats.png"): "pictures of renderings in notebooks",
-    ("diff3ds.render", "diff3ds.surfaces.drawn"): "drawing with surfaces, a room above the renderer",
-    ("diff3ds.formats.scenes.html", "diff3ds.surfaces.meshes.on_page"): "surfaces on pages",
+    ("diff3ds.render", "diff3ds.surfaces.draw"): "drawing with surfaces, a room above the renderer",
+    ("diff3ds.formats.scenes.html", "diff3ds.surfaces.on_page"): "surfaces on pages",
 }
 # Names that several files have, with how many; library/kinds apart, where a file has the name of the thing it draws.
 DOUBLED = {
-    "corners": 2, "curves": 2, "device": 2, "mesh": 2, "options": 12, "poses": 2, "project": 2, "read": 2, "run": 2,
-    "scene": 2, "seen": 2, "union": 2,
+    "curves": 2, "device": 2, "options": 12, "poses": 2, "project": 2, "read": 2, "run": 2,
+    "scene": 2,
 }  # fmt: skip
 # Modules that a folder may have, those that begin with an underscore apart; and the folders that have more.
 MOST = 14
-CROWDED = {"surfaces/meshes": 20, "tasks/views": 19}
+CROWDED = {"tasks/views": 19}
 
 
 def _part(module: str) -> str:

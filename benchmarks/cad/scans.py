@@ -40,7 +40,7 @@ def generated(part: Part, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """The part through a blurred, bumped distance field, decimated: vertices and faces, as image-to-3D models give."""
     from scipy.ndimage import gaussian_filter
 
-    from diff3ds.surfaces.meshes.level_set import level_set
+    from diff3ds.surfaces.shape.level_set import level_set
 
     rng = np.random.default_rng([seed, 3000])
     field = _Field(part, int(rng.integers(CELLS[0], CELLS[1] + 1)), rng)
@@ -52,7 +52,7 @@ def generated(part: Part, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def scanned(part: Part, noise: float, faces: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """The part's surface in even triangles, 60,000 at most, off along normals by noise, decimated to `faces`."""
-    from diff3ds.surfaces.meshes.level_set import level_set
+    from diff3ds.surfaces.shape.level_set import level_set
 
     rng = np.random.default_rng([seed, 3001])
     a, b, c = part.mesh.vertices[part.mesh.triangles].transpose(1, 0, 2)

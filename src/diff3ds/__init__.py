@@ -34,11 +34,11 @@ if TYPE_CHECKING:
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
-    from diff3ds.surfaces.drawn import contours, visible_lines
-    from diff3ds.surfaces.meshes.load import load_surface
-    from diff3ds.surfaces.meshes.mesh import TriangleMesh
-    from diff3ds.surfaces.meshes.smooth_surface import smooth_surface
-    from diff3ds.surfaces.quadrics.union import Quadrics
+    from diff3ds.surfaces.draw import contours, visible_lines
+    from diff3ds.surfaces.shape.load_surface import load_surface
+    from diff3ds.surfaces.shape.quadrics import Quadrics
+    from diff3ds.surfaces.shape.smooth_surface import smooth_surface
+    from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
     from diff3ds.tasks.functions import image_to_sketch, mesh_to_sketch, recognise, text_to_sketch, views_to_sketch
     from diff3ds.transforms import load_transforms, save_transforms
 
@@ -114,11 +114,11 @@ _HOMES = {
     **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
     "Chains": "chains",
     "Sketch": "sketch",
-    "Quadrics": "surfaces.quadrics.union",
-    "TriangleMesh": "surfaces.meshes.mesh",
-    "load_surface": "surfaces.meshes.load",
-    "smooth_surface": "surfaces.meshes.smooth_surface",
-    **dict.fromkeys(("contours", "visible_lines"), "surfaces.drawn"),
+    "Quadrics": "surfaces.shape.quadrics",
+    "TriangleMesh": "surfaces.shape.triangle_mesh",
+    "load_surface": "surfaces.shape.load_surface",
+    "smooth_surface": "surfaces.shape.smooth_surface",
+    **dict.fromkeys(("contours", "visible_lines"), "surfaces.draw"),
     **dict.fromkeys(
         ("image_to_sketch", "mesh_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"
     ),

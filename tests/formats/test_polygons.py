@@ -8,7 +8,7 @@ import pytest
 import diff3ds as ds
 from diff3ds.formats.mesh import read_mesh
 from diff3ds.formats.mesh_files.triangulation import triangulated
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
+from diff3ds.surfaces.lines.feature_curves import feature_curves
 from diff3ds.tasks.mesh.draw_mesh import run_mesh
 from diff3ds.tasks.mesh.options import MeshOptions
 

@@ -4,9 +4,9 @@ import numpy as np
 import torch
 
 import diff3ds as ds
-from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
-from diff3ds.surfaces.meshes.line_drawings import sides_and_corners
+from diff3ds.surfaces.chosen_strokes import choose_strokes
+from diff3ds.surfaces.line_drawings import sides_and_corners
+from diff3ds.surfaces.lines.feature_curves import feature_curves
 
 
 def box(size) -> ds.TriangleMesh:

@@ -6,12 +6,12 @@ import torch
 from solids import box, icosphere, refined
 
 import diff3ds as ds
-from diff3ds.surfaces.meshes.coarse import coarse, without_specks
+from diff3ds.surfaces.shape.coarse import coarse, without_specks
 
 
 @pytest.fixture(autouse=True)
 def _few(monkeypatch):
-    monkeypatch.setattr("diff3ds.surfaces.meshes.coarse.FEW", 1000)
+    monkeypatch.setattr("diff3ds.surfaces.shape.coarse.FEW", 1000)
 
 
 def test_a_coarse_ball_is_round_to_less_than_a_cell():

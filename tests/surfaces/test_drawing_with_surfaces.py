@@ -7,7 +7,7 @@ from solids import box, icosphere, torus
 
 import diff3ds as ds
 from diff3ds.render.backends import set_num_threads
-from diff3ds.surfaces.drawn import Lines
+from diff3ds.surfaces.draw import Lines
 
 BEHIND = torch.tensor([[[-3.0, 3, 0.2], [3, 3, 0.2]]], dtype=torch.float64)
 
@@ -96,7 +96,7 @@ def test_kinds_are_kept_and_chosen_by():
 
 
 def test_views_of_large_meshes_are_the_same_on_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr("diff3ds.surfaces.drawn.LARGE", 1000)
+    monkeypatch.setattr("diff3ds.surfaces.draw.LARGE", 1000)
     mesh = ds.TriangleMesh(*torus(1.0, 0.4, 40, 20))
     ring = ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.2), 1.4))
     cameras = ds.orbit([0.0, 40.0, 80.0, 120.0], 30.0, 4.0, size=200)

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from diff3ds.curves.shapes.primitives import Kind
-from diff3ds.surfaces.meshes.feature_curves import feature_curves, outline_share
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.lines.feature_curves import feature_curves, outline_share
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 T = torch.linspace(0, 1, 33, dtype=torch.float64)
 

@@ -120,7 +120,7 @@ def test_a_rounded_edge_of_a_mesh_is_one_line_where_its_faces_would_meet():
     # A block through a blurred distance field.
     from scipy.ndimage import gaussian_filter
 
-    from diff3ds.surfaces.meshes.level_set import level_set
+    from diff3ds.surfaces.shape.level_set import level_set
 
     axis = np.linspace(-0.63, 0.63, 73)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diff3ds.surfaces.meshes.level_set import level_set
+from diff3ds.surfaces.shape.level_set import level_set
 
 
 def grid(count: int, reach: float) -> tuple[np.ndarray, float]:

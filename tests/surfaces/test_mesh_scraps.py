@@ -6,7 +6,7 @@ import torch
 from solids import box, icosphere
 
 import diff3ds as ds
-from diff3ds.surfaces.meshes.feature_curves import crease_length, loose_share
+from diff3ds.surfaces.lines.feature_curves import crease_length, loose_share
 from diff3ds.tasks.mesh.draw_mesh import creased, without_cracks
 
 

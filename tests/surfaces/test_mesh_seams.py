@@ -8,7 +8,7 @@ from solids import box, icosphere, together
 import diff3ds as ds
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.curves.shapes.smooth_joints import sketch_of
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
+from diff3ds.surfaces.lines.feature_curves import feature_curves
 
 NOTHING = ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
 T = torch.linspace(0, 1, 9, dtype=torch.float64)

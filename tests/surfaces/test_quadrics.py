@@ -9,7 +9,7 @@ from solids import icosphere, lathe, together
 
 import diff3ds as ds
 from diff3ds.curves.bernstein_roots import bernstein_roots, quadratic_form
-from diff3ds.surfaces.quadrics.union import conics
+from diff3ds.surfaces.shape.quadrics import conics
 
 DOUBLE = torch.float64
 

@@ -8,9 +8,9 @@ from solids import icosphere, torus
 import diff3ds as ds
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.page.picture import Picture
-from diff3ds.surfaces.meshes import smooth_surface as module
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
-from diff3ds.surfaces.meshes.view import MeshView
+from diff3ds.surfaces.hidden.mesh_view import MeshView
+from diff3ds.surfaces.lines.feature_curves import feature_curves
+from diff3ds.surfaces.shape import smooth_surface as module
 
 
 def prism(sides: int, height: float = 2.0) -> ds.TriangleMesh:

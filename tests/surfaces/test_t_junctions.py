@@ -7,7 +7,7 @@ import pytest
 from solids import box, icosphere
 
 import diff3ds as ds
-from diff3ds.surfaces.meshes.feature_curves import feature_curves
+from diff3ds.surfaces.lines.feature_curves import feature_curves
 
 
 def cut(corners, faces, rows, shares):

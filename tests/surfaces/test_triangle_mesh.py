@@ -6,7 +6,7 @@ from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
 from diff3ds.formats.mesh_files.same_rows import MIXED, different
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 
 def soup(solid) -> tuple[np.ndarray, np.ndarray]:

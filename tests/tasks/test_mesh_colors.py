@@ -12,8 +12,8 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.cli import main
-from diff3ds.surfaces.meshes.colors import colored
-from diff3ds.surfaces.meshes.load import load_colored_surface
+from diff3ds.surfaces.shape.colors import colored
+from diff3ds.surfaces.shape.load_surface import load_colored_surface
 
 pytestmark = needs("trimesh")
 

@@ -18,7 +18,7 @@ import diff3ds as ds
 from diff3ds.formats.framing import framed
 from diff3ds.formats.mesh import save_surface
 from diff3ds.formats.scenes.html import sketch_page
-from diff3ds.surfaces.meshes import on_page
+from diff3ds.surfaces import on_page
 from diff3ds.tasks.export.export import run_export
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.style_options import StyleOptions

@@ -16,7 +16,7 @@ from viewer_browser import CHROMIUM, PATIENCE, Browser
 
 import diff3ds as ds
 from diff3ds.formats.scenes.html import sketch_page
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 POINTS = torch.tensor([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]]])
 BLACK = ds.Sketch(POINTS, width=0.1)

@@ -1,11 +1,15 @@
-"""Directions in any dimension: unit vectors, and by how much a curve turns: the one measure of what is smooth."""
+"""Directions in any dimension: unit vectors, by how much a curve turns (the one measure of what is smooth), corners."""
 
 import numpy as np
 
-from diff3ds._shapes import Array, Float
+from diff3ds._shapes import Array, Bool, Float, Mask
 
 # Added to a length before something is divided by it: a vector without a length gets none.
 TINY = 1e-12
+# Edges of a mesh that turn by more than this have a corner: rounds of ten sides and more are smooth. Radians.
+SHARP = np.deg2rad(38.0)
+# Where edges so much longer than the next ones turn at all, radians, a straight line goes over into a round.
+UNEVEN, STRAIGHT = 3.0, np.deg2rad(1.0)
 
 
 def unit(vectors: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
@@ -22,3 +26,11 @@ def turns(before: Float[Array, "*a d"], after: Float[Array, "*b d"]) -> Float[Ar
     other = after * np.linalg.norm(before, axis=-1, keepdims=True)
     apart, together = np.linalg.norm(one - other, axis=-1), np.linalg.norm(one + other, axis=-1)
     return np.where(apart + together > 0, 2 * np.arctan2(apart, together), np.pi / 2)
+
+
+def has_corner(before: Float[Array, "N 3"], after: Float[Array, "N 3"]) -> Bool[Mask, " N"]:
+    """Whether a line has a corner between two of its steps, or its straight part ends there and a round begins."""
+    short, long = np.sort(np.linalg.norm(np.stack([before, after]), axis=2), axis=0)
+    turn = turns(before, after)
+    corner: Mask = (turn > SHARP) | ((long > UNEVEN * short) & (turn > STRAIGHT))
+    return corner

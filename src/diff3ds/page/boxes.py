@@ -17,6 +17,8 @@ from diff3ds._shapes import Array, Float, Index, Int, Mask
 # Triangles so much longer than high, and than triangles of a mesh of such a size would be if all were of one, are
 # looked for in halves. Speed only.
 THIN, LARGE = 5.0, 8.0
+# Long triangles are halved to find them until there are so many boxes. Speed only.
+MOST_BOXES = 1 << 19
 # So many pairs are looked at together: some hundred megabytes.
 MOST_PAIRS = 1 << 21
 # Grids are at most so much coarser than the finest, in powers of two; bits of a cell's number along an axis.

@@ -174,7 +174,7 @@ def _with_surface(
 ) -> Rendering:
     """Draws what a surface leaves of a sketch in every view, which is another sketch in each."""
     # Surfaces are a room above this one.
-    surfaces = import_module("diff3ds.surfaces.drawn")
+    surfaces = import_module("diff3ds.surfaces.draw")
     parts = surfaces.drawn(sketch, cameras, surface, hidden, contours)
     if not parts:
         return render(sketch, cameras, background=background, antialiasing=antialiasing, backend=backend)

@@ -20,7 +20,7 @@ from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.mesh import save_surface
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 SVG_VIEWS = 4
 # What hides lines of the sketch, in its frame.

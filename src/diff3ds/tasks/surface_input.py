@@ -4,9 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from diff3ds.surfaces.meshes.load import load_surface
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.on_page import check_size
+from diff3ds.surfaces.on_page import check_size
+from diff3ds.surfaces.shape.load_surface import load_surface
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.results import SURFACE
 
 

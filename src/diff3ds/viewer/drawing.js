@@ -11,7 +11,7 @@ const SAMPLES = 64;
 // What the shader knows of each chord.
 const ATTRIBUTES = ["start", "end", "rest", "slack", "before"];
 // Opacity of faint lines, as a share of that of visible ones; dashes and the gaps between their round ends, as shares of
-// the picture's height. As in the package (surfaces/drawn.py, dashes.py).
+// the picture's height. As in the package (surfaces/draw.py, dashes.py).
 const [FAINT, DASH, GAP] = [0.25, 0.009, 0.006];
 
 const STROKES = {

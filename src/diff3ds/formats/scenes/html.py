@@ -78,7 +78,7 @@ def surface_text(surface: object | None, sketch: Sketch) -> str:
     if surface is None:
         return "null"
     # Surfaces are a room above this one.
-    return json.dumps(import_module("diff3ds.surfaces.meshes.on_page").surface_on_page(surface, sketch))
+    return json.dumps(import_module("diff3ds.surfaces.on_page").surface_on_page(surface, sketch))
 
 
 def start_of(*sketches: Sketch, surfaces: Sequence[object | None] = ()) -> dict[str, Any]:
@@ -94,6 +94,6 @@ def start_of(*sketches: Sketch, surfaces: Sequence[object | None] = ()) -> dict[
     }
     solids = [surface for surface in surfaces if surface is not None]
     if solids:
-        reach_of = import_module("diff3ds.surfaces.meshes.on_page").reach_of
+        reach_of = import_module("diff3ds.surfaces.on_page").reach_of
         start["reach"] = max(reach_of(surface, *sketches) for surface in solids)
     return start

@@ -12,7 +12,7 @@ from diff3ds.curves.shapes.simplest import simplest
 from diff3ds.surfaces.form.edges import Edge
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
-from diff3ds.surfaces.meshes.feature_curves import _pieces
+from diff3ds.surfaces.lines.feature_curves import _pieces
 
 # An arc of more than this is drawn as two: see `curves.shapes.primitives.MOST_SWEEP`.
 MOST_ARC = np.deg2rad(200.0)

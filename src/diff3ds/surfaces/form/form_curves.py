@@ -13,7 +13,7 @@ from diff3ds.surfaces.form.labels import Labelled, labelled, spread
 from diff3ds.surfaces.form.regular import regularised
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import found_forms, within
-from diff3ds.surfaces.meshes.feature_curves import _curves
+from diff3ds.surfaces.lines.feature_curves import _curves
 
 # Samples that no form explains belong to the nearest one up to so many spacings and reaches away: what lies between
 # two forms is their edge. Empirical.

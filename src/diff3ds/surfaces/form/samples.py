@@ -8,7 +8,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

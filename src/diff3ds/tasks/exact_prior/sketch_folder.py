@@ -16,8 +16,8 @@ from diff3ds.formats import load
 from diff3ds.formats.mesh import MESHES
 from diff3ds.library.members import fill_ball
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.meshes.feature_curves import feature_curves, outline_share
-from diff3ds.surfaces.meshes.load import load_surface
+from diff3ds.surfaces.lines.feature_curves import feature_curves, outline_share
+from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.tasks.exact_prior.folder_phrase import Name, listed, named
 from diff3ds.tasks.exact_prior.options import Up
 

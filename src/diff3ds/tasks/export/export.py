@@ -9,7 +9,7 @@ from diff3ds._files import write_text
 from diff3ds.formats import PICTURES, save, save_3dm, save_dxf, save_glb, save_step
 from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.render.options import OrbitOptions, PictureOptions
 from diff3ds.tasks.render.render_views import views_of

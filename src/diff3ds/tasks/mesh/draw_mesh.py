@@ -19,22 +19,22 @@ from diff3ds.formats.movie import save_movie
 from diff3ds.losses import lengths
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.drawn import Lines, visible_lines
-from diff3ds.surfaces.meshes.chosen_strokes import choose_strokes
-from diff3ds.surfaces.meshes.coarse import coarse, without_specks
-from diff3ds.surfaces.meshes.colors import SurfaceColors, colored
-from diff3ds.surfaces.meshes.feature_curves import (
+from diff3ds.surfaces.chosen_strokes import choose_strokes
+from diff3ds.surfaces.draw import Lines, visible_lines
+from diff3ds.surfaces.line_drawings import SIZE
+from diff3ds.surfaces.lines.feature_curves import (
     FeatureCurves,
     crease_length,
     feature_curves,
     loose_share,
     outline_share,
 )
-from diff3ds.surfaces.meshes.line_drawings import SIZE
-from diff3ds.surfaces.meshes.load import load_colored_surface, load_surface
-from diff3ds.surfaces.meshes.mesh import CREASE as CREASE_ANGLE
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.smooth_surface import smooth_for_pictures
+from diff3ds.surfaces.shape.coarse import coarse, without_specks
+from diff3ds.surfaces.shape.colors import SurfaceColors, colored
+from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
+from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
+from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report

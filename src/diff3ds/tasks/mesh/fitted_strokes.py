@@ -21,9 +21,9 @@ from diff3ds.pictures.frame import Frame
 from diff3ds.project import project
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.meshes.line_drawings import MARGIN, SAMPLES, SIZE, all_around, points_along
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.line_drawings import MARGIN, SAMPLES, SIZE, all_around, points_along
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Drawings, and how many of them a step compares with. Empirical, as all that follows.
 VIEWS, BATCH = 24, 6

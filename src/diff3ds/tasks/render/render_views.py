@@ -16,10 +16,10 @@ from diff3ds.formats.movie import save_movie
 from diff3ds.page.drawn_paths import TOLERANCE
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.meshes.load import load_surface
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.smooth_surface import smooth_for_pictures
+from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.shape.load_surface import load_surface
+from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.options import (

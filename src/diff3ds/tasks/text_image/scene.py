@@ -19,7 +19,7 @@ from diff3ds.library.phrase import Request
 from diff3ds.library.scene import Scene
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, write_results
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior

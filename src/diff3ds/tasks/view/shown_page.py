@@ -10,8 +10,8 @@ import torch
 from diff3ds.formats.scenes.html import sketch_page, start_of
 from diff3ds.formats.sketch_json import json_text
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.on_page import bare_creases
+from diff3ds.surfaces.on_page import bare_creases
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.surface_input import SurfaceInput
 from diff3ds.tasks.view import saving

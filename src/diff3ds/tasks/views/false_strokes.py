@@ -17,9 +17,9 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import inliers
 from diff3ds.page.picture import Picture
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.nearest import Nearest
-from diff3ds.surfaces.meshes.view import MeshView
+from diff3ds.surfaces.hidden.mesh_view import MeshView
+from diff3ds.surfaces.shape.nearest import Nearest
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.results import evenly_spaced
 
 # Points along a segment.

@@ -10,8 +10,8 @@ from diff3ds.pictures.content.visual_hull import OUTVOTED, REACH
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.pictures.store import Batch
-from diff3ds.surfaces.meshes.level_set import level_set
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.level_set import level_set
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.results import evenly_spaced
 
 # Points of the grid along each axis, and views that carve. Empirical.

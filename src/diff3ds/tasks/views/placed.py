@@ -15,7 +15,7 @@ from diff3ds.photogrammetry.placing import distance_between, turned_up, up_of
 from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.options import Target
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.views.options import ViewsOptions
 
 PLACED = "transforms_placed.json"

@@ -9,7 +9,7 @@ from diff3ds.formats import save_png, tile_images
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import evenly_spaced
 

@@ -16,10 +16,10 @@ from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.seen import Drawn, MeshSeen, prepare
-from diff3ds.surfaces.quadrics.seen import QuadricsSeen
-from diff3ds.surfaces.quadrics.union import Quadrics
+from diff3ds.surfaces.hidden.mesh_seen import Drawn, MeshSeen, prepare
+from diff3ds.surfaces.hidden.quadrics_seen import QuadricsSeen
+from diff3ds.surfaces.shape.quadrics import Quadrics
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 Hidden = Literal["drop", "faint", "dashed", "show"]
 Surface = TriangleMesh | Quadrics

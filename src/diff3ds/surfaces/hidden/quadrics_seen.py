@@ -16,11 +16,11 @@ from diff3ds.page.parts import Parts, cut_sketch
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.fit_picture import fit_chains
-from diff3ds.surfaces.quadrics.forms import Forms
-from diff3ds.surfaces.quadrics.meets import bounds, meeting_chains, onto_both
-from diff3ds.surfaces.quadrics.union import ARCS, Quadrics, conics
-from diff3ds.surfaces.visibility import Ask, parts_of
+from diff3ds.surfaces.hidden.visibility import Ask, parts_of
+from diff3ds.surfaces.lines.fit_picture import fit_chains
+from diff3ds.surfaces.lines.quadric_meets import bounds, meeting_chains, onto_both
+from diff3ds.surfaces.shape.quadric_forms import Forms
+from diff3ds.surfaces.shape.quadrics import ARCS, Quadrics, conics
 
 # What lies so deep in a solid, as a share of its radius, is inside: rounding; and strokes that lie on it, which float32
 # and fits leave a little inside.

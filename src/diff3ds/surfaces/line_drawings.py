@@ -12,7 +12,7 @@ from diff3ds.camera import Cameras, orbit
 from diff3ds.chains import Chains
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Drawings are compared in pictures of this size, of a height that is this factor of the diagonal of the mesh's box.
 SIZE, MARGIN = 128, 1.1

@@ -10,8 +10,8 @@ from diff3ds.bezier import evaluate
 from diff3ds.chains import Chains
 from diff3ds.formats.mesh_colors import MeshColors, to_linear
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.nearest import closest_on_triangles, faces_at, places_anywhere
+from diff3ds.surfaces.shape.nearest import closest_on_triangles, faces_at, places_anywhere
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Points along a segment, and at most of a stroke: all pairs of them are compared.
 SAMPLES, MOST = 16, 256

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.surfaces.meshes.contours import walks
-from diff3ds.surfaces.quadrics.forms import Forms
+from diff3ds.surfaces.lines.contours import walks
+from diff3ds.surfaces.shape.quadric_forms import Forms
 
 # The smaller one of two solids is triangulated so finely around and along to find where it meets the other. What is
 # smaller than a triangle is missed. Empirical.

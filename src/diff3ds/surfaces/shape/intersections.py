@@ -7,8 +7,8 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.boxes import BoxIndex
-from diff3ds.surfaces.meshes.clean import SAME
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.clean import SAME
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Parts are moved by so little against each other, as a share of the mesh's size, that no corner lies on a face.
 APART = 1e-9

@@ -3,15 +3,13 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.page.boxes import BoxIndex, all_of, largest, slices
+from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
 from diff3ds.page.picture import Picture
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh
+from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
 TOUCHING = 1e-7
-# Long triangles are halved to find them until there are so many boxes. Speed only.
-MOST_BOXES = 1 << 19
 # So far outside of a triangle in the picture, in barycentric coordinates, a point counts as inside: no ray passes
 # between two triangles that share an edge.
 SEAM = 1e-10

@@ -11,7 +11,7 @@ from diff3ds._shapes import Float, Index, Int, Tensor
 from diff3ds.bezier.curves import bernstein
 from diff3ds.camera import Cameras
 from diff3ds.curves.fit_cubics import EVEN
-from diff3ds.surfaces.fit_picture import FittedChains
+from diff3ds.surfaces.lines.fit_picture import FittedChains
 
 
 def contours_of(

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.surfaces.meshes.mesh import CREASE, TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import CREASE, TriangleMesh
 
 
 def level_set(

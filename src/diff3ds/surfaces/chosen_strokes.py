@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.parts import cut_sketch
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.drawn import visible_lines
-from diff3ds.surfaces.meshes.coarse import without_specks
-from diff3ds.surfaces.meshes.line_drawings import LinePoints, points_along, sides_and_corners
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.line_drawings import LinePoints, points_along, sides_and_corners
+from diff3ds.surfaces.shape.coarse import without_specks
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # A line is shown by a stroke that lies so near, pixels, in its direction: a quarter turn counts as so many pixels. A
 # stroke is false where no line lies so near. Empirical, as all that follows.

@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.picture import Picture
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ import numpy as np
 from diff3ds.formats.mesh import UP_IS_KNOWN, MeshFile, read_mesh
 from diff3ds.formats.mesh_files.polygons import counted
 from diff3ds.formats.mesh_files.strays import strays
-from diff3ds.surfaces.meshes.colors import SurfaceColors
-from diff3ds.surfaces.meshes.mesh import CREASE, TriangleMesh
+from diff3ds.surfaces.shape.colors import SurfaceColors
+from diff3ds.surfaces.shape.triangle_mesh import CREASE, TriangleMesh
 
 
 def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> TriangleMesh:

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.surfaces.meshes.corners import has_corner
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.curves.directions import has_corner
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Edges are halved so often at most: a middle moves by a quarter of the time before.
 ROUNDS = 4

@@ -12,9 +12,9 @@ from diff3ds._shapes import Array, Float
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive
 from diff3ds.curves.shapes.simplest import simplest
-from diff3ds.surfaces.meshes.edge_runs import Run, edge_runs, seam_runs
-from diff3ds.surfaces.meshes.intersections import Seams
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.lines.edge_runs import Run, edge_runs, seam_runs
+from diff3ds.surfaces.shape.intersections import Seams
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Curves keep within half of this, as a share of the mesh's longest side.
 PIXEL = 1 / 256

@@ -5,10 +5,9 @@ from typing import cast
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.page.boxes import BoxIndex, all_of, slices
-from diff3ds.surfaces.meshes.intersections import Seams
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.view import MOST_BOXES
+from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, slices
+from diff3ds.surfaces.shape.intersections import Seams
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
 # Empirical.

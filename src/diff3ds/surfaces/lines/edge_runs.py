@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.curves.directions import turns
-from diff3ds.surfaces.meshes.corners import SHARP, has_corner
+from diff3ds.curves.directions import SHARP, has_corner, turns
 
 # Vertices along a run, and whether it is a border.
 Run = tuple[list[int], bool]

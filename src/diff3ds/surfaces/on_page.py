@@ -8,9 +8,9 @@ import numpy as np
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.nearest import ON_SURFACE
-from diff3ds.surfaces.meshes.seen import RINGS, creases_along, least_run
+from diff3ds.surfaces.hidden.mesh_seen import RINGS, creases_along, least_run
+from diff3ds.surfaces.shape.nearest import ON_SURFACE
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Triangles that a page takes: 4 MB, and in software rendering some frames a second. Empirical.
 MOST_TRIANGLES = 200_000

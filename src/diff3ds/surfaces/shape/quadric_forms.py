@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.surfaces.quadrics.union import Quadrics
+from diff3ds.surfaces.shape.quadrics import Quadrics
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import torch
 from diff3ds.bezier import length
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Meshes of fewer triangles are drawn quickly as they are.
 FEW = 200_000

@@ -9,24 +9,24 @@ from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import tessellate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
+from diff3ds.curves.directions import has_corner
 from diff3ds.curves.even_out import evened
 from diff3ds.page.chords import at, chords_of
 from diff3ds.page.parts import Parts
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.crossings import Outlines, crossings
-from diff3ds.surfaces.fit_picture import FittedChains, fit_chains
-from diff3ds.surfaces.meshes.contour_gradients import contours_of
-from diff3ds.surfaces.meshes.contours import Chain, contour_chains
-from diff3ds.surfaces.meshes.corners import has_corner
-from diff3ds.surfaces.meshes.edge_runs import seam_runs
-from diff3ds.surfaces.meshes.intersections import APART, Seams, places_on_seams
-from diff3ds.surfaces.meshes.mesh import TriangleMesh
-from diff3ds.surfaces.meshes.nearest import ON_SURFACE, Nearest, along_chords
-from diff3ds.surfaces.meshes.smooth_surface import SmoothMesh
-from diff3ds.surfaces.meshes.view import MeshView
-from diff3ds.surfaces.visibility import Ask, parts_of
+from diff3ds.surfaces.hidden.crossings import Outlines, crossings
+from diff3ds.surfaces.hidden.mesh_view import MeshView
+from diff3ds.surfaces.hidden.visibility import Ask, parts_of
+from diff3ds.surfaces.lines.contour_gradients import contours_of
+from diff3ds.surfaces.lines.contours import Chain, contour_chains
+from diff3ds.surfaces.lines.edge_runs import seam_runs
+from diff3ds.surfaces.lines.fit_picture import FittedChains, fit_chains
+from diff3ds.surfaces.shape.intersections import APART, Seams, places_on_seams
+from diff3ds.surfaces.shape.nearest import ON_SURFACE, Nearest, along_chords
+from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Faces within two rings of a contour's point do not hide it: beside a contour facets hide each other.
 RINGS = 2

@@ -4,7 +4,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.formats.mesh_files.same_rows import different
-from diff3ds.surfaces.meshes.t_junctions import without_t_junctions
+from diff3ds.surfaces.shape.t_junctions import without_t_junctions
 
 # Vertices nearer than a quarter of this, as a share of the mesh's longest side, are one: files repeat vertices for
 # every face or texture, and write them in six digits. Of vertices farther apart than this none are.

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import ArrayLike
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
-from diff3ds.surfaces.meshes.clean import welded, wound_alike
+from diff3ds.surfaces.shape.clean import welded, wound_alike
 
 # Faces that meet at more than this make a crease: rounds of ten sides and more are smooth. Degrees.
 CREASE = 38.0

@@ -1,1 +1,0 @@
-"""Unions of ellipsoids, cylinders and cones, whose contours are conics."""
