@@ -20,7 +20,7 @@ from diff3ds.tasks.text_image import text
 from diff3ds.tasks.views import run as views
 from diff3ds.weights import fetch
 
-COMMANDS = ["text", "image", "views", "mesh", "render", "export", "view", "eval", "prior", "fetch", "doctor"]
+COMMANDS = ["text", "image", "views", "mesh", "points", "render", "export", "view", "eval", "prior", "fetch", "doctor"]
 
 
 def ends(arguments: list[str], capsys) -> tuple[int, str, str]:

@@ -39,7 +39,14 @@ if TYPE_CHECKING:
     from diff3ds.surfaces.shape.quadrics import Quadrics
     from diff3ds.surfaces.shape.smooth_surface import smooth_surface
     from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-    from diff3ds.tasks.functions import image_to_sketch, mesh_to_sketch, recognise, text_to_sketch, views_to_sketch
+    from diff3ds.tasks.functions import (
+        image_to_sketch,
+        mesh_to_sketch,
+        points_to_sketch,
+        recognise,
+        text_to_sketch,
+        views_to_sketch,
+    )
     from diff3ds.transforms import load_transforms, save_transforms
 
 __all__ = [
@@ -74,6 +81,7 @@ __all__ = [
     "losses",
     "mesh_to_sketch",
     "orbit",
+    "points_to_sketch",
     "project",
     "rasterize",
     "recognise",
@@ -120,7 +128,8 @@ _HOMES = {
     "smooth_surface": "surfaces.shape.smooth_surface",
     **dict.fromkeys(("contours", "visible_lines"), "surfaces.draw"),
     **dict.fromkeys(
-        ("image_to_sketch", "mesh_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"), "tasks.functions"
+        ("image_to_sketch", "mesh_to_sketch", "points_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"),
+        "tasks.functions",
     ),
     **dict.fromkeys(("load_transforms", "save_transforms"), "transforms"),
 }

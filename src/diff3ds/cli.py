@@ -14,7 +14,7 @@ from rich.console import Console
 from diff3ds._version import __version__
 from diff3ds.command_line.console import PlainConsole, sayer
 from diff3ds.command_line.exit_codes import FAULT, STOPPED
-from diff3ds.command_line.make import Cameras, Doodle, Image, Mesh, Text, Views
+from diff3ds.command_line.make import Cameras, Doodle, Image, Mesh, Points, Text, Views
 from diff3ds.command_line.many import Batch, Eval, Study
 from diff3ds.command_line.read_options import as_typed, read_options
 from diff3ds.command_line.set_up import Doctor, Fetch, Prior
@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> None:
         return
     # A recipe has options of its own.
     views = Doodle if any(word.startswith("--recipe") for word in arguments) else Views
-    commands = {"text": Text, "image": Image, "views": views, "cameras": Cameras, "mesh": Mesh}
+    commands = {"text": Text, "image": Image, "views": views, "cameras": Cameras, "mesh": Mesh, "points": Points}
     commands |= {
         "render": Render,
         "export": Export,

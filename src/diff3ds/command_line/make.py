@@ -1,4 +1,4 @@
-"""The commands that make sketches: `views`, `text`, `image` and `mesh`; and `cameras`, which goes before them."""
+"""The commands that make sketches, `views`, `text`, `image`, `mesh` and `points`; `cameras`, which goes before."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -12,6 +12,7 @@ from diff3ds.command_line.console import PlainConsole, progress_on, say_written,
 from diff3ds.command_line.interrupt import importing
 from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.mesh.options import MeshOptions
+from diff3ds.tasks.points.points_options import PointsOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase, Picture
@@ -220,6 +221,36 @@ class Mesh:
         with viewed(self.view, self.out, console):
             with progress_on(console) as report:
                 sketch = run_mesh(self.source, self.out, self.mesh, report, sayer(console))
+            say_written(console, len(sketch), self.out)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Find the edges in a cloud of points: where the planes, cylinders, cones, spheres and tori that explain it meet.
+
+    Takes PLY, XYZ and other texts, NPY, PCD, LAS or LAZ, with or without normals, whole or seen from one side. Writes
+    sketch.json, sketch.svg, sketch.step, preview.png and run.json, which has the forms.
+    """
+
+    points: OmitArgPrefixes[PointsOptions]
+    # The cloud.
+    source: Positional[Path]
+    # Folder of the results.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("out")
+    # Show the run in a browser, at an address that is printed, while it goes on, and then until Ctrl-C.
+    view: bool = False
+    # No progress, only errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.points.draw_points import run_points
+
+        console = PlainConsole(stderr=True, quiet=self.quiet)
+        with viewed(self.view, self.out, console):
+            with progress_on(console) as report:
+                sketch = run_points(self.source, self.out, self.points, report, sayer(console))
             say_written(console, len(sketch), self.out)
 
 

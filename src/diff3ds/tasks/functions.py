@@ -153,6 +153,31 @@ def mesh_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None 
         return run_mesh(Path(source), folder, read, say=_say)
 
 
+def points_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None = None, **options: Any) -> "Sketch":
+    """Makes a sketch of the edges in a cloud of points, as `diff3ds points` does.
+
+    What the command says goes to the logger diff3ds.
+
+    Args:
+        source: a PLY, XYZ, NPY, PCD, LAS or LAZ file.
+        out: folder for the files that the command writes; without one nothing is kept.
+        options: those of the command by their names, such as `up="y"`, `seed=1`.
+
+    Returns:
+        The sketch in the units of the file, z up, float64.
+
+    Raises:
+        TypeError: an option that the command does not have, or a value of another kind.
+        ValueError, OSError, ImportError: as the command, whose message it is.
+    """
+    from diff3ds.tasks.points.draw_points import run_points
+    from diff3ds.tasks.points.points_options import PointsOptions
+
+    read = filled("points_to_sketch", PointsOptions(), _hints(PointsOptions), options)
+    with _folder(out, options) as folder:
+        return run_points(Path(source), folder, read, say=_say)
+
+
 def _hints(kind: Any) -> dict[str, Any]:
     """The type hints of all options of a command, but for what it draws."""
     return {name: hint for name, hint in option_hints(kind).items() if name not in ("phrase", "picture")}

@@ -55,12 +55,7 @@ def read_ply(content: bytes, beside: FilesBeside | None) -> Polygons:
     Raises:
         ValueError: a cloud of points, or broken.
     """
-    end = re.search(rb"^end_header[ \t]*(?:\r\n|\r|\n)", content, re.MULTILINE)
-    if not re.match(rb"ply\s", content) or end is None:
-        raise ValueError("it has no header of PLY")
-    header = content[: end.start()].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    kind, elements = _header(header.decode("latin-1").split("\n"))
-    data = _elements(kind, elements, content, end.end())
+    header, data = _read(content)
     if "range_grid" in data:
         raise ValueError("a range image of a scanner, which has no faces, is no mesh: make a mesh of it first")
     if "vertex" not in data or not all(isinstance(data["vertex"].get(k), np.ndarray) for k in "xyz"):
@@ -78,6 +73,26 @@ def read_ply(content: bytes, beside: FilesBeside | None) -> Polygons:
     check_corners(corners, len(vertices))
     paint = None if beside is None else _paint(data, corners, sizes, _TEXTURE.findall(header), beside)
     return Polygons(vertices, corners, sizes, np.zeros(len(sizes), np.int64), paint)
+
+
+def read_ply_points(content: bytes) -> dict[str, Array]:
+    """The numbers of each vertex of a file by their names, such as x, y, z and nx, ny, nz; faces are passed over.
+
+    Raises:
+        ValueError: broken, or without vertices.
+    """
+    columns = _read(content)[1].get("vertex", {})
+    return {name: column.astype(np.float64) for name, column in columns.items() if isinstance(column, np.ndarray)}
+
+
+def _read(content: bytes) -> tuple[bytes, dict[str, _Columns]]:
+    """The header of a file, and its elements."""
+    end = re.search(rb"^end_header[ \t]*(?:\r\n|\r|\n)", content, re.MULTILINE)
+    if not re.match(rb"ply\s", content) or end is None:
+        raise ValueError("it has no header of PLY")
+    header = content[: end.start()].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    kind, elements = _header(header.decode("latin-1").split("\n"))
+    return header, _elements(kind, elements, content, end.end())
 
 
 def _header(lines: list[str]) -> tuple[str, list[tuple[str, int, list[_Property]]]]:

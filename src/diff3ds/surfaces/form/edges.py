@@ -75,8 +75,8 @@ def edges_between(samples: Samples, forms: Sequence[Surface], label: Int[Index, 
     """
     places = _touching(samples, label)
     edges = []
-    for (a, b), middles in places.items():
-        edges += list(_along(samples, (a, b), forms, middles))
+    for pair, (middles, apart) in places.items():
+        edges += list(_along(samples, pair, forms, middles, max(apart, samples.spacing)))
     near = _Near(samples, label)
     return [_cornered(samples, edge, forms, near) for edge in edges]
 
@@ -98,8 +98,8 @@ def without_scraps(samples: Samples, edges: list[Edge], vertex: Int[Index, "E 2"
         keep = left
 
 
-def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int], Float[Array, "C 3"]]:
-    """The middles between neighbouring samples of two forms."""
+def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int], tuple[Float[Array, "C 3"], float]]:
+    """The middles between neighbouring samples of two forms, and how far these are apart, median."""
     i, j = samples.pairs.T
     a, b = np.minimum(label[i], label[j]), np.maximum(label[i], label[j])
     rows = np.flatnonzero((a != b) & (a != NONE))
@@ -109,21 +109,24 @@ def _touching(samples: Samples, label: Int[Index, " N"]) -> dict[tuple[int, int]
     if not len(rows):
         return {}
     keys, first = np.unique(key[order], return_index=True)
-    middles = (samples.points[i] + samples.points[j])[rows[order]] / 2
-    parts = np.split(middles, first[1:])
-    return {(int(k // count), int(k % count)): part for k, part in zip(keys, parts, strict=True)}
+    out = {}
+    for k, part in zip(keys, np.split(rows[order], first[1:]), strict=True):
+        one, other = samples.points[i[part]], samples.points[j[part]]
+        apart = float(np.median(np.linalg.norm(one - other, axis=1)))
+        out[int(k // count), int(k % count)] = ((one + other) / 2, apart)
+    return out
 
 
 def _along(
-    samples: Samples, pair: tuple[int, int], forms: Sequence[Surface], middles: Float[Array, "C 3"]
+    samples: Samples, pair: tuple[int, int], forms: Sequence[Surface], middles: Float[Array, "C 3"], apart: float
 ) -> Iterator[Edge]:
-    """The edges of two forms through the places where they touch."""
+    """The edges of two forms through the places where they touch, of neighbours that are so far apart."""
     a, b = forms[pair[0]], forms[pair[1]]
     if len(middles) < LEAST:
         return
     on = onto([a, b], middles)
     free = isinstance(a, FreeForm) or isinstance(b, FreeForm)
-    limit = NEAR_SPACINGS * samples.spacing + NEAR_REACHES * within(samples)
+    limit = NEAR_SPACINGS * apart + NEAR_REACHES * within(samples)
     off = np.abs(np.stack([a.distance(on), b.distance(on)])).max(0)
     turn = _turns(a, b, on)
     good = (
@@ -134,8 +137,8 @@ def _along(
     on, turn = on[good], turn[good]
     if len(on) < max(LEAST, 0.3 * len(middles)):
         return
-    for path, rows in _paths(samples, a, b, on):
-        for start, stop, closed, inside in _intervals(path, on[rows], GAP * samples.spacing):
+    for path, rows in _paths(samples, a, b, on, GAP * apart):
+        for start, stop, closed, inside in _intervals(path, on[rows], GAP * apart):
             if len(inside) >= LEAST:
                 angle = float(np.median(turn[rows[inside]]))
                 yield Edge(pair, path, start, stop, closed, (NONE, NONE), angle, len(inside))
@@ -147,7 +150,9 @@ def _turns(a: Surface, b: Surface, points: Float[Array, "C 3"]) -> Float[Array, 
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs((n * m).sum(1))))
 
 
-def _paths(samples: Samples, a: Surface, b: Surface, on: Float[Array, "C 3"]) -> Iterator[tuple[Path, Index]]:
+def _paths(
+    samples: Samples, a: Surface, b: Surface, on: Float[Array, "C 3"], gap: float
+) -> Iterator[tuple[Path, Index]]:
     """Paths of two forms, each with the rows of the points that lie on it."""
     paths = exact_paths(a, b)
     if paths:
@@ -162,7 +167,6 @@ def _paths(samples: Samples, a: Surface, b: Surface, on: Float[Array, "C 3"]) ->
 
     free = isinstance(a, FreeForm) or isinstance(b, FreeForm)
     left = np.ones(len(on), bool)
-    gap = GAP * samples.spacing
     while left.sum() >= LEAST:
         rows = np.flatnonzero(left)
         tree = cKDTree(on[rows])

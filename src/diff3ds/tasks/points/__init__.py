@@ -1,0 +1,1 @@
+"""A cloud of points to a sketch: `diff3ds points`."""

@@ -1,0 +1,32 @@
+"""Options of `diff3ds points`."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from diff3ds._settings import MAX_SIZE
+from diff3ds.tasks.render.options import OrbitOptions
+
+
+@dataclass(frozen=True)
+class PointsOptions:
+    """Options of `diff3ds points`.
+
+    Attributes:
+        view: of the preview.
+        up: the axis that points up in the file; the sketch has z up.
+        seed: of what is drawn by chance.
+        size: of a view of the preview, pixels.
+        overwrite: the folder's run may be lost.
+    """
+
+    view: OrbitOptions = field(default_factory=lambda: OrbitOptions(azimuth=(30.0, 120.0, 210.0, 300.0)))
+    up: Literal["z", "y"] = "z"
+    seed: int = 0
+    size: int = 512
+    overwrite: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.size <= MAX_SIZE:
+            raise ValueError(f"size must be from 1 to {MAX_SIZE} pixels, got {self.size}")
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}")
