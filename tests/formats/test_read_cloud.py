@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diff3ds.formats.mesh_files.read_cloud import read_cloud
+from diff3ds.formats.clouds.read_cloud import read_cloud
 
 POINTS = np.array([[0.5, 1.25, -2.0], [3.0, 0.0, 0.125], [-1.0, 2.0, 4.0]])
 NORMALS = np.array([[1.0, 0, 0], [0, 0.6, 0.8], [0, 0, -1]])

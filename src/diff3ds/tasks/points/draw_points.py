@@ -13,8 +13,8 @@ from diff3ds._shapes import Array, Float
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import tile_images
+from diff3ds.formats.clouds.read_cloud import Cloud, read_cloud
 from diff3ds.formats.framing import framed
-from diff3ds.formats.mesh_files.read_cloud import Cloud, read_cloud
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.form.form_curves import FormCurves, form_curves
