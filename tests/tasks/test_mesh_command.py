@@ -15,7 +15,7 @@ from diff3ds.formats import load_image
 from diff3ds.tasks.mesh.draw_mesh import MeshSketch, run_mesh
 from diff3ds.tasks.mesh.options import MeshOptions
 
-pytest.importorskip("trimesh", reason="takes the extra mesh")
+pytest.importorskip("trimesh", reason="makes balls")
 
 FEW = ["--quiet", "--turntable", "0", "--size", "128"]
 

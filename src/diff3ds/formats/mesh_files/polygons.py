@@ -1,8 +1,10 @@
 """What every reader of a mesh file gives: faces of any number of corners, and what their corners look like."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.mesh_colors import NO_TEXTURE, Texture
@@ -77,3 +79,11 @@ def numbered_places(vertices: Float[Array, "V 3"]) -> Int[Index, " V"]:
 def counted(number: int, one: str, many: str = "") -> str:
     """A number and what it counts."""
     return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def shares(colors: NDArray[Any]) -> Float[Array, "N 3"]:
+    """Colours in [0, 1]: whole numbers are shares of the largest of their type, others where any is above 1 of 255."""
+    values = np.asarray(colors, np.float64)
+    if np.issubdtype(colors.dtype, np.integer):
+        return np.clip(values / np.iinfo(colors.dtype).max, 0, 1)
+    return np.clip(values / (255.0 if np.nan_to_num(values).max(initial=0) > 1 else 1.0), 0, 1)

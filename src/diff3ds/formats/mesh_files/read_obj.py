@@ -7,7 +7,7 @@ import numpy as np
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.files_beside import FilesBeside
 from diff3ds.formats.mesh_colors import NO_TEXTURE, Pictures
-from diff3ds.formats.mesh_files.polygons import Paint, Polygons, check_corners, counted
+from diff3ds.formats.mesh_files.polygons import Paint, Polygons, check_corners, counted, shares
 from diff3ds.formats.mesh_files.read_mtl import Material, read_mtl
 from diff3ds.formats.mesh_files.text_numbers import table, whole_numbers, widths
 
@@ -62,7 +62,7 @@ def read_obj(content: bytes, beside: FilesBeside | None) -> Polygons:
     if beside is not None:
         own = np.where(count[:, None] >= 6, values[:, 3:6], np.nan)
         places = _counted_on(indices[:, 1], before[:, 1]) if indices.shape[1] > 1 else np.full(len(corners), -1)
-        paint = _paint(read, beside, sizes, _shares(own)[corners], places)
+        paint = _paint(read, beside, sizes, shares(own)[corners], places)
     return Polygons(vertices, corners, sizes, np.array(read.part, np.int64), paint, tuple(left_out))
 
 
@@ -132,12 +132,6 @@ def _indices(text: bytes, count: int) -> Int[Index, "C W"]:
 def _counted_on(index: Int[Index, " C"], before: Int[Index, " C"]) -> Int[Index, " C"]:
     """Indices from 0 of such from 1, or backwards from those before; -1 for none, beyond all where it is wrong."""
     return np.where(index < 0, np.where(index + before < 0, np.iinfo(np.int64).max, index + before), index - 1)
-
-
-def _shares(colors: Float[Array, "V 3"]) -> Float[Array, "V 3"]:
-    """Colours in [0, 1]; where any is more, they are of 255."""
-    most = 255.0 if np.nan_to_num(colors).max(initial=0) > 1 else 1.0
-    return np.clip(colors / most, 0, 1)
 
 
 def _paint(

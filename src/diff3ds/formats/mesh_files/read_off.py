@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, check_corners
+from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, check_corners, shares
 from diff3ds.formats.mesh_files.text_numbers import numbers, table, whole_numbers, widths
 
 _HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z])[ \t]*(BINARY)?")
@@ -50,9 +50,9 @@ def read_off(content: bytes, colors: bool) -> Polygons:
         first = size + 3 * normals
         own = values[:, first : first + 3]
         if own.shape[1] == 3 and (colored or not (normals or texture)):
-            paint.color[:] = _shares(own)[corners]
+            paint.color[:] = shares(own)[corners]
         painted = np.isfinite(shades).all(1)
-        paint.color[np.repeat(painted, sizes)] = np.repeat(_shares(shades)[painted], sizes[painted], 0)
+        paint.color[np.repeat(painted, sizes)] = np.repeat(shares(shades)[painted], sizes[painted], 0)
     return Polygons(vertices, corners, sizes, np.zeros(len(sizes), np.int64), paint)
 
 
@@ -74,9 +74,3 @@ def _faces(lines: list[bytes], colors: bool) -> tuple[Int[Index, " C"], Int[Inde
         painted = [k for k, word in enumerate(rest) if len(word) in (3, 4)]
         shades[painted] = numbers(b" ".join(b" ".join(rest[k][:3]) for k in painted)).reshape(-1, 3)
     return corners, sizes, shades
-
-
-def _shares(values: Float[Array, "N 3"]) -> Float[Array, "N 3"]:
-    """Colours in [0, 1]: where any is more, they are of 255."""
-    most = 255.0 if np.nan_to_num(values).max(initial=0) > 1 else 1.0
-    return np.clip(values / most, 0, 1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.files_beside import FilesBeside
 from diff3ds.formats.mesh_colors import NO_TEXTURE, Pictures
-from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, check_corners, counted
+from diff3ds.formats.mesh_files.polygons import MOST, Paint, Polygons, check_corners, counted, shares
 from diff3ds.formats.mesh_files.text_numbers import numbers, widths
 
 _TYPES = {
@@ -274,14 +274,12 @@ def _of_strips(corners: Int[Index, " C"], sizes: Int[Index, " S"]) -> Int[Index,
 
 
 def _rgb(columns: _Columns) -> Float[Array, "N 3"] | None:
-    """Colours in [0, 1]: whole numbers are shares of the largest of their type."""
+    """Colours in [0, 1]."""
     for names in _RGB:
         found = [columns.get(name) for name in names]
         if all(isinstance(column, np.ndarray) for column in found):
             values = np.stack([_array(column) for column in found if column is not None], 1)
-            whole = np.issubdtype(values.dtype, np.integer)
-            most = np.iinfo(values.dtype).max if whole else 255.0 if np.nan_to_num(values).max(initial=0) > 1 else 1.0
-            return np.clip(values.astype(np.float64) / most, 0, 1)
+            return shares(values)
     return None
 
 
