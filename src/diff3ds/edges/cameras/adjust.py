@@ -60,7 +60,7 @@ def settled(
     """The cameras after all steps, the sample points and their tangents, and the equations of the last step.
 
     Args:
-        start, posed, views, effect, curves: as for `adjusted`.
+        start: as for `adjusted`, and so all others.
     """
     x, tangent = some_samples(curves)
     seen = posed.views(views, effect)

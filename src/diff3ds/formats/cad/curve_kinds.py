@@ -56,12 +56,6 @@ class Spline(NamedTuple):
 Curve = Line | Arc | Spline
 
 
-def check_tolerance(tolerance: float | None) -> None:
-    """Raises ValueError for what is no tolerance of `curves_of`."""
-    if tolerance is not None and not 0 <= tolerance < np.inf:
-        raise ValueError(f"tolerance must be at least 0 and finite, got {tolerance}")
-
-
 def resolution(sketch: Sketch) -> float:
     """How well coordinates of a sketch are known, world units."""
     largest = float(sketch.points.detach().abs().max()) if len(sketch) else 0.0

@@ -12,16 +12,16 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from diff3ds._files import replacing
-from diff3ds._units import MILLIMETRES, Unit
+from diff3ds._units import MILLIMETRES, DxfVersion, Unit, check_tolerance
 from diff3ds.bezier import bounding_box
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.cad.arcs import Arc, Vector
-from diff3ds.formats.cad.curve_kinds import Curve, Line, check_tolerance, curves_of, resolution
+from diff3ds.formats.cad.curve_kinds import Curve, Line, curves_of, resolution
 from diff3ds.formats.cad.layers import checked_layers, color_layers
 from diff3ds.formats.framing import ball_of
 from diff3ds.formats.opening import check_writable
@@ -37,7 +37,6 @@ BLACK_OR_WHITE = 7
 # Width over height of the window that ezdxf has a drawing opened in, what is left free around the drawing, and how far
 # from the origin a point or a vertical line is still seen. [empirical]
 _WINDOW, _MARGIN, _LEAST_SEEN = 1.34, 1.1, 1e-6
-Version = Literal["R2010", "R12"]
 
 
 def save_dxf(
@@ -48,7 +47,7 @@ def save_dxf(
     polylines: bool = False,
     layers: Sequence[str] | None = None,
     tolerance: float | None = None,
-    version: Version = "R2010",
+    version: DxfVersion = "R2010",
 ) -> None:
     """Writes a DXF file, whole or not at all.
 
@@ -69,8 +68,8 @@ def save_dxf(
     path = Path(path)
     check_writable(path, sketch, unit, "DXF", "ezdxf", "ezdxf", "cad")
     check_tolerance(tolerance)
-    if version not in get_args(Version):
-        raise ValueError(f"version must be one of {', '.join(get_args(Version))}, got {version!r}")
+    if version not in get_args(DxfVersion):
+        raise ValueError(f"version must be one of {', '.join(get_args(DxfVersion))}, got {version!r}")
     polylines = polylines or version == "R12"
     if polylines and tolerance == 0:
         raise ValueError("tolerance of polylines must be positive, got 0")

@@ -16,11 +16,11 @@ import numpy as np
 import torch
 
 from diff3ds._files import write_bytes
-from diff3ds._units import Unit
+from diff3ds._units import Unit, check_tolerance
 from diff3ds.bezier import ellipse, to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.cad.arcs import Arc
-from diff3ds.formats.cad.curve_kinds import Curve, Line, Spline, check_tolerance, curves_of
+from diff3ds.formats.cad.curve_kinds import Curve, Line, Spline, curves_of
 from diff3ds.formats.opening import check_writable
 from diff3ds.sketch import Sketch
 

@@ -17,10 +17,10 @@ import numpy as np
 import torch
 
 from diff3ds._files import write_text
-from diff3ds._units import MILLIMETRES, Unit, check_unit
+from diff3ds._units import MILLIMETRES, Unit, check_tolerance, check_unit
 from diff3ds.formats.apart import check_size, strokes_apart
 from diff3ds.formats.assembly import ReadStroke, sketch_of
-from diff3ds.formats.cad.curve_kinds import check_tolerance, curves_of
+from diff3ds.formats.cad.curve_kinds import curves_of
 from diff3ds.formats.cad.layers import checked_layers, color_layers
 from diff3ds.formats.cad.step_entities import Entities, reals, string, stroke_entity
 from diff3ds.formats.opening import check_sketch

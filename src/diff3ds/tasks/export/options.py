@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from diff3ds._settings import require_finite
-from diff3ds._units import Unit
-from diff3ds.formats.cad.curve_kinds import check_tolerance
-from diff3ds.formats.cad.dxf import Version
+from diff3ds._units import DxfVersion, Unit, check_tolerance
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class ExportOptions:
     surface_up: Literal["z", "y"] = "z"
     tolerance: float | None = None
     dxf_polylines: bool = False
-    dxf_version: Version = "R2010"
+    dxf_version: DxfVersion = "R2010"
     lines: bool = False
 
     def __post_init__(self) -> None:
