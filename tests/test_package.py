@@ -23,7 +23,18 @@ MODULES = {
 # What each part (a module or folder right under the package) may import: cli -> tasks -> everything below; edges and
 # pictures -> optimize, formats -> render -> project -> {bezier, camera, sketch}; guidance and metrics -> weights.
 # "diff3ds" stands for the list of public names. A new part needs a line here.
-HELPERS = {"_checks", "_files", "_modes", "_settings", "_shapes", "_tensor_files", "_units", "_version", "_with_torch"}
+HELPERS = {
+    "_checks",
+    "_files",
+    "_modes",
+    "_settings",
+    "_shapes",
+    "_svg",
+    "_tensor_files",
+    "_units",
+    "_version",
+    "_with_torch",
+}
 SCENE = {"bezier", "camera", "chains", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
@@ -32,6 +43,7 @@ ALLOWED = {
     "_settings": set(),
     "_shapes": set(),
     "_start": {"cli", "command_line"},
+    "_svg": {"_shapes"},
     "_tensor_files": {"_files", "_shapes"},
     "_units": set(),
     "_version": set(),

@@ -1,16 +1,20 @@
 """Reference pictures: cut out by alpha, mask or background; framed as in the demonstration of Zero-1-to-3; errors."""
 
+import importlib.util
 import sys
 import zlib
 
+import numpy as np
 import pytest
 import torch
+from needs import needs
 from PIL import Image, ImageOps
 from red_network import red_network
 
 from diff3ds.formats import load_image, save_png
 from diff3ds.pictures.options import PictureOptions
 from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.tasks.recognition.picture_lines import lines_of
 
 RED, GREEN = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0])
 
@@ -22,6 +26,36 @@ def rgba(height=300, width=400, box=(50, 150, 300, 350)):
     top, bottom, left, right = box
     pixels[top:bottom, left:right] = torch.tensor([1.0, 0.0, 0.0, 1.0])
     return pixels
+
+
+DRAWING = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 40 20" width="{width}">{ground}
+<g fill="none" stroke="#000"><circle cx="12" cy="10" r="7"/><path d="M 19 10 L 34 10"/></g></svg>"""
+
+
+@needs("resvg_py")
+@pytest.mark.parametrize("ground", ["", '<rect width="40" height="20" fill="#fff"/>'])
+def test_an_svg_drawing_is_read_as_its_picture_is(ground, tmp_path):
+    """The same at whatever size it says, as the circle and the line beside it are."""
+    for width in ("40", "1mm", "30000"):
+        (tmp_path / "a.svg").write_text(DRAWING.format(width=width, ground=ground))
+        lines = lines_of(read_reference(tmp_path / "a.svg"))
+        assert lines.kind == "drawing"
+        # The middles of the lines are 29 units wide, from 5 to 34.
+        x, y = (lines.points * 29 + (19.5, 10)).T
+        away = np.minimum(np.abs(np.hypot(x - 12, y - 10) - 7), np.abs(y - 10) + (x < 19))
+        assert away.max() < 0.3
+        assert {x.min() < 6, x.max() > 33} == {True}
+
+
+def test_svg_that_is_none_and_svg_without_its_reader_are_told(tmp_path, monkeypatch):
+    (tmp_path / "a.svg").write_text("<svg")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"a\.svg: .* pip install 'diff3ds\[svg\]', or save the drawing as PNG"):
+        read_reference(tmp_path / "a.svg")
+    monkeypatch.undo()
+    if importlib.util.find_spec("resvg_py"):
+        with pytest.raises(ValueError, match=r"a\.svg: cannot be read as an SVG drawing .*: save it as PNG"):
+            read_reference(tmp_path / "a.svg")
 
 
 def saved(path, pixels):

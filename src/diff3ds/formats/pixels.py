@@ -22,6 +22,27 @@ HEIC_READ = HEIC if importlib.util.find_spec("pillow_heif") else ()
 HEIC_ADVICE = "pip install pillow-heif, or save them as JPEG"
 
 
+# What files are that hold pictures in another way, by their first bytes or by the brand of an ISO container.
+FILM = "it is a film: take a frame of it, such as ffmpeg -i clip.mp4 -vf fps=2 frames/%04d.jpg writes, two a second"
+VECTORS = "it is a vector drawing: an SVG file is read by its name, mug.svg; else save it as PNG"
+_BRANDS = {
+    **dict.fromkeys((b"hei", b"hev", b"mif", b"msf"), f"it is a HEIC picture: name it .heic, and {HEIC_ADVICE}"),
+    b"avi": "it is an AVIF picture, which needs pillow 11.3 or newer: pip install -U pillow, or save it as PNG",
+}
+_OTHERS = {
+    b"%PDF": "it is a PDF document: save the page that is meant as PNG or SVG",
+    b"%!PS": "it is a PostScript drawing: save it as PNG or SVG",
+    b"<svg": VECTORS,
+    b"<?xml": VECTORS,
+    b"<!DOCTYPE svg": VECTORS,
+    b"\x1f\x8b": "it is compressed by gzip, as .svgz files are: save it as PNG or SVG",
+    b"\x1aE\xdf\xa3": FILM,
+    b"8BPS": "it is a Photoshop file that pillow does not read: save it as PNG",
+    b"gimp xcf": "it is a GIMP file: export it as PNG",
+    b"PK\x03\x04": "it is a ZIP archive, such as painting programs write: export the picture as PNG",
+}
+
+
 def prepare(path: Path) -> None:
     """Has pillow read HEIC, if the file is such a picture.
 
@@ -86,12 +107,12 @@ def _of_whole_numbers(picture: Any) -> Float[Tensor, "H W C"]:
 
 
 def require_one_frame(picture: Any) -> None:
-    """Checks that a file holds one picture, which smaller ones, as in pyramids, and those of phones may follow.
+    """Checks that a file holds one picture, which smaller ones, as in pyramids, those of phones, or layers may follow.
 
     Raises:
         ValueError: an animation, or pages of one size.
     """
-    if picture.format == "MPO" or not getattr(picture, "is_animated", False):
+    if picture.format in ("MPO", "PSD") or not getattr(picture, "is_animated", False):
         return
     count, size = picture.n_frames, picture.size
     if picture.format == "TIFF":
@@ -114,6 +135,11 @@ def described(path: Path) -> str:
         return "it is a pointer of Git LFS: get the picture itself with git lfs pull"
     if start[:4] in TIFF:
         return _described_tiff(path)
+    if start[4:8] == b"ftyp":
+        return _BRANDS.get(start[8:11], FILM)
+    for beginning, what in _OTHERS.items():
+        if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(beginning):
+            return what
     return f"it begins with {start[:12]!r}, as no kind of picture that pillow reads"
 
 

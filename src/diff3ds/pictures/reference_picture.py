@@ -8,6 +8,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats.orientation import load_upright
+from diff3ds.formats.vector.svg_picture import load_svg_picture
 from diff3ds.pictures.content.background import parse_background, with_alpha
 from diff3ds.pictures.content.cutout import is_inverted, premultiplied
 from diff3ds.pictures.content.foreground import foreground
@@ -55,7 +56,7 @@ def read_reference(
     Pixels are area means where the picture is reduced, bilinear where it is enlarged. A rotation in EXIF is heeded.
 
     Args:
-        picture: a file, or its pixels: gray, RGB or straight RGBA, in [0, 1].
+        picture: a file, of pixels or SVG, or its pixels: gray, RGB or straight RGBA, in [0, 1].
         size: height and width of the result in pixels.
         options: default `PictureOptions()`.
 
@@ -63,14 +64,15 @@ def read_reference(
         ValueError: a file that is no picture, or one of more than 2^27 pixels; a mask of another size; nothing visible;
             neither a plain background nor lines on paper; an object of fewer than 32 pixels.
         OSError: a file cannot be read, or rembg's network.
-        ImportError: an object is to be cut out, and rembg is not installed.
+        ImportError: an object is to be cut out, and rembg is not installed; an SVG file, and the extra `svg` is not.
     """
     options = options or PictureOptions()
     if options.mask is not None:
         _require_file(options.mask, "a mask, a picture that is white where the object is")
     if isinstance(picture, Path):
         _require_file(picture, "a picture of one object, a file such as mug.png")
-        name, image = str(picture), load_upright(picture)
+        name = str(picture)
+        image = load_svg_picture(picture) if picture.suffix.lower() == ".svg" else load_upright(picture)
     else:
         name, image = "the picture", picture
     pixels = _cut_out(name, image, options)

@@ -1,15 +1,12 @@
 """A sketch in a style, from any cameras: SVG text, and its pixels."""
 
-import importlib.util
-import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import torch
 
-from diff3ds._shapes import Array, Float, Tensor
+from diff3ds._shapes import Array, Float
 from diff3ds.camera import Cameras
 from diff3ds.curves.join import join_smooth
 from diff3ds.page.ink_outlines import TOLERANCE
@@ -91,21 +88,6 @@ def styled_svg(
     size = f'width="{whole[0] * scale:.6g}{unit}" height="{whole[1] * scale:.6g}{unit}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {whole[0]} {whole[1]}">'
     return "\n".join([head, *ground, views, "</svg>"]) + "\n"
-
-
-def svg_pixels(text: str) -> Float[Tensor, "H W 4"]:
-    """An SVG text as resvg draws it, straight RGBA.
-
-    Raises:
-        ImportError: the extra `svg` is not installed.
-    """
-    if importlib.util.find_spec("resvg_py") is None:
-        raise ImportError("styles are drawn to pixels by resvg: install it with pip install 'diff3ds[svg]'")
-    import resvg_py
-    from PIL import Image
-
-    picture = Image.open(io.BytesIO(bytes(resvg_py.svg_to_bytes(svg_string=text))))
-    return torch.from_numpy(np.asarray(picture.convert("RGBA")).astype(np.float32) / 255)
 
 
 def _views(
