@@ -179,3 +179,18 @@ def test_what_is_unknown_is_refused_with_what_is_known():
         member(3, generator)
     with pytest.raises(TypeError, match=r"generator must be a torch.Generator, such as .*, got 3"):
         member("chair", 3)
+
+
+@pytest.mark.parametrize("attributes", [("panels",), ("stripes",), ()])
+def test_lines_on_a_ball_are_not_hidden_by_it(attributes):
+    """Each is seen from one of six sides: none goes through the ball, which would hide it from all."""
+    ball = member("ball", torch.Generator().manual_seed(0), attributes)
+    surface = ds.TriangleMesh.of_triangles(ball.faces.numpy())
+    cameras = ds.orbit([0, 60, 120, 180, 240, 300], [15, -25, 15, 40, -25, 15], 2.2, size=128)
+    seen = torch.zeros(len(ball.sketch))
+    for lines in ds.visible_lines(ball.sketch, cameras, surface, contours=False):
+        parts = lines.parts[lines.parts.visible]
+        shares = torch.from_numpy(parts.stop - parts.start).float()
+        share = torch.zeros(len(seen)).index_add_(0, torch.from_numpy(parts.segment), shares)
+        seen = torch.maximum(seen, share)
+    assert seen.min() > 0.4

@@ -4,7 +4,15 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, ball, polyline, ring, spline
+from diff3ds.library.shapes import Part, Vector, around, ball, ellipse, ring, spline
+
+
+def _seam(a: Vector, b: Vector) -> Part:
+    """The shortest way from one point of the ball to another along it: a chord would be inside."""
+    straight = sum(here * there for here, there in zip(a, b, strict=True))
+    beside = math.sqrt(1 - straight**2)
+    across = [(there - straight * here) / beside for here, there in zip(a, b, strict=True)]
+    return ellipse((0, 0, 0), a, across, 0, math.degrees(math.acos(straight)))
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -17,9 +25,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
             corners = [
                 (wide * math.cos(a), wide * math.sin(a), sign * high) for a in (math.tau * i / 5 for i in range(5))
             ]
-            parts.append(polyline(*corners, closed=True))
-        seams = ((wide, 0, high), (0.86, 0, 0.5), (1, 0, 0), (0.86, 0, -0.5), (wide, 0, -high))
-        parts.append(around(spline(*seams), 5))
+            parts += [_seam(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+        parts.append(around(_seam((wide, 0, high), (wide, 0, -high)), 5))
     elif "stripes" in attributes:
         parts += [ring((0, 0, z), math.sqrt(1 - z * z)) for z in (-seam, seam)]
     else:
