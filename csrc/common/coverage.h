@@ -29,14 +29,13 @@ template <class F, class S> HD F density(const Filter<S> &f, F x) {
   return select((y > S(-BLUR_REACH)) & (y < S(BLUR_REACH)), d, x * S(0));
 }
 
-// How wide strokes are, as bits: px, or WORLD: px times depth; and ALONG: a cubic in tau in place of one number.
-enum Width { EVEN = 0, WORLD = 1, ALONG = 2 };
 // Calls f with the kind of width as a constant.
 template <int WIDTH> struct WidthOf {
   HD constexpr operator int() const { return WIDTH; }
 };
-template <class Call> HD void with_width(bool world, bool along, Call f) {
-  if (along) world ? f(WidthOf<WORLD | ALONG>{}) : f(WidthOf<ALONG>{});
+template <class Call> HD void with_width(bool world, bool along, bool oblong, Call f) {
+  if (oblong) world ? f(WidthOf<OBLONG | WORLD | ALONG>{}) : f(WidthOf<OBLONG | ALONG>{});  // one number is such a cubic too
+  else if (along) world ? f(WidthOf<WORLD | ALONG>{}) : f(WidthOf<ALONG>{});
   else world ? f(WidthOf<WORLD>{}) : f(WidthOf<EVEN>{});
 }
 // The half width in px at tau, where the depth is this.
@@ -57,6 +56,46 @@ template <int WIDTH, class F, class S> HD Fragment<F> fragment(const Piece<S> &c
   g.coverage = cumulative(f, g.r - g.d);
   // Only a stroke thinner than the filter reaches leaves a pixel uncovered on its far side.
   if (WIDTH != EVEN || c.half_width[0] < f.reach) g.coverage = g.coverage - cumulative(f, -g.r - g.d);
+  return g;
+}
+
+// Of the point at tau of an oblong piece: the unit vector n, at which distances are measured from there to (qx, qy), y = S S^T n (S: Square), and the
+// pixels of a unit along n, 1 / |S^T n|. In the middle of the piece n is across the tangent, which is as true and has digits on the centre line too.
+template <class F> struct Across {
+  F nx, ny, yx, yy, pixels;
+  Jet<F> j;
+  F speed;
+};
+constexpr double NO_DIRECTION = 1e-3;  // px: distances that are too short to say where from (empirical)
+template <class F, class S> HD auto by_tangent(const Jet<F> &j, F tau, F ex, F ey) {
+  const F vv = j.vx * j.vx + j.vy * j.vy;
+  return (vv > S(0)) & (((tau > S(-.5)) & (tau < S(.5))) | (ex * ex + ey * ey < S(NO_DIRECTION * NO_DIRECTION)));
+}
+template <class F, class S> HD Across<F> across(const Piece<S> &c, F tau, F qx, F qy) {
+  Across<F> a;
+  a.j = jet(c, tau);
+  const F ex = qx - a.j.px, ey = qy - a.j.py, one = tau * S(0) + S(1);
+  const auto tangent = by_tangent<F, S>(a.j, tau, ex, ey);
+  const F x = select(tangent, -a.j.vy, ex), y = select(tangent, a.j.vx, ey), length2 = x * x + y * y;
+  const auto none = length2 <= S(0);
+  const F inverse = S(1) / sqrt(select(none, one, length2));
+  a.nx = select(none, one, x * inverse), a.ny = y * inverse;
+  a.speed = sqrt(a.j.vx * a.j.vx + a.j.vy * a.j.vy);
+  const Square<S> s = square_of(c);
+  F mx = a.nx, my = a.ny;
+  s.transpose().map(mx, my);
+  a.pixels = S(1) / sqrt(mx * mx + my * my);
+  s.map(mx, my);
+  a.yx = mx, a.yy = my;
+  return a;
+}
+// The fragment of a pixel at (qx, qy). Coverage is by distances in pixels.
+template <int WIDTH, class F, class S> HD Fragment<F> fragment_at(const Piece<S> &c, const Filter<S> &f, F tau, F z, F d, F qx, F qy) {
+  Fragment<F> g = fragment<WIDTH>(c, f, tau, z, d);
+  if ((WIDTH & OBLONG) != 0 && c.oblong) {
+    const F pixels = across(c, tau, qx, qy).pixels;
+    g.coverage = cumulative(f, (g.r - g.d) * pixels) - cumulative(f, (-g.r - g.d) * pixels);
+  }
   return g;
 }
 }  // namespace stroke

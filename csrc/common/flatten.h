@@ -88,15 +88,15 @@ template <class S> HD void place_widths(const double *widths, const double *map,
   for (int k = 0; k < 4; k++) out[k] = S(bern(0, k) * control[0] + bern(1, k) * control[1] + bern(2, k) * control[2] + bern(3, k) * control[3]);
 }
 
-// px beyond which a segment covers nothing; farther than the image is wide nothing changes. half_width: the largest.
-HD double reach_of(const double *cubic, double half_width, bool world, double near, double filter_reach, int width, int height) {
+// px beyond which a segment covers nothing; farther than the image is wide nothing changes. half_width: the largest. stretch: of Square.
+HD double reach_of(const double *cubic, double half_width, bool world, double near, double filter_reach, int width, int height, double stretch) {
   double wide = half_width;
   if (world) {
     double depth = 1e300;  // of the control points, whose hull holds all depths
     for (int i = 0; i < 4; i++) depth = least(depth, cubic[4 * i + 2] / cubic[4 * i + 3]);
     wide = half_width / most(depth, near);
   }
-  return least(wide, 4. * (width + height)) + filter_reach + CHORD_TOL;
+  return least(wide, 4. * (width + height) * stretch) + filter_reach * stretch + CHORD_TOL;
 }
 
 HD bool positive(const Control &k) { return k.c[0][2] > 0 && k.c[1][2] > 0 && k.c[2][2] > 0 && k.c[3][2] > 0; }
@@ -148,12 +148,22 @@ template <class Mask> HD bool any_lane(const Mask &m) {
   }
 }
 
+// A control point relative to the origin of a piece, where distances are measured.
+template <class S> HD v4d relative(const v4d &k, double ox, double oy, const Piece<S> &c) {
+  v4d out = k - v4d{ox, oy, 0, 0} * k[2];
+  if (c.oblong) {
+    double x = out[0], y = out[1];
+    square_of(c).map(x, y);
+    out[0] = x, out[1] = y;
+  }
+  return out;
+}
 // A piece without its appearance, and its arc, from control points k with the points p on screen.
 template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piece<S> &c) {
   const double ox = round((p[0][0] + p[3][0]) / 2), oy = round((p[0][1] + p[3][1]) / 2);
   for (int i = 0; i < 4; i++) {
     v4d s = {};
-    for (int j = 0; j < 4; j++) s += (k.c[j] - v4d{ox, oy, 0, 0} * k.c[j][2]) * bern(j, i);
+    for (int j = 0; j < 4; j++) s += relative(k.c[j], ox, oy, c) * bern(j, i);
     c.x[i] = S(s[0]), c.y[i] = S(s[1]), c.z[i] = S(s[2]), c.w[i] = S(s[3]);
   }
   const bool flat_w = !c.orthographic && k.c[0][3] == k.c[1][3] && k.c[0][3] == k.c[2][3] && k.c[0][3] == k.c[3][3];
@@ -161,7 +171,7 @@ template <class S> HD Arc<float> make_piece(const Control &k, const v4d *p, Piec
   c.ox = S(ox), c.oy = S(oy);
   Arc<float> arc;
   for (int i = 0; i < 4; i++) {
-    const v4d local = k.c[i] - v4d{ox, oy, 0, 0} * k.c[i][2];
+    const v4d local = relative(k.c[i], ox, oy, c);
     arc.x[i] = float(local[0]), arc.y[i] = float(local[1]), arc.z[i] = float(local[2]);
   }
   project(arc);
@@ -211,7 +221,11 @@ template <class F> HD Chord<F> make_chord(const Arc<F> &k, F t0, float dt) {
   const F m = least(most((mx * ex + my * ey) * il, none + .3f), none + .7f), bow = dt * (.5f - m) / (m * (1.f - m));
   return {k.u[0], k.v[0], ex, ey, ex * il, ey * il, t0 - .5f, none + dt, bow};
 }
-template <class S> HD Chord<S> placed(const Chord<float> &c, const Piece<S> &piece) {
+template <class S> HD Chord<S> placed(Chord<float> c, const Piece<S> &piece) {
+  if (piece.oblong) {
+    const Square<S> back = square_of(piece).inverse();
+    back.map(c.ax, c.ay), back.map(c.ex, c.ey), square_of(piece).transpose().map(c.ix, c.iy);
+  }
   return {S(c.ax) + piece.ox, S(c.ay) + piece.oy, S(c.ex), S(c.ey), S(c.ix), S(c.iy), S(c.tau0), S(c.dtau), S(c.bow)};
 }
 
@@ -258,6 +272,7 @@ struct Frame {
   HD bool outside(const v4d *p) const { return !(high(p, 0) >= left && low(p, 0) <= right && high(p, 1) >= top && low(p, 1) <= bottom); }
   HD bool inside(const v4d *p) const { return low(p, 0) >= left && high(p, 0) <= right && low(p, 1) >= top && high(p, 1) <= bottom; }
   template <class S> HD bool outside(const Arc<float> &k, const Piece<S> &c) const {
+    if (c.oblong) return false;  // arcs are not in pixels there; its chords are dropped with the tiles that they miss
     const float x0 = least(k.u[0], k.u[1], k.u[2], k.u[3]), x1 = most(k.u[0], k.u[1], k.u[2], k.u[3]);
     const float y0 = least(k.v[0], k.v[1], k.v[2], k.v[3]), y1 = most(k.v[0], k.v[1], k.v[2], k.v[3]);
     return !(x1 + c.ox >= left && x0 + c.ox <= right && y1 + c.oy >= top && y0 + c.oy <= bottom);

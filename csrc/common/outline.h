@@ -37,6 +37,16 @@ template <class S, class Flat> class OutlineSampler {
     return unit(mix(uint32_t(seed_) ^ mix(uint32_t(seed_ >> 32) ^ mix(place ^ mix(i)))));
   }
   HD static uint32_t count(double length, int density) { return length > 0 ? uint32_t(ceil(least(length, 1e7) * density)) : 0; }
+  // The point r u from (px, py) that stands for dtau; its place and its share of the area are in pixels.
+  HD static OutlinePoint<S> point(const Piece<S> &c, S px, S py, double r, double ux, double uy, double tau, double along, S slope, double dtau,
+                                  uint32_t piece) {
+    OutlinePoint<S> o = {S(c.ox + px + r * ux), S(c.oy + py + r * uy), S(ux), S(uy), S(tau), S(along), slope, S(dtau), piece};
+    if (!c.oblong) return o;
+    double x = px + r * ux, y = py + r * uy;
+    square_of(c).inverse().map(x, y);
+    o.x = S(c.ox + x), o.y = S(c.oy + y), o.dtau = S(dtau / square_of(c).area());
+    return o;
+  }
   // A chord that is but a jump of the tangent has no sides.
   HD bool jump(uint32_t chord) const { return flat_.chord_info[chord].turn > OUTLINE_TURN; }
   HD double measure(const Piece<S> &c, uint32_t chord) const {
@@ -53,7 +63,7 @@ template <class S, class Flat> class OutlineSampler {
     const Jet<S> j = jet(c, S(tau));
     for (uint32_t i = first_; i < n && r > 0; i += step_) {
       const double a = angle + extent * (i + double(random(piece, arc, i))) / n, ux = cos(a), uy = sin(a);
-      put(slot + i, OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(1), S(0), S(r * extent / n), piece});
+      put(slot + i, point(c, j.px, j.py, r, ux, uy, tau, 1, 0, r * extent / n, piece));
     }
     return n;
   }
@@ -95,8 +105,7 @@ template <class S, class Flat> class OutlineSampler {
         cubic(c.half_width, S(tau), change);
         slope += world_ ? change / depth_at(c, S(tau), j.z) : change;
       }
-      put(slot + i, OutlinePoint<S>{S(c.ox + j.px + r * ux), S(c.oy + j.py + r * uy), S(ux), S(uy), S(tau), S(along), slope,
-                                    S(k.dtau / here * total / n), piece});
+      put(slot + i, point(c, j.px, j.py, r, ux, uy, tau, along, slope, k.dtau / here * total / n, piece));
     }
     return n;
   }

@@ -43,7 +43,7 @@ template <int WIDTH, bool DEPTH> void analytic_backward(const Job<real> &J, int 
       ahead.some();
       const vi px = widen(t.pixel + f), in = iota() < splat_int(integer(t.first[l + 1] - f));
       vf qx, qy, gz = {};
-      points_of<GRID>(k, p, c, px, qx, qy);
+      points_of<GRID, WIDTH>(k, p, c, px, qx, qy);
       if (DEPTH) {
         for (int i = 0; i < VL; i++) gz[i] = k.pix[px[i]][3];
         gz = select(in, gz * load(T + f) * load(a + f), vf{});

@@ -128,6 +128,7 @@ PHASE v4 color_gradient(const Tile &t, const Work &k, uint32_t l) {
 SIMD void clear_slots(const Job<real> &J, int tile) {
   const size_t first = J.intersections[J.tile_first[tile]].slot, last = J.intersections[J.tile_first[tile + 1]].slot;
   std::memset(J.g_slot + first * NGRAD, 0, (last - first) * NGRAD * sizeof(real));
+  if (J.g_square) std::memset(J.g_square + first * 4, 0, (last - first) * 4 * sizeof(real));
 }
 // Adds the sums of one layer to its slot, in the order of Moments.
 template <int WIDTH> SIMD void add_to_slot(const Job<real> &J, uint32_t slot, const Moments<vf> &m, v4 color) {
@@ -138,6 +139,7 @@ template <int WIDTH> SIMD void add_to_slot(const Job<real> &J, uint32_t slot, co
     for (int i = 1; i < 4; i++) g[OF_WIDTH + i] += sum(m.half_width[i]);
   g[OF_OPACITY] += sum(m.opacity);
   for (int i = 0; i < 3; i++) g[OF_COLOR + i] += color[i];
+  for (int i = 0; J.g_square && i < 4; i++) J.g_square[size_t(slot) * 4 + i] += sum(m.square[i]);
 }
 }  // namespace
 }  // namespace stroke

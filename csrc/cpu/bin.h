@@ -60,6 +60,7 @@ template <class S> void widths_of(const Input<S> &in, const StrokeRow &stroke, i
 template <class S> double measure_stroke(State<S> &st, const StrokeRow &stroke) {
   const Input<S> &in = st.input;
   const int n = stroke.n;
+  const double stretch = stretch_of(in.square_of(stroke.view));
   double reach = 0;
   for (int m = stroke.first; m < stroke.end; m++) {
     const size_t at = stroke.row_of(m);
@@ -71,7 +72,7 @@ template <class S> double measure_stroke(State<S> &st, const StrokeRow &stroke) 
     for (int k = weight_place(in.options.orthographic); k < 16; k += 4) largest = std::max(largest, given[k]);
     st.scale[at] = 1 / largest;
     for (int k = 0; k < 16; k++) cubic[k] = given[k] * st.scale[at];
-    reach = std::max(reach, reach_of(cubic, widest, in.options.world, in.options.near, st.job.filter.reach, in.width, in.height));
+    reach = std::max(reach, reach_of(cubic, widest, in.options.world, in.options.near, st.job.filter.reach, in.width, in.height, stretch));
   }
   return reach;
 }
@@ -86,6 +87,7 @@ template <class S> void flatten_stroke(State<S> &st, Flattener &flattener, size_
   Piece<S> appearance{};
   appearance.opacity = in.opacity[n], appearance.orthographic = in.options.orthographic;
   for (int k = 0; k < 3; k++) appearance.color[k] = in.color[3 * n + k];
+  set_square(appearance, in.square_of(stroke.view), in.options.differ_squares);
   const uint32_t first_piece = uint32_t(part.flat.pieces.size());
   for (int m = first; m <= last; m++) {
     const size_t at = stroke.row_of(m), pieces = part.flat.pieces.size();

@@ -77,7 +77,7 @@ template <class S> void prepare(State<S> &st) {
   const Input<S> &in = st.input;
   const Options &options = in.options;
   Job<S> &J = st.job;
-  J.views = in.layout.views, J.height = in.height, J.width = in.width, J.world = options.world, J.along = in.half_width_along;
+  J.views = in.layout.views, J.height = in.height, J.width = in.width, J.world = options.world, J.along = in.half_width_along, J.oblong = in.square;
   J.tiles_x = (in.width + TILE - 1) / TILE, J.tiles_y = (in.height + TILE - 1) / TILE;
   const double sigma = std::sqrt(options.blur * options.blur + 1. / 12);
   J.filter = options.strata ? Filter<S>{S(0), S(0)} : options.blur > 0 ? Filter<S>{S(1 / sigma), S(BLUR_REACH * sigma)} : Filter<S>{S(0), S(.5)};
@@ -151,6 +151,15 @@ template <class S> Images<S> forward(State<S> &st, bool save) {
   return images;
 }
 
+// From sums over the rows of each view, in their order.
+template <class S> static Buffer<double> square_gradients(const Input<S> &in, const std::vector<double> &rows) {
+  Buffer<double> out(4 * size_t(in.layout.views));
+  std::vector<double> sums(out.size());
+  for (size_t i = 0; i < rows.size(); i++) sums[4 * size_t(seen_in(in.layout, STROKES, i / 4).view) + i % 4] += rows[i];
+  for (int v = 0; v < in.layout.views; v++) square_gradient(in.square_of(v), sums.data() + 4 * v, out.get() + 4 * v);
+  return out;
+}
+
 template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &up, const S *alpha, const S *depth, bool background) {
   const Input<S> &in = st.input;
   Job<S> J = st.job;
@@ -159,10 +168,14 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
   const Layout &layout = in.layout;
   const Kind with_width = in.half_width_along ? SEGMENTS : STROKES;
   const size_t widths = (in.half_width_per_view ? layout.rows(with_width) : layout.count(with_width)) * (in.half_width_along ? 4 : 1);
-  Gradients<S> out{Buffer<double>(16 * layout.rows(SEGMENTS)), Buffer<S>(widths), Buffer<S>(3 * size_t(layout.strokes)), Buffer<S>(layout.strokes),
-                   Buffer<S>(background ? 3 * pixels : 0)};
-  Buffer<S> slots(size_t(st.intersections[st.stroke_intersections.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NGRAD : 0);
-  J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get();
+  Gradients<S> out{
+      Buffer<double>(16 * layout.rows(SEGMENTS)), {}, Buffer<S>(widths), Buffer<S>(3 * size_t(layout.strokes)), Buffer<S>(layout.strokes),
+      Buffer<S>(background ? 3 * pixels : 0)};
+  Buffer<S> slots(size_t(st.intersections[st.stroke_intersections.size()].slot) * NGRAD), outline_sums(J.strata ? pieces * NSUMS : 0);
+  const size_t squares = in.square && in.options.differ_squares ? 4 * layout.rows(STROKES) : 0;  // of each row
+  Buffer<S> square_slots(squares ? size_t(st.intersections[st.stroke_intersections.size()].slot) * 4 : 0);
+  std::vector<double> square_rows(squares);
+  J.g_color = up.color, J.g_alpha = up.alpha, J.g_depth = up.depth, J.g_slot = slots.get(), J.g_square = squares ? square_slots.get() : nullptr;
   J.g_background = background ? out.background.get() : nullptr;
   J.alpha = const_cast<S *>(alpha), J.depth = const_cast<S *>(depth);
   auto &memory = scratch<S>();
@@ -173,7 +186,7 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
     J.g_outline = outlines.gradient.get();
     threads().run(int(tiles), grain(tiles), [&](int t, int id) { kernels<S>().outline_tile(J, t, memory[id]); });
     threads().run(int(pieces), 8, [&](int p, int) {
-      kernels<S>().outline_piece(J, p, outlines.piece_first[p], outlines.piece_first[p + 1], outline_sums.get() + size_t(p) * NGRAD);
+      kernels<S>().outline_piece(J, p, outlines.piece_first[p], outlines.piece_first[p + 1], outline_sums.get() + size_t(p) * NSUMS);
     });
   }
   const S scale = S(in.options.width_scale);
@@ -191,6 +204,7 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
       Appearance one;
       one.widths.resize(widths);
       finish_view(st, J, J.strata ? outline_sums.get() : nullptr, stroke.at(v), segment.at(v), segments, out.cubics.get(), one);
+      for (size_t k = 0; squares && k < 4; k++) square_rows[4 * size_t(stroke.at(v)) + k] = one.square[k];
       if (in.half_width_per_view) put_widths(one, stroke.at(v), segment.at(v));
       total.half_width += one.half_width, total.opacity += one.opacity;
       for (int k = 0; k < 3; k++) total.color[k] += one.color[k];
@@ -200,6 +214,7 @@ template <class S> Gradients<S> backward(const State<S> &st, const Upstream<S> &
     out.opacity[n] = S(total.opacity);
     for (int k = 0; k < 3; k++) out.color[3 * n + k] = S(total.color[k]);
   });
+  if (squares) out.square = square_gradients(in, square_rows);
   return out;
 }
 

@@ -23,7 +23,8 @@ struct Options {
   double near, blur;
   int strata;  // samples per pixel and direction, 0: analytic
   uint64_t seed;
-  double width_scale;  // half widths in pixels of a width of 1
+  double width_scale;   // half widths in pixels of a width of 1
+  bool differ_squares;  // whether the gradient of Square is wanted
 };
 
 // Which segments make which stroke.
@@ -41,9 +42,11 @@ template <class S> struct Input {
   const S *half_width;   // (rows or number of strokes), in units of options.width_scale pixels; along: (rows or number of segments, 4)
   bool half_width_per_view, half_width_along;
   const S *color, *opacity;  // (strokes, 3), (strokes)
+  const double *square;      // (views, 2, 2): Square of each view; null where all have square pixels
   const S *background;       // strides in elements, innermost 1
   ptrdiff_t background_view, background_row, background_pixel;
   Options options;
+  const double *square_of(int view) const { return square ? square + 4 * size_t(view) : nullptr; }
 };
 
 template <class S> struct Images {
@@ -56,6 +59,7 @@ template <class S> struct Upstream {
 };
 template <class S> struct Gradients {
   Buffer<double> cubics;  // (rows of segments, 4, 4)
+  Buffer<double> square;  // (views, 2, 2), where wanted: that of T of adjoint.h
   Buffer<S> half_width, color, opacity, background;
 };
 

@@ -7,7 +7,7 @@ namespace stroke {
 namespace {
 // Gradients of one stroke, summed over views: of its half width, opacity and colour, or of half widths at the control points of its segments.
 struct Appearance {
-  double half_width = 0, opacity = 0, color[3] = {};
+  double half_width = 0, opacity = 0, color[3] = {}, square[4] = {};
   std::vector<double> widths;  // 4 a segment
 };
 
@@ -26,13 +26,16 @@ void finish_view(const State<S> &st, const Job<S> &J, const S *outline_sums, siz
     const S *slots = J.g_slot + size_t(st.intersections[intersection.intersection].slot) * NGRAD;
     double *to = sums.data() + size_t(intersection.piece - p0) * NGRAD;
     for (size_t k = 0; k < size_t(intersection.pieces) * NGRAD; k++) to[k] += slots[k];
+    const size_t square = size_t(st.intersections[intersection.intersection].slot) * 4;
+    for (size_t k = 0; J.g_square && k < size_t(intersection.pieces) * 4; k++) view_sums.square[k % 4] += J.g_square[square + k];
   }
   for (size_t m = first; m < last; m++) {
     double segment[16] = {}, *widths = in.half_width_along ? view_sums.widths.data() + 4 * (m - first) : nullptr;
     for (uint32_t p = st.piece_first[m]; p < st.piece_first[m + 1]; p++) {
       double *s = sums.data() + size_t(p - p0) * NGRAD, control[16], of_widths[4];
-      for (int k = 0; outline_sums && k < NGRAD; k++) s[k] += outline_sums[size_t(p) * NGRAD + k];
-      control_gradient<double>(s, st.flat.pieces[p].ox, st.flat.pieces[p].oy, control);
+      for (int k = 0; outline_sums && k < NGRAD; k++) s[k] += outline_sums[size_t(p) * NSUMS + k];
+      for (int k = 0; outline_sums && k < 4; k++) view_sums.square[k] += outline_sums[size_t(p) * NSUMS + OF_SQUARE + k];
+      control_gradient<double>(s, st.flat.pieces[p], control);
       const double *map = st.flat.piece_info[p].map;
       for (int a = 0; a < 4; a++)
         for (int b = 0; b < 4; b++)

@@ -146,7 +146,7 @@ class Flattener {
     out.pieces.add(c);
     out.piece_info.add(info);
     bend_ += SHARP;
-    partly_outside_ = !frame_.inside(p);
+    partly_outside_ = !frame_.inside(p) && !c.oblong;  // arcs of oblong pieces are not in pixels
     left_ = float(frame_.left - c.ox), right_ = float(frame_.right - c.ox), top_ = float(frame_.top - c.oy), bottom_ = float(frame_.bottom - c.oy);
     sure_depth_ = sure_depth(arc);
     Arc<v4f> whole;  // in every lane, of which the first counts

@@ -29,10 +29,11 @@ template <int POINTS> SIMD void from_start(const Place &p, const Work &k, const 
   else dx = load(k.x + i) + (p.x - c.ax), dy = load(k.y + i) + (p.y - c.ay);
 }
 // Their squared distances from the chord, and the parameters there.
-template <int POINTS> SIMD vf chord_distance(const Place &p, const Work &k, const Chord<real> &c, int i, vf &tau) {
+template <int POINTS, int WIDTH>
+SIMD vf chord_distance(const Place &p, const Work &k, const Piece<real> &piece, const Chord<real> &c, int i, vf &tau) {
   vf dx, dy, u;
   from_start<POINTS>(p, k, c, i, dx, dy);
-  const vf d = chord_dist2(c, dx, dy, u);
+  const vf d = chord_dist2<WIDTH>(piece, c, dx, dy, u);
   tau = chord_tau(c, u);
   return d;
 }
@@ -49,16 +50,17 @@ template <int POINTS, class Visit> SIMD Rows visit_chord(const Place &p, const C
 
 // Nearest of the chords first .. last per point: k.d2 (R2 where out of reach), k.tau; and the nearest that is no neighbour of it, since the curve
 // may come near a point twice: k.second, k.second_tau. Returns the rows reached.
-template <int POINTS> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
+template <int POINTS, int WIDTH> PHASE Rows nearest_two_chords(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, real R) {
   for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(R * R)), store(k.second + i, splat(R * R));
   Rows rows = {TILE, -1};
+  const Piece<real> &piece = J.pieces[J.chord_info[first].piece];
   for (uint32_t s = first; s <= last; s++) {
     const Chord<real> c = J.chords[s];
     // Of what is in front of the chord's neighbour. Nothing is in front of the first: parameters begin at -1/2.
     const vf neighbour = splat(s > first ? J.chords[s - 1].tau0 : real(-1));
     rows = join(rows, visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
                   vf tau;
-                  const vf d = chord_distance<POINTS>(p, k, c, i, tau), best = load(k.d2 + i), second = load(k.second + i),
+                  const vf d = chord_distance<POINTS, WIDTH>(p, k, piece, c, i, tau), best = load(k.d2 + i), second = load(k.second + i),
                            best_tau = load(k.tau + i);
                   const vi nearer = d < best, apart = best_tau < neighbour;
                   // What comes second: this chord, or the one that it beats.
@@ -93,8 +95,9 @@ template <int POINTS> SIMD void points_from(const Work &k, const Place &p, real 
     qx += p.x - x, qy += p.y - y;
   }
 }
-template <int POINTS> SIMD void points_of(const Work &k, const Place &p, const Piece<real> &c, vi px, vf &qx, vf &qy) {
+template <int POINTS, int WIDTH> SIMD void points_of(const Work &k, const Place &p, const Piece<real> &c, vi px, vf &qx, vf &qy) {
   points_from<POINTS>(k, p, c.ox, c.oy, px, qx, qy);
+  to_square<WIDTH>(c, qx, qy);
 }
 
 // Packs pixels behind fragment n: k.px, in every row from the first to the last with a point within reach of the chords first .. last, and some just
@@ -164,12 +167,12 @@ SIMD Settled settle(const Piece<real> &c, vf start, vf qx, vf qy, vi in) {
 SIMD vi lanes_before(uint32_t i, uint32_t n) { return iota() < splat_int(integer(n - i)); }
 
 // The nearest points of candidates [n0, n) of one piece; the best so far of each pixel is kept in k.best (squared distance), best_tau, best_piece.
-template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+template <int POINTS, int WIDTH> SIMD void improve(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
   const Piece<real> c = J.pieces[piece];
   for (uint32_t i = n0; i < n; i += VL) {
     const vi px = load(k.px + i) & (PIX - 1);
     vf qx, qy;
-    points_of<POINTS>(k, p, c, px, qx, qy);
+    points_of<POINTS, WIDTH>(k, p, c, px, qx, qy);
     const Settled s = settle(c, load(k.t + i), qx, qy, lanes_before(i, n));
     const int lanes = int(n - i) < VL ? int(n - i) : VL;
     for (int j = 0; j < lanes; j++) {
@@ -181,7 +184,7 @@ template <int POINTS> SIMD void improve(const Job<real> &J, uint32_t piece, cons
 
 // Decides between k.tau, from the nearest chord, and other starts, the candidates [n0, n) of one piece: the one that leads nearer goes to k.tau.
 // Half of a vector's lanes begin at the one, half at the others: contested points are few.
-template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
+template <int POINTS, int WIDTH> SIMD void decide(const Job<real> &J, uint32_t piece, const Place &p, Work &k, uint32_t n0, uint32_t n) {
   constexpr int HALF = VL / 2;
   const Piece<real> c = J.pieces[piece];
   for (uint32_t i = n0; i < n; i += HALF) {
@@ -189,7 +192,7 @@ template <int POINTS> SIMD void decide(const Job<real> &J, uint32_t piece, const
     vi px = load(k.px + i) & (PIX - 1);
     vf start = load(k.t + i), qx, qy;
     for (int j = 0; j < HALF; j++) px[HALF + j] = px[j], start[HALF + j] = k.tau[px[j]];
-    points_of<POINTS>(k, p, c, px, qx, qy);
+    points_of<POINTS, WIDTH>(k, p, c, px, qx, qy);
     const Settled s = settle(c, start, qx, qy, (iota() & (HALF - 1)) < splat_int(lanes));
     for (int j = HALF; j < HALF + lanes; j++) k.tau[px[j]] = s.tau[j], k.best[px[j]] = s.d2[j];
     for (int j = 0; j < lanes; j++)  // a point may be here twice
@@ -224,16 +227,21 @@ SIMD uint32_t pack_second(const Job<real> &J, Work &k, Rows rows, uint32_t n, re
 
 // The same where an end of the piece, at this chord, may be the nearest point of a bend; where it is what nearest_two_chords found, from the
 // middle of the chord. Neither is so where the point lies farther to one side of the end than the chord turns.
-template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord, bool stop, const Place &p, Work &k, uint32_t n, real R) {
+template <int POINTS, int WIDTH> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord, bool stop, const Place &p, Work &k, uint32_t n, real R) {
   const Chord<real> c = J.chords[chord];
   const ChordInfo &info = J.chord_info[chord];
+  const Piece<real> &piece = J.pieces[info.piece];
   if (info.turn * float(R) < BENT_END * info.length) return n;
   const real end = stop ? real(.5) : real(-.5), x = stop ? c.ex : real(0), y = stop ? c.ey : real(0), middle = chord_tau(c, real(.5));
+  real ahead_x = c.ex, ahead_y = c.ey;
+  to_square<WIDTH>(piece, ahead_x, ahead_y);
   const real inwards = stop ? real(-1) : real(1), turn = real(info.turn) * info.length;
   visit_chord<POINTS>(p, c, R, [&](int i) SIMD_LAMBDA {
     vf dx, dy;
     from_start<POINTS>(p, k, c, i, dx, dy);
-    const vf ex = dx - x, ey = dy - y, d2 = ex * ex + ey * ey, along = (ex * c.ex + ey * c.ey) * inwards;
+    vf ex = dx - x, ey = dy - y;
+    to_square<WIDTH>(piece, ex, ey);
+    const vf d2 = ex * ex + ey * ey, along = (ex * ahead_x + ey * ahead_y) * inwards;
     const vf limit = sqrt(load(k.d2 + i)) + J.chord_slack;
     const vi found = load(k.tau + i) == splat(end);
     const Mask m = bits((d2 < limit * limit) & (d2 < R * R) & (select(found, -along, along) < turn * sqrt(d2)));
@@ -245,23 +253,24 @@ template <int POINTS> SIMD uint32_t pack_end(const Job<real> &J, uint32_t chord,
 }
 
 // Candidates behind n besides the nearest of the chords first .. last of a piece. Returns the new n.
-template <int POINTS>
+template <int POINTS, int WIDTH>
 SIMD uint32_t other_candidates(const Job<real> &J, uint32_t first, uint32_t last, const Place &p, Work &k, Rows rows, uint32_t n, real R) {
   n = pack_second(J, k, rows, n, R);
-  if (J.chords[first].tau0 == real(-.5)) n = pack_end<POINTS>(J, first, false, p, k, n, R);
-  if (J.chords[last].tau0 + J.chords[last].dtau == real(.5)) n = pack_end<POINTS>(J, last, true, p, k, n, R);
+  if (J.chords[first].tau0 == real(-.5)) n = pack_end<POINTS, WIDTH>(J, first, false, p, k, n, R);
+  if (J.chords[last].tau0 + J.chords[last].dtau == real(.5)) n = pack_end<POINTS, WIDTH>(J, last, true, p, k, n, R);
   return n;
 }
 
 // Candidates of a stroke with bends or cusps over the tile, but a single piece.
-template <int POINTS> PHASE uint32_t bent_candidates(const Job<real> &J, const Intersection &e, const Place &p, Work &k, uint32_t n0, real R) {
-  const Rows rows = nearest_two_chords<POINTS>(J, e.first, e.last, p, k, R);
-  decide<POINTS>(J, e.piece, p, k, n0, other_candidates<POINTS>(J, e.first, e.last, p, k, rows, n0, R));
+template <int POINTS, int WIDTH>
+PHASE uint32_t bent_candidates(const Job<real> &J, const Intersection &e, const Place &p, Work &k, uint32_t n0, real R) {
+  const Rows rows = nearest_two_chords<POINTS, WIDTH>(J, e.first, e.last, p, k, R);
+  decide<POINTS, WIDTH>(J, e.piece, p, k, n0, other_candidates<POINTS, WIDTH>(J, e.first, e.last, p, k, rows, n0, R));
   return add_layer(k, e.piece, e.slot, n0, pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; }));
 }
 
 // Candidates of a stroke with several pieces over the tile, those of intersections begin .. end: the best of all pieces.
-template <int POINTS>
+template <int POINTS, int WIDTH>
 PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection *begin, const Intersection *end, const Place &p, Work &k, uint32_t n0,
                                     real R) {
   for (int i = 0; i < PIX; i += VL) store(k.best + i, splat(real(1e30)));
@@ -270,9 +279,9 @@ PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection *begi
     for (uint32_t first = e->first, last; first <= e->last; first = last + 1) {
       const uint32_t piece = J.chord_info[first].piece;
       for (last = first; last < e->last && J.chord_info[last + 1].piece == piece;) last++;
-      const Rows rows = nearest_two_chords<POINTS>(J, first, last, p, k, R);
+      const Rows rows = nearest_two_chords<POINTS, WIDTH>(J, first, last, p, k, R);
       const uint32_t n = pack(k, rows, k.tau, n0, [&](int i) SIMD_LAMBDA { return load(k.d2 + i) < R * R; });
-      improve<POINTS>(J, piece, p, k, n0, other_candidates<POINTS>(J, first, last, p, k, rows, n, R));
+      improve<POINTS, WIDTH>(J, piece, p, k, n0, other_candidates<POINTS, WIDTH>(J, first, last, p, k, rows, n, R));
       all = join(all, rows);
     }
   for (const Intersection *e = begin; e != end; e++)
@@ -293,12 +302,12 @@ SIMD void store_point(Work &k, uint32_t i, const Point<vf> &point, vf qx, vf qy)
 
 // The nearest points of all candidates up to `end`: k.start the parameter, k.z, and k.a the squared distance. Loops over the vectors of all
 // layers, and short ones instead of a long one: the processor then works on several vectors at a time.
-template <int POINTS> PHASE void nearest_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
+template <int POINTS, int WIDTH> PHASE void nearest_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
   for (uint32_t i = 0; i < end; i += VL) {
     const Piece<real> &c = piece_of(J, k, i);
     const vf start = load(k.t + i);
     vf qx, qy;
-    points_of<POINTS>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
+    points_of<POINTS, WIDTH>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
     const Approach<vf> step = newton_step(c, start, qx, qy);
     store(k.start + i, step.tau), store(k.z + i, step.d2), store(k.a + i, step.rate);
     store(k.T + i, qx), store(k.g + i, qy);
@@ -311,13 +320,13 @@ template <int POINTS> PHASE void nearest_points(const Job<real> &J, const Place 
 }
 
 // The same where most strokes are smooth: all steps on parabolas first, then those of the few vectors where more is needed, listed in k.order.
-template <int POINTS> PHASE void nearest_smooth_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
+template <int POINTS, int WIDTH> PHASE void nearest_smooth_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
   uint32_t bends = 0;
   for (uint32_t i = 0; i < end; i += VL) {
     const Piece<real> &c = piece_of(J, k, i);
     const vi px = load(k.px + i);
     vf qx, qy;
-    points_of<POINTS>(k, p, c, px & (PIX - 1), qx, qy);
+    points_of<POINTS, WIDTH>(k, p, c, px & (PIX - 1), qx, qy);
     Approach<vf> a;
     vi bent;
     store_point(k, i, two_steps(c, load(k.t + i), qx, qy, a, bent), qx, qy);
@@ -329,7 +338,7 @@ template <int POINTS> PHASE void nearest_smooth_points(const Job<real> &J, const
     const Piece<real> &c = piece_of(J, k, i);
     const vi px = load(k.px + i);
     vf qx, qy;
-    points_of<POINTS>(k, p, c, px & (PIX - 1), qx, qy);
+    points_of<POINTS, WIDTH>(k, p, c, px & (PIX - 1), qx, qy);
     const Approach<vf> a = {load(k.t + i), load(k.T + b * VL), load(k.start + i), load(k.g + b * VL)};
     store_point(k, i, more_steps(c, a, qx, qy, px >= 0), qx, qy);
   }
@@ -337,7 +346,7 @@ template <int POINTS> PHASE void nearest_smooth_points(const Job<real> &J, const
 
 // Coverage and depth at the nearest points of all candidates up to `end`; the covered ones stay as fragments, and of points on outlines all where
 // widths change along strokes. Returns their number.
-template <int POINTS, int WIDTH> PHASE uint32_t cover(const Job<real> &J, Work &k, uint32_t end) {
+template <int POINTS, int WIDTH> PHASE uint32_t cover(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
   const Filter<real> filter = J.filter;
   uint32_t n = 0;
   for (uint32_t i = 0; i < end; i += VL) {
@@ -345,7 +354,9 @@ template <int POINTS, int WIDTH> PHASE uint32_t cover(const Job<real> &J, Work &
     const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
     const vf tau = load(k.start + i);
-    const Fragment<vf> g = fragment<WIDTH>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)));
+    vf qx = {}, qy = {};
+    if (c.oblong) points_of<POINTS, WIDTH>(k, p, c, px & (PIX - 1), qx, qy);
+    const Fragment<vf> g = fragment_at<WIDTH>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)), qx, qy);
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
     const vi in = (POINTS == ANYWHERE && WIDTH != EVEN ? px >= 0 : a > real(0)) & (g.depth > J.min_depth) & (px >= 0);
@@ -396,12 +407,12 @@ template <int POINTS, int WIDTH> SIMD uint32_t collect(const Job<real> &J, int t
         continue;
       }
     reserve(k, n, n + 4 * PIX);  // a point may have four starts
-    if (single && intersection.pieces == 1) n = bent_candidates<POINTS>(J, intersection, p, k, n, R);
-    else n = candidates_of_pieces<POINTS>(J, e, end, p, k, n, R);
+    if (single && intersection.pieces == 1) n = bent_candidates<POINTS, WIDTH>(J, intersection, p, k, n, R);
+    else n = candidates_of_pieces<POINTS, WIDTH>(J, e, end, p, k, n, R);
   }
-  if (2 * smooth > n) nearest_smooth_points<POINTS>(J, p, k, n);
-  else nearest_points<POINTS>(J, p, k, n);
-  n = cover<POINTS, WIDTH>(J, k, n);
+  if (2 * smooth > n) nearest_smooth_points<POINTS, WIDTH>(J, p, k, n);
+  else nearest_points<POINTS, WIDTH>(J, p, k, n);
+  n = cover<POINTS, WIDTH>(J, p, k, n);
   close_layers(k);
   return n;
 }

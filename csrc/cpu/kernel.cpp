@@ -6,18 +6,18 @@
 namespace stroke {
 namespace {
 void forward(const Job<real> &J, int tile, Scratch &S, Arena &A) {
-  with_width(J.world, J.along, [&](auto width) {
+  with_width(J.world, J.along, J.oblong, [&](auto width) {
     if (J.strata) montecarlo_forward<width>(J, tile, S, A);
     else analytic_forward<width>(J, tile, S, A);
   });
 }
 void backward(const Job<real> &J, int tile, Scratch &S) {
-  if (J.strata) return montecarlo_backward(J, tile, S);
-  with_width(J.world, J.along,
+  if (J.strata) return J.oblong ? montecarlo_backward<OBLONG>(J, tile, S) : montecarlo_backward<EVEN>(J, tile, S);
+  with_width(J.world, J.along, J.oblong,
              [&](auto width) { J.g_depth ? analytic_backward<width, true>(J, tile, S) : analytic_backward<width, false>(J, tile, S); });
 }
 void outline_tile(const Job<real> &J, int tile, Scratch &S) {
-  with_width(J.world, J.along, [&](auto width) { outline_values<width>(J, tile, S); });
+  with_width(J.world, J.along, J.oblong, [&](auto width) { outline_values<width>(J, tile, S); });
 }
 }  // namespace
 

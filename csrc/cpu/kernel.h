@@ -50,7 +50,7 @@ struct Tile {
 
 template <class S> struct Job {
   int views, height, width, tiles_x, tiles_y;
-  bool world, along, save;  // world, along: see Width
+  bool world, along, oblong, save;  // but for save: see Width
   Filter<S> filter;
   S min_depth;    // less depth than this is rounding: strokes are clipped at twice as much
   S chord_slack;  // px: chords this much farther than the nearest may still lead to the nearest point
@@ -68,6 +68,7 @@ template <class S> struct Job {
   // backward; any of the three may be null
   const S *g_color, *g_alpha, *g_depth;
   S *g_slot;        // (slots, NGRAD)
+  S *g_square;      // (slots, 4), or null
   S *g_background;  // (views, height, width, 3), or null
   // Monte Carlo
   int strata;  // samples per pixel and direction; 0: analytic

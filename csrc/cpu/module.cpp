@@ -135,10 +135,11 @@ Layout layout_of(const In<int32_t> &batch, size_t views, size_t strokes, size_t 
 // As render/kernel_inputs.py says.
 template <class S> struct Appearance {
   In<S> half_width, color, opacity, background;
+  In<double> square;
 };
 template <class S> Appearance<S> appearance_of(const nb::tuple &appearance) {
-  require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
-  return {In<S>(appearance[0]), In<S>(appearance[1]), In<S>(appearance[2]), In<S>(appearance[3])};
+  require(appearance.size() == 5, "appearance must be half widths, colours, opacities, the background and squares");
+  return {In<S>(appearance[0]), In<S>(appearance[1]), In<S>(appearance[2]), In<S>(appearance[3]), In<double>(appearance[4])};
 }
 using Size = std::tuple<int, int>;
 
@@ -167,7 +168,7 @@ template <class S>
 Input<S> input(const double *cubics, const Layout &layout, const ChainsIn &chains, const Appearance<S> &appearance, Size size,
                const Options &options) {
   const size_t V = layout.views, M = layout.segments, N = layout.strokes, rows = layout.rows(STROKES), segment_rows = layout.rows(SEGMENTS);
-  const auto &[half_width, color, opacity, background] = appearance;
+  const auto &[half_width, color, opacity, background, square] = appearance;
   const auto [height, width] = size;
   const size_t H = height, W = width;
   const bool along = half_width.ndim() == 3;
@@ -178,6 +179,7 @@ Input<S> input(const double *cubics, const Layout &layout, const ChainsIn &chain
           "half_width must have shape (N,), (1 or V, N) or (1 or V, M, 4), in a batch with a row's in place of a stroke's");
   const bool per_view = layout.batch ? half_width.size() != (along ? 4 * M : N) : half_width.ndim() > 1 && half_width.shape(0) == V && V > 1;
   require(has_shape(color, {N, 3}) && has_shape(opacity, {N}), "color and opacity must have shapes (N, 3) and (N,)");
+  require(square.size() == 0 || has_shape(square, {V, 2, 2}), "squares must have shape (V, 2, 2), or none at all");
   // A background that is the same all along an axis may have one entry there.
   auto fits = [&b = background](int axis, size_t n) { return b.shape(axis) == n || b.shape(axis) == 1; };
   auto stride = [&b = background](int axis) -> ptrdiff_t {
@@ -190,8 +192,21 @@ Input<S> input(const double *cubics, const Layout &layout, const ChainsIn &chain
   require(segment_rows < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31),
           "too many views, strokes or pixels");
   require(options.blur >= 0 && options.near > 0 && options.strata >= 0 && options.strata <= 64, "blur, near or strata out of range");
-  return {layout, height,       width,          chains.chains(),   cubics,    half_width.data(), per_view,
-          along,  color.data(), opacity.data(), background.data(), stride(0), stride(1),         stride(2),
+  return {layout,
+          height,
+          width,
+          chains.chains(),
+          cubics,
+          half_width.data(),
+          per_view,
+          along,
+          color.data(),
+          opacity.data(),
+          square.size() ? square.data() : nullptr,
+          background.data(),
+          stride(0),
+          stride(1),
+          stride(2),
           options};
 }
 
@@ -236,7 +251,7 @@ nb::tuple forward_of(const nb::tuple &curves, const nb::object &chains, const nb
 bool is_float32(nb::handle tensor) { return tensor.attr(torch().dtype).is(torch().float32); }
 nb::tuple py_forward(const nb::tuple &curves, const nb::object &chains, const nb::object &batch, const nb::tuple &appearance, Size size,
                      const Options &options, bool save) {
-  require(appearance.size() == 4, "appearance must be half widths, colours, opacities and the background");
+  require(appearance.size() == 5, "appearance must be half widths, colours, opacities, the background and squares");
   return is_float32(appearance[1]) ? forward_of<float>(curves, chains, batch, appearance, size, options, save)
                                    : forward_of<double>(curves, chains, batch, appearance, size, options, save);
 }
@@ -268,11 +283,12 @@ nb::tuple py_backward(const Owner<S> &owner, const nb::tuple &upstream, const nb
                       : width.ndim() == 2 ? array(std::move(g.half_width), {width.shape(0), width.shape(1)})
                                           : array(std::move(g.half_width), {width.shape(0), width.shape(1), 4});
   auto g_colors = array(std::move(g.color), {N, 3}), g_opacity = array(std::move(g.opacity), {N});
+  nb::object g_square = g.square.size() ? nb::cast(array(std::move(g.square), {V, 2, 2})) : nb::none();
   nb::object g_background = want_background ? nb::cast(array(std::move(g.background), {V, H, W, 3})) : nb::none();
-  if (!curves) return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, array(std::move(g.cubics), {V, M, 4, 4}));
+  if (!curves) return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, g_square, array(std::move(g.cubics), {V, M, 4, 4}));
   nb::object of_matrices = want_matrices ? nb::cast(array(std::move(g_matrices), {V, 4, 4})) : nb::none();
-  return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, array(std::move(g_points), {M, K, 3}), array(std::move(g_weights), {M, K}),
-                        of_matrices);
+  return nb::make_tuple(g_half_width, g_colors, g_opacity, g_background, g_square, array(std::move(g_points), {M, K, 3}),
+                        array(std::move(g_weights), {M, K}), of_matrices);
 }
 
 // Projection alone and back, for tests: the drawing does both within its own calls.
@@ -316,11 +332,18 @@ NB_MODULE(_kernels, m) {
   nb::class_<Options>(m, "Options")
       .def(
           "__init__",
-          [](Options *self, bool world, bool orthographic, double near, double blur, int strata, uint64_t seed, double width_scale) {
-            new (self) Options{
-                .world = world, .orthographic = orthographic, .near = near, .blur = blur, .strata = strata, .seed = seed, .width_scale = width_scale};
+          [](Options *self, bool world, bool orthographic, double near, double blur, int strata, uint64_t seed, double width_scale,
+             bool differ_squares) {
+            new (self) Options{.world = world,
+                               .orthographic = orthographic,
+                               .near = near,
+                               .blur = blur,
+                               .strata = strata,
+                               .seed = seed,
+                               .width_scale = width_scale,
+                               .differ_squares = differ_squares};
           },
-          nb::kw_only(), "world"_a, "orthographic"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a);
+          nb::kw_only(), "world"_a, "orthographic"_a, "near"_a, "blur"_a, "strata"_a, "seed"_a, "width_scale"_a, "differ_squares"_a);
   bind<float>(m, "State32");
   bind<double>(m, "State64");
   m.def("forward", &py_forward, "curves"_a, "chains"_a.none(), "batch"_a.none(), "appearance"_a, "size"_a, "options"_a, "save"_a);

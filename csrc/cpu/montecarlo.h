@@ -48,7 +48,7 @@ template <int WIDTH> void montecarlo_forward(const Job<real> &J, int tile, Scrat
 }
 
 // The interior term: colour, opacity, background, and what moves with the depth of a hit.
-void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
+template <int OBLONG_OR_EVEN> void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
   const Place p = place_of(J, tile);
   const int strata = J.strata * J.strata;
   Work &k = work(S);
@@ -75,9 +75,9 @@ void montecarlo_backward(const Job<real> &J, int tile, Scratch &S) {
         if (!J.g_depth) continue;
         const vi px = widen(t.pixel + f);
         vf qx, qy, gz;
-        points_of<NEAR_GRID>(k, p, c, px, qx, qy);
+        points_of<NEAR_GRID, OBLONG_OR_EVEN>(k, p, c, px, qx, qy);
         for (int i = 0; i < VL; i++) gz[i] = k.pix[px[i]][3];
-        depth_adjoint<EVEN>(c, select(in, load(tau + f), vf{}), qx, qy, select(in, gz * load(T + f) * c.opacity, vf{}), vf{}, m, real(1));
+        depth_adjoint<OBLONG_OR_EVEN>(c, select(in, load(tau + f), vf{}), qx, qy, select(in, gz * load(T + f) * c.opacity, vf{}), vf{}, m, real(1));
       }
       add_to_slot<EVEN>(J, t.slot[l], m, color_gradient(t, k, l));
     }
@@ -116,7 +116,9 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
         const integer i = k.px[f];
         if (own[i] != stroke) continue;
         const Point<real> point = point_at(c, k.t[f]);
-        const real d2 = distance2(point, k.x[i] + (p.x - c.ox), k.y[i] + (p.y - c.oy));
+        real qx = k.x[i] + (p.x - c.ox), qy = k.y[i] + (p.y - c.oy);
+        to_square<WIDTH>(c, qx, qy);
+        const real d2 = distance2(point, qx, qy);
         const Fragment<real> g = fragment<WIDTH>(c, J.filter, point.tau, point.z, sqrt(d2));
         if (g.r - g.d > real(OUTLINE_SLACK) || (WIDTH != EVEN && g.d - g.r > real(OUTLINE_GAP))) hidden[i] = true;
         k.a[f] = 0;
@@ -133,7 +135,7 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
         with_depth[3] = k.z[f] - mean[i];
         const v4 q = seen[i] * with_depth;
         k.g[f] = (q[0] + q[1]) + (q[2] + q[3]) + ink[i];
-        k.T[f] = k.z[f] < own_depth[i] || (k.z[f] == own_depth[i] && J.piece_stroke[k.layer[l].piece] < own[i]) ? 1 : 0;  // in front
+        k.T[f] = k.z[f] < own_depth[i] || (k.z[f] == own_depth[i] && J.piece_stroke[k.layer[l].piece] > own[i]) ? 1 : 0;  // in front
       }
     }
     for (uint32_t j = 0; j < fragments; j++) {
@@ -159,11 +161,12 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
 void outline_piece(const Job<real> &J, uint32_t piece, uint32_t first, uint32_t last, real *sums) {
   const Piece<real> c = J.pieces[piece];
   Moments<real> m = {};
+  static_assert(sizeof m == NSUMS * sizeof(real));
   for (uint32_t i = first; i < last; i++) {
     const OutlinePoint<real> &o = J.outline[i];
     const real g = J.g_outline[i];
     if (g == 0) continue;
-    with_width(J.world, J.along, [&](auto width) { outline_adjoint<width>(c, o.tau, o.ux, o.uy, o.along, o.slope, g, m); });
+    with_width(J.world, J.along, J.oblong, [&](auto width) { outline_adjoint<width>(c, o.tau, o.ux, o.uy, o.along, o.slope, g, m); });
   }
   std::memcpy(sums, &m, sizeof m);
 }

@@ -51,10 +51,10 @@ SIMD bool in_order(Work &k, uint32_t g0, uint32_t g1) {
   return good;
 }
 
-// Puts places i < j of VL piles in order: by depth, fragments of equal depth by number.
+// Puts places i < j of VL piles in order: by depth, fragments of equal depth by number, the last one first.
 SIMD void order_pair(real *z, integer *f, size_t i, size_t j) {
   const vf zi = load(z + i * PIX), zj = load(z + j * PIX);
-  const vi fi = load(f + i * PIX), fj = load(f + j * PIX), swap = (zi > zj) | ((zi == zj) & (fi > fj));
+  const vi fi = load(f + i * PIX), fj = load(f + j * PIX), swap = (zi > zj) | ((zi == zj) & (fi < fj));
   store(z + i * PIX, select(swap, zj, zi)), store(z + j * PIX, select(swap, zi, zj));
   store(f + i * PIX, swap ? fj : fi), store(f + j * PIX, swap ? fi : fj);
 }
@@ -84,7 +84,7 @@ SIMD uint32_t *order_piles(Work &k, uint32_t v, const uint32_t *height, uint32_t
   for (size_t j = 0; j < n; j++) {
     const vf depth = load(z + j * PIX);
     const vi fragment = load(f + j * PIX);
-    wrong |= (splat_int(integer(j)) < heights) & ((depth < above) | ((depth == above) & (fragment < number)));
+    wrong |= (splat_int(integer(j)) < heights) & ((depth < above) | ((depth == above) & (fragment > number)));
     above = depth, number = fragment;
   }
   if (any(wrong)) {                   // in most rows layers lie in their order
@@ -128,7 +128,7 @@ PHASE uint32_t sort_layers(Work &k) {
   const uint32_t L = k.layers;
   for (uint32_t l = 0; l < L; l++) k.layer_key[l] = make_key(k.layer[l].near, l);
   sort_keys(k.layer_key, L);
-  for (uint32_t l = 0; l < L; l++) k.perm[l] = uint32_t(k.layer_key[l]);
+  for (uint32_t l = 0; l < L; l++) k.perm[l] = layer_of(k.layer_key[l]);
   for (uint32_t g0 = 0, g1; g0 < L; g0 = g1) {
     g1 = overlap_end(k, g0);
     if (g1 > g0 + 1 && !in_order(k, g0, g1)) return g0;

@@ -15,7 +15,7 @@ typedef real v4 __attribute__((vector_size(4 * sizeof(real))));
 #define PHASE inline __attribute__((always_inline))
 #endif
 
-// Sort key: depth, then layer (layers are numbered in the order of strokes). Positive floats are ordered as their bits are.
+// Sort key: depth, then layer, the last one first (layers are numbered in the order of strokes). Positive floats are ordered as their bits are.
 template <bool> struct KeyOf {
   using type = uint64_t;
 };
@@ -26,8 +26,9 @@ using Key = KeyOf<F32>::type;
 SIMD Key make_key(real depth, uint32_t l) {
   integer b;
   std::memcpy(&b, &depth, sizeof b);
-  return Key(b) << 32 | l;
+  return Key(b) << 32 | uint32_t(~l);
 }
+SIMD uint32_t layer_of(Key key) { return ~uint32_t(key); }
 
 // Where the points of a tile are: pixel centres, one place in every pixel (k.x, k.y), or k.x, k.y in any order.
 enum { GRID, NEAR_GRID, ANYWHERE };

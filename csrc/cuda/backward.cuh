@@ -57,7 +57,7 @@ __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_p
   if (!total) return;
   union {
     Moments<real> m;
-    real sums[NGRAD];
+    real sums[NSUMS];
   } g = {};
   for (u32 base = 0; base < total; base += WARP) {
     const u32 k = base + lane();
@@ -69,14 +69,14 @@ __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_p
     if (k >= total) continue;
     const u32 thread = warp * WARP + nth_bit(bits, rank), f = start + rank;
     const Place q = place_of(J, p, s, pixel_x(thread), pixel_y(thread));
-    const real qx = real(p.x) - c.ox + q.x, qy = real(p.y) - c.oy + q.y;
+    const Query at = query<WIDTH>(c, p, q.x, q.y);
     const Cover cover = J.fragments[f];
     const PixelGradient &u = upstream[thread];
     const real weight = J.front[f] * cover.a, ga = J.g_fragment[f];
     if (SAMPLES) {
       g.m.opacity += ga;
-      if (DEPTH) depth_adjoint<EVEN>(c, cover.tau, qx, qy, u.depth * weight, real(0), g.m, real(1));
-    } else fragment_adjoint<WIDTH, DEPTH>(c, filter, cover.tau, qx, qy, ga, u.depth * weight, g.m);
+      if (DEPTH) depth_adjoint<WIDTH>(c, cover.tau, at.x, at.y, u.depth * weight, real(0), g.m, real(1));
+    } else fragment_adjoint<WIDTH, DEPTH>(c, filter, cover.tau, at.x, at.y, ga, u.depth * weight, g.m);
     g.m.rgb[0] += weight * u.r, g.m.rgb[1] += weight * u.g, g.m.rgb[2] += weight * u.b;
   }
   real sum = 0;
@@ -86,6 +86,10 @@ __device__ void differentiate_tile_piece(const Job &J, const Tile &p, u32 tile_p
     if (lane() == k) sum = total_k;
   }
   if (lane() < NGRAD) J.g_tile_piece[u64(tile_piece) * NGRAD + lane()] += sum;
+  for (u32 k = 0; J.g_square && k < 4; k++) {
+    const real total_k = warp_sum(g.m.square[k]);
+    if (lane() == 0) J.g_square[u64(tile_piece) * 4 + k] += total_k;
+  }
 }
 
 template <int WIDTH, bool DEPTH, bool SAMPLES> __device__ void differentiate_tile(const Job &J) {
@@ -96,6 +100,7 @@ template <int WIDTH, bool DEPTH, bool SAMPLES> __device__ void differentiate_til
   const Upstream u = upstream_at(J, p, x, y, real(1) / strata);
   upstream[threadIdx.x] = {u.r, u.g, u.b, u.depth};
   for (u32 k = threadIdx.x; k < (p.tile_piece_last - p.tile_piece_first) * NGRAD; k += PIX) J.g_tile_piece[u64(p.tile_piece_first) * NGRAD + k] = 0;
+  for (u32 k = threadIdx.x; J.g_square && k < (p.tile_piece_last - p.tile_piece_first) * 4; k += PIX) J.g_square[u64(p.tile_piece_first) * 4 + k] = 0;
   real background = 0;
   for (int s = 0; s < strata; s++) {
     real clear = 1;

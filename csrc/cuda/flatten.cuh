@@ -25,7 +25,8 @@ __device__ inline void widths_of(const Job &J, u32 i, double *out) {
 __device__ inline double reach_of_segment(const Job &J, u32 i, const double *cubic) {
   double widths[4];
   widths_of(J, i, widths);
-  return reach_of(cubic, most(widths[0], widths[1], widths[2], widths[3]), J.world, J.near, J.filter_reach, J.width, J.height);
+  return reach_of(cubic, most(widths[0], widths[1], widths[2], widths[3]), J.world, J.near, J.filter_reach, J.width, J.height,
+                  stretch_of(square_of(J, seen_in(layout_of(J), SEGMENTS, i).view)));
 }
 // False if it cannot be drawn.
 __device__ inline bool load_segment(const Job &J, u32 i, Whole &s) {
@@ -45,6 +46,7 @@ __device__ inline bool load_segment(const Job &J, u32 i, Whole &s) {
   s.appearance = {};
   s.appearance.half_width[0] = real(s.widths[0]), s.appearance.opacity = J.opacity[n], s.appearance.orthographic = J.orthographic;
   for (int k = 0; k < 3; k++) s.appearance.color[k] = J.color[3 * n + k];
+  set_square(s.appearance, square_of(J, seen.view), J.differ_squares);
   return true;
 }
 // The reach of the stroke of row i, of several segments.

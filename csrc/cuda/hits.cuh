@@ -15,14 +15,15 @@ struct Hit {
 struct Nearest {
   real d2, tau, second, second_tau;
 };
-template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u32 last, const Tile &p, real x, real y, real R2) {
+template <int WIDTH, bool TWO>
+__device__ Nearest nearest_chords(const Job &J, const Piece<real> &piece, u32 first, u32 last, const Tile &p, real x, real y, real R2) {
   Nearest n = {R2, 0, R2, 0};
   u32 at = NONE;
   for (u32 i = first; i < last; i++) {
     const u32 index = J.tile_list[i];
     const Chord<real> c = J.chords[index];
     real s;
-    const real d2 = chord_dist2(c, real(p.x) - c.ax + x, real(p.y) - c.ay + y, s), tau = chord_tau(c, s);
+    const real d2 = chord_dist2<WIDTH>(piece, c, real(p.x) - c.ax + x, real(p.y) - c.ay + y, s), tau = chord_tau(c, s);
     const bool nearer = d2 < n.d2;
     if (TWO) {
       // What comes second: this chord, or the one that it beats.
@@ -34,30 +35,42 @@ template <bool TWO> __device__ Nearest nearest_chords(const Job &J, u32 first, u
   return n;
 }
 
+// The point (x, y) of a tile relative to a piece, where distances are measured.
+struct Query {
+  real x, y;
+};
+template <int WIDTH> __device__ Query query(const Piece<real> &c, const Tile &p, real x, real y) {
+  Query q = {real(p.x) - c.ox + x, real(p.y) - c.oy + y};
+  to_square<WIDTH>(c, q.x, q.y);
+  return q;
+}
 // The nearest point of a piece from a chord's parameter, roughly, as a candidate among others.
 struct Candidate {
   real d2, tau;
   u32 tile_piece;
 };
-__device__ inline void improve(const Piece<real> &c, u32 tile_piece, real start, real qx, real qy, Candidate &best) {
-  const Point<real> point = arrive(c, newton_step(c, start, qx, qy), qx, qy, true, real(ROUGH_STEP));
-  const real d2 = distance2(point, qx, qy);
+__device__ inline void improve(const Piece<real> &c, u32 tile_piece, real start, const Query &q, Candidate &best) {
+  const Point<real> point = arrive(c, newton_step(c, start, q.x, q.y), q.x, q.y, true, real(ROUGH_STEP));
+  const real d2 = distance2(point, q.x, q.y);
   if (d2 < best.d2) best = {d2, point.tau, tile_piece};
 }
 
 // Where an end of the piece, at this chord, may be the nearest point of a bend, improves on the best from there; where it is what the chords
 // say, from the middle of the chord. Neither is so where the point (x, y) lies farther to one side of the end than the chord turns.
-__device__ inline void improve_at_end(const Job &J, u32 chord, bool stop, const Tile &p, real x, real y, const Nearest &n, const Piece<real> &piece,
-                                      u32 tile_piece, real R, Candidate &best) {
+template <int WIDTH>
+__device__ void improve_at_end(const Job &J, u32 chord, bool stop, const Tile &p, real x, real y, const Nearest &n, const Piece<real> &piece,
+                               u32 tile_piece, real R, Candidate &best) {
   const Chord<real> c = J.chords[chord];
   const ChordInfo info = J.chord_info[chord];
   const real end = stop ? real(.5) : real(-.5);
   if ((stop ? c.tau0 + c.dtau : c.tau0) != end || info.turn * float(R) < BENT_END * info.length) return;
-  const real ex = real(p.x) - c.ax + x - (stop ? c.ex : real(0)), ey = real(p.y) - c.ay + y - (stop ? c.ey : real(0)), d2 = ex * ex + ey * ey;
-  const real limit = sqrt(n.d2) + real(2 * CHORD_TOL), along = (ex * c.ex + ey * c.ey) * (stop ? real(-1) : real(1));
+  real ex = real(p.x) - c.ax + x - (stop ? c.ex : real(0)), ey = real(p.y) - c.ay + y - (stop ? c.ey : real(0)), ahead_x = c.ex, ahead_y = c.ey;
+  to_square<WIDTH>(piece, ex, ey), to_square<WIDTH>(piece, ahead_x, ahead_y);
+  const real d2 = ex * ex + ey * ey, along = (ex * ahead_x + ey * ahead_y) * (stop ? real(-1) : real(1));
+  const real limit = sqrt(n.d2) + real(2 * CHORD_TOL);
   const bool found = n.tau == end;
   if (!(d2 < limit * limit && d2 < R * R && (found ? -along : along) < real(info.turn) * info.length * sqrt(d2))) return;
-  improve(piece, tile_piece, found ? chord_tau(c, real(.5)) : end, real(p.x) - piece.ox + x, real(p.y) - piece.oy + y, best);
+  improve(piece, tile_piece, found ? chord_tau(c, real(.5)) : end, query<WIDTH>(piece, p, x, y), best);
 }
 
 __device__ inline u32 tile_piece_end(const Job &J, const Tile &p, u32 tile_piece) {
@@ -65,37 +78,37 @@ __device__ inline u32 tile_piece_end(const Job &J, const Tile &p, u32 tile_piece
 }
 
 // Where to begin on one stroke, of which the tile has the tile pieces first .. last: the nearest point so far.
-__device__ inline Candidate nearest_start(const Job &J, const Tile &p, u32 first, u32 last, real x, real y, real R) {
+template <int WIDTH> __device__ Candidate nearest_start(const Job &J, const Tile &p, u32 first, u32 last, real x, real y, real R) {
   Candidate best = {real(1e30), 0, NONE};
   for (u32 r = first; r < last; r++) {
     const TilePiece tile_piece = J.tile_pieces[r];
     const u32 end = tile_piece_end(J, p, r);
+    const Piece<real> &c = J.pieces[tile_piece.piece];
     if (last - first == 1 && tile_piece.smooth) {
-      const Nearest n = nearest_chords<false>(J, tile_piece.first, end, p, x, y, R * R);
+      const Nearest n = nearest_chords<WIDTH, false>(J, c, tile_piece.first, end, p, x, y, R * R);
       return {n.d2, n.tau, n.d2 < R * R ? r : NONE};
     }
-    const Nearest n = nearest_chords<true>(J, tile_piece.first, end, p, x, y, R * R);
+    const Nearest n = nearest_chords<WIDTH, true>(J, c, tile_piece.first, end, p, x, y, R * R);
     if (!(n.d2 < R * R)) continue;
     const real limit = sqrt(n.d2) + real(2 * CHORD_TOL);  // chords this much farther may still lead to the nearest point
     const bool two = n.second < limit * limit && n.second < R * R;
-    const Piece<real> &c = J.pieces[tile_piece.piece];
-    const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
-    improve(c, r, n.tau, qx, qy, best);
-    if (two) improve(c, r, n.second_tau, qx, qy, best);
-    improve_at_end(J, J.tile_list[tile_piece.first], false, p, x, y, n, c, r, R, best);
-    improve_at_end(J, J.tile_list[end - 1], true, p, x, y, n, c, r, R, best);
+    const Query q = query<WIDTH>(c, p, x, y);
+    improve(c, r, n.tau, q, best);
+    if (two) improve(c, r, n.second_tau, q, best);
+    improve_at_end<WIDTH>(J, J.tile_list[tile_piece.first], false, p, x, y, n, c, r, R, best);
+    improve_at_end<WIDTH>(J, J.tile_list[end - 1], true, p, x, y, n, c, r, R, best);
   }
   return best;
 }
 
 // uncovered: strokes within reach that do not cover the point count as well.
 template <int WIDTH> __device__ Hit nearest_hit(const Job &J, const Tile &p, u32 first, u32 last, real x, real y, bool uncovered) {
-  const Candidate start = nearest_start(J, p, first, last, x, y, J.reach[J.tile_pieces[first].stroke]);
+  const Candidate start = nearest_start<WIDTH>(J, p, first, last, x, y, J.reach[J.tile_pieces[first].stroke]);
   if (start.tile_piece == NONE) return {0, 0, 0, NONE};
   const Piece<real> &c = J.pieces[J.tile_pieces[start.tile_piece].piece];
-  const real qx = real(p.x) - c.ox + x, qy = real(p.y) - c.oy + y;
-  const Point<real> point = arrive(c, newton_step(c, start.tau, qx, qy), qx, qy, true);
-  const Fragment<real> g = fragment<WIDTH>(c, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
+  const Query q = query<WIDTH>(c, p, x, y);
+  const Point<real> point = arrive(c, newton_step(c, start.tau, q.x, q.y), q.x, q.y, true);
+  const Fragment<real> g = fragment_at<WIDTH>(c, filter_of(J), point.tau, point.z, sqrt(distance2(point, q.x, q.y)), q.x, q.y);
   // Monte Carlo: a point is inside or not.
   const real a = J.strata ? (g.d < g.r ? real(1) : real(0)) : g.coverage;
   // Less depth is rounding: strokes are clipped at twice as much.
@@ -123,7 +136,8 @@ struct Pool {
   }
 };
 
-// A point's fragments near to far: the first few as they come, in shared memory. Equal depths are in the order of strokes, as fragments' numbers are.
+// A point's fragments near to far: the first few as they come, in shared memory. Of equal depths the later stroke comes
+// first, whose fragment has the greater number.
 constexpr u32 SHORT_LIST = 64 / sizeof(real);  // half of the 48 kB that every GPU has for a block (empirical: few points have more)
 struct ShortLists {
   real z[SHORT_LIST][PIX];
@@ -132,7 +146,7 @@ struct ShortLists {
 __device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
   if (n >= SHORT_LIST) return;
   const u32 t = threadIdx.x;
-  for (; n > 0 && s.z[n - 1][t] > z; n--) s.z[n][t] = s.z[n - 1][t], s.fragment[n][t] = s.fragment[n - 1][t];
+  for (; n > 0 && s.z[n - 1][t] >= z; n--) s.z[n][t] = s.z[n - 1][t], s.fragment[n][t] = s.fragment[n - 1][t];
   s.z[n][t] = z, s.fragment[n][t] = fragment;
 }
 
@@ -140,7 +154,7 @@ __device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
 // too small.
 __device__ inline void sort_long(ShortLists &s, u32 *list, u32 n, const Cover *fragments) {
   auto wait = [] { __syncwarp(); };
-  auto farther = [](real z, u32 i, real other, u32 j) { return z > other || (z == other && i > j); };
+  auto farther = [](real z, u32 i, real other, u32 j) { return z > other || (z == other && i < j); };
   if (n > SHORT_LIST * WARP) {
     auto exchange = [&](u32 i, u32 j) {
       const u32 a = list[i], b = list[j];

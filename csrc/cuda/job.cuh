@@ -53,7 +53,8 @@ struct Job {
   // every segment is a stroke
   const long long *stroke_first, *segment_stroke;
   const bool *closed;
-  const int *batch;  // as of Layout
+  const int *batch;      // as of Layout
+  const double *square;  // (views, 2, 2): Square of each view, or null
   real *out_color, *out_alpha, *out_depth;
   real *reach;  // per row of strokes
   // per row of segments
@@ -85,10 +86,11 @@ struct Job {
   const real *g_color, *g_alpha, *g_depth;
   real *front, *g_fragment;  // per fragment: transmittance in front of it, dL/d(alpha)
   real *g_tile_piece;        // per tile piece: NGRAD sums
+  real *g_square;            // and those of T, where they are wanted
   real *g_background;
-  double *g_cubics, *g_appearance;                                 // per view and segment: 16 and NGRAD - 16 numbers
+  double *g_cubics, *g_appearance;                                 // per view and segment: 16 and NSUMS - 16 numbers
   real *g_widths, *g_colors, *g_opacities, *g_points, *g_weights;  // of the inputs
-  double *g_matrices;
+  double *g_matrices, *g_squares;
   // outlines (Monte Carlo)
   OutlinePoint<real> *outline;
   u32 *outline_list, *outline_tile_first, *outline_tile_cursor;
@@ -104,12 +106,12 @@ struct Job {
   int views, strokes, segments, height, width, tiles_x, tiles_y, world, along, orthographic, strata, half_width_per_view, save;
   int sketches;  // of a batch
   int controls;  // control points of a segment in space; 0 where cubics are given
-  int cameras_double;
+  int cameras_double, differ_squares;
 };
 
 // What job.py repeats to know how much memory the arrays take.
-static_assert(TILE == 16 && WARPS == 8 && NGRAD == 24 && COUNTERS == 10);
-static_assert(sizeof(Piece<real>) == 29 * sizeof(real) && sizeof(PieceInfo) == 176 && sizeof(Arc<float>) == 80);
+static_assert(TILE == 16 && WARPS == 8 && NGRAD == 24 && NSUMS == 28 && COUNTERS == 10);
+static_assert(sizeof(Piece<real>) == 33 * sizeof(real) && sizeof(PieceInfo) == 176 && sizeof(Arc<float>) == 80);
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);
 static_assert(sizeof(TilePiece) == 16 && sizeof(WarpFragments) == 8 && sizeof(Cover) == 4 * sizeof(real));
 
@@ -123,6 +125,8 @@ __device__ inline u32 first_of(const Job &J, u32 n) { return J.stroke_first ? u3
 __device__ inline u32 tile_count(const Job &J) { return u32(J.views) * u32(J.tiles_x) * u32(J.tiles_y); }
 __device__ inline int samples(const Job &J) { return J.strata ? J.strata * J.strata : 1; }
 __device__ inline Filter<real> filter_of(const Job &J) { return {real(J.inv_sigma), real(J.filter_reach)}; }
+
+__device__ inline const double *square_of(const Job &J, u32 view) { return J.square ? J.square + 4 * u64(view) : nullptr; }
 
 // Whether all that was counted up to `last` found room. If not, nothing is drawn, and the host does it again with more.
 __device__ inline bool fits(const Job &J, int last) {

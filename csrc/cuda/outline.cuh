@@ -60,9 +60,9 @@ template <int WIDTH> __device__ void value_outline(const Job &J) {
         [&](const Hit &hit) {
           if (J.tile_pieces[hit.tile_piece].stroke != own) return hit.a > 0;
           const Piece<real> &part = J.pieces[J.tile_pieces[hit.tile_piece].piece];
-          const real qx = real(p.x) - part.ox + x, qy = real(p.y) - part.oy + y;
+          const Query q = query<WIDTH>(part, p, x, y);
           const Point<real> point = point_at(part, hit.tau);
-          const Fragment<real> g = fragment<WIDTH>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, qx, qy)));
+          const Fragment<real> g = fragment<WIDTH>(part, filter_of(J), point.tau, point.z, sqrt(distance2(point, q.x, q.y)));
           hidden = hidden || g.r - g.d > real(OUTLINE_SLACK) || (WIDTH != EVEN && g.d - g.r > real(OUTLINE_GAP));
           return false;
         },
@@ -72,7 +72,7 @@ template <int WIDTH> __device__ void value_outline(const Job &J) {
     for (u32 k = 0; k < n; k++) {
       const Cover f = J.outline_fragments[J.outline_order[first + k]];
       const Piece<real> &other = J.pieces[f.piece];
-      if (f.z < own_depth || (f.z == own_depth && J.piece_info[f.piece].stroke < own)) front *= 1 - f.a;
+      if (f.z < own_depth || (f.z == own_depth && J.piece_info[f.piece].stroke > own)) front *= 1 - f.a;
       else behind += clear * f.a * value_of(u, other, f.z), clear *= 1 - f.a;
     }
     J.g_outline[index] = hidden ? 0 : front * c.opacity * (value_of(u, c, own_depth) - behind) * o.dtau;
@@ -84,19 +84,19 @@ __device__ inline void sum_outline(const Job &J, u32 piece) {
   const Piece<real> &c = J.pieces[piece];
   union {
     Moments<real> m;
-    real sums[NGRAD];
+    real sums[NSUMS];
   } g = {};
   for (u32 i = J.outline_first[piece] + lane(); i < J.outline_first[piece + 1]; i += WARP) {
     const OutlinePoint<real> o = J.outline[i];
     if (outline_tile(J, o) == NONE || J.g_outline[i] == 0) continue;
-    with_width(J.world, J.along, [&](auto width) { outline_adjoint<width>(c, o.tau, o.ux, o.uy, o.along, o.slope, J.g_outline[i], g.m); });
+    with_width(J.world, J.along, J.square, [&](auto width) { outline_adjoint<width>(c, o.tau, o.ux, o.uy, o.along, o.slope, J.g_outline[i], g.m); });
   }
   real sum = 0;
 #pragma unroll
-  for (u32 k = 0; k < NGRAD; k++) {
+  for (u32 k = 0; k < NSUMS; k++) {
     const real total = warp_sum(g.sums[k]);
     if (lane() == k) sum = total;
   }
-  if (lane() < NGRAD) J.outline_sums[u64(piece) * NGRAD + lane()] = sum;
+  if (lane() < NSUMS) J.outline_sums[u64(piece) * NSUMS + lane()] = sum;
 }
 }  // namespace stroke

@@ -27,7 +27,7 @@ __device__ inline void project_segment(const Job &J, u32 i) {
   to_view(matrix, control, J.cubics + 16 * u64(i));
 }
 
-constexpr int OF_APPEARANCE = NGRAD - 16;  // numbers of g_appearance: of the half width's polynomial, opacity and colour
+constexpr int OF_APPEARANCE = NSUMS - 16;  // numbers of g_appearance: of the half width's polynomial, opacity, colour and T
 // Sums over the views and segments of stroke n.
 __device__ inline void gather_stroke(const Job &J, u32 n) {
   double sums[OF_APPEARANCE] = {};
@@ -60,6 +60,15 @@ __device__ inline void gather_segment(const Job &J, u32 m) {
   for (int k = 0; k < 4 && J.along && !J.half_width_per_view; k++) J.g_widths[4 * u64(m) + k] = real(widths[k] * J.width_scale);
   const u64 at = u64(m) * J.controls;
   if (J.controls) from_control(points_of(J, m), weights_of(J, m), J.controls, control, J.g_points + 3 * at, J.g_weights + at);
+}
+
+// The gradient of a view's Square: sums over its segments of that of T, which changes it by T times itself.
+__device__ inline void gather_square(const Job &J, u32 view) {
+  double sums[4] = {};
+  const SegmentsSeen seen = segments_of(layout_of(J), int(view));
+  for (int k = 0; k < seen.end - seen.first; k++)
+    for (int i = 0; i < 4; i++) sums[i] += J.g_appearance[OF_APPEARANCE * (u64(seen.first_row) + k) + OF_SQUARE - OF_WIDTH + i];
+  square_gradient(square_of(J, view), sums, J.g_squares + 4 * u64(view));
 }
 
 // Sums over the segments of a view, by one block: a thread takes every so manieth segment, then threads add up in pairs.

@@ -8,6 +8,9 @@ from diff3ds import Cameras, Chains, MonteCarlo, Sketch, orbit, project, rasteri
 from diff3ds.render.compiled import draw
 
 VIEWS = orbit([10.0, 80.0], [20.0, 40.0], 3.0, size=(40, 36))
+# Pixels a third as wide.
+OBLONG = orbit([10.0, 80.0], [20.0, 40.0], 3.0, size=(40, 120)).resize((40, 36))
+NO_SQUARE = torch.empty(0, dtype=torch.float64)
 CLOSED = Chains.of([1, 2, 3], [False, False, True])
 
 
@@ -41,6 +44,7 @@ def along() -> dict[str, torch.Tensor]:
 CASES = {
     "plain": (tensors, {}, {}, VIEWS),
     "world": (tensors, {"width_space": "world"}, {}, VIEWS),
+    "oblong": (along, {"width_space": "world"}, {}, OBLONG),
     "along": (along, {}, {"background": 0.3, "blur": 1.0}, VIEWS),
     "chains": (chained, {"chains": CLOSED}, {"background": (0.2, 0.4, 0.6)}, VIEWS),
     "orthographic": (tensors, {}, {}, orbit([10.0], [90.0], 3.0, height=2.0, size=40)),
@@ -104,10 +108,11 @@ def test_graph_breaks_around_a_drawing_change_nothing() -> None:
 
 def test_cameras_made_in_a_graph_have_gradients() -> None:
     def loss(pose, lens):
-        return render(Sketch(values["points"], width=0.05), Cameras(pose, lens, VIEWS.size)).color.square().mean()
+        sketch = Sketch(values["points"], width=0.05, width_space="world")
+        return render(sketch, Cameras(pose, lens, OBLONG.size)).color.square().mean()
 
     values = tensors()
-    given = [VIEWS.world_to_camera.clone().requires_grad_(), VIEWS.intrinsics.clone().requires_grad_()]
+    given = [OBLONG.world_to_camera.clone().requires_grad_(), OBLONG.intrinsics.clone().requires_grad_()]
     compiled = torch.compile(loss, fullgraph=True, backend="aot_eager")
     got, expected = torch.autograd.grad(compiled(*given), given), torch.autograd.grad(loss(*given), given)
     for one, other in zip(got, expected, strict=True):
@@ -164,13 +169,13 @@ def test_backgrounds_and_cameras_have_gradients_in_a_graph() -> None:
     background = torch.rand(1, 40, 1, 3, requires_grad=True)
 
     def loss(background, matrices):
-        return draw(*appearance[:3], background, *curves, matrices, *rest)[0].square().mean()
+        return draw(*appearance[:3], background, NO_SQUARE, *curves, matrices, *rest)[0].square().mean()
 
     values = tensors()
     appearance = (values["width"], values["color"], values["opacity"])
     curves = (values["points"], values["weights"])
     matrices = VIEWS.projection.clone().requires_grad_()
-    rest = (None, None, torch.tensor(0), [40, 36], [False, False], [0.1, 0.0, 20.0], 0, "cpu")
+    rest = (None, None, torch.tensor(0), [40, 36], [False, False, False], [0.1, 0.0, 20.0], 0, "cpu")
     given = (background, matrices)
     compiled = torch.compile(loss, fullgraph=True, backend="aot_eager")
     got, expected = torch.autograd.grad(compiled(*given), given), torch.autograd.grad(loss(*given), given)
@@ -181,9 +186,15 @@ def test_backgrounds_and_cameras_have_gradients_in_a_graph() -> None:
 
 def test_the_operator_passes_torchs_own_checks() -> None:
     values = {name: value.requires_grad_() for name, value in tensors(torch.float64).items()}
-    appearance = (values["width"], values["color"], values["opacity"], torch.ones(1, 1, 1, 3, dtype=torch.float64))
+    appearance = (
+        values["width"],
+        values["color"],
+        values["opacity"],
+        torch.ones(1, 1, 1, 3, dtype=torch.float64),
+        NO_SQUARE,
+    )
     curves = (values["points"], values["weights"], VIEWS.projection)
-    rest = (None, None, torch.tensor(0), [40, 36], [False, False], [0.1, 0.0, 20.0], 0, "cpu")
+    rest = (None, None, torch.tensor(0), [40, 36], [False, False, False], [0.1, 0.0, 20.0], 0, "cpu")
     torch.library.opcheck(draw, (*appearance, *curves, *rest))
 
 

@@ -181,7 +181,7 @@ def test_whichever_list_is_too_short_nothing_is_read_behind_it(device, memories,
 @pytest.mark.parametrize(
     ("kernel", "places", "sizes"),
     [
-        ("write_pieces", "piece_first", {"pieces": 116, "piece_info": 176, "arcs": 80}),
+        ("write_pieces", "piece_first", {"pieces": 132, "piece_info": 176, "arcs": 80}),
         ("write_chords", "chord_first", {"chords": 36, "chord_info": 12, "tangents": 16}),
     ],
 )

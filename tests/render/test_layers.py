@@ -43,11 +43,11 @@ def test_crossing_strokes_change_their_order(backend, antialiasing):
             assert (image[y, x] - sketch.color[nearest]).abs().max() < 1e-5
 
 
-def test_ties_go_to_the_first_stroke_even_if_the_other_begins_nearer(backend):
+def test_ties_go_to_the_last_stroke_even_if_the_other_begins_nearer(backend):
     """The same curve twice; the wide one covers pixels beyond the near end too, so all in all it is the nearer one."""
     curve = [[5.45, 8.5], [13.0, 8.5]]
     strokes = strokes_at(
-        [curve, curve], half_width=[[0.1, 3.0]], depth=[[1.0, 2.0], [1.0, 2.0]], color=[[1.0, 0, 0], [0, 0, 1.0]]
+        [curve, curve], half_width=[[3.0, 0.1]], depth=[[1.0, 2.0], [1.0, 2.0]], color=[[0, 0, 1.0], [1.0, 0, 0]]
     )
     row = draw(strokes, 16, backend).color[0, 8]
     # Coverage of a line .2 px wide through pixel centres, over the opaque one.
@@ -66,7 +66,7 @@ def test_order_changes_along_a_crossing_in_depth(backend, antialiasing):
     torch.testing.assert_close(row, expected, rtol=0, atol=1e-6)
 
 
-def test_ties_go_to_the_lower_index(backend, antialiasing):
+def test_ties_go_to_the_higher_index(backend, antialiasing):
     line = torch.tensor([[3.0, 5.0], [28.0, 23.0]]).expand(3, 2, 2)
     colors = torch.eye(3).double()
     order = torch.tensor([2, 0, 1])
@@ -74,19 +74,30 @@ def test_ties_go_to_the_lower_index(backend, antialiasing):
     image = draw(strokes, 32, backend, antialiasing, background=0.0)
     inked = image.alpha[0] == 1
     assert inked.sum() > 50
-    assert (image.color[0][inked] == colors[2]).all()
+    assert (image.color[0][inked] == colors[1]).all()
 
 
 @pytest.mark.parametrize("count", [40, 600])
-def test_ties_of_many_go_to_the_lower_index(backend, count):
+def test_ties_of_many_go_to_the_higher_index(backend, count):
     """In lists of which each kernel has its own way to sort them."""
     line = torch.tensor([[-3.0, 0.4], [4.0, 0.6]]).expand(count, 2, 2)
     color = torch.rand(count, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     strokes = strokes_at(line, half_width=50.0, color=color, opacity=0.05)
     image = draw(strokes, 1, backend, background=0.3)
-    front = 0.05 * 0.95 ** torch.arange(count, dtype=torch.float64)
+    front = 0.05 * 0.95 ** torch.arange(count - 1, -1, -1, dtype=torch.float64)
     expected = front @ color + 0.3 * 0.95**count
     torch.testing.assert_close(image.color[0, 0, 0], expected, rtol=1e-12, atol=0)
+
+
+def test_the_outline_of_what_lies_below_at_the_same_depth_is_no_outline(kernels):
+    """Two dots at one place, the later one larger: samples say that only that one grows the ink."""
+    strokes = strokes_at([[[16.0, 16.0]] * 2] * 2, half_width=[[4.0, 9.0]], color=[[1.0, 0, 0], [0, 0, 1.0]])
+    (widths,) = tracked(strokes, "half_width")
+    how = {"antialiasing": "montecarlo", "samples": 16, "generator": torch.Generator().manual_seed(0)}
+    image = draw(strokes, 32, kernels, background=0.0, **how)
+    gradient = torch.autograd.grad(image.color.sum(), widths)[0][0]
+    assert gradient[0] == 0
+    assert gradient[1].item() == pytest.approx(2 * torch.pi * 9, rel=0.02)
 
 
 def test_many_strokes_over_one_pixel(backend, antialiasing):

@@ -93,6 +93,17 @@ def test_a_stroke_without_length_is_one_sample():
     assert line.half_width.tolist() == pytest.approx([12.8])
 
 
+@pytest.mark.parametrize(
+    ("points", "wide"), [([[0.0, -0.5, 0], [0, 0.5, 0]], 1.0), ([[0.0, 0, -0.5], [0, 0, 0.5]], 1 / 3)]
+)
+def test_widths_are_across_the_line_where_pixels_are_oblong(points, wide):
+    sketch = ds.Sketch(torch.tensor([points], dtype=torch.float64), width=0.1, width_space="world")
+    camera = ds.orbit(0.0, 0.0, 3.0, fov=60, size=(256, 768)).resize(256)
+    (line,) = lines(sketch, camera)
+    focal = 128 / math.tan(math.radians(30))
+    assert line.half_width.tolist() == pytest.approx([focal * 0.05 / 3 * wide] * len(line.points), rel=1e-6)
+
+
 def test_widths_and_depths_are_those_of_the_renderer():
     points = torch.tensor([[[0.0, -0.5, 0.0], [1.0, 0.5, 0.0]]], dtype=torch.float64)
     sketch = ds.Sketch(points, width=torch.tensor([[0.1, 0.2]], dtype=torch.float64), width_space="world")

@@ -100,6 +100,12 @@ SCENES = {
     "quadratics along": random(controls=3, width=0.05 * numbers(40, 3), opacity=numbers(40)),
     "wide and narrow": random(12, width=0.2 * numbers(12), color=numbers(12, 3), opacity=0.9),
     "flat": ds.Sketch((2 * numbers(40, 4, 3) - 1) * torch.tensor([1.0, 1.0, 0.0]), width=0.02, color=numbers(40, 3)),
+    # At the same depth everywhere: the thin ones, which come later, lie on top.
+    "one on the other": ds.Sketch(
+        torch.tensor([[[-0.8, 0.2, -0.5], [0.7, 0.3, 0.6]]]).expand(3, 2, 3),
+        width=torch.tensor([0.3, 0.15, 0.05]),
+        color=torch.eye(3),
+    ),
     "nothing": ds.Sketch(torch.zeros(0, 4, 3)),
 }
 
@@ -121,7 +127,7 @@ def check_scenes(browser, folder, names):
 
 
 def test_the_picture_is_that_of_the_renderer(browser, tmp_path):
-    check_scenes(browser, tmp_path, ["translucent", "world widths along", "translucent circle"])
+    check_scenes(browser, tmp_path, ["translucent", "world widths along", "one on the other"])
 
 
 @pytest.mark.slow

@@ -62,6 +62,8 @@ class Part(NamedTuple):
 def painting_order(strokes: Strokes2D, view: int, pieces: Pieces) -> list[Part]:
     """What is painted first comes first; where strokes go round in a circle all the same, the deeper one on the whole.
 
+    Of strokes that are as deep as each other the later one comes later, as the renderer has it.
+
     Opaque strokes of one colour look alike in any order, and are never cut for each other.
     """
     if not len(pieces.stroke):
@@ -76,7 +78,7 @@ def painting_order(strokes: Strokes2D, view: int, pieces: Pieces) -> list[Part]:
     split, part = _split(pieces, chords, cuts)
     depth = split.depth(strokes, view, torch.full_like(split.start, 0.5)).numpy()
     depth = np.bincount(part, depth) / np.bincount(part)
-    order = _sorted(_part(cuts, meetings.far), _part(cuts, meetings.near), depth)
+    order = _sorted(_part(cuts, meetings.far), _part(cuts, meetings.near), _levels(depth))
     whole = np.isin(cuts, begins)
     cut = np.stack([~whole, ~np.append(whole[1:], True)], 1).tolist()
     rows = np.searchsorted(part, np.arange(len(cuts) + 1))
@@ -340,14 +342,23 @@ def _begins(chords: _Chords) -> NDArray[np.bool_]:
     return _changes(chords.stroke, chords.stroke)
 
 
-def _sorted(far: NDArray[np.int64], near: NDArray[np.int64], depth: NDArray[np.float64]) -> list[int]:
-    """Parts from far to near: each after those that it hides, else by depth; in circles that are left by depth."""
-    count = len(depth)
+def _levels(depth: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Depths as whole numbers: the same for those between which there is no step that counts."""
+    order = np.argsort(depth)
+    steps = np.diff(depth[order], prepend=depth[order[:1]]) > EQUAL * np.abs(depth[order])
+    levels = np.empty(len(depth), np.int64)
+    levels[order] = np.cumsum(steps)
+    return levels
+
+
+def _sorted(far: NDArray[np.int64], near: NDArray[np.int64], level: NDArray[np.int64]) -> list[int]:
+    """Parts from far to near: each after those that it hides, else by depth and number; so in circles that are left."""
+    count = len(level)
     edges = np.unique((far * count + near)[far != near])
     far, near = edges // count, edges % count
     rows = np.searchsorted(far, np.arange(count + 1))
     waits = np.bincount(near, minlength=count)
-    keys = [(-d, -i) for i, d in enumerate(depth.tolist())]
+    keys = [(-d, i) for i, d in enumerate(level.tolist())]
     ready = [(keys[i], i) for i in np.flatnonzero(waits == 0).tolist()]
     heapq.heapify(ready)
     rest = sorted(range(count), key=keys.__getitem__, reverse=True)

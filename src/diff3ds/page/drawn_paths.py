@@ -1,6 +1,8 @@
 """A view of a sketch as paths of cubic Béziers in the order in which they are painted: what SVG and PDF files hold."""
 
+import math
 from collections import Counter
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -55,10 +57,12 @@ def drawn_paths(
         centerline: one path a stroke, in the order of the sketch, as a pen draws it: nothing hides anything.
         tolerance: how far a path may be off the exact stroke, pixels.
     """
-    strokes = project(sketch, cameras)
-    even = centerline or (strokes.width_space == "image" and strokes.half_width.ndim == 2)
-    pieces = screen_pieces(strokes, view, cameras.size, tolerance if centerline else _CURVE * tolerance)
-    pieces = on_page(pieces, cameras.size)
+    projected = project(sketch, cameras)
+    strokes, size, page = _where_square(projected, view, cameras.size)
+    oblong = projected.square is not None
+    even = centerline or (strokes.width_space == "image" and strokes.half_width.ndim == 2 and not oblong)
+    pieces = screen_pieces(strokes, view, size, tolerance if centerline else _CURVE * tolerance)
+    pieces = on_page(pieces, size)
     if centerline:
         shown = torch.unique(pieces.stroke).tolist()
         parts = [Part(pieces.rows(pieces.stroke == stroke), (False, False)) for stroke in shown]
@@ -85,12 +89,42 @@ def drawn_paths(
         stroke = int(pieces.stroke[0])
         count[stroke] += 1
         name = f"stroke-{stroke}" + (f"-part-{count[stroke]}" if count[stroke] > 1 else "")
-        width = 2 * float(pieces.points[..., 2].mean()) if line else None
+        width = 2 * float(pieces.points[..., 2].mean()) * page.scale if line else None
         opacity = 1.0 if centerline else opacities[stroke]
         r, g, b = colors[stroke]
-        curves = _centre_line(pieces) if line else next(filled)
+        curves = [page.place(curve) for curve in (_centre_line(pieces) if line else next(filled))]
         found.append(DrawnPath(name, curves, not line or _closes(strokes, pieces), width, (r, g, b), opacity))
     return found
+
+
+class _Page(NamedTuple):
+    """The way back from where pixels are square to the page: a map of what begins at `corner` there."""
+
+    back: NDArray[np.float64]
+    corner: NDArray[np.float64]
+
+    @property
+    def scale(self) -> float:
+        """Of widths, in the mean of all directions."""
+        return math.sqrt(np.linalg.det(self.back))
+
+    def place(self, points: Path) -> Path:
+        """Points in pixels of the page."""
+        return (points + self.corner) @ self.back.T
+
+
+def _where_square(strokes: Strokes2D, view: int, size: tuple[int, int]) -> tuple[Strokes2D, tuple[int, int], _Page]:
+    """Strokes as they are where pixels are square, as large as the page is there at least, and the way back."""
+    if strokes.square is None:
+        return strokes, size, _Page(np.eye(2), np.zeros(2))
+    square = strokes.square[view].detach()
+    height, width = size
+    corners = square.new_tensor([[0, 0], [width, 0], [0, height], [width, height]]) @ square.T
+    low, high = corners.amin(0), corners.amax(0)
+    across, down = (high - low).ceil().int().tolist()
+    places, rest = strokes.cubics[..., :2] @ square.T, strokes.cubics[..., 2:]
+    moved = torch.cat([places - low * rest[..., :1], rest], -1)
+    return replace(strokes, cubics=moved, square=None), (down, across), _Page(square.inverse().numpy(), low.numpy())
 
 
 def _joined(pieces: Pieces) -> NDArray[np.bool_]:

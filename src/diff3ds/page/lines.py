@@ -42,7 +42,7 @@ class Line:
         stroke: its number in the sketch.
         points: pixels from the top-left corner of the view.
         angle: of the direction, radians from x towards y, without jumps.
-        half_width: of the sketch's stroke, pixels.
+        half_width: of the sketch's stroke across the line, pixels.
         depth: from the camera, world units.
         along: arc length from the first sample, pixels.
         closed: whether the last sample is the first one again.
@@ -163,9 +163,10 @@ def _order(strokes: Strokes2D, pieces: Pieces, width: Float[Tensor, " N"]) -> li
 def _alone(strokes: Strokes2D, view: int) -> Strokes2D:
     """The strokes in one view."""
     row = min(view, len(strokes.half_width) - 1)
-    return replace(
-        strokes.detach(), cubics=strokes.cubics[view, None].double(), half_width=strokes.half_width[row, None].double()
-    )
+    strokes = strokes.detach()
+    square = None if strokes.square is None else strokes.square[view, None]
+    cubics, half_width = strokes.cubics[view, None].double(), strokes.half_width[row, None].double()
+    return replace(strokes, cubics=cubics, half_width=half_width, square=square)
 
 
 def _largest(strokes: Strokes2D) -> Float[Tensor, " N"]:
@@ -267,6 +268,7 @@ def _line(
     t = torch.from_numpy(places)
     segment = t.floor().long().clamp(max=len(strokes.cubics[0]) - 1)
     half_width, depth = _measures(strokes, segment, t - segment)
+    half_width = half_width * _across(strokes, angle)
     steps = _arc_steps(points, angle)
     along = np.concatenate([[0.0], steps.cumsum()])
     return Line(stroke, points, angle, half_width, depth, along, closed, begins, ends)
@@ -277,15 +279,26 @@ def _dot(strokes: Strokes2D, stroke: int, chords: _Chords) -> Line:
     segment = chords.start[:1].floor().long()
     half_width, depth = _measures(strokes, segment, chords.start[:1] - segment)
     zero = np.zeros(1)
+    # Round, though pixels be oblong: in the mean of two directions.
+    half_width = half_width * _across(strokes, np.array([0.0, math.pi / 2])).prod(keepdims=True) ** 0.5
     return Line(stroke, chords.first[:1].numpy(), zero, half_width, depth, zero)
 
 
 def _measures(strokes: Strokes2D, segment: Tensor, t: Tensor) -> tuple[Array, Array]:
-    """Half widths and depths at parameters of segments."""
+    """Half widths, where pixels are square, and depths at parameters of segments."""
     value = (bernstein(t, 3)[:, None] @ strokes.cubics[0, segment])[:, 0]
     depth = strokes.depth(value)
     half_width = half_width_at(strokes, torch.zeros_like(segment), segment, t, depth)
     return half_width.numpy(), depth.numpy()
+
+
+def _across(strokes: Strokes2D, angle: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Pixels of a unit of half width across lines of these directions."""
+    if strokes.square is None:
+        return np.ones(len(angle))
+    normals = np.stack([-np.sin(angle), np.cos(angle)])
+    lengths: Array = np.linalg.norm(np.linalg.solve(strokes.square[0].numpy().T, normals), axis=0)
+    return lengths
 
 
 def _around_corners(chords: _Chords, closed: bool) -> tuple[Array, Array, Array]:

@@ -105,7 +105,7 @@ class _Draw(torch.autograd.Function):
         options: Options,
         *tensors: Tensor,
     ) -> tuple[Any, ...]:
-        appearance, curves = cast(Appearance, tensors[:4]), cast(Curves, tensors[4:])
+        appearance, curves = cast(Appearance, tensors[:5]), cast(Curves, tensors[5:])
         images, saved = kernels.forward(
             KernelInputs(curves, cameras, chains, batch, appearance, size, options), save=True
         )

@@ -54,6 +54,11 @@ def check_strokes(strokes: Strokes2D) -> None:
             raise TypeError(f"{name} must have the floating point dtype of color, {color.dtype}, got {value.dtype}")
         if value.device != cubics.device:
             raise ValueError(f"{name} must be on the device of cubics, {cubics.device}, got {value.device}")
+    if (square := strokes.square) is not None:
+        if square.shape != (views, 2, 2) or square.dtype != torch.float64 or square.device != cubics.device:
+            got = f"{square.dtype} of {tuple(square.shape)} on {square.device}"
+            raise ValueError(f"square must be float64 of shape ({views}, 2, 2) on {cubics.device}, got {got}")
+        check_plain(square=square)
     check_plain(cubics=cubics, half_width=strokes.half_width, color=color, opacity=strokes.opacity)
     if strokes.width_space not in ("image", "world"):
         raise ValueError(f'width_space must be "image" or "world", got {strokes.width_space!r}')

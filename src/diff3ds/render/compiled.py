@@ -59,7 +59,8 @@ def render(
     inputs = of_sketch(drawn, cameras, _canvas(background, drawn.color), analytic)
     chains = (None, None) if inputs.chains is None else (inputs.chains.stroke, inputs.chains.closed)
     options = inputs.options
-    flags, numbers = [options.world, options.orthographic], [options.near, options.blur, options.width_scale]
+    flags = [options.world, options.orthographic, options.differ_squares]
+    numbers = [options.near, options.blur, options.width_scale]
     rest = (*chains, seed, list(inputs.size), flags, numbers, strata, backend)
     color, alpha, depth = draw(*inputs.appearance, *inputs.curves, *rest)
     return color.to(dtype), alpha.to(dtype), depth.to(dtype)
@@ -79,6 +80,7 @@ def draw(
     color: Tensor,
     opacity: Tensor,
     background: Tensor,
+    square: Tensor,
     points: Tensor,
     weights: Tensor,
     matrices: Tensor,
@@ -92,7 +94,7 @@ def draw(
     backend: str,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Colour, alpha and depth of `KernelInputs`; `flags` and `numbers` are those of its options."""
-    tensors = (half_width, color, opacity, background, points, weights, matrices)
+    tensors = (half_width, color, opacity, background, square, points, weights, matrices)
     inputs = _inputs(tensors, stroke, closed, seed, size, flags, numbers, strata)
     try:
         images, _ = kernels_of(backend).forward(inputs, save=False)
@@ -109,6 +111,7 @@ def _(
     color: Tensor,
     opacity: Tensor,
     background: Tensor,
+    square: Tensor,
     points: Tensor,
     weights: Tensor,
     matrices: Tensor,
@@ -131,6 +134,7 @@ def draw_backward(
     color: Tensor,
     opacity: Tensor,
     background: Tensor,
+    square: Tensor,
     points: Tensor,
     weights: Tensor,
     matrices: Tensor,
@@ -145,8 +149,8 @@ def draw_backward(
     upstream: list[Tensor],
     needs: list[bool],
 ) -> list[Tensor]:
-    """Gradients of the seven tensors from those of the images; zeros for those that are not needed."""
-    tensors = (half_width, color, opacity, background, points, weights, matrices)
+    """Gradients of the eight tensors from those of the images; zeros for those that are not needed."""
+    tensors = (half_width, color, opacity, background, square, points, weights, matrices)
     kernels = kernels_of(backend)
     inputs = _inputs(tensors, stroke, closed, seed, size, flags, numbers, strata)
     (_, alpha, depth), saved = kernels.forward(inputs, save=True)
@@ -160,12 +164,13 @@ def _(
     color: Tensor,
     opacity: Tensor,
     background: Tensor,
+    square: Tensor,
     points: Tensor,
     weights: Tensor,
     matrices: Tensor,
     *rest: object,
 ) -> list[Tensor]:
-    return [torch.empty_like(t) for t in (half_width, color, opacity, background, points, weights, matrices)]
+    return [torch.empty_like(t) for t in (half_width, color, opacity, background, square, points, weights, matrices)]
 
 
 def _remember(ctx: Any, inputs: tuple[Any, ...], output: object) -> None:
@@ -175,7 +180,7 @@ def _remember(ctx: Any, inputs: tuple[Any, ...], output: object) -> None:
 
 
 def _gradients(ctx: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-    needs = list(ctx.needs_input_grad[:7])
+    needs = list(ctx.needs_input_grad[:8])
     found = draw_backward(*ctx.saved_tensors, *ctx.rest, list(upstream), needs)
     return *(g if needed else None for g, needed in zip(found, needs, strict=True)), *[None] * 8
 
@@ -194,9 +199,9 @@ def _inputs(
     strata: int,
 ) -> KernelInputs:
     chains = None if stroke is None or closed is None else Chains(stroke, closed)
-    (world, orthographic), (near, blur, width_scale) = flags, numbers
-    options = Options(world, orthographic, near, blur, strata, int(seed), width_scale)
-    appearance, curves = cast(Appearance, tensors[:4]), cast(Curves, tensors[4:])
+    (world, orthographic, differ_squares), (near, blur, width_scale) = flags, numbers
+    options = Options(world, orthographic, near, blur, strata, int(seed), width_scale, differ_squares)
+    appearance, curves = cast(Appearance, tensors[:5]), cast(Curves, tensors[5:])
     return KernelInputs(curves, None, chains, None, appearance, cast(tuple[int, int], tuple(size)), options)
 
 
@@ -204,7 +209,7 @@ def _projected(inputs: KernelInputs) -> Strokes2D:
     """The strokes as every view sees them."""
     points, weights, matrices = cast(tuple[Tensor, Tensor, Tensor], inputs.curves)
     control = elevate_homogeneous(homogeneous(points.double(), weights.double()))
-    widths, color, opacity, _ = inputs.appearance
+    widths, color, opacity, *_ = inputs.appearance
     half = widths[None] * inputs.options.width_scale if widths.ndim == 1 else widths
     space: WidthSpace = "world" if inputs.options.world else "image"
     near, orthographic = inputs.options.near, inputs.options.orthographic

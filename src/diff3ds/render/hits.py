@@ -1,13 +1,13 @@
 """Which strokes cover which points of the images, and where on the stroke: exact, found in blocks of bounded size."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import torch
 
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier.closest import closest_parameter, differentiable_parameter
-from diff3ds.bezier.curves import bernstein, subcurve_matrix
+from diff3ds.bezier.curves import bernstein, homogeneous_derivatives, subcurve_matrix
 from diff3ds.bezier.measure import chord_intervals, homogeneous_box
 from diff3ds.project import Strokes2D
 from diff3ds.render.visible import Spans, visible_spans
@@ -15,6 +15,8 @@ from diff3ds.render.visible import Spans, visible_spans
 # Candidates (chord, pixel) tested at a time, and (span, point) solved at a time.
 CANDIDATE_BLOCK = 1 << 20
 SOLVE_BLOCK = 1 << 16
+# Distances (px) that are too short to say where from.
+NO_DIRECTION = 1e-3
 # Chords are used to find candidates only; any value gives the same picture.
 CHORD_TOLERANCE = 0.5
 
@@ -66,9 +68,29 @@ def point_on_stroke(strokes: Strokes2D, hits: Hits, t: Tensor | None = None) -> 
 
 def moving_parameter(strokes: Strokes2D, hits: Hits) -> Tensor:
     """The hits' parameters with their derivative, constant at the ends of the visible part (docs eq. 6)."""
-    control = strokes.cubics[hits.view, hits.segment][..., :3]
-    t = differentiable_parameter(control, hits.position[:, None], hits.t[:, None])[:, 0]
+    control = strokes.on_square(hits.view, strokes.cubics[hits.view, hits.segment][..., :3])
+    position = strokes.on_square(hits.view, hits.position)
+    t = differentiable_parameter(control, position[:, None], hits.t[:, None])[:, 0]
     return torch.where(hits.free, t, hits.t)
+
+
+def pixels_across(
+    strokes: Strokes2D, hits: Hits, t: Float[Tensor, " P"], away: Float[Tensor, "P 2"], distance: Float[Tensor, " P"]
+) -> Float[Tensor, " P"] | float:
+    """Pixels of a unit of distance from strokes where pixels are square, at hits that are so far away (docs eq. 8b)."""
+    if strokes.square is None:
+        return 1.0
+    control = strokes.on_square(hits.view, strokes.cubics[hits.view, hits.segment][..., :3])
+    value, slope, _ = (x[:, 0] for x in homogeneous_derivatives(control, t[:, None]))
+    velocity = (slope[:, :2] - value[:, :2] / value[:, 2:3] * slope[:, 2:3]) / value[:, 2:3]
+    across = torch.stack([-velocity[:, 1], velocity[:, 0]], -1)
+    moves = velocity.square().sum(-1) > 0
+    # At an end the way to the point says where from; on the end itself none does.
+    by_tangent = moves & (hits.free | (distance < NO_DIRECTION))
+    across = torch.where(by_tangent[:, None], across, torch.where((distance > NO_DIRECTION)[:, None], away, 1.0))
+    unit = torch.nn.functional.normalize(across, dim=-1)
+    in_pixels = (unit[:, None] @ strokes.square[hits.view])[:, 0]
+    return 1 / cast(Tensor, torch.linalg.vector_norm(in_pixels, dim=-1))
 
 
 @torch.no_grad()
@@ -98,15 +120,19 @@ def closest_hits(
     """Hits of points with the strokes in rows of `near`: each once, at its closest visible point, if in reach."""
     strokes = strokes.detach()
     spans, span = near.spans, near.span[rows]
-    control = span_controls(strokes, spans)[..., :3]
-    blocks = zip(torch.split(span, SOLVE_BLOCK), torch.split(position, SOLVE_BLOCK), strict=True)
+    control = strokes.on_square(spans.view, span_controls(strokes, spans)[..., :3])
+    place = strokes.on_square(spans.view[span], position)
+    blocks = zip(torch.split(span, SOLVE_BLOCK), torch.split(place, SOLVE_BLOCK), strict=True)
     u = torch.cat([closest_parameter(control[s], q[:, None])[:, 0] for s, q in blocks])
     t = spans.start[span] + u * (spans.stop - spans.start)[span]
     segment = spans.segment[span]
     hits = Hits(spans.view[span], strokes.stroke_of(segment), point, position, segment, t, (u > 0) & (u < 1))
     on_curve, depth = point_on_stroke(strokes, hits)
-    distance = torch.linalg.vector_norm(position - on_curve, dim=-1)
+    distance = torch.linalg.vector_norm(strokes.on_square(hits.view, position - on_curve), dim=-1)
     nearest = _nearest_of_stroke(hits, distance)
+    if strokes.square is not None:
+        # As far as pixels reach there.
+        reach = reach * float(torch.linalg.matrix_norm(strokes.square, 2).max())
     seen = distance < half_width_at(strokes, hits.view, hits.segment, hits.t, depth) + reach
     return hits.where(nearest & seen)
 

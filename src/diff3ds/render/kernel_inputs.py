@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import torch
 
-from diff3ds._modes import is_ordinary
+from diff3ds._modes import is_ordinary, transformed
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
-from diff3ds.project import Strokes2D, half_widths, width_space
+from diff3ds.project import Strokes2D, half_widths, squares, width_space
 from diff3ds.render.options import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch
 
@@ -23,8 +23,8 @@ Curves = tuple[Tensor] | tuple[Tensor, Tensor, Tensor]
 PlainCameras = tuple[Tensor, Tensor]
 # Half widths in pixels, a row for all views or one a view (`Strokes2D.half_width`), or with one axis the full widths of
 # a sketch's strokes, in units of which `Options.width_scale` speaks; colours; opacities; the background, whose first
-# three axes may be 1.
-Appearance = tuple[Tensor, Tensor, Tensor, Tensor]
+# three axes may be 1; `Strokes2D.square`, empty where there is none.
+Appearance = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
 
 
 class Options(NamedTuple):
@@ -36,6 +36,7 @@ class Options(NamedTuple):
         strata: samples per pixel and direction, 0 for analytic antialiasing.
         seed: of the samples.
         width_scale: half widths in pixels of a full width of 1, where full widths are given; else 1.
+        differ_squares: whether the gradient of `Strokes2D.square` is wanted.
     """
 
     world: bool
@@ -45,6 +46,7 @@ class Options(NamedTuple):
     strata: int
     seed: int
     width_scale: float
+    differ_squares: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +107,13 @@ def of_sketch(
 
     Those of the backend "cuda" make the cameras' matrices as well, if nothing wants gradients of those.
     """
-    widths, scale = (sketch.width, cameras.size[0] / 2) if is_plain(sketch) else (half_widths(sketch, cameras), 1.0)
-    appearance = (widths, sketch.color, sketch.opacity, background)
+    square = squares(sketch, cameras)
+    widths, scale = sketch.width, cameras.size[0] / 2
+    if not is_plain(sketch):
+        widths, scale = half_widths(sketch, cameras, square is None), 1.0
+    appearance = (widths, sketch.color, sketch.opacity, background, _given(square, background))
     world = width_space(sketch, cameras) == "world"
-    options = _options(antialiasing, (world, cameras.orthographic, cameras.near), scale)
+    options = _options(antialiasing, (world, cameras.orthographic, cameras.near), scale, square)
     matrices, of_kernels = _projections([cameras], backend)
     curves = (sketch.points, sketch.weights, matrices)
     return KernelInputs(curves, of_kernels, sketch.chains, None, appearance, cameras.size, options)
@@ -123,11 +128,12 @@ def of_sketches(
 ) -> KernelInputs:
     """Those of sketches of one kind (`kind`), each seen by its own cameras, of which there is one at least."""
     first, seen = sketches[0], cameras[0]
-    plain = is_plain(first)
-    if plain:
+    found = [squares(s, c) for s, c in zip(sketches, cameras, strict=True)]
+    if is_plain(first):
         widths, scale = torch.cat([s.width for s in sketches]), seen.size[0] / 2
     else:
-        rows = [half_widths(s, c).flatten(0, 1) for s, c in zip(sketches, cameras, strict=True)]
+        given = zip(sketches, cameras, found, strict=True)
+        rows = [half_widths(s, c, square is None).flatten(0, 1) for s, c, square in given]
         widths, scale = torch.cat(rows)[None], 1.0
     color, opacity = (torch.cat([getattr(s, name) for s in sketches]) for name in ("color", "opacity"))
     chains = None
@@ -137,10 +143,12 @@ def of_sketches(
     points, weights = (torch.cat([getattr(s, name) for s in sketches]) for name in ("points", "weights"))
     matrices, of_kernels = _projections(cameras, backend)
     curves = (points, weights, matrices)
+    square = _joined_squares(found, cameras)
     world = width_space(first, seen) == "world"
-    options = _options(antialiasing, (world, seen.orthographic, seen.near), scale)
+    options = _options(antialiasing, (world, seen.orthographic, seen.near), scale, square)
+    appearance = (widths, color, opacity, background, _given(square, background))
     batch = Batch.of(sketches, cameras)
-    return KernelInputs(curves, of_kernels, chains, batch, (widths, color, opacity, background), seen.size, options)
+    return KernelInputs(curves, of_kernels, chains, batch, appearance, seen.size, options)
 
 
 def kind(sketch: Sketch, cameras: Cameras) -> tuple[object, ...]:
@@ -162,9 +170,10 @@ def of_strokes(
     antialiasing: Analytic | MonteCarlo,
 ) -> KernelInputs:
     """Those of strokes that are projected already."""
-    appearance = (strokes.half_width, strokes.color, strokes.opacity, background)
+    square = _given(strokes.square, background)
+    appearance = (strokes.half_width, strokes.color, strokes.opacity, background, square)
     how = strokes.width_space == "world", strokes.orthographic, strokes.near
-    options = _options(antialiasing, how, 1.0)
+    options = _options(antialiasing, how, 1.0, strokes.square)
     return KernelInputs((strokes.cubics,), None, strokes.chains, None, appearance, size, options)
 
 
@@ -184,8 +193,24 @@ def _joined(parts: Sequence[Tensor]) -> Tensor:
     return parts[0] if len(parts) == 1 else torch.cat(list(parts))
 
 
-def _options(antialiasing: Analytic | MonteCarlo, how: tuple[bool, bool, float], width_scale: float) -> Options:
+def _given(square: Tensor | None, like: Tensor) -> Tensor:
+    return like.new_empty(0, dtype=torch.float64) if square is None else square
+
+
+def _joined_squares(found: Sequence[Tensor | None], cameras: Sequence[Cameras]) -> Tensor | None:
+    """Of all views; where some need none those of square pixels."""
+    if all(square is None for square in found):
+        return None
+    one = torch.eye(2, dtype=torch.float64, device=cameras[0].intrinsics.device)
+    return torch.cat([one.expand(len(c), 2, 2) if s is None else s for s, c in zip(found, cameras, strict=True)])
+
+
+def _options(
+    antialiasing: Analytic | MonteCarlo, how: tuple[bool, bool, float], width_scale: float, square: Tensor | None
+) -> Options:
+    # Below transforms, and in forward mode, derivatives do not tell of themselves.
+    differ = square is not None and (transformed() or square.requires_grad)
     if isinstance(antialiasing, Analytic):
-        return Options(*how, antialiasing.blur, strata=0, seed=0, width_scale=width_scale)
+        return Options(*how, antialiasing.blur, 0, 0, width_scale, differ)
     strata, seed = math.isqrt(antialiasing.samples), antialiasing.seed()
-    return Options(*how, blur=0.0, strata=strata, seed=seed, width_scale=width_scale)
+    return Options(*how, 0.0, strata, seed, width_scale, differ)

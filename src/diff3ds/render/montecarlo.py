@@ -37,12 +37,13 @@ def rasterize(
     strokes: Strokes2D, size: tuple[int, int], background: Float[Tensor, "V1 H1 W1 3"], strata: int, seed: int
 ) -> Images:
     """As `reference.rasterize` with strata x strata samples a pixel; the same seed gives the kernels' samples."""
-    cubics, half_width, color, opacity = sampled((strokes.cubics, strokes.half_width, strokes.color, strokes.opacity))
-    strokes = replace(strokes, cubics=cubics, half_width=half_width, color=color, opacity=opacity)
+    names = ("cubics", "half_width", "color", "opacity", *(() if strokes.square is None else ("square",)))
+    given = sampled(tuple(getattr(strokes, name) for name in names))
+    strokes = replace(strokes, **dict(zip(names, given, strict=True)))
     near = find_near(strokes, size, 0.0)
     count = len(strokes.cubics) * size[0] * size[1]
     sums = torch.stack([_stratum(strokes, near, size, strata, s, seed) for s in range(strata**2)]).mean(0)
-    if transformed() or (torch.is_grad_enabled() and (cubics.requires_grad or half_width.requires_grad)):
+    if transformed() or (torch.is_grad_enabled() and any(moved.requires_grad for moved in (*given[:2], *given[4:]))):
         outline = sample_outline(strokes, near.spans, strata, seed).on_image(size)
         jump = outline_jump(strokes, near, outline, size)
         moved = ((outline.position - outline.position.detach()) * outline.normal).sum(-1)
@@ -106,9 +107,8 @@ def outline_jump(strokes: Strokes2D, near: Near, outline: Outline, size: tuple[i
     own_stroke = strokes.stroke_of(outline.segment)
     own = hits.stroke == own_stroke[hits.point]
     on_curve, depth = point_on_stroke(strokes, hits)
-    inside = half_width_at(strokes, hits.view, hits.segment, hits.t, depth) - torch.linalg.vector_norm(
-        hits.position - on_curve, dim=-1
-    )
+    away = strokes.on_square(hits.view, hits.position - on_curve)
+    inside = half_width_at(strokes, hits.view, hits.segment, hits.t, depth) - torch.linalg.vector_norm(away, dim=-1)
     hidden = torch.zeros(len(position), dtype=torch.bool, device=position.device)
     hidden[hits.point[own & ((inside > OUTLINE_SLACK) | (inside < -OUTLINE_GAP))]] = True
     others = hits.where(~own & (inside > 0))

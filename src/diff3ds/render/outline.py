@@ -46,7 +46,7 @@ class Outline(NamedTuple):
 
 
 class _Strokes(NamedTuple):
-    """Strokes with their visible spans and the homogeneous control points of these."""
+    """Strokes with their visible spans and the homogeneous control points of these, where pixels are square."""
 
     strokes: Strokes2D
     spans: Spans
@@ -91,13 +91,18 @@ class _Strokes(NamedTuple):
         return before, after
 
     def outline(self, span: Tensor, u: Tensor, position: Tensor, normal: Tensor) -> Outline:
-        """Of points at parameters u of spans."""
+        """Of points at parameters u of spans, with normals, where pixels are square."""
+        if self.strokes.square is not None:
+            square = self.strokes.square[self.spans.view[span]]
+            position = torch.linalg.solve(square, position)
+            area = torch.linalg.det(square.detach())[:, None]
+            normal = (normal[:, None] @ square.detach())[:, 0] / area
         return Outline(self.spans.view[span], self.spans.segment[span], self.parameter(span, u), position, normal)
 
 
 def sample_outline(strokes: Strokes2D, spans: Spans, density: int, seed: int) -> Outline:
     """`density` points a pixel of length on both sides of all strokes, around their ends and where the normal jumps."""
-    s = _Strokes(strokes, spans, span_controls(strokes, spans))
+    s = _Strokes(strokes, spans, strokes.on_square(spans.view, span_controls(strokes, spans)))
     generator = torch.Generator(device=s.control.device).manual_seed(seed)
     with torch.no_grad():
         chords = _chords(s.control[..., :3])

@@ -14,7 +14,15 @@ from torch.utils.checkpoint import checkpoint
 from diff3ds._modes import transformed
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.project import Strokes2D
-from diff3ds.render.hits import Hits, closest_hits, find_near, half_width_at, moving_parameter, point_on_stroke
+from diff3ds.render.hits import (
+    Hits,
+    closest_hits,
+    find_near,
+    half_width_at,
+    moving_parameter,
+    pixels_across,
+    point_on_stroke,
+)
 from diff3ds.render.kernel_inputs import Images
 
 # The normal distribution is cut here; what is lost, 2e-4, is given back by scaling so that coverage is continuous.
@@ -39,9 +47,12 @@ def rasterize(
     def shade(hits: Hits) -> tuple[Tensor, Tensor]:
         t = moving_parameter(strokes, hits)
         position, depth = point_on_stroke(strokes, hits, t)
+        away = strokes.on_square(hits.view, hits.position - position)
         # In the middle of a stroke a norm has no second derivative; the coverage, which is even in it, has.
-        distance = ((hits.position - position).square().sum(-1) + MIDDLE**2).sqrt()
-        return coverage(distance, half_width_at(strokes, hits.view, hits.segment, t, depth), blur), depth
+        distance = (away.square().sum(-1) + MIDDLE**2).sqrt()
+        pixels = pixels_across(strokes, hits, t, away, distance)
+        half_width = half_width_at(strokes, hits.view, hits.segment, t, depth)
+        return coverage(pixels * distance, pixels * half_width, blur), depth
 
     sums = composite_points(strokes, hits, shade, len(strokes.cubics) * size[0] * size[1])
     return images_from(sums, size, background)
@@ -108,7 +119,8 @@ def composite_points(
 
     nothing = torch.tensor([0.0, 0.0, 0.0, 0.0, 0.0, 1.0], dtype=dtype, device=device)
     # Where nothing is hit the gradients of all tensors are zero, not an error.
-    tensors = (strokes.cubics, strokes.half_width, strokes.color, strokes.opacity)
+    tensors = [strokes.cubics, strokes.half_width, strokes.color, strokes.opacity]
+    tensors += [] if strokes.square is None else [strokes.square]
     sums = nothing.expand(count, 6) + sum(t[:0].sum().to(dtype) for t in tensors)
     parts = [_block_of(block, hits.where(slice(a, b)), counts[i:j]) for a, b, i, j in _blocks(counts)]
     return sums.index_put((points,), torch.cat(parts)) if parts else sums
@@ -139,8 +151,8 @@ def composite(
 
 
 def _point_order(hits: Hits, depth: Tensor) -> Tensor:
-    """Order by point, there near to far, ties by stroke index."""
-    order = hits.stroke.argsort(stable=True)
+    """Order by point, there near to far; of equal depths the later stroke lies on top."""
+    order = hits.stroke.argsort(stable=True, descending=True)
     order = order[depth[order].argsort(stable=True)]
     return order[hits.point[order].argsort(stable=True)]
 

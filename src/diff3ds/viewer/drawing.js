@@ -1,7 +1,7 @@
 // Draws chords with WebGL2: every picture is the mean of many with one sample a pixel, each with a depth buffer.
 //
 // A sample is covered by a stroke if it lies nearer to the centre line than the half width. The nearest stroke wins, the
-// first of equals. A stroke of opacity a is there in the share a of the pictures, in another order in each pixel, so
+// last of equals. A stroke of opacity a is there in the share a of the pictures, in another order in each pixel, so
 // that strokes behind others are seen through them as compositing by depth says. What is behind a surface is decided for
 // the nearest place of the centre line, so that a wide stroke on a surface is not cut by it.
 
@@ -102,7 +102,7 @@ const STROKES = {
       }
       if (halo == 0. && place() >= opacity) discard;
       color = vec4(halo > 0. ? accent : ink.rgb, 1.);
-      gl_FragDepth = halo > 0. ? .999999 : mix(radii.z, radii.w, s) * .99999;
+      gl_FragDepth = halo > 0. ? .999999 : (radii.z + s * (radii.w - radii.z)) * .99999;  // equal ends: exactly that
     }`,
 };
 
@@ -170,6 +170,7 @@ function makeDrawing(canvas) {
     gl.clearColor(...scene.ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
     gl.disable(gl.BLEND);
     gl.useProgram(strokes.program);
     gl.uniform1i(at("inks"), 1);

@@ -248,7 +248,7 @@ function strokeAt(x, y) {
     const away = distance([x, y], mixed([a.x, a.y], [b.x, b.y], place));
     const half = (values[i + 6] + place * (values[i + 7] - values[i + 6])) * (sketch.world ? a.scale : size()[1]);
     const depth = a.depth + place * (b.depth - a.depth);
-    if (away <= half + NEARBY * pixelRatio() && depth < best) [found, best] = [stroke, depth];
+    if (away <= half + NEARBY * pixelRatio() && depth <= best) [found, best] = [stroke, depth];
   }
   return found;
 }

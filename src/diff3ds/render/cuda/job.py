@@ -14,19 +14,20 @@ BAD = len(LISTS) + 2
 COUNTERS = BAD + 1
 TILE, PIXELS, WARPS = 16, 256, 8
 SUMS = 24
-# Of them, those that are no control points: half width, opacity and colour.
-OF_APPEARANCE = 8
+# With those of the map of oblong pixels. Of these, those that are no control points: half width, opacity, colour, map.
+ALL_SUMS = 28
+OF_APPEARANCE = 12
 
 _POINTERS = (
     "points", "weights", "matrices", "poses", "intrinsics", "cubics", "half_width", "color", "opacity", "background",
-    "stroke_first", "segment_stroke", "closed", "batch", "out_color", "out_alpha", "out_depth", "reach", "scale",
-    "piece_first", "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info", "tangents",
-    "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor",
+    "stroke_first", "segment_stroke", "closed", "batch", "square", "out_color", "out_alpha", "out_depth", "reach",
+    "scale", "piece_first", "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info",
+    "tangents", "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor",
     "tile_piece_first", "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order",
     "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
-    "g_tile_piece", "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities", "g_points",
-    "g_weights", "g_matrices", "outline", "outline_list", "outline_tile_first", "outline_tile_cursor", "g_outline",
-    "outline_sums", "outline_warp_fragments", "outline_fragments", "outline_order",
+    "g_tile_piece", "g_square", "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities",
+    "g_points", "g_weights", "g_matrices", "g_squares", "outline", "outline_list", "outline_tile_first",
+    "outline_tile_cursor", "g_outline", "outline_sums", "outline_warp_fragments", "outline_fragments", "outline_order",
 )  # fmt: skip
 
 
@@ -42,7 +43,7 @@ class Job(ctypes.Structure):
         *((name, ctypes.c_int32) for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y")),
         *((name, ctypes.c_int32) for name in ("world", "along", "orthographic", "strata")),
         *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "sketches", "controls")),
-        ("cameras_double", ctypes.c_int32),
+        *((name, ctypes.c_int32) for name in ("cameras_double", "differ_squares")),
     )
 
     def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
@@ -121,7 +122,7 @@ class Shape:
             "reach": self.real * self.rows,
             "scale": 8 * self.seen,
             "piece_first": 4 * (self.seen + 1),
-            "pieces": 29 * self.real * pieces,
+            "pieces": 33 * self.real * pieces,
             "piece_info": 176 * pieces,
             "arcs": 80 * pieces,
             "chord_first": 4 * (pieces + 1),
@@ -143,11 +144,12 @@ class Shape:
             "tile_cursor": 4 * self.tiles,
         }
 
-    def backward(self, limits: Mapping[str, int]) -> dict[str, int]:
-        """Bytes of the arrays that a backward pass needs beside."""
+    def backward(self, limits: Mapping[str, int], squares: bool = False) -> dict[str, int]:
+        """Bytes of the arrays that a backward pass needs beside; squares: with the gradient of `Strokes2D.square`."""
         sizes = dict.fromkeys(("front", "g_fragment"), self.real * limits["fragments"])
         sizes |= {
             "g_tile_piece": SUMS * self.real * limits["tile_pieces"],
+            "g_square": 4 * self.real * limits["tile_pieces"] if squares else 0,
             "g_appearance": 8 * OF_APPEARANCE * self.seen,
         }
         sizes["g_cubics"] = 128 * self.seen if self.controls else 0
@@ -157,7 +159,7 @@ class Shape:
         return sizes | {
             "outline_list": 4 * points,
             "g_outline": self.real * points,
-            "outline_sums": SUMS * self.real * limits["pieces"],
+            "outline_sums": ALL_SUMS * self.real * limits["pieces"],
             "outline_warp_fragments": 8 * WARPS * limits["tile_pieces"],
             "outline_fragments": 4 * self.real * fragments,
             "outline_order": 4 * fragments,

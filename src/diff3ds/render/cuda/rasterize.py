@@ -24,6 +24,7 @@ GRADIENTS = {
     "color": "g_colors",
     "opacity": "g_opacities",
     "background": "g_background",
+    "square": "g_squares",
     "cubics": "g_cubics",
     "points": "g_points",
     "weights": "g_weights",
@@ -95,7 +96,7 @@ def _shape(inputs: KernelInputs, save: bool) -> Shape:
 
 def _tensors(inputs: KernelInputs, shape: Shape) -> dict[str, Tensor]:
     curves = ("points", "weights", "matrices") if shape.controls else ("cubics",)
-    names = ("half_width", "color", "opacity", "background", *curves)
+    names = ("half_width", "color", "opacity", "background", "square", *curves)
     tensors = {name: t.detach().contiguous() for name, t in zip(names, inputs.tensors(), strict=True)}
     tensors["background"] = tensors["background"].expand(shape.views, *inputs.size, 3)
     if inputs.chains is not None:
@@ -175,7 +176,7 @@ def _job(shape: Shape, options: Options, tensors: dict[str, Tensor]) -> Job:
     job.inv_sigma = 1 / blur_sigma(options.blur) if options.blur > 0 else 0
     # Samples have no filter.
     job.filter_reach = 0 if shape.strata else reach(options.blur)
-    job.width_scale = options.width_scale
+    job.width_scale, job.differ_squares = options.width_scale, options.differ_squares
     return job
 
 
@@ -197,7 +198,8 @@ def _run(device: Device, job: Job, work: list[Arrays], lengths: dict[str, int], 
 
 def _width(job: Job) -> str:
     """The kind of width, as kernels are named."""
-    return ("world" if job.world else "image") + ("_along" if job.along else "")
+    kind = "world" if job.world else "image"
+    return f"oblong_{kind}" if job.square else kind + ("_along" if job.along else "")
 
 
 def backward(
@@ -208,9 +210,9 @@ def backward(
     tensors = {name: t for name, t in drawn.tensors.items() if name in GRADIENTS}
     gradients = {GRADIENTS[name]: torch.empty_like(t) for name, t in tensors.items()}
     # The others come along with these; these cost.
-    for place, name in ((3, "g_background"), (-1, "g_matrices")):
-        if not needs[place]:
-            gradients.pop(name, None)
+    wanted = {"g_background": needs[3], "g_matrices": needs[-1], "g_squares": drawn.job.differ_squares}
+    for name in (name for name, is_wanted in wanted.items() if not is_wanted):
+        gradients.pop(name, None)
     _backward(drawn, upstream, gradients)
     if "g_background" in gradients:
         gradients["g_background"] = _summed(gradients["g_background"], background)
@@ -240,7 +242,7 @@ def _backward(drawn: _Drawn, upstream: Upstream, gradients: dict[str, Tensor]) -
         work.clear()
         lengths = lengths | {name: limits.length[name] for name in ("outline", "outline_fragments")}
         with _remembering_less(device, limits, shape):
-            work.append(Arrays(shape.backward(lengths), place))
+            work.append(Arrays(shape.backward(lengths, bool(job.differ_squares)), place))
             if shape.strata:
                 work.append(_outline_work(shape, lengths, place))
         if shape.strata:
@@ -270,6 +272,8 @@ def _differentiate(device: Device, job: Job, work: list[Arrays | dict[str, Tenso
     kind = "samples" if job.strata else _width(job)
     # Other widths need the derivative of the closest point's parameter in any case.
     depth = "_depth" if job.g_depth and kind in ("samples", "image") else ""
+    if depth and job.strata and job.square:
+        kind = "samples_oblong"
     launches = [(f"differentiate_{kind}{depth}", tiles)]
     if job.strata:
         launches += [("count_outlines", strides), ("place_outlines", 1), ("write_outlines", strides)]
