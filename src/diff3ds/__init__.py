@@ -6,6 +6,7 @@ The public names are imported when they are first used: torch takes seconds, and
 import sys
 from types import ModuleType
 
+from diff3ds import _shown
 from diff3ds._version import __version__
 
 TYPE_CHECKING = False
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from diff3ds import bezier, constraints, guidance, library, losses, styles
     from diff3ds.camera import Cameras, look_at, orbit
     from diff3ds.chains import Chains
-    from diff3ds.formats import load, save
+    from diff3ds.formats import load
     from diff3ds.notebook import show
     from diff3ds.optimize import density
     from diff3ds.optimize.config import FitConfig, Rates
@@ -29,12 +30,11 @@ if TYPE_CHECKING:
         available_backends,
         get_num_threads,
         rasterize,
-        render,
         render_batch,
         set_num_threads,
     )
     from diff3ds.sketch import Sketch
-    from diff3ds.surfaces.draw import contours, visible_lines
+    from diff3ds.surfaces.draw import contours, draw, visible_lines
     from diff3ds.surfaces.shape.load_surface import load_surface
     from diff3ds.surfaces.shape.quadrics import Quadrics
     from diff3ds.surfaces.shape.smooth_surface import smooth_surface
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         views_to_sketch,
     )
     from diff3ds.transforms import load_transforms, save_transforms
+    from diff3ds.with_surface import render, save
 
 __all__ = [
     "Analytic",
@@ -69,6 +70,7 @@ __all__ = [
     "constraints",
     "contours",
     "density",
+    "draw",
     "fit",
     "get_num_threads",
     "guidance",
@@ -103,7 +105,8 @@ _HOMES = {
     **dict.fromkeys(("Cameras", "look_at", "orbit"), "camera"),
     **dict.fromkeys(("FitConfig", "Rates"), "optimize.config"),
     **dict.fromkeys(("Step", "fit"), "optimize.fit"),
-    **dict.fromkeys(("load", "save"), "formats"),
+    "load": "formats",
+    **dict.fromkeys(("render", "save"), "with_surface"),
     **dict.fromkeys(("Strokes2D", "project"), "project"),
     "NoiseDeletion": "optimize.strokes",
     "show": "notebook",
@@ -113,7 +116,6 @@ _HOMES = {
             "available_backends",
             "get_num_threads",
             "rasterize",
-            "render",
             "render_batch",
             "set_num_threads",
         ),
@@ -126,7 +128,7 @@ _HOMES = {
     "TriangleMesh": "surfaces.shape.triangle_mesh",
     "load_surface": "surfaces.shape.load_surface",
     "smooth_surface": "surfaces.shape.smooth_surface",
-    **dict.fromkeys(("contours", "visible_lines"), "surfaces.draw"),
+    **dict.fromkeys(("contours", "draw", "visible_lines"), "surfaces.draw"),
     **dict.fromkeys(
         ("image_to_sketch", "mesh_to_sketch", "points_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"),
         "tasks.functions",
@@ -147,6 +149,15 @@ def __getattr__(name: str) -> "Any":
         raise AttributeError(f"module 'diff3ds' has no attribute {name!r}")
     globals()[name] = value
     return value
+
+
+def _png_of(thing: "Any") -> bytes:
+    from diff3ds.notebook import png_of
+
+    return png_of(thing)
+
+
+_shown.png_of = _png_of
 
 
 def __dir__() -> list[str]:

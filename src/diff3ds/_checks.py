@@ -1,8 +1,21 @@
 """Checks of arguments that several modules share; their errors name the argument."""
 
+import sys
+
 import torch
 
 from diff3ds._shapes import Tensor
+
+
+def users_level() -> int:
+    """The `stacklevel` of a warning by the function that asks: that of the line outside of the package that led there.
+
+    What torch calls itself, such as the backward pass, is not outside.
+    """
+    frame, level = sys._getframe(1), 1
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in {"diff3ds", "torch"}:
+        frame, level = frame.f_back, level + 1
+    return level
 
 
 def kind(value: object) -> str:

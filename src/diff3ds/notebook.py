@@ -4,11 +4,27 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from diff3ds.formats.framing import framed
+from diff3ds.formats.png import encoded, tile_images
 from diff3ds.formats.scenes.html import sketch_page
+from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.on_page import SurfaceOnPage
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 
-def show(sketch: Sketch, title: str = "sketch", *, surface: object | None = None) -> Any:
+def png_of(thing: Sketch | Rendering) -> bytes:
+    """A PNG file of what a notebook shows.
+
+    Of a sketch that is a picture of 256 x 256 pixels, from azimuth 30 and elevation 20; of a rendering all views.
+    """
+    if isinstance(thing, Rendering):
+        return encoded(tile_images(thing.color))
+    cameras = framed(thing, 30, 20)
+    return encoded(render(thing.detach().to("cpu"), cameras).color[0])
+
+
+def show(sketch: Sketch, title: str = "sketch", *, surface: TriangleMesh | None = None) -> Any:
     """A widget of Jupyter, Colab, VS Code or marimo, on which a sketch is turned, looked through and edited.
 
     Assigning another sketch to its attribute `sketch` shows that one, seen from where one looks; edits that are not
@@ -47,7 +63,7 @@ def _widget_class() -> Any:
         _esm = files("diff3ds.viewer").joinpath("notebook.js").read_text(encoding="utf-8")
         page = traitlets.Unicode().tag(sync=True)
 
-        def __init__(self, sketch: Sketch, title: str, surface: object | None) -> None:
+        def __init__(self, sketch: Sketch, title: str, surface: TriangleMesh | None) -> None:
             super().__init__(page=_page(title, sketch, surface))
             self._title, self._sketch, self._surface = title, sketch, surface
 
@@ -64,7 +80,7 @@ def _widget_class() -> Any:
     return SketchWidget
 
 
-def _page(title: str, sketch: Sketch, surface: object | None) -> str:
+def _page(title: str, sketch: Sketch, surface: TriangleMesh | None) -> str:
     if not isinstance(sketch, Sketch):
         raise TypeError(f"a widget shows a diff3ds.Sketch, got {type(sketch).__name__}")
-    return sketch_page(title, sketch, framed=True, surface=surface)
+    return sketch_page(title, sketch, framed=True, surface=SurfaceOnPage.of(surface))

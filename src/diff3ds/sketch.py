@@ -3,12 +3,11 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from importlib import import_module
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, get_args
 
 import torch
 
-from diff3ds import bezier
+from diff3ds import _shown, bezier
 from diff3ds._checks import as_numbers, check_generator, kind
 from diff3ds._modes import can_look_at, check_plain
 from diff3ds._shapes import Bool, Float, Tensor
@@ -230,8 +229,7 @@ class Sketch:
 
     def _repr_png_(self) -> bytes:
         """The sketch as it is seen from the right and above, for notebooks."""
-        # Pictures are made by a room above this one, imported by those who look at them only.
-        return cast(bytes, import_module("diff3ds.formats").notebook_png(self))
+        return _shown.png_of(self)
 
     def transform(self, matrix: Float[Tensor, "4 4"]) -> "Sketch":
         """The sketch moved by a similarity (rotation, uniform scale, translation); world widths scale with it.

@@ -40,6 +40,13 @@ def test_hidden_parts_are_dropped_faint_dashed_or_shown():
     assert ink["dashed"][middle].min() < 0.15
 
 
+def test_draw_is_render_with_a_surface():
+    mesh, sketch, cameras = ds.TriangleMesh(*box()), ds.Sketch(BEHIND, width=0.02), ds.orbit([0.0, 50], 20, size=48)
+    drawn = ds.draw(sketch.to(torch.float32), cameras, mesh, hidden="faint", contours=False, background=0.5)
+    same = ds.render(sketch.to(torch.float32), cameras, surface=mesh, hidden="faint", contours=False, background=0.5)
+    assert all(torch.equal(getattr(drawn, name), getattr(same, name)) for name in ("color", "alpha", "depth"))
+
+
 def test_contours_are_drawn_unless_told_not_to():
     ball, nothing = ds.TriangleMesh(*icosphere(3)), ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
     drawn = ds.render(nothing, front(), surface=ball)
@@ -133,10 +140,21 @@ def numbers(lines: Lines) -> list[list[float]]:
         ({"hidden": "gone"}, "hidden must be one of 'drop', 'faint', 'dashed', 'show', got 'gone'"),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_other_surfaces_and_ways_are_refused(arguments, message):
     given = {"surface": ds.TriangleMesh(*box())} | arguments
     with pytest.raises((TypeError, ValueError), match=message):
         ds.render(ds.Sketch(BEHIND), front(), **given)
+    with pytest.raises((TypeError, ValueError), match=message):
+        ds.draw(ds.Sketch(BEHIND), front(), **given)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_draw_takes():
+    with pytest.raises(TypeError, match="draw takes a Sketch and Cameras, got Tensor and Cameras"):
+        ds.draw(BEHIND, front(), ds.TriangleMesh(*box()))
+    with pytest.raises(TypeError, match="surface must be a TriangleMesh or Quadrics, got NoneType"):
+        ds.draw(ds.Sketch(BEHIND), front(), None)
 
 
 def test_kinds_are_one_a_stroke():

@@ -324,7 +324,7 @@ def numbers(text, kind):
 def test_what_a_page_has_of_a_surface():
     """Triangles within half a step, corners of a cube once for each side, creases that no stroke draws."""
     bare = ds.Sketch(edges()[:5])
-    data = embedded(sketch_page("a", bare, surface=box()))
+    data = embedded(sketch_page("a", bare, surface=on_page.SurfaceOnPage(box())))
     points = numbers(data["points"], "<u2").reshape(-1, 3) * data["step"] + np.array(data["low"])
     faces = numbers(data["faces"], "<u2").reshape(-1, 3)
     assert len(points) == 24
@@ -337,8 +337,8 @@ def test_what_a_page_has_of_a_surface():
     assert embedded(sketch_page("a", bare)) is None
     # Of another sketch.
     all_drawn = {"creases": "", "convex": 0}
-    assert on_page.bare_creases(box(), ds.Sketch(edges())) == all_drawn
-    assert on_page.bare_creases(box(), bare) == {name: data[name] for name in all_drawn}
+    assert on_page.SurfaceOnPage(box()).bare_creases(ds.Sketch(edges())) == all_drawn
+    assert on_page.SurfaceOnPage(box()).bare_creases(bare) == {name: data[name] for name in all_drawn}
 
 
 @in_browser
@@ -358,6 +358,7 @@ def test_a_served_sketch_draws_the_creases_that_it_has_by_itself(browser, tmp_pa
         assert not browser.errors
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_surfaces_that_no_page_takes(tmp_path, monkeypatch):
     """An explicit one is an error before anything is written; that of a run is left out, and that is said."""
     sketch = ds.Sketch(edges())

@@ -16,6 +16,7 @@ from viewer_browser import CHROMIUM, PATIENCE, Browser
 
 import diff3ds as ds
 from diff3ds.formats.scenes.html import sketch_page
+from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 POINTS = torch.tensor([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]]])
@@ -153,7 +154,9 @@ def test_the_frame_shows_the_page_and_follows_the_notebook(browser, tmp_path):
     assert abs(wanted[0] - wanted[1]).mean() > 10 * CLOSE
 
     script = files("diff3ds.viewer").joinpath("notebook.js").read_text(encoding="utf-8")
-    pages = [sketch_page("sketch", sketch, framed=True, surface=tetrahedron) for sketch in (BLACK, edges)]
+    pages = [
+        sketch_page("sketch", sketch, framed=True, surface=SurfaceOnPage(tetrahedron)) for sketch in (BLACK, edges)
+    ]
     text = NOTEBOOK % json.dumps([script, *pages]).replace("<", "\\u003c")
     (tmp_path / "notebook.html").write_text(text, encoding="utf-8")
     browser.open((tmp_path / "notebook.html").as_uri(), **SIZE)

@@ -8,12 +8,11 @@ from diff3ds.camera import Cameras
 from diff3ds.formats.cad.dxf import load_dxf, save_dxf
 from diff3ds.formats.cad.rhino import load_3dm, save_3dm
 from diff3ds.formats.cad.step import load_step, save_step
-from diff3ds.formats.framing import framed
 from diff3ds.formats.opening import before_reading, instead_of
-from diff3ds.formats.png import encoded, load_image, save_png, tile_images
+from diff3ds.formats.png import load_image, save_png, tile_images
 from diff3ds.formats.scenes.blender import save_blender
 from diff3ds.formats.scenes.glb import save_glb
-from diff3ds.formats.scenes.html import save_html
+from diff3ds.formats.scenes.html import PageSurface, save_html
 from diff3ds.formats.scenes.obj import save_obj
 from diff3ds.formats.scenes.ply import save_ply
 from diff3ds.formats.scenes.usd import load_usd, save_usd
@@ -85,38 +84,15 @@ def save(
     cameras: Cameras | None = None,
     *,
     unit: Unit | None = None,
-    surface: object | None = None,
+    surface: PageSurface | None = None,
 ) -> None:
-    """Writes a sketch, whole or not at all, in the format of the suffix.
-
-    * `.json`: everything, bit for bit.
-    * `.step`, `.stp`: exact curves and weights, and colours, for CAD programs (see `save_step`).
-    * `.dxf`: the same as lines, arcs, circles, ellipses and splines on a layer a colour (see `save_dxf`).
-    * `.3dm`: exact curves and weights for Rhino (see `save_3dm`).
-    * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
-    * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
-    * `.obj`: polylines with colours, z up (see `save_obj`).
-    * `.usd`, `.usda`, `.usdc`: exact curves, and polylines for viewers (see `save_usd`).
-    * `.py`: a script that builds the sketch in Blender (see `save_blender`).
-    * `.html`: a page for browsers on which the sketch is turned (see `save_html`).
-    * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).
-    * `.pdf`: the same paths (see `save_pdf`).
-    * `.png`: the views of `cameras` in a grid, rendered over white.
+    """Writes a sketch, whole or not at all, in the format of the suffix: `ds.save`, which says more, takes a mesh.
 
     Args:
-        cameras: the views of a picture; formats that hold the sketch itself need none.
-        unit: what a world unit is, in formats that know units of length: "mm", "cm", "m", "in" or "ft"; by default mm
-            in those for CAD, m in GLB and USD.
-        surface: what hides lines on a `.html` page, such as `load_surface` gives; pictures with hidden lines are drawn
-            by `render`.
+        surface: what hides lines on a `.html` page.
 
     Raises:
-        TypeError: not a sketch, or another surface than a `TriangleMesh`.
-        ValueError: another suffix; a picture without cameras; a unit for a format that has none, or one that is not
-            known; a surface for another format, or one of more than 200,000 triangles; values that have become invalid
-            since the sketch was made.
-        ImportError: the extra that writes this format is not installed.
-        OSError: the file cannot be written.
+        TypeError, ValueError, ImportError, OSError: as `ds.save`.
     """
     path = Path(path)
     if not isinstance(sketch, Sketch):
@@ -146,12 +122,6 @@ def save(
         save_pdf(path, sketch, cameras)
     else:
         save_png(path, tile_images(render(sketch.detach(), cameras).color))
-
-
-def notebook_png(sketch: Sketch) -> bytes:
-    """A sketch as a notebook shows it: a PNG of 256 x 256 pixels, from azimuth 30 and elevation 20."""
-    cameras = framed(sketch, 30, 20)
-    return encoded(render(sketch.detach().to("cpu"), cameras).color[0])
 
 
 def load(path: str | Path) -> Sketch:

@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import cast
 
 import torch
 
+from diff3ds import _shown
 from diff3ds._modes import in_graph, outside_of_graph
 from diff3ds._shapes import Float, Tensor
 from diff3ds._with_torch import known_to_torch
@@ -25,7 +25,7 @@ from diff3ds.render.backends import (
     kernel_dtype,
     set_num_threads,
 )
-from diff3ds.render.checks import Background, canvas_from, check_stroke_values, check_strokes
+from diff3ds.render.checks import Background, canvas_from, check_scene, check_stroke_values, check_strokes
 from diff3ds.render.kernel_inputs import Images, kind, of_sketch, of_sketches, of_strokes
 from diff3ds.render.kernels import drawn_by
 from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
@@ -63,9 +63,7 @@ class Rendering:
 
     def _repr_png_(self) -> bytes:
         """The views side by side, for notebooks."""
-        # Pictures are made by a room above this one, imported by those who look at them only.
-        formats = import_module("diff3ds.formats.png")
-        return cast(bytes, formats.encoded(formats.tile_images(self.color)))
+        return _shown.png_of(self)
 
 
 def render(
@@ -78,56 +76,14 @@ def render(
     samples: int | None = None,
     generator: torch.Generator | None = None,
     backend: Backend | None = None,
-    surface: object | None = None,
-    hidden: str = "drop",
-    contours: bool = True,
 ) -> Rendering:
-    """Draws a sketch as all cameras see it.
-
-    Differentiable with respect to every tensor of the sketch, the cameras' poses and intrinsics, and the background.
-    Strokes are sorted by depth in every pixel, where they cross as well. No gradient knows of two things: of the places
-    where overlapping strokes change their order in depth, and of where the near plane cuts a stroke.
-
-    Kernels have first derivatives in reverse mode (autograd, `torch.func.grad`, `vjp`, `jacrev`). Second derivatives
-    and forward mode are for `backend="reference"` with analytic antialiasing, and an error elsewhere.
-
-    In `torch.compile`, with `fullgraph=True` too, in `torch.export` and in `make_fx` a drawing by kernels is one
-    operator, `diff3ds::draw`; its backward draws again. The reference is drawn outside of such graphs.
-
-    Kernels draw sketches in float16 and bfloat16 in float32; images and gradients come in the sketch's dtype.
-
-    Where a device lacks float64, as Apple's GPUs do, strokes are drawn on the CPU and the images moved back, with a
-    warning once a process.
-
-    Args:
-        background: gray or RGB value, or a tensor that broadcasts to (V, H, W, 3).
-        antialiasing: `Analytic(blur=0.0)` or `MonteCarlo(samples=4, generator=None)`, which say what they do; or
-            "analytic" or "montecarlo", short for them with the next three arguments.
-        blur: that of `Analytic`, together with "analytic" only.
-        samples: that of `MonteCarlo`, where antialiasing is "montecarlo"; "analytic" ignores it.
-        generator: the same, of `MonteCarlo`.
-        backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
-        surface: what hides what lies behind it, such as `load_surface` gives; its own contours are drawn too. No
-            gradient knows of the places where strokes begin to be hidden.
-        hidden: what becomes of hidden parts of strokes where there is a surface: "drop" leaves them out, "faint" draws
-            them with a quarter of their opacity, "dashed" in dashes, and "show" as if they were visible.
-        contours: whether the surface's contours are drawn, and the lines where its solids or pieces meet, black and as
-            wide as the sketch's strokes.
+    """Draws a sketch as all cameras see it: `ds.render` without a surface, which says what the arguments are.
 
     Raises:
-        TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
-            argument, the stroke, the value and what was expected.
-        RuntimeError: batched by `torch.vmap`, recorded by `torch.jit.trace`, or, when the gradients are used, a
-            derivative that there is not.
+        TypeError, ValueError, RuntimeError: as `ds.render`.
     """
-    if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
-        got = f"{type(sketch).__name__} and {type(cameras).__name__}"
-        several = ": render_batch takes several, of any sizes; concatenate of Sketch and of Cameras joins them"
-        hint = several if isinstance(sketch, list | tuple) or isinstance(cameras, list | tuple) else ""
-        raise TypeError(f"render takes a Sketch and Cameras, got {got}{hint}")
+    check_scene(sketch, cameras)
     how = antialiasing_from(antialiasing, blur, samples, generator)
-    if surface is not None:
-        return _with_surface(sketch, cameras, surface, hidden, contours, background, how, backend)
     if in_graph():
         # Imported by those who make graphs only: operators load a second of torch.
         from diff3ds.render import compiled
@@ -160,31 +116,6 @@ def render(
         sketch.check_values()
         check_stroke_values(project(sketch, cameras))
         raise
-
-
-def _with_surface(
-    sketch: Sketch,
-    cameras: Cameras,
-    surface: object,
-    hidden: str,
-    contours: bool,
-    background: Background,
-    antialiasing: Analytic | MonteCarlo,
-    backend: Backend | None,
-) -> Rendering:
-    """Draws what a surface leaves of a sketch in every view, which is another sketch in each."""
-    # Surfaces are a room above this one.
-    surfaces = import_module("diff3ds.surfaces.draw")
-    parts = surfaces.drawn(sketch, cameras, surface, hidden, contours)
-    if not parts:
-        return render(sketch, cameras, background=background, antialiasing=antialiasing, backend=backend)
-    canvas = canvas_from(background, sketch.color, (len(cameras), *cameras.size, 3))
-    grounds = canvas.expand(len(cameras), -1, -1, -1)
-    views = [
-        render(part, cameras[v], background=grounds[v : v + 1], antialiasing=antialiasing, backend=backend)
-        for v, part in enumerate(parts)
-    ]
-    return Rendering(*(torch.cat([getattr(view, name) for view in views]) for name in ("color", "alpha", "depth")))
 
 
 def render_batch(

@@ -13,6 +13,7 @@ from typing import Literal
 
 import torch
 
+from diff3ds._checks import users_level
 from diff3ds.render.cuda.versions import advice_on_bindings
 
 Backend = Literal["reference", "cpu", "cuda"]
@@ -178,7 +179,7 @@ def _warn_about_slow_device(device: torch.device) -> None:
         f"{why}; the reference in PyTorch draws, much slower. On the CPU compiled kernels draw: move the sketch and "
         'the cameras there with .to("cpu").',
         RuntimeWarning,
-        stacklevel=5,
+        stacklevel=users_level(),
     )
 
 
@@ -189,7 +190,7 @@ def _warn_about_drawing_elsewhere(kind: str) -> None:
         f"{kind} devices lack float64, in which strokes are projected: they are drawn on the CPU, and the images moved "
         'back. Nothing is moved if the sketch and the cameras are on the CPU: .to("cpu").',
         RuntimeWarning,
-        stacklevel=4,
+        stacklevel=users_level(),
     )
 
 
@@ -200,5 +201,5 @@ def _warn_about_missing_kernels() -> None:
         "diff3ds was installed without its compiled kernels; the reference draws instead, hundreds of times slower. "
         f"{_HOW_TO_BUILD}.",
         RuntimeWarning,
-        stacklevel=5,
+        stacklevel=users_level(),
     )

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from diff3ds._modes import check_plain
 from diff3ds._shapes import Tensor
+from diff3ds.camera import Cameras
 from diff3ds.project import Strokes2D
+from diff3ds.sketch import Sketch
 
 Background = float | Sequence[float] | Tensor
 
@@ -22,6 +24,15 @@ _GRAY_DTYPES = {torch.float32: np.float32, torch.float64: np.float64}
 
 class InvalidStrokeError(ValueError):
     """A stroke with a value that cannot be drawn."""
+
+
+def check_scene(sketch: object, cameras: object, drawn_by: str = "render") -> None:
+    """Raises TypeError if these are no sketch and no cameras, with the name of the function that they were given to."""
+    if not isinstance(sketch, Sketch) or not isinstance(cameras, Cameras):
+        got = f"{type(sketch).__name__} and {type(cameras).__name__}"
+        several = ": render_batch takes several, of any sizes; concatenate of Sketch and of Cameras joins them"
+        hint = several if isinstance(sketch, list | tuple) or isinstance(cameras, list | tuple) else ""
+        raise TypeError(f"{drawn_by} takes a Sketch and Cameras, got {got}{hint}")
 
 
 def check_strokes(strokes: Strokes2D) -> None:

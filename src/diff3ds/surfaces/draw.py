@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar, cast, get_args
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 import torch
@@ -14,6 +14,9 @@ from diff3ds.page.dashes import dashed
 from diff3ds.page.parts import Parts, cut_sketch, faint
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
+from diff3ds.render import Antialiasing, Backend, Rendering, render
+from diff3ds.render.checks import Background, canvas_from, check_scene
+from diff3ds.render.options import antialiasing_from
 from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.hidden.mesh_seen import Drawn, MeshSeen, prepare
@@ -120,7 +123,7 @@ def contours(surface: Surface, cameras: Cameras, *, tolerance: float = TOLERANCE
     Raises:
         TypeError, ValueError: another surface, or a tolerance that is not positive.
     """
-    _checked(surface)
+    _check(surface)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < float("inf")):
         raise ValueError(f"tolerance must be a positive number of pixels, got {tolerance!r}")
     return _each_view(surface, cameras, None, True, lambda seen: seen.lines, tolerance)
@@ -187,7 +190,7 @@ def visible_lines(
     Raises:
         TypeError, ValueError: another surface, or kinds that are not one a stroke.
     """
-    _checked(surface)
+    _check(surface)
     named = (STROKE,) * len(sketch) if kinds is None else tuple(kinds)
     if len(named) != len(sketch):
         raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
@@ -208,23 +211,55 @@ def visible_lines(
     return lines
 
 
-def drawn(sketch: Sketch, cameras: Cameras, surface: object, hidden: str, contours: bool) -> list[Sketch]:
-    """What `ds.render` draws in each view.
+def draw(
+    sketch: Sketch,
+    cameras: Cameras,
+    surface: Surface,
+    *,
+    hidden: Hidden = "drop",
+    contours: bool = True,
+    background: Background = 1.0,
+    antialiasing: Antialiasing = "analytic",
+    backend: Backend | None = None,
+) -> Rendering:
+    """Draws a sketch, and the contours of a surface, without the lines that the surface hides.
+
+    What is left of the sketch is another sketch in each view; `render` draws it, with gradients. None knows of the
+    places where strokes begin to be hidden.
+
+    Args:
+        sketch: strokes; they may be none.
+        cameras: V views.
+        surface: what hides what lies behind it, such as `load_surface` gives.
+        hidden: what becomes of hidden parts of strokes: "drop" leaves them out, "faint" draws them with a quarter of
+            their opacity, "dashed" in dashes, and "show" as if they were visible.
+        contours: whether the surface's contours are drawn, and the lines where its solids or pieces meet, black and as
+            wide as the sketch's strokes.
+        background: as of `render`.
+        antialiasing: the same.
+        backend: the same.
 
     Raises:
-        TypeError, ValueError: another surface, or another way to draw what is hidden.
+        TypeError, ValueError: another surface, or another way to draw what is hidden; as `render`.
     """
-    surface = _checked(surface)
+    check_scene(sketch, cameras, "draw")
+    how = antialiasing_from(antialiasing, None, None, None)
+    _check(surface)
     if hidden not in get_args(Hidden):
         raise ValueError(f"hidden must be one of {', '.join(map(repr, get_args(Hidden)))}, got {hidden!r}")
-    how = cast(Hidden, hidden)
-    return [lines.drawn(how) for lines in visible_lines(sketch, cameras, surface, contours=contours)]
+    if not len(cameras):
+        return render(sketch, cameras, background=background, antialiasing=how, backend=backend)
+    ground = canvas_from(background, sketch.color, (len(cameras), *cameras.size, 3)).expand(len(cameras), -1, -1, -1)
+    views = [
+        render(lines.drawn(hidden), cameras[v], background=ground[v : v + 1], antialiasing=how, backend=backend)
+        for v, lines in enumerate(visible_lines(sketch, cameras, surface, contours=contours))
+    ]
+    return Rendering(*(torch.cat([getattr(view, name) for view in views]) for name in ("color", "alpha", "depth")))
 
 
-def _checked(surface: object) -> Surface:
+def _check(surface: object) -> None:
     if not isinstance(surface, TriangleMesh | Quadrics):
         raise TypeError(f"surface must be a TriangleMesh or Quadrics, got {type(surface).__name__}")
-    return surface
 
 
 def _drawn_like(strokes: Sketch, sketch: Sketch) -> Sketch:

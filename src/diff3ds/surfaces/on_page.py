@@ -1,6 +1,7 @@
 """A surface as the page of .html files takes it: its triangles in few bytes, and the creases that no stroke draws."""
 
 import base64
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,77 +19,78 @@ MOST_TRIANGLES = 200_000
 STEPS = (1 << 16) - 1
 
 
-def surface_on_page(surface: object, sketch: Sketch) -> dict[str, Any]:
-    """What a page knows of a surface, as JSON has it; arrays are base64 of little-endian numbers.
+@dataclass(frozen=True, eq=False)
+class SurfaceOnPage:
+    """A mesh as `sketch_page` takes it.
 
-    `points` (uint16, S x 3) times `step` plus `low` are corners in world units, of which those at creases are there
-    once for each side, so that normals are smooth around each; `faces` (F x 3, uint32 or, where that is enough,
-    uint16) number them. `creases` (uint32, C x 4) are those that no stroke of the sketch draws: both ends on one side,
-    and the same on the other, convex ones first, of which there are `convex`. What is nearer than `near` lies on it.
-    Fewer than `least_run` steps along a contour are noise, and faces within `rings` rings of one do not hide it.
-
-    Args:
-        surface: a `TriangleMesh` in the sketch's frame.
-        sketch: what is shown with it.
+    Attributes:
+        mesh: in the sketch's frame.
 
     Raises:
         TypeError: another surface.
         ValueError: a mesh of more than 200,000 triangles.
     """
-    if not isinstance(surface, TriangleMesh):
-        raise TypeError(f"surface must be a TriangleMesh on a page, got {type(surface).__name__}")
-    check_size(surface)
-    fan, fans = surface.fans
-    corners = np.zeros((fans, 3))
-    corners[fan] = surface.vertices[surface.faces.ravel()]
-    faces = fan.reshape(-1, 3)
-    low, step = surface.bounds[0], (surface.size or 1.0) / STEPS
-    return {
-        "low": low.tolist(),
-        "step": step,
-        "points": _packed(np.rint((corners - low) / step), "<u2"),
-        "faces": _packed(faces, "<u2" if fans <= STEPS + 1 else "<u4"),
-        "wide": bool(fans > STEPS + 1),
-        **_bare_creases(surface, faces, sketch),
-        "closed": surface.is_closed,
-        "least_run": least_run(surface),
-        "rings": RINGS,
-        "near": ON_SURFACE * surface.size,
-    }
 
+    mesh: TriangleMesh
 
-def bare_creases(surface: TriangleMesh, sketch: Sketch) -> dict[str, Any]:
-    """Of `surface_on_page` what is another for another sketch."""
-    return _bare_creases(surface, surface.fans[0].reshape(-1, 3), sketch)
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, TriangleMesh):
+            raise TypeError(f"surface must be a TriangleMesh on a page, got {type(self.mesh).__name__}")
+        if len(self.mesh) > MOST_TRIANGLES:
+            raise ValueError(
+                f"a page takes surfaces of up to {MOST_TRIANGLES} triangles, this one has {len(self.mesh)}: give one "
+                "with fewer, simplified by a program for meshes"
+            )
 
+    @staticmethod
+    def of(surface: TriangleMesh | None) -> "SurfaceOnPage | None":
+        """A mesh, where there is one."""
+        return None if surface is None else SurfaceOnPage(surface)
 
-def check_size(surface: TriangleMesh) -> None:
-    """Sees that a page takes so large a surface.
+    def data(self, sketch: Sketch) -> dict[str, Any]:
+        """What a page that shows this sketch knows of it, as JSON; arrays are base64 of little-endian numbers.
 
-    Raises:
-        ValueError: it does not.
-    """
-    if len(surface) > MOST_TRIANGLES:
-        raise ValueError(
-            f"a page takes surfaces of up to {MOST_TRIANGLES} triangles, this one has {len(surface)}: give one with "
-            "fewer, simplified by a program for meshes"
-        )
+        `points` (uint16, S x 3) times `step` plus `low` are corners in world units, of which those at creases are there
+        once for each side, so that normals are smooth around each; `faces` (F x 3, uint32 or, where that is enough,
+        uint16) number them. Then `bare_creases`. What is nearer than `near` lies on it. Fewer than `least_run` steps
+        along a contour are noise, and faces within `rings` rings of one do not hide it.
+        """
+        mesh = self.mesh
+        fan, fans = mesh.fans
+        corners = np.zeros((fans, 3))
+        corners[fan] = mesh.vertices[mesh.faces.ravel()]
+        low, step = mesh.bounds[0], (mesh.size or 1.0) / STEPS
+        return {
+            "low": low.tolist(),
+            "step": step,
+            "points": _packed(np.rint((corners - low) / step), "<u2"),
+            "faces": _packed(fan.reshape(-1, 3), "<u2" if fans <= STEPS + 1 else "<u4"),
+            "wide": bool(fans > STEPS + 1),
+            **self.bare_creases(sketch),
+            "closed": mesh.is_closed,
+            "least_run": least_run(mesh),
+            "rings": RINGS,
+            "near": ON_SURFACE * mesh.size,
+        }
 
+    def bare_creases(self, sketch: Sketch) -> dict[str, Any]:
+        """Of `data` what is another for another sketch: creases that no stroke runs along, and how many are convex.
 
-def reach_of(surface: TriangleMesh, *sketches: Sketch) -> float:
-    """How far a surface reaches from the middle of sketches, in radii of their ball."""
-    middle, radius = ball_of(*sketches)
-    return float(np.linalg.norm(surface.vertices - middle.numpy(), axis=1).max()) / radius
+        `creases` (uint32, C x 4) are both ends on one side, and the same on the other, convex ones first, of which
+        there are `convex`.
+        """
+        mesh = self.mesh
+        edge = np.flatnonzero(mesh.is_crease & ~creases_along(mesh, sketch))
+        edge = edge[np.argsort(mesh.turns[edge] <= 0, kind="stable")]
+        sides = mesh.edge_faces[edge]
+        place = (mesh.faces[sides][:, :, None] == mesh.edges[edge][:, None, :, None]).argmax(3)
+        corners = mesh.fans[0].reshape(-1, 3)[sides[..., None], place].reshape(-1, 4)
+        return {"creases": _packed(corners, "<u4"), "convex": int((mesh.turns[edge] > 0).sum())}
 
-
-def _bare_creases(mesh: TriangleMesh, faces: Int[Index, "F 3"], sketch: Sketch) -> dict[str, Any]:
-    """Creases that no stroke runs along, as corners of both sides, the convex ones first, and how many these are."""
-    edge = np.flatnonzero(mesh.is_crease & ~creases_along(mesh, sketch))
-    edge = edge[np.argsort(mesh.turns[edge] <= 0, kind="stable")]
-    sides = mesh.edge_faces[edge]
-    place = (mesh.faces[sides][:, :, None] == mesh.edges[edge][:, None, :, None]).argmax(3)
-    corners = faces[sides[..., None], place].reshape(-1, 4)
-    return {"creases": _packed(corners, "<u4"), "convex": int((mesh.turns[edge] > 0).sum())}
+    def reach(self, *sketches: Sketch) -> float:
+        """How far the mesh reaches from the middle of sketches, in radii of their ball."""
+        middle, radius = ball_of(*sketches)
+        return float(np.linalg.norm(self.mesh.vertices - middle.numpy(), axis=1).max()) / radius
 
 
 def _packed(values: Float[Array, "..."] | Int[Index, "..."], kind: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from diff3ds.surfaces.on_page import check_size
+from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.results import SURFACE
@@ -49,8 +49,7 @@ class SurfaceInput:
         if self._may_lack and not self._path.exists():
             return None
         surface = load_surface(self._path, up=self._up)
-        check_size(surface)
-        return surface
+        return SurfaceOnPage(surface).mesh
 
     def _state(self) -> str:
         try:

@@ -6,9 +6,8 @@ too. Nothing is read back from it.
 
 import json
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from diff3ds._files import write_text
 from diff3ds.formats.framing import FILLED, FOV, ball_of
@@ -20,8 +19,19 @@ from diff3ds.viewer.page import Served, page_text
 AZIMUTH, ELEVATION = 30.0, 20.0
 
 
+@runtime_checkable
+class PageSurface(Protocol):
+    """A surface that hides lines on a page; `SurfaceOnPage` of `surfaces` makes one of a mesh."""
+
+    def data(self, sketch: Sketch) -> dict[str, Any]:
+        """What the page knows of it, as JSON has it, where it shows this sketch."""
+
+    def reach(self, *sketches: Sketch) -> float:
+        """How far it reaches from the middle of sketches, in radii of their ball."""
+
+
 def save_html(
-    path: str | Path, sketch: Sketch, beside: tuple[str, Sketch] | None = None, *, surface: object | None = None
+    path: str | Path, sketch: Sketch, beside: tuple[str, Sketch] | None = None, *, surface: PageSurface | None = None
 ) -> None:
     """Writes a page that shows the sketch in any browser with WebGL 2, whole or not at all.
 
@@ -29,11 +39,10 @@ def save_html(
         path: the file.
         sketch: what it shows.
         beside: title and strokes of a second sketch, which stands beside it and is seen by the same camera.
-        surface: what hides lines of the sketch, a `TriangleMesh` in its frame.
+        surface: what hides lines of the sketch, in its frame.
 
     Raises:
-        TypeError: another surface.
-        ValueError: values that have become invalid since the sketch was made; a surface of more than 200,000 triangles.
+        ValueError: values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
@@ -46,8 +55,8 @@ def sketch_page(
     served: Served | None = None,
     beside: tuple[str, Sketch] | None = None,
     framed: bool = False,
-    surface: object | None = None,
-    surface_beside: object | None = None,
+    surface: PageSurface | None = None,
+    surface_beside: PageSurface | None = None,
 ) -> str:
     """The text of such a page.
 
@@ -57,34 +66,22 @@ def sketch_page(
         served: of a page that a server shows.
         beside: title and strokes of a second sketch.
         framed: whether what the page is a frame of may show other sketches on it.
-        surface: what hides lines of the sketch, a `TriangleMesh`.
+        surface: what hides lines of the sketch.
         surface_beside: the same of the second sketch.
     """
     sketches, solids = [sketch], [surface]
     if beside is not None:
         sketches, solids = [sketch, beside[1]], [surface, surface_beside]
-    data = [surface_text(solid, each) for solid, each in zip(solids, sketches, strict=True)]
+    data = [json.dumps(solid and solid.data(each)) for solid, each in zip(solids, sketches, strict=True)]
     other = None if beside is None else (beside[0], json_text(beside[1]), data[1])
     start = start_of(*sketches, surfaces=solids)
     return page_text(title, json_text(sketch), start, served, other, framed, data[0])
 
 
-def surface_text(surface: object | None, sketch: Sketch) -> str:
-    """A surface as JSON for a page; null without one.
-
-    Raises:
-        TypeError, ValueError: as `save_html`.
-    """
-    if surface is None:
-        return "null"
-    # Surfaces are a room above this one.
-    return json.dumps(import_module("diff3ds.surfaces.on_page").surface_on_page(surface, sketch))
-
-
-def start_of(*sketches: Sketch, surfaces: Sequence[object | None] = ()) -> dict[str, Any]:
+def start_of(*sketches: Sketch, surfaces: Sequence[PageSurface | None] = ()) -> dict[str, Any]:
     """From where such a page shows sketches at first, as `page_text` wants it; surfaces are beside or around them."""
     middle, radius = ball_of(*sketches)
-    start = {
+    start: dict[str, Any] = {
         "middle": middle.tolist(),
         "radius": radius,
         "azimuth": AZIMUTH,
@@ -92,8 +89,5 @@ def start_of(*sketches: Sketch, surfaces: Sequence[object | None] = ()) -> dict[
         "fov": FOV,
         "filled": FILLED,
     }
-    solids = [surface for surface in surfaces if surface is not None]
-    if solids:
-        reach_of = import_module("diff3ds.surfaces.on_page").reach_of
-        start["reach"] = max(reach_of(surface, *sketches) for surface in solids)
-    return start
+    reaches = [surface.reach(*sketches) for surface in surfaces if surface is not None]
+    return start | ({"reach": max(reaches)} if reaches else {})

@@ -9,6 +9,7 @@ its gradients zero. Large drawings always wait, and then need little room to spa
 import warnings
 from dataclasses import dataclass, field
 
+from diff3ds._checks import users_level
 from diff3ds._shapes import Int, Tensor
 from diff3ds.render.cuda.job import BAD, LISTS, Shape
 
@@ -74,7 +75,7 @@ class Limits:
                 "an earlier drawing needed more memory than foreseen, more than twice as much as any before it: its "
                 "images are NaN and its gradients 0. From now on there is enough for it",
                 RuntimeWarning,
-                stacklevel=7,
+                stacklevel=users_level(),
             )
         if any(self._near(name, need) for name, need in needs.items()):
             self.proven.clear()

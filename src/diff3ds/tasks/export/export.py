@@ -9,6 +9,7 @@ from diff3ds._files import write_text
 from diff3ds.formats import PICTURES, save, save_3dm, save_dxf, save_glb, save_step
 from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.export.options import ExportOptions
 from diff3ds.tasks.render.options import OrbitOptions, PictureOptions
@@ -111,12 +112,12 @@ def _page(source: Path, file: Path, sketch: Sketch, options: ExportOptions, say:
     return sketch_page(file.stem, sketch, beside=beside, surface=surface, surface_beside=behind)
 
 
-def _solid(given: SurfaceInput, options: ExportOptions) -> TriangleMesh | None:
+def _solid(given: SurfaceInput, options: ExportOptions) -> SurfaceOnPage | None:
     """A surface in the size that the sketch gets."""
     _, mesh = given.now()
-    if mesh is None or options.scale == 1:
-        return mesh
-    return TriangleMesh(mesh.vertices * options.scale, mesh.faces, mesh.part, mesh.crease, mesh.polygon)
+    if mesh is not None and options.scale != 1:
+        mesh = TriangleMesh(mesh.vertices * options.scale, mesh.faces, mesh.part, mesh.crease, mesh.polygon)
+    return SurfaceOnPage.of(mesh)
 
 
 def _placed(sketch: Sketch, options: ExportOptions) -> Sketch:

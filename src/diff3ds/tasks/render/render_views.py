@@ -14,7 +14,7 @@ from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
 from diff3ds.page.drawn_paths import TOLERANCE
-from diff3ds.render import Rendering, render
+from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import visible_lines
 from diff3ds.surfaces.shape.load_surface import load_surface
@@ -35,6 +35,7 @@ from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 from diff3ds.transforms import load_transforms
+from diff3ds.with_surface import render
 
 # Pixels that are drawn in one call: some 200 MB.
 PIXELS_AT_ONCE = 1 << 22

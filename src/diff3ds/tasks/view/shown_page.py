@@ -10,8 +10,7 @@ import torch
 from diff3ds.formats.scenes.html import sketch_page, start_of
 from diff3ds.formats.sketch_json import json_text
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.on_page import bare_creases
-from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.surface_input import SurfaceInput
 from diff3ds.tasks.view import saving
@@ -68,17 +67,18 @@ class ShownPage:
         state, solid = self.solid()
         solids = [solid] if self.beside is None else [solid, self.beside.solid()[1]]
         start = {**start_of(*sketches, surfaces=solids), "version": version, "page": state}
-        bare = json.dumps({} if solid is None else bare_creases(solid, sketch))
+        bare = json.dumps({} if solid is None else solid.bare_creases(sketch))
         return f'{{"page": "{state}", "start": {json.dumps(start)}, "sketch": {json_text(sketch)}, "bare": {bare}}}'
 
-    def solid(self) -> tuple[str, TriangleMesh | None]:
+    def solid(self) -> tuple[str, SurfaceOnPage | None]:
         """Which state of the surface the page shows, and the surface.
 
         Raises:
             ValueError, OSError, ImportError: as `SurfaceInput.now`.
         """
         with self.lock:
-            return self.surface.now()
+            state, mesh = self.surface.now()
+            return state, SurfaceOnPage.of(mesh)
 
     @property
     def shown(self) -> Path:

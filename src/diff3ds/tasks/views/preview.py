@@ -7,11 +7,11 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import save_png, tile_images
 from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import evenly_spaced
+from diff3ds.with_surface import render
 
 PREVIEWS = 8
 # A picture of some of the pictures, there as soon as there are strokes beside which to see it.

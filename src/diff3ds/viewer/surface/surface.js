@@ -5,7 +5,7 @@ function numbersOf(text, kind) {
   return new kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
 }
 
-// What surface_on_page of the package wrote, moved and scaled as readSketch does it; null of null.
+// What surfaces/on_page.py of the package wrote, moved and scaled as readSketch does it; null of null.
 function readSurface(data, { middle, radius }) {
   if (!data) return null;
   const steps = numbersOf(data.points, Uint16Array);
