@@ -215,7 +215,10 @@ PLY = {
     "faces of fewer than three corners": Example(
         text("a.ply", ply_text(faces="4 0 1 2 3\n2 0 1\n")), covers(4), "1 face of fewer than three corners"
     ),
-    "clouds of points": Example(text("a.ply", ply(faces="") + rows(SQUARE)), words="a cloud of 4 points"),
+    "clouds of points": Example(
+        text("a.ply", ply(faces="") + rows(SQUARE)),
+        words="a cloud of 4 points without faces is no mesh: diff3ds points finds its edges",
+    ),
     "range images": Example(
         text("a.ply", ply(faces="").replace("element face 0", "element range_grid 1") + rows(SQUARE) + "1 0\n"),
         words="a range image",

@@ -61,6 +61,8 @@ def test_gltf_stands_upright_and_looks_at_us(tmp_path):
         ("a.ply", b"ply\nformat", "a.ply: it has no header of PLY"),
         ("a.glb", b"glTF\x02\0\0\0", "a.glb: it is cut off"),
         ("a.fbx", b"", "cannot load '.fbx' as a mesh, only .obj"),
+        ("a.xyz", b"0 0 0\n", "of a cloud of points diff3ds points finds the edges"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\n", "of a cloud of points, saved as PLY, diff3ds points finds the edges"),
     ],
 )
 def test_what_is_no_mesh(name, content, message, tmp_path):

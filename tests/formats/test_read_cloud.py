@@ -66,7 +66,7 @@ def test_colours_are_no_normals_and_places_count_once(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("a.obj", b"", "cannot load '.obj' as a cloud"),
+        ("a.obj", b"", "cannot load '.obj' as a cloud.*: diff3ds mesh draws the lines of a mesh"),
         ("a.xyz", b"", "no line has three numbers"),
         ("a.xyz", b"1 2 3\n4 5\n", "not all the 3 numbers"),
         ("a.xyz", b"1 2 3\n4 5 six\n", "'six' is no number"),
@@ -84,3 +84,12 @@ def test_what_is_no_cloud_is_refused(tmp_path, name, content, said):
     path.write_bytes(content)
     with pytest.raises(ValueError, match=said):
         read_cloud(path)
+
+
+def test_that_faces_are_left_out_is_said(tmp_path):
+    path = tmp_path / "mesh.ply"
+    face = b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    path.write_bytes(_ply(POINTS).replace(b"end_header\n", face) + b"\x03" + np.arange(3, dtype="<i4").tobytes())
+    with pytest.warns(UserWarning, match="faces of the file are left out: diff3ds mesh draws"):
+        read = read_cloud(path)
+    assert len(read.points) == len(POINTS)

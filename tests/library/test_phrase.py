@@ -128,6 +128,19 @@ def test_what_cannot_be_drawn_is_told(word):
     assert parse(f"a {word} car") == Request("car", ignored=(word,))
 
 
+@pytest.mark.parametrize(
+    ("phrase", "expected"),
+    [
+        ("a cat sleeping", Request("cat", ignored=("sleeping",))),
+        ("a chair that is comfortable", Request("chair", ignored=("comfortable",))),
+        ("two rocking chairs which are very old", Request("chair", ("rocking",), 2, ignored=("very", "old"))),
+        ("a cat standing with a collar", Request("cat", ("collar",), ignored=("standing",))),
+    ],
+)
+def test_what_cannot_be_drawn_is_told_behind_the_noun_too(phrase, expected):
+    assert parse(phrase) == expected
+
+
 @pytest.mark.parametrize("phrase", ["a tall short lamp", "a tall tall lamp", "a thin wide lamp", "a tall high mug"])
 def test_proportions_are_said_once_along_an_axis(phrase):
     """A tall mug is a kind, but tall all the same."""
@@ -171,7 +184,7 @@ def test_proportions_are_said_once_along_an_axis(phrase):
             "does not know 'spotted'; what it knows of a car: with an open top, .*with wheels, .*: black",
         ),
         ("a car with feathers", "does not know 'with feathers'; what it knows of a car: with an open top"),
-        ("a chair that is comfortable", "does not know 'comfortable'; what it knows of a chair"),
+        ("a chair that is sparkling", "does not know 'sparkling'; what it knows of a chair"),
         ("a rackimg chair", "does not know 'rackimg'; the nearest that it knows: rocking"),
         ("a mug with a sauser", "does not know 'with a sauser'; the nearest that it knows: with a saucer"),
         ("a mug, tall", "put 'tall' before 'mug'"),

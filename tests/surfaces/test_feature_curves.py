@@ -172,9 +172,12 @@ def test_where_a_crease_becomes_a_border_a_curve_ends():
     assert creases[:, [0, 3]].abs().sum(1).tolist() == [[1, 0, 0]]
 
 
-def test_too_many_lines_are_an_error():
-    with pytest.raises(ValueError, match="12 feature lines, more than 11"):
+def test_too_many_lines_are_an_error_that_says_what_to_do():
+    with pytest.raises(ValueError, match=r"12 feature lines, more than 11: 12 creases, .* take a larger angle"):
         feature_curves(TriangleMesh(*prism(SQUARE)), 11)
+    apart = [np.array([(i, 0.0, 0), (i + 0.5, 0, 0), (i, 1, 0)]) for i in range(4)]
+    with pytest.raises(ValueError, match=r"12 feature lines, more than 11: 12 borders, .* close its holes"):
+        feature_curves(TriangleMesh.of_triangles(np.stack(apart)), 11)
 
 
 def lathe(profile: np.ndarray, count: int = 48) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Bool, Float, Index, Int, Mask
+from diff3ds.formats.clouds.read_cloud import CLOUDS
 from diff3ds.formats.files_beside import FilesBeside
 from diff3ds.formats.gltf import FLOAT, INDICES, UINT32, VERTICES, one_scene, packed
 from diff3ds.formats.mesh_colors import NO_TEXTURE, MeshColors
@@ -75,7 +76,8 @@ def read_mesh(path: str | Path, colors: bool = False) -> MeshFile:
     """
     path = Path(path)
     if path.suffix.lower() not in MESHES:
-        raise ValueError(f"{path}: cannot load {path.suffix.lower()!r} as a mesh, only {', '.join(MESHES)}")
+        hint = ": of a cloud of points diff3ds points finds the edges" if path.suffix.lower() in CLOUDS else ""
+        raise ValueError(f"{path}: cannot load {path.suffix.lower()!r} as a mesh, only {', '.join(MESHES)}{hint}")
     size = path.stat().st_size
     if size > MAX_MESH_BYTES:
         raise ValueError(f"{path}: {size} bytes are more than the {MAX_MESH_BYTES} that are read")
@@ -124,7 +126,10 @@ def _triangles(read: Polygons) -> tuple[MeshFile, list[str]]:
     """The faces in triangles, and what of them is left out."""
     points, sizes = read.vertices, read.sizes
     if not len(sizes):
-        raise ValueError(f"{counted(len(points), 'vertex', 'vertices')} and no face: a mesh needs triangles")
+        raise ValueError(
+            f"{counted(len(points), 'vertex', 'vertices')} and no face: a mesh needs triangles; of a cloud of points, "
+            "saved as PLY, diff3ds points finds the edges"
+        )
     finite = np.asarray((np.abs(points) < FARTHEST).all(1))
     first = np.cumsum(sizes) - sizes
     of = np.repeat(np.arange(len(sizes)), sizes)

@@ -92,6 +92,9 @@ def parse(phrase: str) -> Request:
         raise ValueError("the phrase is empty: say what to draw, such as a chair")
     noun = _ending(front)
     if noun is None:
+        front = _unseen_first(front)
+        noun = _ending(front)
+    if noun is None:
         raise ValueError(_no_noun(front, phrase))
     request = _Reader(noun, phrase)
     request.read_before(front[: noun.first])
@@ -252,6 +255,15 @@ def _ending(words: Sequence[str]) -> _Noun | None:
             if candidate in nouns:
                 return _Noun(*nouns[candidate], said, first, candidate != said)
     return None
+
+
+def _unseen_first(words: list[str]) -> list[str]:
+    """Words with what no line shows before the noun, where it is behind: "a cat sleeping", "a chair that is old"."""
+    end = len(words)
+    while end and words[end - 1] in UNSEEN:
+        end -= 1
+    noun = re.sub(r" (that|which|who) (is|are)$", "", " ".join(words[:end])).split()
+    return [*words[end:], *noun] if _ending(noun) is not None else words
 
 
 def _last_noun(words: Sequence[str]) -> _Noun | None:

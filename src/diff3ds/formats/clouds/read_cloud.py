@@ -40,7 +40,10 @@ def read_cloud(path: str | Path) -> Cloud:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in CLOUDS:
-        raise ValueError(f"{path}: cannot load {suffix!r} as a cloud of points, only {', '.join(CLOUDS)}")
+        raise ValueError(
+            f"{path}: cannot load {suffix!r} as a cloud of points, only {', '.join(CLOUDS)}: diff3ds mesh draws the "
+            "lines of a mesh"
+        )
     size = path.stat().st_size
     if size > MAX_CLOUD_BYTES:
         raise ValueError(f"{path}: {size} bytes are more than the {MAX_CLOUD_BYTES} that are read")

@@ -75,7 +75,10 @@ class _Reader:
         """All of them; what one primitive of one node shows is an object."""
         faces = np.concatenate(self._faces)
         if not len(faces) and self._flat:
-            raise ValueError("it shows points and lines alone, no triangles: it is no mesh")
+            raise ValueError(
+                "it shows points and lines alone, no triangles: it is no mesh; of a cloud of points, saved as PLY, "
+                "diff3ds points finds the edges"
+            )
         left_out: tuple[str, ...] = ()
         if self._flat:
             left_out = (f"left out: {counted(self._flat, 'set of points or lines', 'sets of points or lines')}",)

@@ -1,6 +1,7 @@
 """PLY files, text or binary: polygons or strips, with colours of vertices or faces, and textures that comments name."""
 
 import re
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,7 +58,7 @@ def read_ply(content: bytes, beside: FilesBeside | None) -> Polygons:
     """
     header, data = _read(content)
     if "range_grid" in data:
-        raise ValueError("a range image of a scanner, which has no faces, is no mesh: make a mesh of it first")
+        raise ValueError("a range image of a scanner, which has no faces, is no mesh: diff3ds points finds its edges")
     if "vertex" not in data or not all(isinstance(data["vertex"].get(k), np.ndarray) for k in "xyz"):
         raise ValueError("it has no element vertex with x, y and z")
     vertices = np.stack([_array(data["vertex"][k]) for k in "xyz"], 1).astype(np.float64)
@@ -68,7 +69,7 @@ def read_ply(content: bytes, beside: FilesBeside | None) -> Polygons:
         corners, sizes = np.concatenate([corners, more.ravel()]), np.concatenate([sizes, np.full(len(more), 3)])
     if not len(sizes):
         raise ValueError(
-            f"a cloud of {counted(len(vertices), 'point')} without faces is no mesh: make a mesh of it first"
+            f"a cloud of {counted(len(vertices), 'point')} without faces is no mesh: diff3ds points finds its edges"
         )
     check_corners(corners, len(vertices))
     paint = None if beside is None else _paint(data, corners, sizes, _TEXTURE.findall(header), beside)
@@ -76,12 +77,15 @@ def read_ply(content: bytes, beside: FilesBeside | None) -> Polygons:
 
 
 def read_ply_points(content: bytes) -> dict[str, Array]:
-    """The numbers of each vertex of a file by their names, such as x, y, z and nx, ny, nz; faces are passed over.
+    """The numbers of each vertex of a file by their names, such as x, y, z and nx, ny, nz; that faces are not, is said.
 
     Raises:
-        ValueError: broken, or without vertices.
+        ValueError: broken.
     """
-    columns = _read(content)[1].get("vertex", {})
+    data = _read(content)[1]
+    if "face" in data and len(_lists(data["face"])[1]):
+        warnings.warn("the faces of the file are left out: diff3ds mesh draws the lines of a mesh", stacklevel=2)
+    columns = data.get("vertex", {})
     return {name: column.astype(np.float64) for name, column in columns.items() if isinstance(column, np.ndarray)}
 
 

@@ -62,9 +62,8 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     chains = _runs(mesh)
     cuts = seam_runs(seam.points, seam.steps)
     if most is not None and len(chains) + len(cuts) > most:
-        raise ValueError(
-            f"the mesh has {len(chains) + len(cuts)} feature lines, more than {most}: smooth or simplify it"
-        )
+        borders = sum(border for _, border in chains)
+        raise ValueError(_too_many({"creases": len(chains) - borders, "borders": borders, "seams": len(cuts)}, most))
     pixel = PIXEL * mesh.size
     places = np.concatenate([mesh.vertices, seam.points])
     named: list[tuple[list[int], Feature]] = [(chain, "border" if border else "crease") for chain, border in chains]
@@ -73,6 +72,17 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     curves = _curves(places, [piece for piece, _ in found])
     kinds = tuple(kind for (_, strokes), kind in found for _ in strokes)
     return FeatureCurves(curves, kinds, len(chains), _loose(mesh, chains))
+
+
+def _too_many(count: dict[str, int], most: int) -> str:
+    """What a mesh of too many lines has, and what to do about the kind that most of them are."""
+    kind = max(count, key=count.__getitem__)
+    advice = {
+        "creases": "as a scan's noise makes: smooth or simplify it, or take a larger angle for creases",
+        "borders": "of holes, or of faces that share no corners: merge its vertices, close its holes, or simplify it",
+        "seams": "where its pieces go through each other: unite these, or leave some out",
+    }
+    return f"the mesh has {sum(count.values())} feature lines, more than {most}: {count[kind]} {kind}, {advice[kind]}"
 
 
 def loose_share(mesh: TriangleMesh) -> float:
