@@ -19,6 +19,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.tasks.progress import Progress
+from diff3ds.tasks.run_log import RunLog
 from diff3ds.tasks.view.serve import server_of
 
 
@@ -403,7 +404,17 @@ def test_other_formats_are_saved_beside_as_json(tmp_path):
 def test_a_run_that_is_viewed_shows_its_page_and_waits_for_ctrl_c(tmp_path):
     """The page is there before there are strokes, has them at the end, and the files are those of any run."""
     options = ["--strokes", "6", "--steps", "30", "--init", "random", "--size", "64", "--quiet"]
-    main(["views", "--demo", "-o", str(tmp_path / "plain"), *options])
+    counts, told = {0}, RunLog.report
+
+    def counted(log, progress):
+        if progress.sketch is not None:
+            counts.add(len(progress.sketch()))
+        told(log, progress)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunLog, "report", counted)
+        main(["views", "--demo", "-o", str(tmp_path / "plain"), *options])
+    final = len(ds.load(tmp_path / "plain" / "sketch.json"))
     process = subprocess.Popen(
         [sys.executable, "-m", "diff3ds.cli", "views", "--demo", "-o", str(tmp_path / "run"), "--view", *options],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -418,14 +429,16 @@ def test_a_run_that_is_viewed_shows_its_page_and_waits_for_ctrl_c(tmp_path):
             connection.request("GET", f"/{found[2]}/{name}")
             return connection.getresponse().read().decode()
 
-        # None yet, or those of a run under way, which drops some; at its end those of its file.
-        assert count_in(get("")) <= 6
+        # None yet, or those that this run has at one of its steps, of which some drop strokes; at its end the result's.
+        shown = [count_in(get(""))]
         end = time.monotonic() + 300
         while json.loads(get("run"))["ended"] != "done":
+            shown.append(count_in(get("")))
             assert time.monotonic() < end
             time.sleep(0.1)
+        assert {*shown} <= {*counts, final}
         assert [p["name"] for p in json.loads(get("run"))["pictures"]] == ["targets.png", "preview.png"]
-        assert count_in(get("")) == len(ds.load(tmp_path / "run" / "sketch.json")) > 0
+        assert count_in(get("")) == final > 0
         # Done, and still there; what the command does after its run may take a moment.
         time.sleep(1)
         process.send_signal(signal.SIGINT)
