@@ -92,9 +92,7 @@ template <int WIDTH, class F, class S> HD void oblong_adjoint(const Piece<S> &c,
   const F gr = (inner + outer) * a.pixels, k = (inner - outer) * a.pixels / max(g.d, zero + S(1e-6));
   // Of the direction: n turns with the tangent, or with the way to the pixel.
   const F of_log = (outer * beyond - inner * inside) * a.pixels * a.pixels, of_angle = of_log * (a.yy * a.nx - a.yx * a.ny);
-  const auto tangent = by_tangent<F, S>(a.j, tau, ex, ey);
-  const F turn = select(tangent, of_angle / max(a.speed, zero + S(1e-30)), zero);
-  const F swing = select(tangent, zero, of_angle / max(g.d, zero + S(NO_DIRECTION)));
+  const F turn = of_angle * a.of_tangent, swing = of_angle * a.of_way;
   const F nx = turn * a.nx, ny = turn * a.ny, wx = k * ex + swing * a.ny, wy = k * ey - swing * a.nx;
   const F hx = (wx - nx * a.j.z1 * iz) * iz, hy = (wy - ny * a.j.z1 * iz) * iz;
   add_value<false>(m, tau, hx, hy, -(hx * px + hy * py), zero);

@@ -61,26 +61,22 @@ template <int WIDTH, class F, class S> HD Fragment<F> fragment(const Piece<S> &c
 
 // Of the point at tau of an oblong piece: the unit vector n, at which distances are measured from there to (qx, qy), y = S S^T n (S: Square), and the
 // pixels of a unit along n, 1 / |S^T n|. In the middle of the piece n is across the tangent, which is as true and has digits on the centre line too.
+// n turns by of_tangent times a change of the velocity along n, or by of_way times a change of the way to (qx, qy) across it: one of them is 0.
 template <class F> struct Across {
-  F nx, ny, yx, yy, pixels;
+  F nx, ny, yx, yy, pixels, of_tangent, of_way;
   Jet<F> j;
-  F speed;
 };
-constexpr double NO_DIRECTION = 1e-3;  // px: distances that are too short to say where from (empirical)
-template <class F, class S> HD auto by_tangent(const Jet<F> &j, F tau, F ex, F ey) {
-  const F vv = j.vx * j.vx + j.vy * j.vy;
-  return (vv > S(0)) & (((tau > S(-.5)) & (tau < S(.5))) | (ex * ex + ey * ey < S(NO_DIRECTION * NO_DIRECTION)));
-}
+constexpr double NO_DIRECTION = 1e-3;  // px: ways, and pieces, that are too short to say where from, or where to (empirical)
 template <class F, class S> HD Across<F> across(const Piece<S> &c, F tau, F qx, F qy) {
   Across<F> a;
   a.j = jet(c, tau);
-  const F ex = qx - a.j.px, ey = qy - a.j.py, one = tau * S(0) + S(1);
-  const auto tangent = by_tangent<F, S>(a.j, tau, ex, ey);
-  const F x = select(tangent, -a.j.vy, ex), y = select(tangent, a.j.vx, ey), length2 = x * x + y * y;
-  const auto none = length2 <= S(0);
-  const F inverse = S(1) / sqrt(select(none, one, length2));
-  a.nx = select(none, one, x * inverse), a.ny = y * inverse;
-  a.speed = sqrt(a.j.vx * a.j.vx + a.j.vy * a.j.vy);
+  const F ex = qx - a.j.px, ey = qy - a.j.py, zero = tau * S(0), one = zero + S(1), least2 = zero + S(NO_DIRECTION * NO_DIRECTION);
+  const F speed2 = a.j.vx * a.j.vx + a.j.vy * a.j.vy, d2 = ex * ex + ey * ey;
+  const auto near = d2 < least2, tangent = (speed2 > least2) & (((tau > S(-.5)) & (tau < S(.5))) | near);
+  const F by_tangent = S(1) / sqrt(max(speed2, least2)), by_way = S(1) / sqrt(max(d2, least2));
+  a.of_tangent = select(tangent, by_tangent, zero), a.of_way = select(tangent, zero, select(near, zero, by_way));
+  a.nx = select(tangent, -a.j.vy * by_tangent, select(near, one, ex * by_way));
+  a.ny = select(tangent, a.j.vx * by_tangent, select(near, zero, ey * by_way));
   const Square<S> s = square_of(c);
   F mx = a.nx, my = a.ny;
   s.transpose().map(mx, my);

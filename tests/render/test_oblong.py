@@ -76,6 +76,29 @@ def test_a_dot_is_an_ellipse(backend, kind, orthographic):
     assert (alpha[away > 0.25 + edge] == 0).all()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_edge_of_a_dot_is_across_its_ellipse(backend, kind):
+    """Whatever direction rounding gives the tangent of a dot, and of one that is smaller than a pixel too."""
+    fx, fy, skew = KINDS[kind]
+    generator = torch.Generator().manual_seed(0)
+    lens = torch.tensor([[fx, skew], [0, fy]], dtype=torch.float64)
+    y, x = torch.meshgrid(torch.arange(40) + 0.5, torch.arange(60) + 0.5, indexing="ij")
+    place = torch.stack([x - 30, y - 20], -1).double()
+    for number in range(12):
+        depth = 1.5 + torch.rand(1, generator=generator, dtype=torch.float64)
+        center, radius = 0.3 * torch.rand(2, generator=generator, dtype=torch.float64) - 0.15, (0.15, 0.005)[number % 2]
+        dot = torch.cat([center * depth, depth]).expand(1, 2 + number % 3, 3)
+        tiny = Sketch(dot, width=2 * radius * depth, width_space="world")
+        alpha = render(tiny, cameras(fx, fy, skew), backend=backend).alpha[0]
+        away = torch.linalg.solve(lens, place[..., None])[..., 0] - center
+        distance = away.norm(dim=-1)
+        # How fast the distance grows with pixels, across its level.
+        slope = torch.linalg.vector_norm(away / distance[..., None] @ torch.linalg.inv(lens), dim=-1)
+        inside, beyond = ((side * radius - distance) / slope for side in (1, -1))
+        exact = (inside + 0.5).clamp(0, 1) - (beyond + 0.5).clamp(0, 1)
+        torch.testing.assert_close(alpha, exact, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["even", "along"])
 def test_it_is_the_picture_of_square_pixels_stretched(backend, kind):
     """Many square pixels in place of each oblong one, whose mean is what it shows, but for corners and thin edges."""

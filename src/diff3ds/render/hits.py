@@ -15,7 +15,7 @@ from diff3ds.render.visible import Spans, visible_spans
 # Candidates (chord, pixel) tested at a time, and (span, point) solved at a time.
 CANDIDATE_BLOCK = 1 << 20
 SOLVE_BLOCK = 1 << 16
-# Distances (px) that are too short to say where from.
+# Distances, and segments, (px) that are too short to say where from, or where to. [empirical]
 NO_DIRECTION = 1e-3
 # Chords are used to find candidates only; any value gives the same picture.
 CHORD_TOLERANCE = 0.5
@@ -84,10 +84,11 @@ def pixels_across(
     value, slope, _ = (x[:, 0] for x in homogeneous_derivatives(control, t[:, None]))
     velocity = (slope[:, :2] - value[:, :2] / value[:, 2:3] * slope[:, 2:3]) / value[:, 2:3]
     across = torch.stack([-velocity[:, 1], velocity[:, 0]], -1)
-    moves = velocity.square().sum(-1) > 0
-    # At an end the way to the point says where from; on the end itself none does.
-    by_tangent = moves & (hits.free | (distance < NO_DIRECTION))
-    across = torch.where(by_tangent[:, None], across, torch.where((distance > NO_DIRECTION)[:, None], away, 1.0))
+    # At an end, and where a stroke is but a dot, the way to the point says where from; on the dot itself nothing does.
+    near = distance < NO_DIRECTION
+    by_tangent = (velocity.square().sum(-1) > NO_DIRECTION**2) & (hits.free | near)
+    away = torch.where(near[:, None], away.new_tensor([1.0, 0.0]), away)
+    across = torch.where(by_tangent[:, None], across, away)
     unit = torch.nn.functional.normalize(across, dim=-1)
     in_pixels = (unit[:, None] @ strokes.square[hits.view])[:, 0]
     return 1 / cast(Tensor, torch.linalg.vector_norm(in_pixels, dim=-1))
