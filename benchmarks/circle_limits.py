@@ -28,7 +28,7 @@ from diff3ds.edges.measure.offsets import near_joints
 from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.frame import Frame, frame_of
-from diff3ds.tasks.views.edges_of_pictures import ridges_of
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import ridges_of
 
 # Places along every curve.
 PLACES = 60

@@ -28,7 +28,7 @@ from diff3ds.optimize.fit import fit
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import rasterize
-from diff3ds.tasks.views.color_sketch import plan_color
+from diff3ds.tasks.views.color_fit.color_sketch import plan_color
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
 

@@ -29,7 +29,7 @@ from diff3ds.metrics.feature_stacks import untrained_stack
 from diff3ds.metrics.vgg_distance import Variant
 from diff3ds.tasks.evaluate.evaluate import evaluate
 from diff3ds.tasks.evaluate.options import JudgeOptions
-from diff3ds.tasks.views.doodle import run_doodle
+from diff3ds.tasks.views.color_fit.doodle import run_doodle
 from diff3ds.tasks.views.options import DoodleOptions
 
 RESULTS = Path(__file__).parent / "results" / "doodle.json"

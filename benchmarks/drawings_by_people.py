@@ -25,7 +25,7 @@ from report import environment, show, write_json
 from symbols_wishes import is_doodle
 
 import diff3ds as ds
-from diff3ds.tasks.recognition.network import trained
+from diff3ds.recognition.network import trained
 
 SIZE, WIDTH, MARGIN = 460, 4, 30
 # Drawings of nothing that is known, and the seed that bends them.

@@ -24,11 +24,11 @@ from diff3ds.bezier import evaluate
 from diff3ds.library import CATEGORIES
 from diff3ds.pictures.reading.array import picture_of_array
 from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.recognition.bend import bend_to, seen_by
+from diff3ds.recognition.picture_lines import lines_of
+from diff3ds.recognition.recognise import seen_as
+from diff3ds.recognition.side_seen import PlacedLines, alike, gap, placed_over
 from diff3ds.tasks.exact_prior.exemplars import FITTING
-from diff3ds.tasks.recognition.picture_lines import lines_of
-from diff3ds.tasks.recognition.poses import PlacedLines, alike, gap, placed_over
-from diff3ds.tasks.recognition.recognise import seen_as
-from diff3ds.tasks.text_image.bend import bend_to, seen_by
 
 SIZE, NEAR, SAMPLES = 256, 3, 33
 # Of the sheet.

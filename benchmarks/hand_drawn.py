@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from diff3ds.bezier import evaluate
 from diff3ds.library import CATEGORIES, member
-from diff3ds.tasks.recognition.network import LINE, SIZE, THING
+from diff3ds.recognition.network import LINE, SIZE, THING
 
 Line = np.ndarray
 # Of the drawings of a kind, in an order by chance: so many of thirteen are for the test, so many for validation, the

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from diff3ds.library import CATEGORIES
-from diff3ds.tasks.recognition.network import SIZE, THING
+from diff3ds.recognition.network import SIZE, THING
 
 # Pixels of an icon when it is read; width of its lines of 24 units.
 FINE, WIDTH = 160, "0.9"

@@ -36,10 +36,10 @@ from diff3ds._settings import with_options
 from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.network import trained
-from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
-from diff3ds.tasks.recognition.poses import DISTANCE, LEAST_CONFIDENCE, Match, described, gap_to, seen_from, table
-from diff3ds.tasks.recognition.recognise import Guess, recognise
+from diff3ds.recognition.network import trained
+from diff3ds.recognition.picture_lines import Lines, lines_of
+from diff3ds.recognition.recognise import Guess, recognise
+from diff3ds.recognition.side_seen import DISTANCE, LEAST_CONFIDENCE, Match, described, gap_to, seen_from, table
 from diff3ds.tasks.text_image.image import run_image
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Picture

@@ -25,10 +25,10 @@ import diff3ds as ds
 from diff3ds.pictures.frame import Frame
 from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.line_drawings import MARGIN, SIZE, all_around, mean_distances, points_along
 from diff3ds.surfaces.shape.level_set import level_set
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
-from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 
 # Points of the grid along each axis, and half its side.
 SIDE, REACH = 40, 1.2

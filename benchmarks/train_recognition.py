@@ -23,7 +23,7 @@ from hand_drawn import Drawing, Pool, chimera, cluttered, moved, picture_of, rea
 from icons import icon_picture, read_icons
 from symbols_wishes import KINDS, SYMBOLS, is_doodle
 
-from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS, DrawingNetwork, Trained, read_network, write_network
+from diff3ds.recognition.network import AZIMUTHS, ELEVATIONS, DrawingNetwork, Trained, read_network, write_network
 
 # Shares of a batch: drawings by people of kinds and of what is none, members of the library, symbols; the rest is none
 # of the kinds. Last: the shares of doodles and of icons in that rest, which has strokes of several drawings too.

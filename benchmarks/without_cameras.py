@@ -20,7 +20,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.tasks.views.color_sketch import view_scores
+from diff3ds.tasks.views.color_fit.color_sketch import view_scores
 from diff3ds.transforms import View, read_views
 
 

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.tasks.recognition.network import LINE, SIZE, THING, DrawingNetwork, Trained, trained
-from diff3ds.tasks.recognition.picture_lines import Lines
+from diff3ds.recognition.network import LINE, SIZE, THING, DrawingNetwork, Trained, trained
+from diff3ds.recognition.picture_lines import Lines
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 from doodles import DOODLES, FOR_TEST, FOR_VALIDATION

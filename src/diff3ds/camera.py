@@ -14,7 +14,7 @@ import torch
 from diff3ds._checks import as_numbers, check_finite
 from diff3ds._modes import can_look_at, check_plain, is_ordinary
 from diff3ds._settings import MAX_SIZE
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds._with_torch import known_to_torch
 
 Angle = float | Sequence[float] | Tensor
@@ -303,6 +303,11 @@ def orbit(
     eye = center + radius[:, None] * direction
     cameras = look_at(eye, center, fov=fov, height=height, size=size, up=upwards, near=near)
     return cameras.to(torch.get_default_dtype())
+
+
+def evenly_spaced(count: int, wanted: int) -> Int[Tensor, " M"]:
+    """Picks up to `wanted` of `count` views, evenly spaced: their indices."""
+    return torch.arange(min(count, wanted)) * count // min(count, wanted)
 
 
 def _place(name: str, value: object, eye: Float[Tensor, "V 3"]) -> Tensor:

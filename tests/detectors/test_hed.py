@@ -12,7 +12,7 @@ from diff3ds.detectors.hed import MEAN, Hed, load_hed
 from diff3ds.formats import save_png
 from diff3ds.formats.png import load_image
 from diff3ds.library.demo import demo_sketch
-from diff3ds.tasks.views import detected_edges
+from diff3ds.tasks.views.network_maps import detected_edges
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import run_views
 

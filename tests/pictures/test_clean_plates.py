@@ -18,7 +18,7 @@ from diff3ds.pictures.content.background import with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.store import Store, as_bytes, store_of
-from diff3ds.tasks.views.color_sketch import color_scores, plan_color
+from diff3ds.tasks.views.color_fit.color_sketch import color_scores, plan_color
 from diff3ds.tasks.views.options import ViewsOptions
 
 SIZE = 48

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 from diff3ds.formats import save_png
 from diff3ds.pictures.content.ink import beside_page, ink_on_paper
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.picture_lines import lines_of
+from diff3ds.recognition.picture_lines import lines_of
 
 SIZE = 400
 

@@ -14,7 +14,7 @@ from red_network import red_network
 from diff3ds.formats import load_image, save_png
 from diff3ds.pictures.options import PictureOptions
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.picture_lines import lines_of
+from diff3ds.recognition.picture_lines import lines_of
 
 RED, GREEN = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 1.0, 0.0])
 

@@ -7,8 +7,8 @@ from solids import icosphere
 
 import diff3ds as ds
 from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.line_drawings import all_around, mean_distances, points_along
-from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 
 # Where on earth a map would have it: positions take more digits than float32 has.
 AT = np.array([4e5, 5e6, 100.0])

@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 
 import diff3ds as ds
 from diff3ds.library import member
-from diff3ds.tasks.recognition.picture_lines import Lines
-from diff3ds.tasks.recognition.poses import PlacedLines, cameras_at
-from diff3ds.tasks.text_image.bend import bend_to, seen_by
+from diff3ds.recognition.bend import bend_to, seen_by
+from diff3ds.recognition.picture_lines import Lines
+from diff3ds.recognition.side_seen import PlacedLines, cameras_at
 
 CAMERA = cameras_at([(35.0, 15.0)])
 

@@ -20,7 +20,7 @@ from diff3ds.tasks import doctor
 from diff3ds.tasks.doctor import as_json, as_tables, diagnose
 from diff3ds.tasks.evaluate.judges import JudgeOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN
-from diff3ds.tasks.views.doodle import DoodleOptions
+from diff3ds.tasks.views.color_fit.doodle import DoodleOptions
 from diff3ds.weights.catalog import KNOWN
 
 REPOSITORY = KNOWN["zero123"].repositories[0].id

@@ -9,7 +9,7 @@ from diff3ds.formats import save_png
 from diff3ds.library.demo import demo_sketch
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.store import store_of
-from diff3ds.tasks.views.edges_of_pictures import most_views
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import most_views
 from diff3ds.tasks.views.options import ViewsOptions
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import torch
 
 import diff3ds as ds
+from diff3ds.edges.clean.false_strokes import false_strokes
 from diff3ds.edges.evidence.ridges import map_ridges
-from diff3ds.tasks.views.false_strokes import false_strokes
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "surfaces"))
 from solids import icosphere

@@ -14,8 +14,8 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.library import CATEGORIES, member
-from diff3ds.tasks.recognition.guess_sheet import SIDE, WORDS
-from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS, SIZE, SOURCE, WEIGHTS, trained
+from diff3ds.recognition.network import AZIMUTHS, ELEVATIONS, SIZE, SOURCE, WEIGHTS, trained
+from diff3ds.tasks.text_image.guess_sheet import SIDE, WORDS
 
 # By hand: a house, a mug and a table from the front, corners of lines in a box of 100.
 HOUSE = ["10 90 10 45 50 10 90 45 90 90 10 90", "10 45 90 45", "42 90 42 65 58 65 58 90"]

@@ -12,8 +12,8 @@ from diff3ds.formats import save_png
 from diff3ds.pictures.content.outlines import depths
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import store_of
+from diff3ds.surfaces.shape.hull_surface import hull_surface
 from diff3ds.tasks.mesh.draw_mesh import MeshSketch
-from diff3ds.tasks.views.hull_surface import hull_surface
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import save_transforms

@@ -8,9 +8,9 @@ from PIL import Image, ImageDraw
 import diff3ds as ds
 from diff3ds.cli import main
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
-from diff3ds.tasks.recognition.poses import PlacedLines
-from diff3ds.tasks.text_image.picture_colors import LIGHTEST, LUMA, PictureColors
+from diff3ds.recognition.picture_colors import LIGHTEST, LUMA, PictureColors
+from diff3ds.recognition.picture_lines import Lines, lines_of
+from diff3ds.recognition.side_seen import PlacedLines
 
 RED, BLUE = (220, 30, 30), (30, 60, 200)
 CAMERA = ds.orbit(0.0, 0.0, 2.0, fov=60.0, size=100)

@@ -17,10 +17,10 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.library.members import added_strokes
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.network import trained
-from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
-from diff3ds.tasks.recognition.poses import alike, cameras_at, confidence, descriptors, gap, pieces, placed_over
-from diff3ds.tasks.recognition.recognise import Guess, NotRecognised, recognise, recognised, seen_as
+from diff3ds.recognition.network import trained
+from diff3ds.recognition.picture_lines import Lines, lines_of
+from diff3ds.recognition.recognise import Guess, NotRecognised, recognise, recognised, seen_as
+from diff3ds.recognition.side_seen import alike, cameras_at, confidence, descriptors, gap, pieces, placed_over
 from diff3ds.tasks.text_image import priors
 from diff3ds.tasks.text_image.image import inked
 
@@ -293,7 +293,7 @@ def test_a_kind_that_the_network_has_not_seen_can_be_named(tmp_path, monkeypatch
     before = trained()
     # As if the library had grown by the cat and all kinds after it: for the network they are things that are none.
     fewer = replace(before, kinds=before.kinds[: before.kinds.index("cat")])
-    monkeypatch.setattr("diff3ds.tasks.recognition.recognise.trained", lambda: fewer)
+    monkeypatch.setattr("diff3ds.recognition.recognise.trained", lambda: fewer)
     with pytest.raises(NotRecognised, match=rf"one of the library's {len(CATEGORIES)}, say so with --shows"):
         recognised(lines)
     found = seen_as(lines, "cat")

@@ -6,7 +6,7 @@ import torch
 
 from diff3ds.formats import save_png
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
+from diff3ds.recognition.picture_lines import Lines, lines_of
 
 SIZE = 400
 RADIUS, WIDTH = 130.0, 6.0

@@ -70,10 +70,10 @@ def test_pictures_are_read_again_without_the_distortion(scene, monkeypatch):
 
     options = ViewsOptions(target="edges", refine_cameras=True)
     with monkeypatch.context() as patch:
-        patch.setattr("diff3ds.tasks.views.edge_sketch.reconstruct", looked_at)
-        patch.setattr("diff3ds.tasks.views.refined_views.refined_cameras", known)
+        patch.setattr("diff3ds.tasks.views.edge_fit.edge_sketch.reconstruct", looked_at)
+        patch.setattr("diff3ds.tasks.views.edge_fit.refined_views.refined_cameras", known)
         run_views(scene, scene / "out", options, say=said.append)
-    monkeypatch.setattr("diff3ds.tasks.views.edge_sketch.reconstruct", looked_at)
+    monkeypatch.setattr("diff3ds.tasks.views.edge_fit.edge_sketch.reconstruct", looked_at)
     about = json.loads((scene / "out" / "run.json").read_text())["cameras"]
     assert about["distortion"]["k1"] == K1
     assert any(f"{about['distortion']['pixels_at_corners']:.1f} pixels at the corners" in line for line in said)

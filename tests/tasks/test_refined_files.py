@@ -17,8 +17,8 @@ from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange
 from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.pictures.frame import Frame
 from diff3ds.tasks.cameras.run import are_estimated
+from diff3ds.tasks.views.edge_fit.refined_cameras import in_world, moves, save_refined
 from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.refined_cameras import in_world, moves, save_refined
 from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import read_views, save_transforms
 
@@ -182,7 +182,7 @@ def test_cameras_of_coloured_pictures_are_refined_before_their_colours_are_fitte
     def again(*arguments):
         raise AssertionError("the cameras are refined already")
 
-    monkeypatch.setattr("diff3ds.tasks.views.refined_views.refined_cameras", again)
+    monkeypatch.setattr("diff3ds.tasks.views.edge_fit.refined_views.refined_cameras", again)
     run_views(tmp_path, tmp_path / "out", replace(options, resume=True))
     assert json.loads((tmp_path / "out" / "run.json").read_text())["cameras"] == about
 
@@ -213,7 +213,7 @@ def test_a_run_leaves_lost_views_out_and_keeps_refined_cameras(tmp_path, monkeyp
     def again(*arguments):
         raise AssertionError("the cameras are refined already")
 
-    monkeypatch.setattr("diff3ds.tasks.views.refined_views.refined_cameras", again)
+    monkeypatch.setattr("diff3ds.tasks.views.edge_fit.refined_views.refined_cameras", again)
     run_views(tmp_path, tmp_path / "out", replace(options, resume=True), say=said.append)
     assert (tmp_path / "out" / "sketch.json").read_bytes() == sketch
     assert json.loads((tmp_path / "out" / "run.json").read_text())["cameras"] == about

@@ -17,11 +17,11 @@ from diff3ds.library import member
 from diff3ds.library.phrase import Request
 from diff3ds.library.vocabulary import COLORS
 from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.recognition.picture_lines import lines_of
 from diff3ds.tasks.exact_prior import sketch_folder
 from diff3ds.tasks.exact_prior.exemplars import arranged, exemplars_in
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
-from diff3ds.tasks.recognition.picture_lines import lines_of
 from diff3ds.tasks.small_prior.prior_data import shaken
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 

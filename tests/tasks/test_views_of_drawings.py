@@ -183,7 +183,7 @@ def test_ctrl_c_before_random_curves_are_cleaned_up_leaves_them(drawings, monkey
         raise KeyboardInterrupt
 
     folder, _ = drawings
-    monkeypatch.setattr("diff3ds.tasks.views.edge_sketch.reconstruct", stopped)
+    monkeypatch.setattr("diff3ds.tasks.views.edge_fit.edge_sketch.reconstruct", stopped)
     options = ["--init", "random", "--strokes", "5", "--steps", "3", "--quiet"]
     with pytest.raises(SystemExit) as end:
         main(["views", str(folder), "-o", str(folder / "out"), *options])

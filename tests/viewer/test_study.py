@@ -11,9 +11,9 @@ from viewer_browser import CHROMIUM, Browser
 
 import diff3ds as ds
 from diff3ds.library import member
+from diff3ds.metrics.statistics import agreement, holm, mean_of, signed_rank
 from diff3ds.tasks.study.analyse_study import analyse_study
 from diff3ds.tasks.study.make_study import make_study, named_folders
-from diff3ds.tasks.study.statistics import agreement, holm, mean_of, signed_rank
 
 METHODS, PHRASES = ("ours", "theirs", "others"), ("a chair", "a <b>table</b>")
 

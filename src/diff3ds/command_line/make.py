@@ -19,7 +19,7 @@ from diff3ds.tasks.text_image.subject import Phrase, Picture
 from diff3ds.tasks.views.options import DoodleOptions, ViewsOptions
 
 if TYPE_CHECKING:
-    from diff3ds.tasks.recognition.recognise import NotRecognised
+    from diff3ds.recognition.recognise import NotRecognised
 
 Recipe = Literal["3doodle"]
 
@@ -84,7 +84,7 @@ class Doodle:
         if self.source is None:
             raise ValueError("give a transforms.json of coloured pictures, or a folder with one")
         with importing():
-            from diff3ds.tasks.views.doodle import run_doodle
+            from diff3ds.tasks.views.color_fit.doodle import run_doodle
 
         console = PlainConsole(stderr=True, quiet=self.quiet)
         with viewed(self.view, self.out, console):
@@ -152,8 +152,8 @@ class Image:
             self._print_guesses()
             return
         with importing():
-            from diff3ds.tasks.recognition.guess_sheet import write_guesses
-            from diff3ds.tasks.recognition.recognise import NotRecognised
+            from diff3ds.recognition.recognise import NotRecognised
+            from diff3ds.tasks.text_image.guess_sheet import write_guesses
             from diff3ds.tasks.text_image.image import run_image
 
         console, out = PlainConsole(stderr=True, quiet=self.quiet), self.out or Path("out")
@@ -188,7 +188,7 @@ class Image:
             f"{found}\n{'the first is sure enough to be drawn' if found.taken else 'none is sure enough to be drawn'}"
         )
         if self.out:
-            from diff3ds.tasks.recognition.guess_sheet import write_guesses
+            from diff3ds.tasks.text_image.guess_sheet import write_guesses
 
             console.print(f"their pictures: {write_guesses(self.out, found)}")
 

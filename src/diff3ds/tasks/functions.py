@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
+    from diff3ds.recognition.recognise import Recognition
     from diff3ds.sketch import Sketch
-    from diff3ds.tasks.recognition.recognise import Recognition
 
 _LOG = logging.getLogger("diff3ds")
 
@@ -93,8 +93,8 @@ def recognise(
     from diff3ds.pictures.options import PictureOptions
     from diff3ds.pictures.reading.array import picture_of_array
     from diff3ds.pictures.reference_picture import read_reference
-    from diff3ds.tasks.recognition.picture_lines import lines_of
-    from diff3ds.tasks.recognition.recognise import recognise as recognise_lines
+    from diff3ds.recognition.picture_lines import lines_of
+    from diff3ds.recognition.recognise import recognise as recognise_lines
 
     cut = PictureOptions(None if mask is None else Path(mask), background)
     read = Path(picture) if isinstance(picture, str | PathLike) else picture_of_array(picture)

@@ -12,9 +12,9 @@ from typing import Any
 import torch
 
 from diff3ds._files import existing_folder, write_text
-from diff3ds._shapes import Float, Int, Tensor
+from diff3ds._shapes import Float, Tensor
 from diff3ds._version import __version__
-from diff3ds.camera import Cameras
+from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.formats import save, save_png
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.mesh import save_surface
@@ -142,8 +142,3 @@ def output_folder(out: Path) -> Iterator[None]:
             for path in made:
                 path.rmdir()
         raise
-
-
-def evenly_spaced(count: int, wanted: int) -> Int[Tensor, " M"]:
-    """Picks up to `wanted` of `count` indices, evenly spaced."""
-    return torch.arange(min(count, wanted)) * count // min(count, wanted)

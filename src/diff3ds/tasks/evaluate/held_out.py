@@ -12,7 +12,7 @@ from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import reduced
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.evaluate.runs import Run
-from diff3ds.tasks.views.color_sketch import held_out_pictures, held_out_views, view_pairs
+from diff3ds.tasks.views.color_fit.color_sketch import held_out_pictures, held_out_views, view_pairs
 
 Pair = tuple[Float[Tensor, "1 H W 3"], Float[Tensor, "1 H W 3"]]
 

@@ -8,13 +8,10 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.library.phrase import Request
-from diff3ds.sketch import Sketch
-from diff3ds.tasks.exact_prior.exemplars import FITTING, Exemplars, arranged, exemplars_among
-from diff3ds.tasks.exact_prior.folder_phrase import asked_of, fits
-from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
-from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
-from diff3ds.tasks.recognition.picture_lines import Lines
-from diff3ds.tasks.recognition.poses import (
+from diff3ds.recognition.network import AZIMUTHS, ELEVATIONS
+from diff3ds.recognition.picture_lines import Lines
+from diff3ds.recognition.recognise import GUESSES, Guess
+from diff3ds.recognition.side_seen import (
     LEAST_CONFIDENCE,
     REFINED,
     STEPS_AROUND,
@@ -26,7 +23,10 @@ from diff3ds.tasks.recognition.poses import (
     gap,
     pieces,
 )
-from diff3ds.tasks.recognition.recognise import GUESSES, Guess
+from diff3ds.sketch import Sketch
+from diff3ds.tasks.exact_prior.exemplars import FITTING, Exemplars, arranged, exemplars_among
+from diff3ds.tasks.exact_prior.folder_phrase import asked_of, fits
+from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder
 
 # So many of the best kinds are refined.
 CANDIDATES = 4

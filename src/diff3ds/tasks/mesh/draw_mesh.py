@@ -21,6 +21,7 @@ from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.draw import Lines, visible_lines
+from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.line_drawings import SIZE
 from diff3ds.surfaces.lines.feature_curves import (
     FeatureCurves,
@@ -35,7 +36,6 @@ from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surfa
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.mesh.fitted_strokes import fit_strokes
 from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from diff3ds._files import read_json, write_text
+from diff3ds.metrics.statistics import Mean, agreement, holm, mean_of, signed_rank
 from diff3ds.tasks.evaluate.score_table import table
 from diff3ds.tasks.study.make_study import ANSWERS, KEY
 from diff3ds.tasks.study.questions import LEAST, MOST, QUESTIONS
-from diff3ds.tasks.study.statistics import Mean, agreement, holm, mean_of, signed_rank
 
 # Marks of one participant: by question and sketch.
 Marks = dict[str, dict[str, float]]

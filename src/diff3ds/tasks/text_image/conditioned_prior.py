@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 import torch
 
 from diff3ds.guidance.denoiser import Denoiser
+from diff3ds.recognition.picture_colors import PictureColors
 from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.exact_prior.exemplars import WIDTH, Color, Exemplars
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, identity_of
 from diff3ds.tasks.small_prior.small_prior import Trained
-from diff3ds.tasks.text_image.picture_colors import PictureColors
 from diff3ds.tasks.text_image.redraw import Redrawing
 from diff3ds.tasks.text_image.reference_view import Reference
 from diff3ds.tasks.text_image.run_spec import AnyRun, PresetName

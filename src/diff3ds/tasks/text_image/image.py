@@ -13,22 +13,22 @@ from diff3ds.guidance.networks.zero123 import ReferencePose
 from diff3ds.library.faces import Faces
 from diff3ds.library.phrase import Request, parse
 from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.recognition.bend import Bend, bend_to
+from diff3ds.recognition.picture_colors import PictureColors
+from diff3ds.recognition.picture_lines import Lines, lines_of
+from diff3ds.recognition.recognise import Guess, recognised, seen_as
+from diff3ds.recognition.side_seen import PlacedLines, alike, gap, placed_over
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.exact_prior.exemplars import FITTING, SIZE, WIDTH, Color, Exemplars, exemplars_like
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.recognition.picture_lines import Lines, lines_of
-from diff3ds.tasks.recognition.poses import PlacedLines, alike, gap, placed_over
-from diff3ds.tasks.recognition.recognise import Guess, recognised, seen_as
 from diff3ds.tasks.results import check_output_folder
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.small_prior.small_prior import trained
-from diff3ds.tasks.text_image.bend import Bend, bend_to
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
-from diff3ds.tasks.text_image.picture_colors import PictureColors
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PICTURES
 from diff3ds.tasks.text_image.priors import choose_prior, load_for_picture, loaded
 from diff3ds.tasks.text_image.reference_view import Reference

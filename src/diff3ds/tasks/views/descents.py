@@ -19,12 +19,12 @@ from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.start_sketch import digest_of, finished, held
-from diff3ds.tasks.views.color_sketch import color_scores, held_out_views, plan_color
-from diff3ds.tasks.views.edge_sketch import fit_edges
+from diff3ds.tasks.views.color_fit.color_sketch import color_scores, held_out_views, plan_color
+from diff3ds.tasks.views.edge_fit.edge_sketch import fit_edges
+from diff3ds.tasks.views.edge_fit.random_start import plan_random_edges
+from diff3ds.tasks.views.edge_fit.refined_views import refine_for_color
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
-from diff3ds.tasks.views.random_start import plan_random_edges
-from diff3ds.tasks.views.refined_views import refine_for_color
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"

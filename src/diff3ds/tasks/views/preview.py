@@ -5,12 +5,12 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.camera import evenly_spaced
 from diff3ds.formats import save_png, tile_images
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.results import evenly_spaced
 from diff3ds.with_surface import render
 
 PREVIEWS = 8

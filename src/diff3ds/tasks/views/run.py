@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from diff3ds.camera import evenly_spaced
 from diff3ds.detectors.hed import require_hed
+from diff3ds.edges.clean.false_strokes import false_strokes
 from diff3ds.edges.reconstruct import NoEdgesError
 from diff3ds.edges.watch import no_report, not_said
 from diff3ds.formats.png import size_of
@@ -23,16 +25,16 @@ from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.shape.hull_surface import hull_surface
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
 from diff3ds.tasks.mesh.draw_mesh import sketch_mesh
 from diff3ds.tasks.mesh.options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
-from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, evenly_spaced, output_folder, write_results
+from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.start_sketch import load_start
-from diff3ds.tasks.views.cut_out import INSTEAD, cut_out
 from diff3ds.tasks.views.descents import (
     CHECKPOINT,
     EDGES_CHECKPOINT,
@@ -40,16 +42,15 @@ from diff3ds.tasks.views.descents import (
     fit_given_edges,
     fit_random_edges,
 )
-from diff3ds.tasks.views.detected_edges import detect_edges
-from diff3ds.tasks.views.edge_sketch import fit_edges
-from diff3ds.tasks.views.edges_of_pictures import look
-from diff3ds.tasks.views.false_strokes import false_strokes
-from diff3ds.tasks.views.hull_surface import hull_surface
+from diff3ds.tasks.views.edge_fit.edge_sketch import fit_edges
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import look
+from diff3ds.tasks.views.edge_fit.refined_cameras import REFINED, save_refined
+from diff3ds.tasks.views.network_maps.cut_out import INSTEAD, cut_out
+from diff3ds.tasks.views.network_maps.detected_edges import detect_edges
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.placed import PLACED, Placing, along_lines, placing_of
 from diff3ds.tasks.views.plan import Fitted
 from diff3ds.tasks.views.preview import PREVIEWS, after_targets, preview
-from diff3ds.tasks.views.refined_cameras import REFINED, save_refined
 
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"

@@ -15,10 +15,10 @@ from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.sketch import DEFAULT_WIDTH
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.views.edge_course import EdgeCourse
-from diff3ds.tasks.views.edges_of_pictures import MOST_VIEWS, look, look_again
+from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import MOST_VIEWS, look, look_again
+from diff3ds.tasks.views.edge_fit.refined_cameras import in_world, moves
 from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.refined_cameras import in_world, moves
 
 
 @dataclass(frozen=True, eq=False)

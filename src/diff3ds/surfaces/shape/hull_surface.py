@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
-from diff3ds.camera import Cameras
+from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.pictures.content.outlines import DEEPEST, depths
 from diff3ds.pictures.content.visual_hull import OUTVOTED, REACH
 from diff3ds.pictures.dataset import PosedPictures
@@ -12,7 +12,6 @@ from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.pictures.store import Batch
 from diff3ds.surfaces.shape.level_set import level_set
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.results import evenly_spaced
 
 # Points of the grid along each axis, and views that carve. Empirical.
 SIDE, VIEWS = 80, 48

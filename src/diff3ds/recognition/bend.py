@@ -19,8 +19,8 @@ from numpy.polynomial.legendre import legvander
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
+from diff3ds.recognition.side_seen import PlacedLines, heading
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.recognition.poses import PlacedLines, heading
 
 # Of the displacement in each coordinate, with Legendre polynomials. Empirical, as all that follows.
 DEGREE = 4

@@ -3,6 +3,7 @@
 import torch
 
 from diff3ds._shapes import Int, Tensor
+from diff3ds.camera import evenly_spaced
 from diff3ds.edges.evidence.ridges import (
     MOST_INK,
     Ridges,
@@ -18,7 +19,6 @@ from diff3ds.edges.watch import Report as Tell
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import is_all_known
-from diff3ds.tasks.results import evenly_spaced
 
 # Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
 # kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.

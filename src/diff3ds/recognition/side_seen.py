@@ -14,9 +14,9 @@ from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras, orbit
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.members import Member, added_strokes, member
+from diff3ds.recognition.network import AZIMUTHS, ELEVATIONS
+from diff3ds.recognition.picture_lines import Lines
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.recognition.network import AZIMUTHS, ELEVATIONS
-from diff3ds.tasks.recognition.picture_lines import Lines
 
 # Distance and field of view of the cameras, those of the built-in prior's; the azimuths and elevations of the views are
 # those that the network tells apart.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from diff3ds.detectors.hed import LICENCE, load_hed
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.views.kept_maps import keep_maps, views_of
+from diff3ds.tasks.views.network_maps.kept_maps import keep_maps, views_of
 
 # The folder of the maps in that of the results.
 EDGES = "edges_hed"

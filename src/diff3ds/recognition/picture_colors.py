@@ -6,8 +6,8 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Float
+from diff3ds.recognition.side_seen import PlacedLines, projected
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.recognition.poses import PlacedLines, projected
 
 # A colour is one where its channels differ by this; a picture has colours if so much of its lines has one. Empirical.
 CHROMA, COLORED = 0.2, 0.05

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
-from diff3ds.camera import Cameras
+from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.losses import composite_loss, psnr
 from diff3ds.metrics.ssim import WINDOW, ssim
 from diff3ds.optimize.config import FitConfig, Rates
@@ -25,7 +25,6 @@ from diff3ds.pictures.store import Store, is_all_known
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.results import evenly_spaced
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
 from diff3ds.transforms import present_views

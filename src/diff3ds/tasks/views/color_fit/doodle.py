@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.camera import Cameras
+from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.guidance.device import pick_device
 from diff3ds.guidance.objective import step_generator
 from diff3ds.metrics.clip_resnet import clip_resnet
@@ -29,9 +29,9 @@ from diff3ds.pictures.store import Store, is_all_known
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
-from diff3ds.tasks.results import RunInfo, check_output_folder, evenly_spaced, write_results
+from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
-from diff3ds.tasks.views.color_sketch import HULL_SIZE, HULL_VIEWS
+from diff3ds.tasks.views.color_fit.color_sketch import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.views.descents import CHECKPOINT
 from diff3ds.tasks.views.options import DoodleOptions
 from diff3ds.tasks.views.plan import Plan

@@ -20,12 +20,12 @@ from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, bound_by_points, frame_of
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Report
-from diff3ds.tasks.views.edge_course import EdgeCourse
-from diff3ds.tasks.views.edges_of_pictures import look
+from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import look
+from diff3ds.tasks.views.edge_fit.refined_cameras import NAMED
+from diff3ds.tasks.views.edge_fit.refined_views import RefinedViews, refine
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
-from diff3ds.tasks.views.refined_cameras import NAMED
-from diff3ds.tasks.views.refined_views import RefinedViews, refine
 
 
 def fit_edges(

@@ -5,11 +5,9 @@ from dataclasses import asdict, dataclass
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.render import render
-from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.tasks.recognition.network import Opinion, trained
-from diff3ds.tasks.recognition.picture_lines import Lines
-from diff3ds.tasks.recognition.poses import (
+from diff3ds.recognition.network import Opinion, trained
+from diff3ds.recognition.picture_lines import Lines
+from diff3ds.recognition.side_seen import (
     LEAST_CONFIDENCE,
     Match,
     cameras_at,
@@ -20,6 +18,8 @@ from diff3ds.tasks.recognition.poses import (
     seen_from,
     shows_attributes,
 )
+from diff3ds.render import render
+from diff3ds.render.backends import torch_on_one_thread
 
 # Guesses that are offered.
 GUESSES = 3

@@ -10,7 +10,7 @@ from diff3ds._files import existing_folder
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import save_png
 from diff3ds.formats.png import as_pillow
-from diff3ds.tasks.recognition.recognise import Recognition
+from diff3ds.recognition.recognise import Recognition
 
 NAME = "guesses.png"
 # Pixels: the side of each small picture, the height of the words under it and of their letters.

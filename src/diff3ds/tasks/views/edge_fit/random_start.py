@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.camera import Cameras
+from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.losses import ink_loss
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import Objective
@@ -17,8 +17,7 @@ from diff3ds.pictures.frame import frame_of
 from diff3ds.pictures.pyramid import Pyramid, build_pyramid
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.results import evenly_spaced
-from diff3ds.tasks.views.edges_of_pictures import most_views
+from diff3ds.tasks.views.edge_fit.edges_of_pictures import most_views
 from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
 

@@ -11,7 +11,7 @@ from torch import nn
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds._tensor_files import write_tensors
-from diff3ds.tasks.recognition.picture_lines import Lines
+from diff3ds.recognition.picture_lines import Lines
 
 # The picture that the network sees: pixels; the longer side of the thing and the width of lines as fractions of it.
 SIZE, THING, LINE = 64, 54 / 64, 2 / 64

@@ -10,7 +10,7 @@ import torch
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import derivatives, evaluate
-from diff3ds.camera import Cameras
+from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.chains import Chains
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
@@ -20,7 +20,6 @@ from diff3ds.sketch import Sketch
 from diff3ds.surfaces.hidden.mesh_view import MeshView
 from diff3ds.surfaces.shape.nearest import Nearest
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.results import evenly_spaced
 
 # Points along a segment.
 SAMPLES = 12

@@ -1,0 +1,1 @@
+"""Maps that networks make of posed photographs: edges and masks."""
