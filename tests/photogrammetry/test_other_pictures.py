@@ -11,7 +11,7 @@ from written_projects import CAMERAS, FOCAL, KINDS, NAMES, SIZE, pictures, write
 
 import diff3ds as ds
 from diff3ds.formats.png import load_image
-from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views
+from diff3ds.photogrammetry.project import NoCameras, find_project, present_views, project_of
 from diff3ds.tasks.views.run import run_views
 from diff3ds.transforms import of_picture_sizes
 
@@ -173,7 +173,9 @@ def test_cameras_that_are_not_read_are_named_and_not_estimated_anew(tmp_path, na
     pictures(tmp_path / "images")
     (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / name).write_text(content)
-    with pytest.raises(NoCamerasError, match=rf"is read\. Found: 4 pictures in images; .*{what}.* cameras .* anew\. "):
+    with pytest.raises(
+        FileNotFoundError, match=rf"is read\. Found: 4 pictures in images; .*{what}.* cameras .* anew\. "
+    ):
         run_views(tmp_path, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -182,9 +184,11 @@ def test_other_tables_are_no_cameras(tmp_path):
     pictures(tmp_path / "images")
     (tmp_path / "notes.csv").write_text("name,weight\n")
     (tmp_path / "images" / "shot 0.xmp").write_text("<x:xmpmeta/>")
-    with pytest.raises(NoCamerasError, match=r"taken from\. Found: 4 pictures in images\. ") as error:
+    with pytest.raises(FileNotFoundError, match=r"taken from\. Found: 4 pictures in images\. "):
         find_project(tmp_path)
-    assert error.value.not_read == ""
+    found = project_of(tmp_path)
+    assert isinstance(found, NoCameras)
+    assert found.not_read == ""
 
 
 @pytest.mark.parametrize(
@@ -199,7 +203,7 @@ def test_pictures_that_are_not_read_are_named(tmp_path, name, what, monkeypatch)
     monkeypatch.setattr("diff3ds.photogrammetry.not_read.HEIC_READ", ())
     monkeypatch.setattr("diff3ds.photogrammetry.picture_files.SUFFIXES", (".png",))
     (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(NoCamerasError, match=rf"Found: {what}"):
+    with pytest.raises(FileNotFoundError, match=rf"Found: {what}"):
         find_project(tmp_path)
 
 

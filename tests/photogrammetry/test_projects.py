@@ -24,7 +24,7 @@ from written_projects import (
 )
 
 from diff3ds.photogrammetry.picture_files import masks_for, pictures_in
-from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
+from diff3ds.photogrammetry.project import NoCameras, find_project, present_views, project_of, sparse_points
 from diff3ds.photogrammetry.shot import quaternion_pose
 from diff3ds.transforms import read_views, save_views
 
@@ -203,15 +203,15 @@ def test_broken_projects_are_refused_in_a_sentence(tmp_path, kind, file, change,
 def test_a_folder_without_cameras_says_what_it_holds(tmp_path):
     (tmp_path / "model.psx").touch()
     with pytest.raises(
-        NoCamerasError, match=r"Found: model\.psx is a Metashape project: export .*What would do: a trans"
+        FileNotFoundError, match=r"Found: model\.psx is a Metashape project: export .*What would do: a trans"
     ):
         find_project(tmp_path)
     pictures(tmp_path / "images")
-    with pytest.raises(
-        NoCamerasError, match=r'Found: 4 pictures in images; model.psx .*"diff3ds cameras .*" finds'
-    ) as e:
+    with pytest.raises(FileNotFoundError, match=r'Found: 4 pictures in images; model.psx .*"diff3ds cameras .*" finds'):
         find_project(tmp_path)
-    assert [file.name for file in e.value.pictures] == NAMES
+    found = project_of(tmp_path)
+    assert isinstance(found, NoCameras)
+    assert [file.name for file in found.pictures] == NAMES
     (tmp_path / "a.txt").write_text("x")
     with pytest.raises(ValueError, match="not a file with cameras"):
         present_views(tmp_path / "a.txt")

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -42,22 +43,42 @@ MODELS = ("sparse", "colmap/sparse", "colmap", "dense/sparse", "distorted/sparse
 NAMED = (meta_data.NAME, openmvg.NAME, opensfm.NAME, gaussians.NAME, *neus.NAMES, llff.NAME)
 
 
-class NoCamerasError(FileNotFoundError):
+@dataclass(frozen=True)
+class NoCameras:
     """A folder without cameras that are read; perhaps with pictures, whose cameras can be found.
 
     Attributes:
+        folder: where they were looked for.
         pictures: in it.
         not_read: what says where they were taken from, and is not read, in a sentence; empty if nothing does.
         others: pictures and videos in it that are not read, in sentences.
     """
 
-    def __init__(self, message: str, pictures: list[Path], not_read: str, others: list[str]) -> None:
-        super().__init__(message)
-        self.pictures, self.not_read, self.others = pictures, not_read, others
+    folder: Path
+    pictures: list[Path]
+    not_read: str
+    others: list[str]
+
+    def error(self) -> FileNotFoundError:
+        """Says what was found and what would do, to who cannot do without cameras."""
+        return FileNotFoundError(no_cameras(self.folder, self.pictures, self.not_read, self.others))
 
 
 def find_project(path: Path, target: str | None = None) -> Path:
-    """The file, or of COLMAP and MVSNet the folder, with the cameras of a folder.
+    """As `project_of`, of a folder that has cameras.
+
+    Raises:
+        FileNotFoundError: no such folder, or none with cameras; says what was found and what would do.
+        ValueError: as `project_of`.
+    """
+    found = project_of(path, target)
+    if isinstance(found, NoCameras):
+        raise found.error()
+    return found
+
+
+def project_of(path: Path, target: str | None = None) -> Path | NoCameras:
+    """The file, or of COLMAP and MVSNet the folder, with the cameras of a folder, if it has some.
 
     Of transforms files `transforms.json`, `transforms_train.json`, or the one of the target. Of several models of
     COLMAP the largest, with a warning.
@@ -67,7 +88,6 @@ def find_project(path: Path, target: str | None = None) -> Path:
         target: edges, color, color-edges, or None for any.
 
     Raises:
-        NoCamerasError: there is none; says what was found and what would do.
         FileNotFoundError: no such folder.
         ValueError: there are several; a video.
     """
@@ -90,7 +110,7 @@ def find_project(path: Path, target: str | None = None) -> Path:
         return cams[0]
     pictures = pictures_in(path)
     not_read, others = cameras_not_read(path, pictures), pictures_not_read(path, pictures)
-    raise NoCamerasError(no_cameras(path, pictures, not_read, others), pictures, not_read, others)
+    return NoCameras(path, pictures, not_read, others)
 
 
 def present_views(path: Path, target: str | None = None) -> list[View]:

@@ -15,7 +15,7 @@ from diff3ds.photogrammetry.markers import require_opencv
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
 from diff3ds.photogrammetry.point_files import save_points
-from diff3ds.photogrammetry.project import NoCamerasError, find_project, present_views, sparse_points
+from diff3ds.photogrammetry.project import NoCameras, present_views, project_of, sparse_points
 from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.register import register
 from diff3ds.tasks.progress import Report
@@ -52,7 +52,7 @@ def run_cameras(
 ) -> Path:
     """Finds where photographs were taken from; writes transforms.json, points.ply and cameras.json.
 
-    A folder that has cameras already (`find_project`) is converted; of others pycolmap finds them.
+    A folder that has cameras already (`project_of`) is converted; of others pycolmap finds them.
 
     Args:
         source: a folder of photographs, or a project.
@@ -73,24 +73,9 @@ def run_cameras(
     existing_folder(out)
     options = options or RegistrationOptions()
     require_opencv(options.between)
-    try:
-        path = find_project(source)
-        views = of_picture_sizes(path, present_views(path))
-        points = sparse_points(path)
-        about = {"source": str(path), "points": len(points)}
-        found = Found(views, points, about, [f"{path}: {len(views)} cameras"])
-        photographs = False
-    except NoCamerasError as missing:
-        if not missing.pictures:
-            raise
-        for line in (missing.not_read, *missing.others):
-            if line:
-                say(f"{source}: {line}")
-        registered = register(missing.pictures, options, report, say)
-        pictures = [view.picture for view in registered.views]
-        masks = masks_for(pictures, pictures[0].parent) or [None] * len(pictures)
-        views = [replace(view, mask=mask) for view, mask in zip(registered.views, masks, strict=True)]
-        found, photographs = Found(views, registered.points, registered.about, registered.lines), True
+    project = project_of(source)
+    photographs = isinstance(project, NoCameras)
+    found = _estimated(project, options, report, say) if isinstance(project, NoCameras) else _read(project)
     place = _placing(found.views, options, photographs)
     views = moved(found.views, *place)
     out.mkdir(parents=True, exist_ok=True)
@@ -105,6 +90,28 @@ def run_cameras(
     for line in found.lines:
         say(line)
     return out / TRANSFORMS
+
+
+def _read(path: Path) -> Found:
+    """The cameras of a project."""
+    views, points = of_picture_sizes(path, present_views(path)), sparse_points(path)
+    return Found(views, points, {"source": str(path), "points": len(points)}, [f"{path}: {len(views)} cameras"])
+
+
+def _estimated(
+    photographs: NoCameras, options: RegistrationOptions, report: Report, say: Callable[[str], None]
+) -> Found:
+    """The cameras of photographs, with the masks that lie beside these."""
+    if not photographs.pictures:
+        raise photographs.error()
+    for line in (photographs.not_read, *photographs.others):
+        if line:
+            say(f"{photographs.folder}: {line}")
+    found = register(photographs.pictures, options, report, say)
+    pictures = [view.picture for view in found.views]
+    masks = masks_for(pictures, pictures[0].parent) or [None] * len(pictures)
+    views = [replace(view, mask=mask) for view, mask in zip(found.views, masks, strict=True)]
+    return Found(views, found.points, found.about, found.lines)
 
 
 def are_estimated(path: Path) -> bool:

@@ -15,7 +15,7 @@ from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.photogrammetry.edge_maps import edge_maps_of
 from diff3ds.photogrammetry.markers import require_opencv
-from diff3ds.photogrammetry.project import NoCamerasError, find_project
+from diff3ds.photogrammetry.project import NoCameras, project_of
 from diff3ds.pictures.content.background import color_or_path, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
@@ -80,7 +80,7 @@ def run_views(
         The sketch in the world of the cameras.
 
     Raises:
-        FileNotFoundError, ValueError: as `find_project`, `load_posed`, `load_clean_plates`, `frame_of`, `fit` and
+        FileNotFoundError, ValueError: as `project_of`, `load_posed`, `load_clean_plates`, `frame_of`, `fit` and
             `reconstruct`; a background picture for what has no colours; a folder that holds another run.
         OSError: the folder cannot be made, or there is no room.
     """
@@ -242,19 +242,19 @@ def _write_cameras(out: Path, path: Path, scene: _Scene, fitted: Fitted, options
 
 def _cameras_of(source: Path, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]) -> Path:
     """The file with the cameras; of photographs without one they are found first, and kept in the folder `cameras`."""
-    try:
-        return find_project(source, options.pictures)
-    except NoCamerasError as missing:
-        # Cameras that are there are not estimated anew unasked.
-        if not missing.pictures or missing.not_read:
-            raise
-        if options.edges:
-            edge_maps_of(missing.pictures, [size_of(picture) for picture in missing.pictures], options.edges)
-        kept = out / CAMERAS / TRANSFORMS
-        if kept.is_file() and options.resume:
-            return kept
-        say(f"{source}: photographs without cameras. These are found first, and kept in {kept}")
-        return run_cameras(source, kept.parent, RegistrationOptions(), report, say)
+    found = project_of(source, options.pictures)
+    if not isinstance(found, NoCameras):
+        return found
+    # Cameras that are there are not estimated anew unasked.
+    if not found.pictures or found.not_read:
+        raise found.error()
+    if options.edges:
+        edge_maps_of(found.pictures, [size_of(picture) for picture in found.pictures], options.edges)
+    kept = out / CAMERAS / TRANSFORMS
+    if kept.is_file() and options.resume:
+        return kept
+    say(f"{source}: photographs without cameras. These are found first, and kept in {kept}")
+    return run_cameras(source, kept.parent, RegistrationOptions(), report, say)
 
 
 def _pictures(
