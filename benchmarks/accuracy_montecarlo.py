@@ -92,9 +92,9 @@ def average(sketch: ds.Sketch, cameras: ds.Cameras, upstream: torch.Tensor) -> t
     leaf = {name: value.float().requires_grad_() for name, value in sketch.tensors().items()}
     drawn = ds.Sketch(**leaf, width_space=sketch.width_space)
     image, gradients = _Sums(upstream), {name: _Sums(sketch.tensors()[name]) for name in INPUTS}
-    g = torch.Generator().manual_seed(0)
+    how = ds.MonteCarlo(generator=torch.Generator().manual_seed(0))
     for run in range(MAX_RUNS):
-        made = ds.render(drawn, cameras, background=BACKGROUND, antialiasing="montecarlo", generator=g)
+        made = ds.render(drawn, cameras, background=BACKGROUND, antialiasing=how)
         whole = torch.cat([made.color[0], made.alpha[0, ..., None]], -1)
         image.add(whole.detach().double())
         found = torch.autograd.grad(whole, [leaf[name] for name in INPUTS], upstream.float())

@@ -48,12 +48,8 @@ def drawn(seed: int, controls: int, space: str, dtype: torch.dtype, mode: str, b
     sketch, cameras = scene(seed, controls, space, dtype)
     generator = torch.Generator().manual_seed(seed)
     background = torch.rand(1, 61, 83, 3, generator=generator, dtype=torch.float64).to(dtype).requires_grad_()
-    how = {
-        "box": {},
-        "blur": {"blur": 1.5},
-        "montecarlo": {"antialiasing": "montecarlo", "samples": 4, "generator": generator},
-    }[mode]
-    image = ds.render(sketch, cameras, background=background, backend=backend, **how)
+    how = {"box": ds.Analytic(), "blur": ds.Analytic(1.5), "montecarlo": ds.MonteCarlo(4, generator)}[mode]
+    image = ds.render(sketch, cameras, background=background, antialiasing=how, backend=backend)
     images = [image.color, image.alpha, image.depth]
     losses = [(x * torch.rand(x.shape, generator=generator, dtype=torch.float64).to(dtype)).sum() for x in images]
     inputs = [sketch.points, sketch.weights, sketch.width, sketch.color, sketch.opacity, background]

@@ -35,7 +35,8 @@ class RandomScene(NamedTuple):
 
     def render(self, backend: Backend) -> ds.Rendering:
         """Draws it."""
-        return ds.render(self.sketch, self.cameras, background=self.background, blur=self.blur, backend=backend)
+        how = ds.Analytic(self.blur)
+        return ds.render(self.sketch, self.cameras, background=self.background, antialiasing=how, backend=backend)
 
 
 def random_scene(seed: int, sides: tuple[int, int] = (64, 96), strokes: int = 24) -> RandomScene:

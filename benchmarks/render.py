@@ -56,7 +56,7 @@ def our_ways(workload: Workload, montecarlo: bool) -> Ways:
         "forward + backward": both(),
     }
     if montecarlo:
-        options: dict[str, Any] = {"antialiasing": "montecarlo", "samples": 4, "generator": generator}
+        options = {"antialiasing": ds.MonteCarlo(4, generator)}
         ways["Monte Carlo forward"] = lambda: ds.render(sketch, cameras, **options)
         ways["Monte Carlo forward + backward"] = both(**options)
     return ways

@@ -150,17 +150,17 @@ def as_3doodle(mesh: ds.TriangleMesh, drawings: list[ds.Sketch], cameras: ds.Cam
     lines = [frame.from_world(drawing) for drawing in drawings]
     shown = [replace(drawing, width=torch.full_like(drawing.width, WIDTH)) for drawing in lines]
 
-    def blur(step: int) -> float:
-        return float(BLURS[0] * (BLURS[1] / BLURS[0]) ** (step / STEPS))
+    def blur(step: int) -> ds.Analytic:
+        return ds.Analytic(float(BLURS[0] * (BLURS[1] / BLURS[0]) ** (step / STEPS)))
 
     def objective(rendering: ds.Rendering, _: ds.Cameras, step: int) -> torch.Tensor:
         rows = picked[step % len(picked)]
         with torch.no_grad():
-            target = torch.cat([ds.render(shown[v], views[v], blur=blur(step)).alpha for v in rows])
+            target = torch.cat([ds.render(shown[v], views[v], antialiasing=blur(step)).alpha for v in rows])
         return ds.losses.ink_loss(rendering.alpha, target)
 
     picked = [generator.choice(len(drawings), BATCH, replace=False).tolist() for _ in range(STEPS)]
-    config = ds.FitConfig(steps=STEPS, rates=ds.Rates(points=RATE), blur=blur)
+    config = ds.FitConfig(steps=STEPS, rates=ds.Rates(points=RATE), antialiasing=blur)
     for done in ds.fit(start, objective, lambda step, _: views[picked[step]], config):
         sketch = done.sketch
     return frame.to_world(sketch.detach())

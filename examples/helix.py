@@ -36,7 +36,8 @@ def loss(image: ds.Rendering, cameras: ds.Cameras, step: int, sketch: ds.Sketch)
 
 
 start = helix(0.65, torch.full((31,), 0.06))
-config = ds.FitConfig(steps=300, rates=ds.Rates(points=0.005, width=0.03), blur=lambda step: 4 * 0.99**step)
+rates = ds.Rates(points=0.005, width=0.03)
+config = ds.FitConfig(steps=300, rates=rates, antialiasing=lambda step: ds.Analytic(4 * 0.99**step))
 for step in ds.fit(start, loss, views, config):
     if step.index % 100 == 99:
         print(f"step {step.index + 1}: loss {step.loss:.5f}")

@@ -36,15 +36,15 @@ def main(folder: Path) -> None:
     optimizer = torch.optim.Adam([{"params": [points], "lr": 0.012}, {"params": [color], "lr": 0.02}])
     for step in range(STEPS):
         # Coarse to fine: a stroke feels what is within 3.5 times the blur.
-        blur = 10.0 * (1 - step / STEPS) ** 2
-        wanted = ds.render(target, cameras, blur=blur).color
-        image = ds.render(ds.Sketch(points, width=0.03, color=color), cameras, blur=blur).color
+        blur = ds.Analytic(10.0 * (1 - step / STEPS) ** 2)
+        wanted = ds.render(target, cameras, antialiasing=blur).color
+        image = ds.render(ds.Sketch(points, width=0.03, color=color), cameras, antialiasing=blur).color
         loss = (image - wanted).square().mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         if step % 40 == 0 or step == STEPS - 1:
-            print(f"step {step:3d}  blur {blur:5.2f} px  loss {loss.item():.5f}")
+            print(f"step {step:3d}  blur {blur.blur:5.2f} px  loss {loss.item():.5f}")
     result = ds.Sketch(points.detach(), width=0.03, color=color.detach().clamp(0, 1))
     shown = cameras[[1, 4]].resize(256)
     pictures = [ds.render(sketch, shown).color for sketch in (target, start, result)]

@@ -17,9 +17,9 @@ FRAMES, TURN = 45, 45
 stool, views = ds.library.demo_sketch(), ds.library.demo_cameras()
 
 
-def blur(step: int) -> float:
+def blur(step: int) -> ds.Analytic:
     """Coarse to fine: a stroke feels what is within 3.5 times the blur."""
-    return 10.0 * max(0.0, 1 - step / (0.8 * STEPS)) ** 2
+    return ds.Analytic(10.0 * max(0.0, 1 - step / (0.8 * STEPS)) ** 2)
 
 
 def some_views(step: int, generator: torch.Generator) -> ds.Cameras:
@@ -29,7 +29,7 @@ def some_views(step: int, generator: torch.Generator) -> ds.Cameras:
 
 def objective(rendering: ds.Rendering, cameras: ds.Cameras, step: int) -> torch.Tensor:
     """How far the ink of the strokes is from that of the stool."""
-    wanted = ds.render(stool, cameras, blur=blur(step)).alpha
+    wanted = ds.render(stool, cameras, antialiasing=blur(step)).alpha
     return ds.losses.ink_loss(rendering.alpha, wanted, extra=1.0)
 
 
@@ -40,7 +40,7 @@ config = ds.FitConfig(
     steps=STEPS,
     rates=ds.Rates(points=0.012, opacity=0.01),
     final_rate=0.06,
-    blur=blur,
+    antialiasing=blur,
     refinements=[ds.NoiseDeletion(length=0.06, start=0.5, every=0.1)],
 )
 sketches: list[ds.Sketch] = []

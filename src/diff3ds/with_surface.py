@@ -2,15 +2,12 @@
 
 from pathlib import Path
 
-import torch
-
 from diff3ds import formats
 from diff3ds._units import Unit
 from diff3ds.camera import Cameras
 from diff3ds.render import Antialiasing, Backend, Rendering
 from diff3ds.render import render as render_sketch
 from diff3ds.render.checks import Background, check_scene
-from diff3ds.render.options import antialiasing_from
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import Hidden, Surface, draw
 from diff3ds.surfaces.on_page import SurfaceOnPage
@@ -23,9 +20,6 @@ def render(
     *,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
-    blur: float | None = None,
-    samples: int | None = None,
-    generator: torch.Generator | None = None,
     backend: Backend | None = None,
     surface: Surface | None = None,
     hidden: Hidden = "drop",
@@ -51,10 +45,7 @@ def render(
     Args:
         background: gray or RGB value, or a tensor that broadcasts to (V, H, W, 3).
         antialiasing: `Analytic(blur=0.0)` or `MonteCarlo(samples=4, generator=None)`, which say what they do; or
-            "analytic" or "montecarlo", short for them with the next three arguments.
-        blur: that of `Analytic`, together with "analytic" only.
-        samples: that of `MonteCarlo`, where antialiasing is "montecarlo"; "analytic" ignores it.
-        generator: the same, of `MonteCarlo`.
+            "analytic" or "montecarlo", short for them.
         backend: "reference", "cpu", "cuda", or None for the best there is for these tensors.
         surface: what hides what lies behind it, such as `load_surface` gives; its own contours are drawn too. No
             gradient knows of the places where strokes begin to be hidden.
@@ -70,18 +61,8 @@ def render(
             derivative that there is not.
     """
     if surface is None:
-        return render_sketch(
-            sketch,
-            cameras,
-            background=background,
-            antialiasing=antialiasing,
-            blur=blur,
-            samples=samples,
-            generator=generator,
-            backend=backend,
-        )
+        return render_sketch(sketch, cameras, background=background, antialiasing=antialiasing, backend=backend)
     check_scene(sketch, cameras)
-    how = antialiasing_from(antialiasing, blur, samples, generator)
     return draw(
         sketch,
         cameras,
@@ -89,7 +70,7 @@ def render(
         hidden=hidden,
         contours=contours,
         background=background,
-        antialiasing=how,
+        antialiasing=antialiasing,
         backend=backend,
     )
 

@@ -15,7 +15,7 @@ from diff3ds.edges.evidence.ridges import map_ridges
 from diff3ds.edges.measure import fit_ridges
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
-from diff3ds.render import render
+from diff3ds.render import Analytic, render
 
 RADIUS, HALF = 0.2, 0.6
 TILT = turned(1)
@@ -158,7 +158,7 @@ def test_corners_drawn_in_pictures_keep_their_radius(monkeypatch):
     """Smoothing pulls ridges inwards by their curvature, which next to the lines cannot be measured."""
     cameras, true = around(24, 160), rounded_square(RADIUS, 0.0)
     # As strokes of their own: one stroke covers a pixel once, and does not add up where its sides are near.
-    drawn = render(sketch_of(true, 2 / 160).segments(), cameras, blur=0.5)
+    drawn = render(sketch_of(true, 2 / 160).segments(), cameras, antialiasing=Analytic(0.5))
     views = edge_views(cameras, [map_ridges(view.numpy()) for view in drawn.alpha])
 
     def errors() -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 import torch
 from edge_scenes import arc, around, circular_arc, lines_between, project, ridges_along, segment, turned, whole
 
-from diff3ds import render
+from diff3ds import Analytic, render
 from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Circle, Kind, fit_circle
 from diff3ds.curves.shapes.smooth_joints import sketch_of
@@ -117,7 +117,7 @@ def test_the_other_side_of_a_small_circle_hardly_pulls_its_ridges(monkeypatch, w
     radius = 5 * PIXEL
     true = curves_of([whole(CENTER, radius * U, radius * V)])
     # As strokes of their own: one stroke covers a pixel once, and does not add up where its sides are near.
-    drawn = render(sketch_of(true, width / 160).segments(), CAMERAS, blur=0.7)
+    drawn = render(sketch_of(true, width / 160).segments(), CAMERAS, antialiasing=Analytic(0.7))
     views = edge_views(CAMERAS, [map_ridges(view.numpy()) for view in drawn.alpha])
     assert abs(fitted(fit_to_ridges(true, views, 0.0)).radius / radius - 1) < 3.5e-3
     monkeypatch.setattr(fit_ridges, "PULLED", CROWDED)

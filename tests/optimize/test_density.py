@@ -23,7 +23,7 @@ def bar(y, z=0.0, *, x=0.0, color=(1.0, 0.0, 0.0), length=1.0, **fields):
 
 def seen(truth, cameras, known=None, blur=0.0):
     """The pictures of this sketch."""
-    drawn = ds.render(truth, cameras, background=0.0, blur=blur)
+    drawn = ds.render(truth, cameras, background=0.0, antialiasing=ds.Analytic(blur))
     targets = torch.cat([drawn.color, drawn.alpha[..., None]], -1)
     return Observation(cameras, targets, torch.ones(targets.shape[:3], dtype=torch.bool) if known is None else known)
 

@@ -30,7 +30,7 @@ def start(generator):
 def objective(start, views):
     """Distance to the start, moved, recoloured and thinned."""
     goal = replace(start, points=start.points + 0.08, color=start.color + 0.5, width=start.width * 0.7)
-    target = ds.render(goal, views, blur=1.0).color
+    target = ds.render(goal, views, antialiasing=ds.Analytic(1.0)).color
 
     def loss(rendering, cameras, step):
         return (rendering.color - target).square().mean()
@@ -48,7 +48,9 @@ def assert_same(a: ds.Sketch, b: ds.Sketch):
 
 
 def test_recovers_what_was_moved(start, views, objective):
-    steps = list(ds.fit(start, objective, views, ds.FitConfig(steps=150, rates=ALL_RATES, blur=1.0)))
+    steps = list(
+        ds.fit(start, objective, views, ds.FitConfig(steps=150, rates=ALL_RATES, antialiasing=ds.Analytic(1.0)))
+    )
     assert [s.index for s in steps] == list(range(150))
     assert steps[-1].loss < 0.02 * steps[0].loss
     moved = (steps[-1].sketch.points - start.points).mean()
@@ -165,7 +167,9 @@ def test_cameras_may_change_with_every_step(start, views):
 
 def test_new_strokes_begin_with_full_steps(start, views, objective):
     """Adam's bias correction starts anew for them: the first step of every point is the learning rate."""
-    config = ds.FitConfig(steps=5, rates=ds.Rates(points=0.01), final_rate=1.0, refinements=[drop_and_add], blur=8.0)
+    config = ds.FitConfig(
+        steps=5, rates=ds.Rates(points=0.01), final_rate=1.0, refinements=[drop_and_add], antialiasing=ds.Analytic(8.0)
+    )
     steps = list(ds.fit(start, objective, views, config))
     moved = (steps[4].sketch.points - steps[3].sketch.points)[-1].abs()
     assert moved.max() == pytest.approx(0.01, rel=1e-3)
@@ -369,33 +373,30 @@ def test_a_run_stopped_in_its_first_step_is_resumed_with_what_learns_beside_it(s
 
 
 @pytest.mark.parametrize(
-    ("by_object", "by_keywords"),
+    ("one", "other"),
     [
-        ({"antialiasing": ds.Analytic(1.5)}, {"blur": 1.5}),
-        ({"antialiasing": ds.MonteCarlo(9)}, {"antialiasing": "montecarlo", "samples": 9, "blur": lambda _: 0.0}),
+        (ds.Analytic(1.5), lambda _: ds.Analytic(1.5)),
+        (ds.MonteCarlo(9), lambda _: ds.MonteCarlo(9)),
+        (ds.MonteCarlo(), "montecarlo"),
     ],
 )
-def test_antialiasing_as_an_object(start, views, objective, by_object, by_keywords):
-    """The same steps; a run goes on from a checkpoint written by the other way."""
-    ways = [ds.FitConfig(steps=3, rates=ALL_RATES, seed=3, **given) for given in (by_object, by_keywords)]
+def test_antialiasing_as_an_object_a_function_of_the_step_or_a_name(start, views, objective, one, other):
+    ways = [ds.FitConfig(steps=3, rates=ALL_RATES, seed=3, antialiasing=how) for how in (one, other)]
     first, second = ([step.loss for step in ds.fit(start, objective, views, config)] for config in ways)
     assert first == second
 
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("how", "message"),
     [
-        ({"antialiasing": ds.MonteCarlo(generator=torch.Generator())}, "a MonteCarlo without a generator in FitConfig"),
-        (
-            {"antialiasing": ds.Analytic(), "blur": lambda _: 1.0},
-            "blur must be left out where antialiasing is an object",
-        ),
-        ({"antialiasing": ds.MonteCarlo(), "samples": 9}, "samples must be left out"),
-        ({"antialiasing": "msaa"}, "antialiasing must be "),
-        ({"blur": -1.0}, "blur must be a number of pixels"),
+        (ds.MonteCarlo(generator=torch.Generator()), "a MonteCarlo without a generator in FitConfig"),
+        ("msaa", "antialiasing must be "),
     ],
 )
-def test_antialiasing_is_checked_at_once(options, message):
+def test_antialiasing_is_checked(start, views, objective, how, message):
+    """At once, or in the step for which a function gives it."""
     with pytest.raises(ValueError, match=message):
-        ds.FitConfig(**options)
+        ds.FitConfig(antialiasing=how)
+    with pytest.raises(ValueError, match=message):
+        list(ds.fit(start, objective, views, ds.FitConfig(steps=1, antialiasing=lambda _: how)))

@@ -62,7 +62,7 @@ def loss_of(sketch, plan, step):
     cameras = plan.pyramid.cameras(step, torch.Generator())
     rows = plan.pyramid.views(step)
     world = ds.Cameras(CAMERAS.world_to_camera[rows], cameras.intrinsics, cameras.size)
-    drawn = ds.render(sketch, world, background=0.0, blur=plan.pyramid.blur(step))
+    drawn = ds.render(sketch, world, background=0.0, antialiasing=plan.pyramid.antialiasing(step))
     return float(plan.objective(drawn, cameras, step))
 
 

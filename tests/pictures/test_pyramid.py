@@ -23,7 +23,9 @@ def test_targets_are_what_a_perfect_sketch_renders():
     sketch = ds.Sketch(torch.tensor([[[-0.6, 0.2, -2.0], [0.7, -0.3, 2.0]]]), width=0.05)
     pyramid = build_pyramid(cameras, store_of(ds.render(sketch, cameras).alpha[..., None]), 40, 3, seed=0)
     for step in (0, 10, 20, 39):
-        drawn = ds.render(sketch, pyramid.cameras(step, torch.Generator()), blur=pyramid.blur(step)).alpha
+        drawn = ds.render(
+            sketch, pyramid.cameras(step, torch.Generator()), antialiasing=pyramid.antialiasing(step)
+        ).alpha
         target = pyramid.targets(step).alpha
         assert drawn.shape == target.shape
         inner = (drawn - target)[:, 4:-4, 4:-4].abs()  # at the borders the filter sees no more of the line

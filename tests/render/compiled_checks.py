@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch.fx.experimental.proxy_tensor import make_fx
 
-from diff3ds import Cameras, Chains, MonteCarlo, Sketch, orbit, project, rasterize, render, render_batch
+from diff3ds import Analytic, Cameras, Chains, MonteCarlo, Sketch, orbit, project, rasterize, render, render_batch
 from diff3ds.render.compiled import draw
 
 VIEWS = orbit([10.0, 80.0], [20.0, 40.0], 3.0, size=(40, 36))
@@ -45,7 +45,7 @@ CASES = {
     "plain": (tensors, {}, {}, VIEWS),
     "world": (tensors, {"width_space": "world"}, {}, VIEWS),
     "oblong": (along, {"width_space": "world"}, {}, OBLONG),
-    "along": (along, {}, {"background": 0.3, "blur": 1.0}, VIEWS),
+    "along": (along, {}, {"background": 0.3, "antialiasing": Analytic(1.0)}, VIEWS),
     "chains": (chained, {"chains": CLOSED}, {"background": (0.2, 0.4, 0.6)}, VIEWS),
     "orthographic": (tensors, {}, {}, orbit([10.0], [90.0], 3.0, height=2.0, size=40)),
     "float64": (lambda: tensors(torch.float64), {}, {}, VIEWS),

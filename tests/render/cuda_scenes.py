@@ -23,8 +23,7 @@ def results(strokes, size, antialiasing="analytic", backend="cuda", **options) -
     """Images, and gradients of all tensors and the background."""
     tensors = tracked(strokes)
     background = torch.full((3,), 0.4, requires_grad=True)
-    options = {"samples": 4, **options} if antialiasing == "montecarlo" else options
-    image = draw(strokes, size, backend, antialiasing, background=background, **options)
+    image = draw(strokes, size, backend, antialiasing, samples=4, background=background, **options)
     loss = image.color.square().sum() + image.alpha.sum() + image.depth.sum()
     return [image.color, image.alpha, image.depth, *torch.autograd.grad(loss, [*tensors, background])]
 
@@ -39,9 +38,9 @@ def of_a_sketch(antialiasing: str, width_space: str, backend: str = "cuda") -> l
     inputs = [*tensors.values(), cameras.world_to_camera, cameras.intrinsics]
     for tensor in inputs:
         tensor.requires_grad_()
-    options = {"samples": 4, "generator": g} if antialiasing == "montecarlo" else {}
+    how = ds.MonteCarlo(4, g) if antialiasing == "montecarlo" else ds.Analytic()
     sketch = ds.Sketch(**tensors, width_space=width_space)
-    image = ds.render(sketch, cameras, antialiasing=antialiasing, backend=backend, **options)
+    image = ds.render(sketch, cameras, antialiasing=how, backend=backend)
     loss = image.color.square().sum() + image.alpha.sum() + image.depth.sum()
     return [image.color, image.alpha, image.depth, *torch.autograd.grad(loss, inputs)]
 

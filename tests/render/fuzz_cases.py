@@ -2,7 +2,7 @@
 
 import torch
 
-from diff3ds import Cameras, Sketch, look_at, render
+from diff3ds import Analytic, Cameras, MonteCarlo, Sketch, look_at, render
 from diff3ds.render import available_backends
 
 
@@ -61,13 +61,11 @@ def run_case(seed: int, backend: str | None = None) -> str:
     dtype = _pick([torch.float32, torch.float64], g)
     # Intrinsics are pixels a unit then: the same numbers do.
     sketch, cameras = random_sketch(dtype, g), random_cameras(g, orthographic=seed % 4 == 3)
-    if _chance(0.3, g):
-        options = {"antialiasing": "montecarlo", "samples": _pick([1, 4, 9], g), "generator": g}
-    else:
-        options = {"blur": _pick([0.0, 0.0, 0.3, 5.0, 1e3], g)}
+    sampled = _chance(0.3, g)
+    how = MonteCarlo(_pick([1, 4, 9], g), g) if sampled else Analytic(_pick([0.0, 0.0, 0.3, 5.0, 1e3], g))
     # The kernels for tensors on the CPU, where they are.
     backend = backend or ("cpu" if "cpu" in available_backends() else "reference")
-    image = render(sketch, cameras, background=0.5, backend=backend, **options)
+    image = render(sketch, cameras, background=0.5, antialiasing=how, backend=backend)
     inputs = [*sketch.tensors().values(), cameras.world_to_camera, cameras.intrinsics]
     loss = sum((_pick([0.0, 1.0, -1.0], g) * x).sum() for x in (image.color, image.alpha, image.depth))
     gradients = torch.autograd.grad(loss, inputs, allow_unused=True)

@@ -6,7 +6,7 @@ import torch
 
 from diff3ds.bezier.curves import elevate_homogeneous
 from diff3ds.project import Strokes2D
-from diff3ds.render import Rendering, rasterize
+from diff3ds.render import Analytic, MonteCarlo, Rendering, rasterize
 
 # Of the Monte Carlo mode where a picture is compared with a known one; the reference and the emulated CUDA kernels
 # are slow.
@@ -36,11 +36,17 @@ def strokes_at(
     return Strokes2D(cubics[None], *appearance, orthographic=orthographic, **options)
 
 
-def draw(strokes: Strokes2D, size, backend: str, antialiasing: str = "analytic", seed: int = 0, **options) -> Rendering:
-    """`rasterize`, in the Monte Carlo mode with SAMPLES from a seed."""
-    if antialiasing == "montecarlo":
-        options = {"samples": SAMPLES[backend], "generator": torch.Generator().manual_seed(seed), **options}
-    return rasterize(strokes, size, backend=backend, antialiasing=antialiasing, **options)
+def seeded(antialiasing: str, samples: int = 4, seed: int = 0) -> Analytic | MonteCarlo:
+    """An antialiasing by its name; the samples of Monte Carlo are the same in all calls."""
+    return Analytic() if antialiasing == "analytic" else MonteCarlo(samples, torch.Generator().manual_seed(seed))
+
+
+def draw(
+    strokes: Strokes2D, size, backend: str, antialiasing: str = "analytic", samples: int | None = None, **options
+) -> Rendering:
+    """`rasterize`, in the Monte Carlo mode with SAMPLES unless told otherwise, from a seed."""
+    how = seeded(antialiasing, samples or SAMPLES[backend])
+    return rasterize(strokes, size, backend=backend, antialiasing=how, **options)
 
 
 def noise(backend: str, antialiasing: str, pixels: int = 1) -> float:

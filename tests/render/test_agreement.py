@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 import torch
-from scenes import TENSORS, draw, strokes_at
+from scenes import TENSORS, draw, seeded, strokes_at
 
-from diff3ds import Cameras, Sketch, render
+from diff3ds import Analytic, Cameras, Sketch, render
 from diff3ds.camera import look_at
 from diff3ds.render import available_backends, rasterize
 
@@ -75,7 +75,7 @@ def analytic(
     shapes = {"color": (2, *SIZE, 3), "alpha": (2, *SIZE), "depth": (2, *SIZE)}
     upstream = {name: torch.randn(shape, generator=g).to(dtype) for name, shape in shapes.items()}
     background = torch.rand(*SIZE, 3, generator=g.manual_seed(1)).to(dtype).requires_grad_()
-    image = render(sketch, cameras, background=background, blur=blur, backend=backend)
+    image = render(sketch, cameras, background=background, antialiasing=Analytic(blur), backend=backend)
     inputs = leaves(sketch, cameras, background)
     # The depth of pixels with little ink hangs on rounding.
     seen = image if backend == "reference" else by_reference(dtype, seed, controls, width_space, blur, orthographic)[0]
@@ -126,9 +126,9 @@ def test_analytic_images_and_gradients(kernels, dtype, seed, controls, width_spa
 def sampled(backend: str, dtype: torch.dtype, width_space: str, orthographic: bool) -> tuple:
     """Images and gradients of appearance in the Monte Carlo mode."""
     sketch, cameras = cast(*scene(5, 4, width_space, orthographic), dtype)
-    options = {"antialiasing": "montecarlo", "samples": 9, "generator": torch.Generator().manual_seed(3)}
+    how = seeded("montecarlo", 9, seed=3)
     background = torch.full((1, 1, 1, 3), 0.3, dtype=dtype, requires_grad=True)
-    image = render(sketch, cameras, background=background, backend=backend, **options)
+    image = render(sketch, cameras, background=background, antialiasing=how, backend=backend)
     upstream = torch.randn(2, *SIZE, 3, generator=torch.Generator().manual_seed(4)).to(dtype)
     inputs = [sketch.color, sketch.opacity, background]
     return image, torch.autograd.grad((image.color * upstream).sum(), inputs)
@@ -163,8 +163,8 @@ def sampled_shapes(backend: str, dtype: torch.dtype, width_space: str, orthograp
     # In one of seven scenes or so rounding gives some outline a sample more by one driver than by the other, and with
     # it other samples. In these none.
     sketch, cameras = cast(*scene(6 if orthographic else 5, 4, width_space, orthographic), dtype)
-    options = {"antialiasing": "montecarlo", "samples": 9, "generator": torch.Generator().manual_seed(3)}
-    image = render(sketch, cameras, backend=backend, **options)
+    how = seeded("montecarlo", 9, seed=3)
+    image = render(sketch, cameras, antialiasing=how, backend=backend)
     g = torch.Generator().manual_seed(4)
     loss = sum((x * torch.randn(x.shape, generator=g).to(dtype)).sum() for x in (image.color, image.alpha))
     return torch.autograd.grad(loss, [sketch.points, sketch.weights, sketch.width])
@@ -193,7 +193,7 @@ def test_every_instruction_set():
     def result(backend: str) -> tuple[torch.Tensor, ...]:
         strokes = strokes_at(points, depth=depth, opacity=0.8, dtype=torch.float32, **appearance)
         tensors = [getattr(strokes, name).requires_grad_() for name in TENSORS]
-        image = rasterize(strokes, 40, backend=backend, blur=0.5).color
+        image = rasterize(strokes, 40, backend=backend, antialiasing=Analytic(0.5)).color
         return image.detach(), *torch.autograd.grad((image * upstream).sum(), tensors)
 
     expected, before = result("reference"), _kernels.instruction_set()
@@ -218,9 +218,9 @@ def test_whole_numbers_draw_in_the_precision_of_the_strokes(kernels, antialiasin
     eye = torch.tensor([[2.0, 0.0, 0.5]], dtype=torch.float64)
     images = []
     for near, blur in ((1, 2), (1.0, 2.0)):
-        options = {"blur": blur} if antialiasing == "analytic" else {"generator": torch.Generator().manual_seed(0)}
+        how = Analytic(blur) if antialiasing == "analytic" else seeded(antialiasing)
         cameras = look_at(eye, size=32, near=near)
-        images.append(render(sketch, cameras, backend=kernels, antialiasing=antialiasing, **options).color)
+        images.append(render(sketch, cameras, backend=kernels, antialiasing=how).color)
     assert images[0].dtype == torch.float64
     assert torch.equal(*images)
     assert (images[0] < 0.9).any()

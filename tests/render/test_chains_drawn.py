@@ -262,7 +262,7 @@ def test_gradients_are_differences(space):
     cameras = orbit(40, 20, 3, size=16)
 
     def loss(given: dict) -> torch.Tensor:
-        image = render(sketch_of(given, chains, space), cameras, blur=1.0, backend="reference")
+        image = render(sketch_of(given, chains, space), cameras, antialiasing=Analytic(1.0), backend="reference")
         g = torch.Generator().manual_seed(3)
         return (image.color * torch.rand(image.color.shape, generator=g, dtype=torch.float64)).sum()
 

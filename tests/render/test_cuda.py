@@ -82,11 +82,7 @@ def test_backward_twice(device, antialiasing):
     """The backward leaves what the forward kept as it is."""
     strokes = crowd(12)
     tensors = tracked(strokes)
-    image = (
-        draw(strokes, 30, "cuda", antialiasing, samples=4)
-        if antialiasing == "montecarlo"
-        else draw(strokes, 30, "cuda")
-    )
+    image = draw(strokes, 30, "cuda", antialiasing, samples=4)
     first, second = (torch.autograd.grad(image.color.square().sum(), tensors, retain_graph=True) for _ in range(2))
     assert_same(first, second)
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 import torch
-from scenes import strokes_at
+from scenes import seeded, strokes_at
 from torch.autograd import forward_ad
 from torch.autograd.functional import hvp, jacobian
 from torch.func import functionalize, grad, hessian, jacfwd, jacrev, jvp, vjp, vmap
 from torch.fx.experimental.proxy_tensor import make_fx
 
-from diff3ds import Cameras, Sketch, orbit, render
+from diff3ds import Analytic, Cameras, Sketch, orbit, render
 from diff3ds.render import available_backends, rasterize
 
 # What torch says of itself where it decomposes operations for forward mode, and traces.
@@ -21,8 +21,7 @@ SIZE = 12
 
 
 def options(antialiasing: str) -> dict:
-    sampled = {"antialiasing": "montecarlo", "samples": 1, "generator": torch.Generator().manual_seed(0)}
-    return sampled if antialiasing == "montecarlo" else {}
+    return {"antialiasing": seeded(antialiasing, 1)}
 
 
 def picture(backend: str, antialiasing: str = "analytic"):
@@ -108,13 +107,14 @@ def test_derivatives_of_the_reference(space, blur):
     direction = {name: torch.randn(value.shape, generator=g, dtype=value.dtype) for name, value in values.items()}
     for name, row in (("world_to_camera", 3), ("intrinsics", 2)):
         direction[name][:, row] = 0
-    seen = drawn(values, space, blur=blur, backend="reference")
+    way = {"antialiasing": Analytic(blur), "backend": "reference"}
+    seen = drawn(values, space, **way)
     upstream = {name: torch.rand(image.shape, generator=g, dtype=image.dtype) for name, image in vars(seen).items()}
     # The depth of pixels with little ink hangs on rounding.
     upstream["depth"] = upstream["depth"] * (seen.alpha.detach() > 0.05)
 
     def loss(*tensors: torch.Tensor) -> torch.Tensor:
-        found = vars(drawn(dict(zip(values, tensors, strict=True)), space, blur=blur, backend="reference"))
+        found = vars(drawn(dict(zip(values, tensors, strict=True)), space, **way))
         return sum(((found[name] + found[name].square()) * upstream[name]).sum() for name in found)
 
     def slopes(step: float, **graph: bool) -> tuple[list[torch.Tensor], tuple[torch.Tensor, ...]]:
@@ -142,7 +142,12 @@ def test_second_derivatives_in_the_middle_of_a_stroke(blur):
 
     def slope(move: float, **graph: bool) -> tuple[torch.Tensor, torch.Tensor]:
         at = torch.tensor(move, dtype=torch.float64, requires_grad=True)
-        image = rasterize(replace(strokes, cubics=strokes.cubics + at * sideways), 16, blur=blur, backend="reference")
+        image = rasterize(
+            replace(strokes, cubics=strokes.cubics + at * sideways),
+            16,
+            antialiasing=Analytic(blur),
+            backend="reference",
+        )
         return at, torch.autograd.grad(image.alpha[:, :, 4:12].square().sum(), at, **graph)[0]
 
     at, first = slope(0.0, create_graph=True)

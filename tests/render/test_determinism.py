@@ -5,9 +5,9 @@ import multiprocessing
 
 import pytest
 import torch
-from scenes import draw, strokes_at, tracked
+from scenes import draw, seeded, strokes_at, tracked
 
-from diff3ds.render import available_backends, set_num_threads
+from diff3ds.render import Analytic, available_backends, rasterize, set_num_threads
 
 pytestmark = pytest.mark.skipif("cpu" not in available_backends(), reason="installed without compiled kernels")
 
@@ -27,8 +27,8 @@ def result(antialiasing: str, width_space: str, dtype: torch.dtype) -> list[torc
     )
     tensors = tracked(strokes)
     background = torch.rand(3, generator=g).to(dtype).requires_grad_()
-    options = {"samples": 4} if antialiasing == "montecarlo" else {"blur": 0.4}
-    image = draw(strokes, (70, 90), "cpu", antialiasing, background=background, **options)
+    how = Analytic(0.4) if antialiasing == "analytic" else seeded(antialiasing)
+    image = rasterize(strokes, (70, 90), antialiasing=how, backend="cpu", background=background)
     loss = image.color.square().sum() + image.alpha.sum() + image.depth.sum()
     return [image.color, image.alpha, image.depth, *torch.autograd.grad(loss, [*tensors, background])]
 

@@ -5,7 +5,7 @@ import torch
 from scenes import TENSORS, strokes_at
 from test_agreement import SIZE, leaves, scene
 
-from diff3ds import Cameras, Sketch, render
+from diff3ds import Analytic, Cameras, Sketch, render
 from diff3ds.render import rasterize
 from diff3ds.render.reference import coverage
 
@@ -42,7 +42,7 @@ def test_every_input(seed, width_space, blur, output):
     def loss(values: dict[str, torch.Tensor]) -> torch.Tensor:
         stroke = Sketch(*(values[n] for n in sketch.tensors()), width_space=width_space)
         views = Cameras(values["world_to_camera"], values["intrinsics"], SIZE)
-        image = render(stroke, views, background=values["background"], blur=blur, backend="reference")
+        image = render(stroke, views, background=values["background"], antialiasing=Analytic(blur), backend="reference")
         inked = image.alpha.detach() > 0.05
         return (getattr(image, output) * upstream * (inked[..., None] if output == "color" else inked)).sum()
 
@@ -73,7 +73,11 @@ def test_gradcheck(width_space):
 
     def images(*values: torch.Tensor) -> tuple[torch.Tensor, ...]:
         image = rasterize(
-            type(strokes)(*values[:4], width_space), (2, 4), background=values[4], blur=1.0, backend="reference"
+            type(strokes)(*values[:4], width_space),
+            (2, 4),
+            background=values[4],
+            antialiasing=Analytic(1.0),
+            backend="reference",
         )
         return image.color, image.alpha, image.depth
 

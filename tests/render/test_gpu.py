@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 from gpu_promise import lack, promised
+from scenes import seeded
 
 import diff3ds as ds
 from diff3ds._settings import with_options
@@ -48,9 +49,7 @@ def scene(device, seed: int = 0, dtype=torch.float32, **options) -> tuple[ds.Ske
 
 def drawn(sketch: ds.Sketch, cameras: ds.Cameras, antialiasing="analytic", **options) -> list[torch.Tensor]:
     """Colour and gradients; those of Monte Carlo have the same samples in all calls."""
-    if antialiasing == "montecarlo":
-        options |= {"generator": torch.Generator().manual_seed(0)}
-    color = ds.render(sketch, cameras, antialiasing=antialiasing, **options).color
+    color = ds.render(sketch, cameras, antialiasing=seeded(antialiasing), **options).color
     gradients = torch.autograd.grad(color.square().sum(), list(sketch.tensors().values()))
     # Without its graph, whose nodes belong to one stream: a capture, or what comes after one, is on another.
     return [color.detach(), *gradients]

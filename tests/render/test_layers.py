@@ -93,8 +93,7 @@ def test_the_outline_of_what_lies_below_at_the_same_depth_is_no_outline(kernels)
     """Two dots at one place, the later one larger: samples say that only that one grows the ink."""
     strokes = strokes_at([[[16.0, 16.0]] * 2] * 2, half_width=[[4.0, 9.0]], color=[[1.0, 0, 0], [0, 0, 1.0]])
     (widths,) = tracked(strokes, "half_width")
-    how = {"antialiasing": "montecarlo", "samples": 16, "generator": torch.Generator().manual_seed(0)}
-    image = draw(strokes, 32, kernels, background=0.0, **how)
+    image = draw(strokes, 32, kernels, "montecarlo", samples=16, background=0.0)
     gradient = torch.autograd.grad(image.color.sum(), widths)[0][0]
     assert gradient[0] == 0
     assert gradient[1].item() == pytest.approx(2 * torch.pi * 9, rel=0.02)
@@ -129,20 +128,19 @@ def test_backgrounds(backend, antialiasing):
     strokes = type(bend)(bend.cubics.expand(2, -1, -1, -1), bend.half_width, bend.color, bend.opacity)
     size = (20, 24)
     # Any number does: all pictures have the same samples.
-    options = {"samples": 4} if antialiasing == "montecarlo" else {}
     generator = torch.Generator().manual_seed(0)
-    black = draw(strokes, size, backend, antialiasing, background=0.0, **options)
+    black = draw(strokes, size, backend, antialiasing, background=0.0, samples=4)
     upstream = torch.rand(2, *size, 3, generator=generator, dtype=torch.float64)
     shared = [(), (3,), (1, 1, 3), (20, 1, 3), (1, 24, 3), (*size, 3), (*size, 1)]
     for shape in [*shared, (2, 1, 1, 3), (2, 20, 1, 3), (2, 1, 24, 3), (2, *size, 3)]:
         background = torch.rand(shape, generator=generator, dtype=torch.float64).requires_grad_()
-        image = draw(strokes, size, backend, antialiasing, background=background, **options)
+        image = draw(strokes, size, backend, antialiasing, background=background, samples=4)
         clear = (1 - black.alpha)[..., None]
         torch.testing.assert_close(image.color, black.color + clear * background, rtol=0, atol=1e-12)
         (image.color * upstream).sum().backward()
         expected = (clear * upstream).sum_to_size(shape) if shape else (clear * upstream).sum()
         torch.testing.assert_close(background.grad, expected, rtol=1e-10, atol=1e-12)
-    white, gray = (draw(strokes, size, backend, antialiasing, background=b, **options) for b in ([1, 1, 1], 0.5))
+    white, gray = (draw(strokes, size, backend, antialiasing, background=b, samples=4) for b in ([1, 1, 1], 0.5))
     torch.testing.assert_close(white.color - black.color, 2 * (gray.color - black.color), rtol=0, atol=1e-12)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from scenes import draw, noise, strokes_at, tracked
+from scenes import draw, noise, seeded, strokes_at, tracked
 
 from diff3ds import Sketch, bezier, render
 from diff3ds.camera import look_at
@@ -104,9 +104,7 @@ def test_through_the_camera_plane(backend, antialiasing, lens):
     points.requires_grad_()
     images = []
     for sketch in (Sketch(points, weights, width=0.1), front):
-        generator = torch.Generator().manual_seed(0)
-        options = {"backend": backend, "antialiasing": antialiasing, "generator": generator}
-        images.append(render(sketch, looking(lens), **options))
+        images.append(render(sketch, looking(lens), backend=backend, antialiasing=seeded(antialiasing)))
     assert images[0].alpha.sum() > 20
     torch.testing.assert_close(images[0].alpha, images[1].alpha, rtol=0, atol=1e-5)
     torch.testing.assert_close(images[0].depth, images[1].depth, rtol=0, atol=1e-3)

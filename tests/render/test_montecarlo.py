@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from oracles import supersampled
-from scenes import SHAPES, strokes_at
+from scenes import SHAPES, seeded, strokes_at
 
 from diff3ds.render import rasterize
 
@@ -40,8 +40,7 @@ def layers(view: str):
 
 
 def draw(strokes, seed: int, samples: int, backend: str = "cpu"):
-    generator = torch.Generator().manual_seed(seed)
-    return rasterize(strokes, SIZE, antialiasing="montecarlo", samples=samples, generator=generator, backend=backend)
+    return rasterize(strokes, SIZE, antialiasing=seeded("montecarlo", samples, seed), backend=backend)
 
 
 def chi_square_limit(count: int) -> float:

@@ -4,10 +4,11 @@ import math
 
 import pytest
 import torch
+from scenes import seeded
 from test_agreement import assert_close_gradients
 from torch.nn.functional import avg_pool2d
 
-from diff3ds import Cameras, Chains, Sketch, orbit, project, rasterize, render, render_batch
+from diff3ds import Analytic, Cameras, Chains, MonteCarlo, Sketch, orbit, project, rasterize, render, render_batch
 
 KINDS = {"oblong": (60.0, 20.0, 0.0), "tall": (20.0, 60.0, 0.0), "skewed": (40.0, 30.0, 25.0)}
 FRONT = torch.eye(4, dtype=torch.float64)[None]
@@ -180,9 +181,8 @@ def test_samples_have_the_gradient_of_an_ellipse(kernels, name):
     width = torch.tensor([1.0], dtype=torch.float64, requires_grad=True)
     dot = torch.tensor([[[0.0, 0, 2.0]] * 2], dtype=torch.float64)
     sketch = Sketch(dot, width=width, width_space="world")
-    generator = torch.Generator().manual_seed(0)
-    image = render(sketch, Cameras(FRONT, lens, (40, 60)), antialiasing="montecarlo", samples=64, generator=generator,
-                   backend=kernels)  # fmt: skip
+    how = seeded("montecarlo", 64)
+    image = render(sketch, Cameras(FRONT, lens, (40, 60)), antialiasing=how, backend=kernels)
     area = math.pi * fx * fy / 16
     assert image.alpha.sum().item() == pytest.approx(area, rel=0.01)
     of_lens, of_width = torch.autograd.grad(image.alpha.sum(), [lens, width])
@@ -197,17 +197,17 @@ def test_samples_lead_to_the_same_gradients_as_distances(kernels):
     sketch = tubes("along")[0].replace(opacity=1.0)
     view = cameras(*KINDS["skewed"])
 
-    def gradient(**how) -> torch.Tensor:
+    def gradient(how: Analytic | MonteCarlo) -> torch.Tensor:
         values = leaves(sketch, view)
         seen = Cameras(values["pose"], values["lens"], view.size)
-        image = render(Sketch(values["points"], values["weights"], values["width"], width_space="world"), seen, **how)
+        tube = Sketch(values["points"], values["weights"], values["width"], width_space="world")
+        image = render(tube, seen, antialiasing=how, backend=kernels)
         ramp = torch.linspace(0, 1, 60, dtype=torch.float64) + torch.linspace(0, 2, 40, dtype=torch.float64)[:, None]
         found = torch.autograd.grad((image.alpha * ramp).sum(), [values[n] for n in ("points", "width", "lens")])
         return torch.cat([g.flatten() for g in found])
 
-    expected = gradient(backend=kernels, blur=1.0)
-    how = {"antialiasing": "montecarlo", "samples": 64, "backend": kernels}
-    got = gradient(**how, generator=torch.Generator().manual_seed(1))
+    expected = gradient(Analytic(1.0))
+    got = gradient(seeded("montecarlo", 64, seed=1))
     assert (got - expected).norm() < 0.03 * expected.norm()
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scenes import noise
 
-from diff3ds import Cameras, Sketch, look_at, render
+from diff3ds import Analytic, Cameras, Sketch, look_at, render
 
 SIZE = (40, 56)
 # World units that the images show from the lower edge to the upper one, and how far away perspective is hardly any:
@@ -42,9 +42,11 @@ def cameras_at(distance: float, orthographic: bool) -> Cameras:
     return replace(cameras, world_to_camera=pose, intrinsics=lens)
 
 
-def loss_of(sketch: Sketch, cameras: Cameras, distance: float, backend: str, **options) -> tuple[torch.Tensor, dict]:
+def loss_of(
+    sketch: Sketch, cameras: Cameras, distance: float, backend: str, how: Analytic
+) -> tuple[torch.Tensor, dict]:
     """Linear in all three images, and these; the depth of pixels with hardly any ink is left out."""
-    image = render(sketch, cameras, background=0.4, backend=backend, **options)
+    image = render(sketch, cameras, background=0.4, antialiasing=how, backend=backend)
     y, x = torch.meshgrid(*(torch.arange(n, dtype=torch.float64) for n in SIZE), indexing="ij")
     wave = torch.sin(0.3 * x + 0.2 * y).to(image.color)
     nearer = (image.depth - distance) * (image.alpha.detach() > 0.05)
@@ -57,9 +59,9 @@ def inputs_of(sketch: Sketch, cameras: Cameras) -> dict[str, torch.Tensor]:
     return {**sketch.tensors(), "pose": cameras.world_to_camera, "lens": cameras.intrinsics}
 
 
-def drawn(sketch: Sketch, cameras: Cameras, distance: float, backend: str, **options) -> tuple[dict, dict]:
+def drawn(sketch: Sketch, cameras: Cameras, distance: float, backend: str, how: Analytic) -> tuple[dict, dict]:
     """Images, and gradients of the loss."""
-    loss, images = loss_of(sketch, cameras, distance, backend, **options)
+    loss, images = loss_of(sketch, cameras, distance, backend, how)
     inputs = inputs_of(sketch, cameras)
     return images, dict(zip(inputs, torch.autograd.grad(loss, list(inputs.values())), strict=True))
 
@@ -67,13 +69,16 @@ def drawn(sketch: Sketch, cameras: Cameras, distance: float, backend: str, **opt
 def test_gradients_are_those_of_differences():
     """Of the reference by every input, those of cameras included, along a random direction of each."""
     sketch, cameras = sketch_of("world"), cameras_at(NEAR, orthographic=True)
-    inputs, gradients = inputs_of(sketch, cameras), drawn(sketch, cameras, NEAR, "reference", blur=0.5)[1]
+    inputs, gradients = (
+        inputs_of(sketch, cameras),
+        drawn(sketch, cameras, NEAR, "reference", Analytic(0.5))[1],
+    )
     g, step = torch.Generator().manual_seed(0), 1e-6
 
     def loss(values: dict[str, torch.Tensor]) -> float:
         stroke = Sketch(*(values[name] for name in sketch.tensors()), width_space="world")
         views = replace(cameras, world_to_camera=values["pose"], intrinsics=values["lens"])
-        return float(loss_of(stroke, views, NEAR, "reference", blur=0.5)[0])
+        return float(loss_of(stroke, views, NEAR, "reference", Analytic(0.5))[0])
 
     with torch.no_grad():
         for name, value in inputs.items():
@@ -88,7 +93,7 @@ def test_gradients_are_those_of_differences():
 @functools.cache
 def from_far(width_space: str) -> tuple[dict, dict]:
     """By the reference in float64. Without corners of the filter, where a gradient jumps."""
-    return drawn(sketch_of(width_space), cameras_at(FAR, orthographic=False), FAR, "reference", blur=0.7)
+    return drawn(sketch_of(width_space), cameras_at(FAR, orthographic=False), FAR, "reference", Analytic(0.7))
 
 
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
@@ -98,7 +103,9 @@ def test_perspective_from_far_away(backend, dtype, width_space):
     if backend == "reference" and dtype == torch.float32:
         pytest.skip("the reference computes geometry in float64 whatever the dtype")
     expected, truth = from_far(width_space)
-    got, gradients = drawn(sketch_of(width_space, dtype), cameras_at(NEAR, orthographic=True), NEAR, backend, blur=0.7)
+    got, gradients = drawn(
+        sketch_of(width_space, dtype), cameras_at(NEAR, orthographic=True), NEAR, backend, Analytic(0.7)
+    )
     assert (expected["alpha"] > 0.5).sum() > 100
     for name, image in got.items():
         assert (image.double() - expected[name]).abs().max() < 1e-4, name

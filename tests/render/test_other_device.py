@@ -5,6 +5,7 @@ from importlib import import_module
 import pytest
 import torch
 from other_device import NAME, OtherDevice
+from scenes import seeded
 
 from diff3ds import Cameras, Sketch, orbit, render
 
@@ -21,7 +22,7 @@ def device(monkeypatch):
     backends._warn_about_drawing_elsewhere.cache_clear()
 
 
-def drawn(device: torch.device, **options) -> dict[str, torch.Tensor]:
+def drawn(device: torch.device, antialiasing: str, backend: str | None) -> dict[str, torch.Tensor]:
     """Images, and gradients of all that has them, on a device."""
     g = torch.Generator().manual_seed(0)
     sketch, cameras = Sketch.random(4, generator=g, radius=0.7, width=0.08), orbit([10.0, 100.0], 15.0, 2.0, size=16)
@@ -30,9 +31,8 @@ def drawn(device: torch.device, **options) -> dict[str, torch.Tensor]:
     leaves = {name: t.detach().clone().to(device).requires_grad_() for name, t in tensors.items()}
     sketch = Sketch(**{name: leaves[name] for name in sketch.tensors()})
     cameras = Cameras(leaves["world_to_camera"], leaves["intrinsics"], cameras.size)
-    image = render(
-        sketch, cameras, background=leaves["background"], generator=torch.Generator().manual_seed(1), **options
-    )
+    how = seeded(antialiasing, seed=1)
+    image = render(sketch, cameras, background=leaves["background"], antialiasing=how, backend=backend)
     loss = image.color.square().sum() + image.alpha.sum() + image.depth.sum()
     gradients = torch.autograd.grad(loss, list(leaves.values()))
     return {"color": image.color, "alpha": image.alpha, "depth": image.depth, **dict(zip(leaves, gradients))}
@@ -44,9 +44,9 @@ def drawn(device: torch.device, **options) -> dict[str, torch.Tensor]:
 )
 def test_drawn_on_the_cpu_and_moved_back(device, antialiasing, backend):
     """To the bit what the CPU draws, on the device of the strokes, in their dtype; told once."""
-    expected = drawn(torch.device("cpu"), antialiasing=antialiasing, backend=backend)
+    expected = drawn(torch.device("cpu"), antialiasing, backend)
     with pytest.warns(RuntimeWarning, match="meta devices lack float64.* drawn on the CPU") as told:
-        got = [drawn(device, antialiasing=antialiasing, backend=backend) for _ in range(2)]
+        got = [drawn(device, antialiasing, backend) for _ in range(2)]
     assert len(told) == 1
     for found in got:
         for name, tensor in found.items():

@@ -14,7 +14,7 @@ from diff3ds.constraints import Constraint
 from diff3ds.optimize.strokes import Refinement
 from diff3ds.project import Strokes2D
 from diff3ds.render.checks import Background
-from diff3ds.render.options import Antialiasing, MonteCarlo, antialiasing_from
+from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
 Rate = float | Callable[[int], float]
@@ -67,12 +67,10 @@ class FitConfig:
         steps: gradient steps.
         rates: learning rates at the first step.
         final_rate: learning rates fall exponentially, to this fraction of their start.
-        blur: of the renderings, pixels: a number, or a function of the step's index; only where `antialiasing` is a
-            name.
         width_range: least and greatest width, in units of `Sketch.width`, if widths have a rate.
         background: of the renderings, as for `render`.
-        antialiasing: as for `render`; a `MonteCarlo` without a generator, since samples are drawn by `seed`.
-        samples: as for `render`.
+        antialiasing: as for `render`, or a function of the step's index that gives it; a `MonteCarlo` without a
+            generator, since samples are drawn by `seed`.
         project: what is drawn in a step, a function of the sketch, the cameras and the step's index; by default all
             strokes as `render` draws them. Hides strokes in some views, or draws them as something else.
         constraints: what strokes must keep to (`diff3ds.constraints`), applied in this order before a step is drawn and
@@ -90,11 +88,9 @@ class FitConfig:
     steps: int = 1000
     rates: Rates = field(default_factory=Rates)
     final_rate: float = 0.1
-    blur: float | Callable[[int], float] | None = None
     width_range: tuple[float, float] = (0.0, math.inf)
     background: Background = 1.0
-    antialiasing: Antialiasing = "analytic"
-    samples: int | None = None
+    antialiasing: Antialiasing | Callable[[int], Antialiasing] = "analytic"
     project: Projection | None = None
     constraints: Sequence[Constraint] = ()
     refinements: Sequence[Refinement] = ()
@@ -130,12 +126,22 @@ class FitConfig:
         if self.resume and self.checkpoint is None:
             raise ValueError("resume needs a checkpoint file: give checkpoint=")
         # What a function gives is known when its steps come.
-        how = antialiasing_from(self.antialiasing, 0.0 if callable(self.blur) else self.blur, self.samples)
+        if not callable(self.antialiasing):
+            self.antialiasing_at(0)
+
+    def antialiasing_at(self, step: int) -> Analytic | MonteCarlo:
+        """That of a step.
+
+        Raises:
+            ValueError: no antialiasing, or a `MonteCarlo` with a generator.
+        """
+        how = antialiasing_from(self.antialiasing(step) if callable(self.antialiasing) else self.antialiasing)
         if isinstance(how, MonteCarlo) and how.generator is not None:
             raise ValueError(
                 "antialiasing must be a MonteCarlo without a generator in FitConfig, got one with a generator: its "
                 "samples are drawn by FitConfig(seed=...)"
             )
+        return how
 
     def _check_kinds(self) -> None:
         """Raises TypeError for the first field of another kind; names it."""

@@ -11,7 +11,7 @@ from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.optimize.strokes import Edit
 from diff3ds.project import Strokes2D, project
-from diff3ds.render import rasterize
+from diff3ds.render import Analytic, rasterize
 from diff3ds.sketch import Sketch
 
 # Views that are drawn at a time, so that a pass over many needs little memory.
@@ -106,7 +106,7 @@ def footprints(
     for views in _chunks(len(cameras)):
         color = sketch.color.detach().clone().requires_grad_()
         strokes = project(replace(sketch, color=color), cameras[views])
-        drawn = rasterize(strokes, cameras.size, background=0.0, blur=observed.blur)
+        drawn = rasterize(strokes, cameras.size, background=0.0, antialiasing=Analytic(observed.blur))
         wrong = torch.cat([drawn.color, drawn.alpha[..., None]], -1).detach() - observed.targets[views]
         seen = observed.known[views].to(color.dtype)
         error = wrong.square().mean(-1) * seen

@@ -14,7 +14,7 @@ from diff3ds.optimize.checkpoint import State, read_checkpoint, start, write_che
 from diff3ds.optimize.config import FitConfig, Rate
 from diff3ds.render import Rendering, rasterize, render
 from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.render.options import MonteCarlo, antialiasing_from
+from diff3ds.render.options import MonteCarlo
 from diff3ds.sketch import Sketch
 
 # Losses on a GPU are looked at every so many steps: a look waits for the device (empirical).
@@ -117,7 +117,7 @@ def _checked(views: Cameras, step: int) -> Cameras:
 def _settings(config: FitConfig) -> dict[str, object]:
     """Names what must be the same for a run to go on from a checkpoint."""
     names = ("steps", "final_rate", "seed")
-    how = antialiasing_from(config.antialiasing, samples=config.samples)
+    how = config.antialiasing_at(0)
     mode, samples = ("montecarlo", how.samples) if isinstance(how, MonteCarlo) else ("analytic", MonteCarlo().samples)
     # Named apart from what an identity may hold: a run has a width as well as a rate of widths.
     rates = {f"rate of {name}": _named(rate) for name, rate in asdict(config.rates).items()}
@@ -169,8 +169,7 @@ def _advance(state: State, objective: Objective, cameras: CameraSampler, config:
 
 
 def _drawn(sketch: Sketch, views: Cameras, index: int, config: FitConfig, generator: torch.Generator) -> Rendering:
-    blur = config.blur(index) if callable(config.blur) else config.blur
-    how = antialiasing_from(config.antialiasing, blur, config.samples)
+    how = config.antialiasing_at(index)
     if isinstance(how, MonteCarlo):
         how = replace(how, generator=generator)
     if config.project is None:

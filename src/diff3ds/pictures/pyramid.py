@@ -8,6 +8,7 @@ from diff3ds._shapes import Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.pictures.reading.resample import area_means, blurred
 from diff3ds.pictures.store import Batch, Store, all_known, as_bytes, byte_array, is_all_known
+from diff3ds.render import Analytic
 
 # Sizes of the levels, and the blur in pixels of renderings and targets there. Small images carry the gradient far, in
 # world units, and cost little; only the last level is sharp. Empirical.
@@ -61,9 +62,9 @@ class Pyramid:
         """The pictures that the renderings of a step should show."""
         return self.level(step).store.batch(self.views(step))
 
-    def blur(self, step: int) -> float:
-        """The blur of a step, for `fit`."""
-        return self.level(step).blur
+    def antialiasing(self, step: int) -> Analytic:
+        """That of a step, for `fit`."""
+        return Analytic(self.level(step).blur)
 
 
 def build_pyramid(cameras: Cameras, store: Store, steps: int, batch: int, seed: int) -> Pyramid:

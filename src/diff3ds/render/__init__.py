@@ -72,9 +72,6 @@ def render(
     *,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
-    blur: float | None = None,
-    samples: int | None = None,
-    generator: torch.Generator | None = None,
     backend: Backend | None = None,
 ) -> Rendering:
     """Draws a sketch as all cameras see it: `ds.render` without a surface, which says what the arguments are.
@@ -83,7 +80,7 @@ def render(
         TypeError, ValueError, RuntimeError: as `ds.render`.
     """
     check_scene(sketch, cameras)
-    how = antialiasing_from(antialiasing, blur, samples, generator)
+    how = antialiasing_from(antialiasing)
     if in_graph():
         # Imported by those who make graphs only: operators load a second of torch.
         from diff3ds.render import compiled
@@ -124,9 +121,6 @@ def render_batch(
     *,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
-    blur: float | None = None,
-    samples: int | None = None,
-    generator: torch.Generator | None = None,
     backend: Backend | None = None,
 ) -> list[Rendering]:
     """Draws many sketches, each as its own cameras see it: what a loop over `render` gives to the last bit, but faster.
@@ -139,16 +133,13 @@ def render_batch(
         sketches: B of them.
         cameras: B, or one for all.
         background: of every sketch, as of `render`.
-        antialiasing: as of `render`, as are the next four.
-        blur: of `Analytic`.
-        samples: of `MonteCarlo`.
-        generator: of `MonteCarlo`; sketches draw from it one after the other.
-        backend: of all sketches.
+        antialiasing: as of `render`; sketches draw from a generator of `MonteCarlo` one after the other.
+        backend: as of `render`, of all sketches.
 
     Raises:
         TypeError, ValueError, RuntimeError: as `render`; the message names the sketch by its place among them.
     """
-    how = antialiasing_from(antialiasing, blur, samples, generator)
+    how = antialiasing_from(antialiasing)
     if torch.compiler.is_compiling():
         return outside_of_graph(
             render_batch, sketches, cameras, background=background, antialiasing=how, backend=backend
@@ -230,9 +221,6 @@ def rasterize(
     *,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
-    blur: float | None = None,
-    samples: int | None = None,
-    generator: torch.Generator | None = None,
     backend: Backend | None = None,
 ) -> Rendering:
     """Draws projected strokes; `size` is that of the images, an int or (height, width). The rest as `render`.
@@ -240,7 +228,7 @@ def rasterize(
     Raises:
         TypeError, ValueError: as `render`.
     """
-    how = antialiasing_from(antialiasing, blur, samples, generator)
+    how = antialiasing_from(antialiasing)
     if torch.compiler.is_compiling():
         return outside_of_graph(rasterize, strokes, size, background=background, antialiasing=how, backend=backend)
     size = check_size(size)

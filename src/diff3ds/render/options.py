@@ -1,4 +1,4 @@
-"""How pixels are averaged: `Analytic` or `MonteCarlo`, and the names and keywords that are short for them."""
+"""How pixels are averaged: `Analytic` or `MonteCarlo`, and the names that are short for them."""
 
 import math
 from dataclasses import dataclass
@@ -74,36 +74,15 @@ class MonteCarlo:
 Antialiasing = Analytic | MonteCarlo | Literal["analytic", "montecarlo"]
 
 
-def antialiasing_from(
-    antialiasing: Antialiasing,
-    blur: float | None = None,
-    samples: int | None = None,
-    generator: torch.Generator | None = None,
-) -> Analytic | MonteCarlo:
-    """The object that a name and keywords are short for; None is a keyword that was not given.
+def antialiasing_from(antialiasing: Antialiasing) -> Analytic | MonteCarlo:
+    """The object that a name is short for.
 
     Raises:
-        TypeError, ValueError: neither an object nor a name, an object and a keyword, a blur of Monte Carlo, or as the
-            objects raise.
+        ValueError: neither an object nor a name.
     """
     if isinstance(antialiasing, Analytic | MonteCarlo):
-        given = {"blur": blur, "samples": samples, "generator": generator}
-        if names := [name for name, value in given.items() if value is not None]:
-            owner = "Analytic" if names[0] == "blur" else "MonteCarlo"
-            raise ValueError(
-                f"{names[0]} must be left out where antialiasing is an object, got {names[0]}= beside {antialiasing}: "
-                f"give it to the object, antialiasing=ds.{owner}({names[0]}=...)"
-            )
         return antialiasing
     if not (isinstance(antialiasing, str) and antialiasing in ("analytic", "montecarlo")):
         expected = 'ds.Analytic(...), ds.MonteCarlo(...), "analytic" or "montecarlo"'
         raise ValueError(f"antialiasing must be {expected}, got {antialiasing!r}")
-    analytic = Analytic() if blur is None else Analytic(blur)
-    # Of the other mode's keywords a script may give samples and a generator, which change nothing there.
-    if antialiasing == "analytic":
-        if generator is not None:
-            check_generator(generator)
-        return analytic
-    if analytic.blur:
-        raise ValueError(f'blur is for antialiasing="analytic", got blur={blur} with "montecarlo"')
-    return MonteCarlo(generator=generator) if samples is None else MonteCarlo(samples, generator)
+    return Analytic() if antialiasing == "analytic" else MonteCarlo()

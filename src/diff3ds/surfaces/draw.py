@@ -243,7 +243,7 @@ def draw(
         TypeError, ValueError: another surface, or another way to draw what is hidden; as `render`.
     """
     check_scene(sketch, cameras, "draw")
-    how = antialiasing_from(antialiasing, None, None, None)
+    how = antialiasing_from(antialiasing)
     _check(surface)
     if hidden not in get_args(Hidden):
         raise ValueError(f"hidden must be one of {', '.join(map(repr, get_args(Hidden)))}, got {hidden!r}")

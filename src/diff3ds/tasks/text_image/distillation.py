@@ -22,7 +22,7 @@ from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import CameraSampler, Objective, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
-from diff3ds.render import Rendering, available_backends, render
+from diff3ds.render import Analytic, Rendering, available_backends, render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.exact_prior.exemplars import painted
@@ -223,7 +223,7 @@ def _config(prior: ConditionedPrior, spec: AnyRun, out: Path) -> FitConfig:
         steps=values.steps,
         rates=Rates(**{"points": 0.0, **rates}),
         final_rate=values.final_rate,
-        blur=values.blur,
+        antialiasing=Analytic(values.blur),
         width_range=strokes.width_range,
         refinements=[deletion] if strokes.delete_length else [],
         seed=descent.seed,

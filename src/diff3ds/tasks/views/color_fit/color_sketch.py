@@ -75,7 +75,7 @@ def plan_color(
         steps=steps,
         rates=Rates(points=POINTS, width=WIDTH, color=COLOR, opacity=COLOR),
         final_rate=FINAL,
-        blur=pyramid.blur,
+        antialiasing=pyramid.antialiasing,
         background=0.0,
         refinements=[_density(pyramid, options.strokes or LEAST, options.strokes or MOST)],
         seed=options.seed,

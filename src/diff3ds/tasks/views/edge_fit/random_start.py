@@ -47,7 +47,7 @@ def plan_random_edges(pictures: PosedPictures, options: ViewsOptions, checkpoint
         steps=steps,
         rates=Rates(points=0.012),
         final_rate=0.06,
-        blur=pyramid.blur,
+        antialiasing=pyramid.antialiasing,
         refinements=_refinements(cameras, pictures, fresh, count),
         seed=options.seed,
         checkpoint=checkpoint,
