@@ -42,13 +42,6 @@ def ink_loss(
     return _mean(missing.square() + extra * surplus.square(), known)
 
 
-def color_loss(
-    color: Float[Tensor, "V H W 3"], target: Float[Tensor, "V H W 3"], known: Bool[Tensor, "V H W"] | None = None
-) -> Float[Tensor, ""]:
-    """Mean squared difference of colours, over the pixels that are known; default all."""
-    return _mean((color - target).square().mean(-1), known)
-
-
 def composite_loss(
     color: Float[Tensor, "V H W 3"],
     alpha: Float[Tensor, "V H W"],
