@@ -175,7 +175,7 @@ def test_backgrounds_and_cameras_have_gradients_in_a_graph() -> None:
     appearance = (values["width"], values["color"], values["opacity"])
     curves = (values["points"], values["weights"])
     matrices = VIEWS.projection.clone().requires_grad_()
-    rest = (None, None, torch.tensor(0), [40, 36], [False, False, False], [0.1, 0.0, 20.0], 0, "cpu")
+    rest = (None, None, torch.tensor(0), [40, 36], False, False, False, 0.1, 0.0, 20.0, 0, "cpu")
     given = (background, matrices)
     compiled = torch.compile(loss, fullgraph=True, backend="aot_eager")
     got, expected = torch.autograd.grad(compiled(*given), given), torch.autograd.grad(loss(*given), given)
@@ -194,7 +194,7 @@ def test_the_operator_passes_torchs_own_checks() -> None:
         NO_SQUARE,
     )
     curves = (values["points"], values["weights"], VIEWS.projection)
-    rest = (None, None, torch.tensor(0), [40, 36], [False, False, False], [0.1, 0.0, 20.0], 0, "cpu")
+    rest = (None, None, torch.tensor(0), [40, 36], False, False, False, 0.1, 0.0, 20.0, 0, "cpu")
     torch.library.opcheck(draw, (*appearance, *curves, *rest))
 
 

@@ -46,7 +46,7 @@ def test_a_tube_is_as_thick_as_its_shadow(backend, kind):
         line = torch.tensor([[[-9 * x, -9 * y, 2.0], [9 * x, 9 * y, 2.0]]], dtype=torch.float64)
         view = cameras(fx, fy, skew)
         # A coloured end of the image has no part in it: the tube fills a band from side to side.
-        image = render(Sketch(line, width=0.2, width_space="world"), view, backend=backend, blur=0.6)
+        image = render(Sketch(line, width=0.2, width_space="world"), view, backend=backend, antialiasing=Analytic(0.6))
         along = torch.tensor([fx * x + skew * y, fy * y])
         normal = torch.tensor([-along[1], along[0]]) / along.norm()
         # The ellipse K (cos, sin) r of the disc reaches r |K' n| along n.
@@ -146,7 +146,7 @@ def test_kernels_draw_and_differentiate_as_the_reference(kernels, blur, kind, or
         gradients = []
         for backend in ("reference", kernels):
             values = leaves(sketch, view)
-            loss = loss_of(values, view, sketch, backend=backend, blur=blur)
+            loss = loss_of(values, view, sketch, backend=backend, antialiasing=Analytic(blur))
             gradients.append([loss.detach(), *torch.autograd.grad(loss, list(values.values()))])
         for name, expected, got in zip(["loss", *values], *gradients, strict=True):
             assert_close_gradients(got, expected, f"{shape} {name}")
@@ -157,7 +157,7 @@ def test_gradients_to_lenses_and_widths_are_differences(kernels, kind):
     """Of fx, fy, the skew and every width by itself; where pixels are square, too, fx and fy are two numbers."""
     lens = KINDS.get(kind, (40.0, 40.0, 0.0))
     sketch, view = tubes("along"), cameras(*lens, size=(20, 30))
-    values, how = leaves(sketch, view), {"backend": kernels, "blur": 1.5}
+    values, how = leaves(sketch, view), {"backend": kernels, "antialiasing": Analytic(1.5)}
     found = torch.autograd.grad(loss_of(values, view, sketch, **how), [values["lens"], values["width"]])
     places = [("lens", (0, 0, 0)), ("lens", (0, 1, 1)), ("lens", (0, 0, 1)), *(("width", (k, 1)) for k in range(4))]
     for name, place in places:

@@ -5,7 +5,7 @@ is not kept: that draws again.
 """
 
 import math
-from typing import Any, cast
+from typing import Any, NamedTuple, cast, get_type_hints
 
 import torch
 
@@ -17,7 +17,7 @@ from diff3ds.project import Strokes2D, check_devices
 from diff3ds.render.autograd import Upstream
 from diff3ds.render.backends import Backend, choose_backend, drawing_device, kernel_dtype
 from diff3ds.render.checks import Background, check_stroke_values
-from diff3ds.render.kernel_inputs import Appearance, Curves, Images, KernelInputs, Options, of_sketch
+from diff3ds.render.kernel_inputs import Images, KernelInputs, Options, of_sketch
 from diff3ds.render.kernels import kernels_of
 from diff3ds.render.options import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch, WidthSpace
@@ -59,10 +59,21 @@ def render(
     inputs = of_sketch(drawn, cameras, _canvas(background, drawn.color), analytic)
     chains = (None, None) if inputs.chains is None else (inputs.chains.stroke, inputs.chains.closed)
     options = inputs.options
-    flags = [options.world, options.orthographic, options.differ_squares]
-    numbers = [options.near, options.blur, options.width_scale]
-    rest = (*chains, seed, list(inputs.size), flags, numbers, strata, backend)
-    color, alpha, depth = draw(*inputs.appearance, *inputs.curves, *rest)
+    color, alpha, depth = draw(
+        *inputs.appearance,
+        *inputs.curves,
+        *chains,
+        seed,
+        list(inputs.size),
+        world=options.world,
+        orthographic=options.orthographic,
+        differ_squares=options.differ_squares,
+        near=options.near,
+        blur=options.blur,
+        width_scale=options.width_scale,
+        strata=strata,
+        backend=backend,
+    )
     return color.to(dtype), alpha.to(dtype), depth.to(dtype)
 
 
@@ -74,135 +85,110 @@ def _canvas(background: Background, color: Tensor) -> Float[Tensor, "V1 H1 W1 3"
     return canvas.reshape((1,) * (4 - canvas.ndim) + tuple(canvas.shape))
 
 
-@torch.library.custom_op("diff3ds::draw", mutates_args=())
-def draw(
-    half_width: Tensor,
-    color: Tensor,
-    opacity: Tensor,
-    background: Tensor,
-    square: Tensor,
-    points: Tensor,
-    weights: Tensor,
-    matrices: Tensor,
-    stroke: Tensor | None,
-    closed: Tensor | None,
-    seed: Tensor,
-    size: list[int],
-    flags: list[bool],
-    numbers: list[float],
-    strata: int,
-    backend: str,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Colour, alpha and depth of `KernelInputs`; `flags` and `numbers` are those of its options."""
-    tensors = (half_width, color, opacity, background, square, points, weights, matrices)
-    inputs = _inputs(tensors, stroke, closed, seed, size, flags, numbers, strata)
+class Given(NamedTuple):
+    """What the operator is given: `KernelInputs` and its options, as a graph holds them. The seed is a tensor there."""
+
+    half_width: Tensor
+    color: Tensor
+    opacity: Tensor
+    background: Tensor
+    square: Tensor
+    points: Tensor
+    weights: Tensor
+    matrices: Tensor
+    stroke: Tensor | None
+    closed: Tensor | None
+    seed: Tensor
+    size: list[int]
+    world: bool
+    orthographic: bool
+    differ_squares: bool
+    near: float
+    blur: float
+    width_scale: float
+    strata: int
+    backend: str
+
+    @property
+    def inputs(self) -> KernelInputs:
+        """What kernels are given."""
+        chains = None if self.stroke is None or self.closed is None else Chains(self.stroke, self.closed)
+        seed, square = int(self.seed), self.differ_squares
+        options = Options(
+            self.world, self.orthographic, self.near, self.blur, self.strata, seed, self.width_scale, square
+        )
+        appearance = (self.half_width, self.color, self.opacity, self.background, self.square)
+        curves = (self.points, self.weights, self.matrices)
+        return KernelInputs(curves, None, chains, None, appearance, (self.size[0], self.size[1]), options)
+
+
+# What the fields are called in the language of torch's schemas.
+KINDS = {
+    Tensor: "Tensor",
+    Tensor | None: "Tensor?",
+    list[int]: "SymInt[]",
+    bool: "bool",
+    float: "float",
+    int: "SymInt",
+    str: "str",
+}
+FIELDS = ", ".join(f"{KINDS[kind]} {name}" for name, kind in get_type_hints(Given).items())
+# How many fields have gradients, and how many are tensors: these are the first.
+DIFFERENTIABLE = Given._fields.index("stroke")
+TENSORS = Given._fields.index("size")
+
+
+@torch.library.custom_op("diff3ds::draw", mutates_args=(), schema=f"({FIELDS}) -> (Tensor, Tensor, Tensor)")
+def draw(*given: Any) -> tuple[Tensor, Tensor, Tensor]:
+    """Colour, alpha and depth of what is `Given`."""
+    one = Given(*given)
     try:
-        images, _ = kernels_of(backend).forward(inputs, save=False)
+        images, _ = kernels_of(one.backend).forward(one.inputs, save=False)
     except ValueError:
         # The kernels only know that some value is bad; say which.
-        check_stroke_values(_projected(inputs))
+        check_stroke_values(_projected(one.inputs))
         raise
     return images
 
 
 @draw.register_fake
-def _(
-    half_width: Tensor,
-    color: Tensor,
-    opacity: Tensor,
-    background: Tensor,
-    square: Tensor,
-    points: Tensor,
-    weights: Tensor,
-    matrices: Tensor,
-    stroke: Tensor | None,
-    closed: Tensor | None,
-    seed: Tensor,
-    size: list[int],
-    flags: list[bool],
-    numbers: list[float],
-    strata: int,
-    backend: str,
-) -> tuple[Tensor, Tensor, Tensor]:
-    shape = (matrices.shape[0], *size)
-    return color.new_empty(*shape, 3), color.new_empty(shape), color.new_empty(shape)
+def _(*given: Any) -> tuple[Tensor, Tensor, Tensor]:
+    one = Given(*given)
+    shape = (one.matrices.shape[0], *one.size)
+    return one.color.new_empty(*shape, 3), one.color.new_empty(shape), one.color.new_empty(shape)
 
 
-@torch.library.custom_op("diff3ds::draw_backward", mutates_args=())
-def draw_backward(
-    half_width: Tensor,
-    color: Tensor,
-    opacity: Tensor,
-    background: Tensor,
-    square: Tensor,
-    points: Tensor,
-    weights: Tensor,
-    matrices: Tensor,
-    stroke: Tensor | None,
-    closed: Tensor | None,
-    seed: Tensor,
-    size: list[int],
-    flags: list[bool],
-    numbers: list[float],
-    strata: int,
-    backend: str,
-    upstream: list[Tensor],
-    needs: list[bool],
-) -> list[Tensor]:
-    """Gradients of the eight tensors from those of the images; zeros for those that are not needed."""
-    tensors = (half_width, color, opacity, background, square, points, weights, matrices)
-    kernels = kernels_of(backend)
-    inputs = _inputs(tensors, stroke, closed, seed, size, flags, numbers, strata)
-    (_, alpha, depth), saved = kernels.forward(inputs, save=True)
-    gradients = kernels.backward(saved, cast(Upstream, tuple(upstream)), (alpha, depth), background, tuple(needs))
-    return [torch.zeros_like(t) if g is None else g for g, t in zip(gradients, tensors, strict=True)]
+@torch.library.custom_op(
+    "diff3ds::draw_backward", mutates_args=(), schema=f"({FIELDS}, Tensor[] upstream, bool[] needs) -> Tensor[]"
+)
+def draw_backward(*given: Any) -> list[Tensor]:
+    """Gradients of what is differentiable from those of the images; zeros for those that are not needed."""
+    *first, upstream, needs = given
+    one = Given(*first)
+    kernels = kernels_of(one.backend)
+    (_, alpha, depth), saved = kernels.forward(one.inputs, save=True)
+    gradients = kernels.backward(saved, cast(Upstream, tuple(upstream)), (alpha, depth), one.background, tuple(needs))
+    return [torch.zeros_like(t) if g is None else g for g, t in zip(gradients, given[:DIFFERENTIABLE], strict=True)]
 
 
 @draw_backward.register_fake
-def _(
-    half_width: Tensor,
-    color: Tensor,
-    opacity: Tensor,
-    background: Tensor,
-    square: Tensor,
-    points: Tensor,
-    weights: Tensor,
-    matrices: Tensor,
-    *rest: object,
-) -> list[Tensor]:
-    return [torch.empty_like(t) for t in (half_width, color, opacity, background, square, points, weights, matrices)]
+def _(*given: Any) -> list[Tensor]:
+    return [torch.empty_like(tensor) for tensor in given[:DIFFERENTIABLE]]
 
 
 def _remember(ctx: Any, inputs: tuple[Any, ...], output: object) -> None:
-    *tensors, size, flags, numbers, strata, backend = inputs
-    ctx.save_for_backward(*tensors)
-    ctx.rest = (size, flags, numbers, strata, backend)
+    ctx.save_for_backward(*inputs[:TENSORS])
+    ctx.rest = inputs[TENSORS:]
 
 
 def _gradients(ctx: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-    needs = list(ctx.needs_input_grad[:8])
+    needs = list(ctx.needs_input_grad[:DIFFERENTIABLE])
     found = draw_backward(*ctx.saved_tensors, *ctx.rest, list(upstream), needs)
-    return *(g if needed else None for g, needed in zip(found, needs, strict=True)), *[None] * 8
+    rest = [None] * (len(Given._fields) - DIFFERENTIABLE)
+    return *(g if needed else None for g, needed in zip(found, needs, strict=True)), *rest
 
 
 draw.register_autograd(_gradients, setup_context=_remember)
-
-
-def _inputs(
-    tensors: tuple[Tensor, ...],
-    stroke: Tensor | None,
-    closed: Tensor | None,
-    seed: Tensor,
-    size: list[int],
-    flags: list[bool],
-    numbers: list[float],
-    strata: int,
-) -> KernelInputs:
-    chains = None if stroke is None or closed is None else Chains(stroke, closed)
-    (world, orthographic, differ_squares), (near, blur, width_scale) = flags, numbers
-    options = Options(world, orthographic, near, blur, strata, int(seed), width_scale, differ_squares)
-    appearance, curves = cast(Appearance, tensors[:5]), cast(Curves, tensors[5:])
-    return KernelInputs(curves, None, chains, None, appearance, cast(tuple[int, int], tuple(size)), options)
 
 
 def _projected(inputs: KernelInputs) -> Strokes2D:
