@@ -89,7 +89,7 @@ def test_pages_of_one_size_are_refused_and_thumbnails_are_not(tmp_path):
         (b"a text file\n", r"it begins with b'a text file\\n', as no kind of picture that pillow reads"),
         (b"\0\0\0\x20ftypisom\0\0", r"it is a film: take a frame of it, such as ffmpeg -i clip\.mp4"),
         (b"\0\0\0\x14ftypqt  \0\0", "it is a film"),
-        (b"\0\0\0\x18ftypheic\0\0\0\0", r"it is a HEIC picture: name it \.heic, and pip install pillow-heif"),
+        (b"\0\0\0\x18ftypheic\0\0\0\0", r"it is a HEIC picture: name it \.heic, and pip install 'diff3ds\[heic\]'"),
         (b"%PDF-1.7\n", "it is a PDF document: save the page that is meant as PNG or SVG"),
         (
             b"\xef\xbb\xbf<?xml version='1.0'?>\n<svg/>",

@@ -194,7 +194,7 @@ def test_other_tables_are_no_cameras(tmp_path):
 @pytest.mark.parametrize(
     ("name", "what"),
     [
-        ("IMG_1.HEIC", "1 HEIC pictures, which are not read: pip install pillow-heif, or save them as JPEG"),
+        ("IMG_1.HEIC", r"1 HEIC pictures, which are not read: pip install 'diff3ds\[heic\]', or save them as JPEG"),
         ("IMG_1.CR2", "1 raw pictures"),
         ("clip.MP4", r"clip.MP4 is a video: ffmpeg -i clip.MP4 -vf fps=2 frames/%04d.jpg"),
     ],
@@ -216,7 +216,7 @@ def test_a_video_says_how_frames_are_taken(tmp_path):
 def test_heic_without_the_package_that_reads_it(tmp_path, monkeypatch):
     monkeypatch.setattr("diff3ds.formats.pixels.HEIC_READ", ())
     (tmp_path / "a.HEIC").write_bytes(b"x")
-    with pytest.raises(ValueError, match=r"a.HEIC: HEIC pictures are not read: pip install pillow-heif"):
+    with pytest.raises(ValueError, match=r"a.HEIC: HEIC pictures are not read: pip install 'diff3ds\[heic\]'"):
         load_image(tmp_path / "a.HEIC")
 
 

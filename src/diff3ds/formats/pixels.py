@@ -19,7 +19,7 @@ TIFF = (b"II*\0", b"MM\0*")
 # Pictures as phones take them, and those of them that pillow reads here.
 HEIC = (".heic", ".heif")
 HEIC_READ = HEIC if importlib.util.find_spec("pillow_heif") else ()
-HEIC_ADVICE = "pip install pillow-heif, or save them as JPEG"
+HEIC_ADVICE = "pip install 'diff3ds[heic]', or save them as JPEG"
 
 
 # What files are that hold pictures in another way, by their first bytes or by the brand of an ISO container.

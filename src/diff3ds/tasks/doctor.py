@@ -37,6 +37,7 @@ OPTIONAL = {
     "cad": ("cadquery-ocp-novtk", "ezdxf", "rhino3dm"),
     "video": ("av",),
     "svg": ("resvg-py",),
+    "heic": ("pillow-heif",),
     "styles": ("skia-pathops",),
     "usd": ("usd-core",),
     "ray": ("ray",),
