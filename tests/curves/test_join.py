@@ -157,3 +157,17 @@ def test_marks_of_strokes_that_stay_are_kept():
     joined = join_smooth(replace(pieces, fixed=fixed)).sketch
     assert made_of(joined) == [(3, False), (4, False)]
     assert joined.fixed.tolist() == [True, False]
+
+
+def test_a_gradient_along_a_row_is_kept_and_rounding_is_none():
+    """Neighbours in steps of an eighth of what a display of 8 bits shows, one end to the other of ten."""
+    count = 81
+    x = torch.linspace(0, 1, count + 1)
+    ends = torch.stack([torch.stack([x[k], torch.zeros(()), torch.zeros(())]) for k in range(count + 1)])
+    rows = torch.stack([ends[:-1], ends[1:]], 1)
+    steps = torch.arange(count)[:, None] / (8 * 255)
+    looks = [{"color": 0.5 + steps.expand(-1, 3)}, {"opacity": 0.5 + steps[:, 0]}, {"width": 0.01 * (1 + steps[:, 0])}]
+    for look in looks:
+        assert len(joined_smooth(ds.Sketch(rows, **look))) == count
+    rounded = 0.5 + torch.finfo(torch.float32).eps * (torch.arange(count) % 2)
+    assert made_of(joined_smooth(ds.Sketch(rows, color=rounded[:, None].expand(-1, 3)))) == [(count, False)]

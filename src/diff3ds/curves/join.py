@@ -14,9 +14,10 @@ from diff3ds.sketch import JOINT_GAP, Sketch
 
 # A stroke goes on in another one where it turns by less, radians. Empirical.
 TURN = math.radians(20)
-# Widths of strokes that look alike differ by at most this share, their colours and opacities by so much: no display of
-# 8 bits shows it.
-ALIKE = 1e-3
+# Widths of strokes that look alike differ by at most this share, their colours and opacities by so much: by what
+# rounding leaves in float32. More, though no display shows it, would add up along a row of strokes, of which the first
+# one says how all look: a gradient would be lost.
+ALIKE = 1e-6
 
 
 class Joined(NamedTuple):
