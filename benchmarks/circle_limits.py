@@ -25,7 +25,7 @@ from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.support import crowded, inliers
 from diff3ds.edges.measure.fit_ridges import LOOKS, circle_at, shown_of, undisturbed
 from diff3ds.edges.measure.offsets import near_joints
-from diff3ds.photogrammetry.project import find_project
+from diff3ds.photogrammetry.find_project import find_project
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.frame import Frame, frame_of
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import ridges_of

@@ -29,8 +29,8 @@ from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import rasterize
 from diff3ds.tasks.views.color_fit.color_sketch import plan_color
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 RESULTS = Path(__file__).parent / "results" / "color_views.json"
 TRAINING, HELD_OUT = 60, 15

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diff3ds.metrics.curves import STEP, resampled
-from diff3ds.metrics.curves import curve_scores as distances
+from diff3ds.metrics.curve_scores import STEP, resampled
+from diff3ds.metrics.curve_scores import curve_scores as distances
 
 # A curve is a circular arc when its points keep their distance from a centre to this part of the radius. A polynomial
 # cubic does so over 90 degrees (2.7e-4); only a rational curve is exact, to a float32's rounding.

@@ -28,9 +28,9 @@ from diff3ds.metrics.clip_resnet import ClipResnet
 from diff3ds.metrics.feature_stacks import untrained_stack
 from diff3ds.metrics.vgg_distance import Variant
 from diff3ds.tasks.evaluate.evaluate import evaluate
-from diff3ds.tasks.evaluate.options import JudgeOptions
+from diff3ds.tasks.evaluate.evaluate_options import JudgeOptions
 from diff3ds.tasks.views.color_fit.doodle import run_doodle
-from diff3ds.tasks.views.options import DoodleOptions
+from diff3ds.tasks.views.views_options import DoodleOptions
 
 RESULTS = Path(__file__).parent / "results" / "doodle.json"
 OBJECTS = {"ball": caged_ball, "rings": linked_rings}

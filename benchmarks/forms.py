@@ -27,7 +27,7 @@ from report import environment, show, write_json
 
 import diff3ds as ds
 from diff3ds.curves.shapes.curve_set import sampled
-from diff3ds.metrics.curves import resampled
+from diff3ds.metrics.curve_scores import resampled
 from diff3ds.surfaces.form.form_curves import form_curves
 from diff3ds.surfaces.form.samples import Samples
 

@@ -21,8 +21,8 @@ from report import say, show
 
 from diff3ds.cli import main as diff3ds
 from diff3ds.tasks.evaluate.evaluate import OWN, evaluate, prompt_file, read_prompts
+from diff3ds.tasks.evaluate.evaluate_options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.judges import load_judges, require_networks
-from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.score_table import Summary, columns_of, summaries
 from diff3ds.tasks.text_image.distillation import CHECKPOINT
 

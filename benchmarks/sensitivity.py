@@ -37,7 +37,14 @@ from damage import thinned_out
 FACTORS = (0.7, 1.4)
 ROOMS = ("diff3ds.edges", "diff3ds.curves", "diff3ds.tasks.views")
 # What a run imports that no constant changes.
-PRELOADED = ["torch", "scipy.ndimage", "scipy.spatial", "PIL.Image", "safetensors.torch", "diff3ds.tasks.views.run"]
+PRELOADED = [
+    "torch",
+    "scipy.ndimage",
+    "scipy.spatial",
+    "PIL.Image",
+    "safetensors.torch",
+    "diff3ds.tasks.views.run_views",
+]
 # How many constants the report names.
 NAMED = 10
 

@@ -29,7 +29,7 @@ from report import environment, say, show, write_json
 import diff3ds as ds
 from diff3ds._settings import with_options
 from diff3ds.guidance.denoiser import Denoiser
-from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.device_choice import pick_device
 from diff3ds.guidance.orbits import Orbits
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.sketch import DEFAULT_WIDTH

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from diff3ds.tasks.view.serve import server_of
+from diff3ds.tasks.view_sketch.serve import server_of
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from diff3ds.command_line.console import _rate, progress_on
 from diff3ds.command_line.read_options import as_typed
 from diff3ds.tasks.progress import Progress
 from diff3ds.tasks.text_image import text
-from diff3ds.tasks.views import run as views
+from diff3ds.tasks.views import run_views as views
 from diff3ds.weights import fetch
 
 COMMANDS = ["text", "image", "views", "mesh", "points", "render", "export", "view", "eval", "prior", "fetch", "doctor"]

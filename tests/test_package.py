@@ -90,15 +90,8 @@ ALLOWED = {
 }  # fmt: skip
 
 
-# Names that several files have, with how many; library/kinds apart, where a file has the name of the thing it draws.
-# This list, and that of crowded folders, only shrink.
-DOUBLED = {
-    "curves": 2, "device": 2, "options": 12, "project": 2, "read": 2, "run": 2,
-    "scene": 2,
-}  # fmt: skip
-# Modules that a folder may have, those that begin with an underscore apart; and the folders that have more.
+# Modules that a folder may have, those that begin with an underscore apart.
 MOST = 14
-CROWDED: dict[str, int] = {}
 
 
 def _part(module: str) -> str:
@@ -210,16 +203,16 @@ def test_modules_are_imported_by_their_names_in_full():
 
 
 def test_a_name_leads_to_one_file():
+    """But for library/kinds, where a file has the name of the thing it draws."""
     names = Counter(path.stem for path in MODULES.values() if path.parent.name != "kinds" and path.stem != "__init__")
-    assert {name: count for name, count in names.items() if count > 1} == DOUBLED
+    assert {name: count for name, count in names.items() if count > 1} == {}
 
 
 def test_no_folder_is_crowded():
-    room = SOURCE / "diff3ds"
+    """But for library/kinds."""
     folders = Counter(path.parent for path in MODULES.values() if not path.stem.startswith("_"))
-    crowded = {str(folder.relative_to(room).as_posix()): count for folder, count in folders.items() if count > MOST}
-    assert crowded.pop("library/kinds") > MOST
-    assert crowded == CROWDED
+    crowded = {folder.relative_to(SOURCE / "diff3ds").as_posix() for folder, count in folders.items() if count > MOST}
+    assert crowded == {"library/kinds"}
 
 
 def _trusted_loads() -> list[ast.AST]:

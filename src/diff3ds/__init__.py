@@ -121,7 +121,7 @@ _HOMES = {
         ),
         "render",
     ),
-    **dict.fromkeys(("Analytic", "MonteCarlo"), "render.options"),
+    **dict.fromkeys(("Analytic", "MonteCarlo"), "render.antialiasing"),
     "Chains": "chains",
     "Sketch": "sketch",
     "Quadrics": "surfaces.shape.quadrics",

@@ -13,8 +13,8 @@ from diff3ds.formats import save_png
 from diff3ds.formats.png import load_image
 from diff3ds.library.demo import demo_sketch
 from diff3ds.tasks.views.network_maps import detected_edges
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 def passing(chosen):
@@ -99,7 +99,7 @@ def test_what_is_missing_is_said_before_anything_is_done(tmp_path, monkeypatch):
 def test_a_run_follows_the_maps_and_keeps_them(tmp_path, monkeypatch):
     """The network here takes dark pixels for edges; pictures of two cameras have one name, and alpha."""
     monkeypatch.setattr(detected_edges, "load_hed", lambda: lambda image: 1 - image.mean(-1))
-    monkeypatch.setattr("diff3ds.tasks.views.run.require_hed", lambda: None)
+    monkeypatch.setattr("diff3ds.tasks.views.run_views.require_hed", lambda: None)
     cameras = ds.orbit([0.0, 90.0, 180.0], 20.0, 3.0, size=(40, 60))
     names, photos = ["a/1.png", "b/1.png", "b/2.png"], tmp_path / "photos"
     alpha = ds.render(demo_sketch(), cameras).alpha

@@ -11,7 +11,7 @@ from read_example import Example
 from written_projects import CAMERAS, KINDS, MODELS, NAMES, PLACES, SIZE, TURNS, pictures
 
 import diff3ds as ds
-from diff3ds.photogrammetry.project import find_project, present_views
+from diff3ds.photogrammetry.find_project import find_project, present_views
 from diff3ds.transforms import View, of_picture_sizes
 
 TRUE = written.seen(View(Path(), None, SIZE, CAMERAS.world_to_camera[1], CAMERAS.intrinsics[1]))

@@ -10,7 +10,7 @@ from diff3ds.formats.mesh import read_mesh
 from diff3ds.formats.mesh_files.triangulation import triangulated
 from diff3ds.surfaces.lines.feature_curves import feature_curves
 from diff3ds.tasks.mesh.draw_mesh import run_mesh
-from diff3ds.tasks.mesh.options import MeshOptions
+from diff3ds.tasks.mesh.mesh_options import MeshOptions
 
 U = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
 L = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)]

@@ -5,13 +5,13 @@ import tiny
 import torch
 from needs import needs
 
-from diff3ds.guidance import device
+from diff3ds.guidance import device_choice as device
 from diff3ds.guidance.networks import latent
 from diff3ds.guidance.networks.latent import check_memory
 from diff3ds.guidance.networks.stable_diffusion import load_stable_diffusion
 from diff3ds.guidance.recipe import Work
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 pytestmark = needs("diffusers")
 

@@ -16,7 +16,7 @@ from diff3ds.guidance.networks.mvdream import MVDream, camera_vectors, load_mvdr
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 pytestmark = needs("diffusers", "ftfy")
 

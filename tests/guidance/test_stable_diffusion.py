@@ -13,7 +13,7 @@ from diff3ds.guidance.networks.latent import Autoencoder
 from diff3ds.guidance.networks.prompts import BACK, FRONT, SIDE
 from diff3ds.guidance.networks.stable_diffusion import StableDiffusion, load_stable_diffusion
 from diff3ds.guidance.schedule import NoiseSchedule
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 pytestmark = needs("diffusers", "ftfy")
 

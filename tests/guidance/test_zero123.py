@@ -17,7 +17,7 @@ from diff3ds.guidance.networks.zero123 import ReferencePose, clip_pixels, load_z
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.recipe import Recipe
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 SIZE = 64
 # Predictions are about 1; rounding of float32 grows in the attention of the tiny networks, which is sharpened.

@@ -14,7 +14,7 @@ import diff3ds as ds
 from diff3ds.guidance.networks.zero123 import ReferencePose, load_zero123
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.priors import kind_of, loaded
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 pytestmark = needs("diffusers")
 

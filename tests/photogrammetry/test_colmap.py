@@ -20,7 +20,7 @@ from written_projects import (
     write_colmap,
 )
 
-from diff3ds.photogrammetry.project import find_project, present_views, sparse_points
+from diff3ds.photogrammetry.find_project import find_project, present_views, sparse_points
 
 
 def documented(model, p, u, v):

@@ -11,7 +11,7 @@ from hostile import broken
 from written_projects import CAMERAS, KINDS, NAMES, colmap_binary, pictures
 
 import diff3ds as ds
-from diff3ds.photogrammetry.project import find_project, present_views, sparse_points
+from diff3ds.photogrammetry.find_project import find_project, present_views, sparse_points
 
 # Damaged files of each program: of the quick test, of the slow one.
 FEW, MANY = 60, 1000

@@ -13,10 +13,10 @@ from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.photogrammetry.markers import is_marker, marker_corners
 from diff3ds.photogrammetry.placing import distance_between
-from diff3ds.tasks.cameras.options import RegistrationOptions
-from diff3ds.tasks.cameras.run import run_cameras
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.cameras.registration_options import RegistrationOptions
+from diff3ds.tasks.cameras.run_cameras import run_cameras
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import View
 
 SIDE, SIZE = 0.3, (300, 400)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from written_projects import CAMERAS, FOCAL, NAMES, POINTS, SIZE, pictures, seen
 
-from diff3ds.photogrammetry.project import find_project, present_views
+from diff3ds.photogrammetry.find_project import find_project, present_views
 
 RESOLUTION = f'<resolution width="{SIZE[1]}" height="{SIZE[0]}"/>'
 LENS = f"<f>{FOCAL!r}</f>"

@@ -11,8 +11,8 @@ from written_projects import CAMERAS, FOCAL, KINDS, NAMES, SIZE, pictures, write
 
 import diff3ds as ds
 from diff3ds.formats.png import load_image
-from diff3ds.photogrammetry.project import NoCameras, find_project, present_views, project_of
-from diff3ds.tasks.views.run import run_views
+from diff3ds.photogrammetry.find_project import NoCameras, find_project, present_views, project_of
+from diff3ds.tasks.views.run_views import run_views
 from diff3ds.transforms import of_picture_sizes
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*1 of 5 pictures are left out, .*never:UserWarning")

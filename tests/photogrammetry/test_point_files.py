@@ -8,8 +8,8 @@ import pytest
 import torch
 
 import diff3ds as ds
+from diff3ds.photogrammetry.find_project import sparse_points
 from diff3ds.photogrammetry.point_files import load_points, save_points
-from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.pictures.frame import Frame, bound_by_points
 from diff3ds.pictures.store import store_of
 

@@ -23,8 +23,8 @@ from written_projects import (
     write_metashape,
 )
 
+from diff3ds.photogrammetry.find_project import NoCameras, find_project, present_views, project_of, sparse_points
 from diff3ds.photogrammetry.picture_files import masks_for, pictures_in
-from diff3ds.photogrammetry.project import NoCameras, find_project, present_views, project_of, sparse_points
 from diff3ds.photogrammetry.shot import quaternion_pose
 from diff3ds.transforms import read_views, save_views
 

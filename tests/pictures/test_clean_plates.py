@@ -19,7 +19,7 @@ from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.store import Store, as_bytes, store_of
 from diff3ds.tasks.views.color_fit.color_sketch import color_scores, plan_color
-from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 SIZE = 48
 CAMERAS = ds.orbit([30.0 * i for i in range(12)], [(-20.0, 10.0, 45.0)[i % 3] for i in range(12)], 3.0, size=SIZE)

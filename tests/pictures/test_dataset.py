@@ -11,8 +11,8 @@ from PIL import Image
 import diff3ds as ds
 from diff3ds.distortion import NO_DISTORTION, Distortion
 from diff3ds.formats import save_png
+from diff3ds.photogrammetry.find_project import find_project
 from diff3ds.photogrammetry.lens_change import LensChange
-from diff3ds.photogrammetry.project import find_project
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.pictures.pyramid import build_pyramid
 from diff3ds.pictures.reading import load_views

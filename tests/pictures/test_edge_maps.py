@@ -8,8 +8,8 @@ import torch
 import diff3ds as ds
 from diff3ds.formats import save_png
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import read_views
 
 SIZE = (40, 60)

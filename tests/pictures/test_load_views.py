@@ -12,11 +12,11 @@ from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.pictures.content.clean_plates import load_clean_plates
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.pictures.reading import read as reading
+from diff3ds.pictures.reading import read_view as reading
 from diff3ds.pictures.reading.lens import straightened, undistorted
 from diff3ds.pictures.reading.resample import area_means
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import read_views
 
 SIZE = (60, 80)

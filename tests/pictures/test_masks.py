@@ -14,9 +14,9 @@ from diff3ds.pictures.content.visual_hull import visual_hull
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.tasks.views.color_fit.color_sketch import plan_color, view_scores
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import ridges_of
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.preview import UNKNOWN, preview
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 SIZE = (40, 60)
 # What stands in front of the camera: a black block at the lower right, within rows and columns from here on.

@@ -9,7 +9,7 @@ from PIL import Image
 from diff3ds.distortion import NO_DISTORTION, Distortion
 from diff3ds.formats import save_png
 from diff3ds.formats.png import load_image, load_reduced
-from diff3ds.pictures.reading.read import read_view
+from diff3ds.pictures.reading.read_view import read_view
 from diff3ds.transforms import View
 
 

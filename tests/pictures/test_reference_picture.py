@@ -12,7 +12,7 @@ from PIL import Image, ImageOps
 from red_network import red_network
 
 from diff3ds.formats import load_image, save_png
-from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.picture_options import PictureOptions
 from diff3ds.pictures.reference_picture import read_reference
 from diff3ds.recognition.picture_lines import lines_of
 

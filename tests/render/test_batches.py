@@ -144,9 +144,9 @@ def test_what_is_wrong_in_a_batch_names_the_sketch() -> None:
 
 
 def test_tables_that_do_not_fit_are_refused() -> None:
+    from diff3ds.render.antialiasing import Analytic
     from diff3ds.render.backends import kernels as compiled
     from diff3ds.render.kernel_inputs import of_sketches
-    from diff3ds.render.options import Analytic
 
     if compiled() is None:
         pytest.skip("no compiled kernels")

@@ -14,9 +14,9 @@ import pytest
 
 import diff3ds as ds
 from diff3ds.tasks.batch.batch import run_batch
+from diff3ds.tasks.batch.batch_options import BatchOptions
 from diff3ds.tasks.batch.claims import Claims
 from diff3ds.tasks.batch.job_file import read_jobs
-from diff3ds.tasks.batch.options import BatchOptions
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="ends processes by signals")
 SMALL = {"command": "text", "prior": "exemplar", "steps": 4, "strokes": 6, "size": 16, "sheet_every": 0}

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from diff3ds.tasks.batch.batch_options import BatchOptions
 from diff3ds.tasks.batch.claims import Claims, Outcome
 from diff3ds.tasks.batch.job_file import read_jobs
 from diff3ds.tasks.batch.machine import places
-from diff3ds.tasks.batch.options import BatchOptions
 from diff3ds.tasks.batch.summary import JobState, states_of, write_summary
 
 

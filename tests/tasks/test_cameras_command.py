@@ -10,11 +10,11 @@ from needs import needs
 from PIL import Image
 
 import diff3ds as ds
+from diff3ds.photogrammetry.find_project import sparse_points
 from diff3ds.photogrammetry.placing import centers_of, moved, turned_up, up_of
-from diff3ds.photogrammetry.project import sparse_points
-from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.register import _pairs
-from diff3ds.tasks.cameras.run import are_estimated, run_cameras
+from diff3ds.tasks.cameras.registration_options import RegistrationOptions
+from diff3ds.tasks.cameras.run_cameras import are_estimated, run_cameras
 from diff3ds.transforms import read_views
 
 TILTED = torch.linalg.qr(torch.tensor([[1.0, 0.2, 0.3], [-0.4, 1.0, 0.1], [0.2, 0.5, 1.0]], dtype=torch.float64))[0]

@@ -13,7 +13,7 @@ from diff3ds.pictures.content.visual_hull import Hull
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import store_of
 from diff3ds.tasks.views.color_fit.color_sketch import FIRST, LEAST, MOST, color_scores, plan_color, strokes_on
-from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 def truth():

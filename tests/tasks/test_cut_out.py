@@ -8,8 +8,8 @@ from red_network import red_network
 
 import diff3ds as ds
 from diff3ds.formats.png import load_image, save_png
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_what_cannot_be_cut_out_is_said(photographs, monkeypatch):
 
 def test_photographs_that_have_masks_are_not_cut_out(photographs, monkeypatch):
     source, alpha = photographs
-    monkeypatch.setattr("diff3ds.tasks.views.run.require_rembg", lambda instead: None)
+    monkeypatch.setattr("diff3ds.tasks.views.run_views.require_rembg", lambda instead: None)
     (source / "masks" / "a").mkdir(parents=True)
     save_png(source / "masks" / "a" / "1.png", alpha[0])
     content = (source / "transforms.json").read_text().replace('"a/1.png"', '"a/1.png", "mask_path": "masks/a/1.png"')

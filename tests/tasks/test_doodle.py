@@ -13,7 +13,7 @@ from diff3ds.metrics import doodle_loss
 from diff3ds.optimize.fit import fit
 from diff3ds.pictures.dataset import load_posed
 from diff3ds.tasks.views.color_fit.doodle import DOT, far_apart, load_doodle_loss, plan_doodle, run_doodle, without_dots
-from diff3ds.tasks.views.options import DoodleOptions
+from diff3ds.tasks.views.views_options import DoodleOptions
 
 VIEWS, SIZE = 12, 64
 

@@ -10,7 +10,7 @@ from diff3ds.library.demo import demo_sketch
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.store import store_of
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import most_views
-from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import diff3ds as ds
 from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.tasks.evaluate.emap_truth import emap_truth
 from diff3ds.tasks.evaluate.evaluate import evaluate
-from diff3ds.tasks.evaluate.options import JudgeOptions
+from diff3ds.tasks.evaluate.evaluate_options import JudgeOptions
 
 # A rectangle of 40 x 20 at height 5 of a box from (-10, 0, 0) to (30, 20, 10), and a curve that is not sharp.
 VERTICES = [(-10, 0, 5), (30, 0, 5), (30, 20, 5), (-10, 20, 5), (0, 0, 9)]

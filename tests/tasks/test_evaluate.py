@@ -18,7 +18,7 @@ from diff3ds.metrics.clip import ClipScore
 from diff3ds.metrics.lpips import Lpips
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.evaluate.evaluate import evaluate, prompt_file, read_prompts
-from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
+from diff3ds.tasks.evaluate.evaluate_options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.runs import find_runs
 from diff3ds.tasks.evaluate.score_table import Row, markdown, summaries
 

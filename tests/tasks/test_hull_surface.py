@@ -14,8 +14,8 @@ from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.store import store_of
 from diff3ds.surfaces.shape.hull_surface import hull_surface
 from diff3ds.tasks.mesh.draw_mesh import MeshSketch
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import save_transforms
 
 AROUND = ds.orbit([137.508 * i for i in range(21)], [-50 + 5.0 * i for i in range(21)], 4.0, fov=45, size=96)
@@ -139,8 +139,8 @@ def test_where_no_edges_agree_the_surface_is_drawn(tmp_path, monkeypatch):
             ds.Sketch(torch.stack([MIDDLE - torch.eye(3), MIDDLE + torch.eye(3)], 1)), ("contour",) * 3, 0
         )
 
-    monkeypatch.setattr("diff3ds.tasks.views.run.sketch_mesh", axes)
-    monkeypatch.setattr("diff3ds.tasks.views.run.hull_surface", functools.partial(hull_surface, side=24))
+    monkeypatch.setattr("diff3ds.tasks.views.run_views.sketch_mesh", axes)
+    monkeypatch.setattr("diff3ds.tasks.views.run_views.hull_surface", functools.partial(hull_surface, side=24))
     picture_a_ball(tmp_path, cameras())
     said: list[str] = []
     sketch = run_views(tmp_path, tmp_path / "out", ViewsOptions(contours=True), say=said.append)

@@ -192,7 +192,7 @@ def test_only_pictures_in_the_folder_are_read_and_only_so_large_ones(tmp_path, m
     (inner / "sheet.mtl").write_text("newmtl paper\nKd 0 0 1\nmap_Kd ../a texture.png\n")
     lines = []
     from diff3ds.tasks.mesh.draw_mesh import run_mesh
-    from diff3ds.tasks.mesh.options import MeshOptions
+    from diff3ds.tasks.mesh.mesh_options import MeshOptions
 
     sketch = run_mesh(path, tmp_path / "out", MeshOptions(color=True, turntable=0, size=32), say=lines.append)
     assert sketch.color.tolist() == [[0, 0, 1]] * 4

@@ -13,7 +13,7 @@ import diff3ds as ds
 from diff3ds.cli import FAULT, main
 from diff3ds.formats import load_image
 from diff3ds.tasks.mesh.draw_mesh import MeshSketch, run_mesh
-from diff3ds.tasks.mesh.options import MeshOptions
+from diff3ds.tasks.mesh.mesh_options import MeshOptions
 
 pytest.importorskip("trimesh", reason="makes balls")
 

@@ -11,9 +11,9 @@ from PIL import Image
 import diff3ds as ds
 from diff3ds.photogrammetry.line_axes import line_axes
 from diff3ds.photogrammetry.placing import centers_of, distance_between, moved, up_of
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.placed import Placing, along_lines
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import read_views, save_views
 
 TILTED = torch.linalg.qr(torch.tensor([[1.0, 0.2, 0.3], [-0.4, 1.0, 0.1], [0.2, 0.5, 1.0]], dtype=torch.float64))[0]

@@ -21,9 +21,9 @@ from diff3ds.library.phrase import parse
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Stopped
 from diff3ds.tasks.small_prior import prior_data, prior_train
-from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.small_prior.prior_data import Examples, OwnSketches, combinations, draw_request, inked, said, words
 from diff3ds.tasks.small_prior.prior_train import CHECKPOINT, LOG, NETWORK, rate_fraction, train_prior
+from diff3ds.tasks.small_prior.train_options import TrainOptions
 
 TINY = {"batch": 2, "depth": 1, "width": 16, "patch": 16, "workers": 0, "checkpoint_every": 100}
 

@@ -16,8 +16,8 @@ from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import Result
 from diff3ds.formats import save_png
 from diff3ds.pictures.reading.lens import undistorted
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import read_views, save_transforms
 
 K1 = 0.15

@@ -13,13 +13,13 @@ import diff3ds as ds
 from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.formats import save_png
+from diff3ds.photogrammetry.find_project import sparse_points
 from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange
-from diff3ds.photogrammetry.project import sparse_points
 from diff3ds.pictures.frame import Frame
-from diff3ds.tasks.cameras.run import are_estimated
+from diff3ds.tasks.cameras.run_cameras import are_estimated
 from diff3ds.tasks.views.edge_fit.refined_cameras import in_world, moves, save_refined
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import read_views, save_transforms
 
 

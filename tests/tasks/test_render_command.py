@@ -13,7 +13,7 @@ from diff3ds.cli import main
 from diff3ds.formats.framing import ball_of, framed
 from diff3ds.formats.mesh import save_surface
 from diff3ds.tasks.render import blender_engine
-from diff3ds.tasks.render.options import OrbitOptions, PictureOptions, SurfaceOptions, parse_size
+from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions, SurfaceOptions, parse_size
 from diff3ds.tasks.render.render_views import run_render
 from diff3ds.tasks.style_options import StyleOptions
 

@@ -14,10 +14,10 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import demo_sketch
 from diff3ds.metrics.hed_distance import HedDistance
 from diff3ds.tasks.evaluate.evaluate import evaluate
-from diff3ds.tasks.evaluate.options import JudgeOptions
+from diff3ds.tasks.evaluate.evaluate_options import JudgeOptions
 from diff3ds.tasks.evaluate.runs import find_runs
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 # The outline of a square of side 1.
 CORNERS = [[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [1.0, 1.0, 0.5], [0.0, 1.0, 0.5]]

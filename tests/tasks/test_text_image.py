@@ -21,7 +21,7 @@ from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.priors import load_for_phrase
 from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "guidance"))
 from tiny import save_mvdream, save_stable_diffusion

@@ -20,7 +20,7 @@ from diff3ds.cli import FAULT, main
 from diff3ds.formats import save_png
 from diff3ds.tasks.progress import Progress
 from diff3ds.tasks.run_log import RunLog
-from diff3ds.tasks.view.serve import server_of
+from diff3ds.tasks.view_sketch.serve import server_of
 
 
 def lines(count: int) -> ds.Sketch:

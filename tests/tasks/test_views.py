@@ -13,8 +13,8 @@ from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
 from diff3ds.library.demo import FOOT, FOOT_RADIUS, RING, SEAT_BOTTOM, SEAT_RADIUS, demo_cameras, demo_sketch
 from diff3ds.optimize.density import Observation, footprints
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 @pytest.fixture(scope="session")

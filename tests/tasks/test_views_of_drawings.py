@@ -10,8 +10,8 @@ from views_runs import EDGE_FILES, FILES, assert_resumed_ends_as_unbroken, dista
 import diff3ds as ds
 from diff3ds.cli import FAULT, STOPPED, main
 from diff3ds.formats import load_image, save_png
-from diff3ds.tasks.views.options import ViewsOptions
-from diff3ds.tasks.views.run import run_views
+from diff3ds.tasks.views.run_views import run_views
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 # Two lines that meet, and a circle.
 ENDS = torch.tensor([[[-0.6, -0.5, -0.4], [0.6, -0.4, -0.5]], [[0.6, -0.4, -0.5], [0.5, 0.6, 0.3]]])

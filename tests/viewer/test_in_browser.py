@@ -15,7 +15,7 @@ import diff3ds as ds
 from diff3ds.formats import save_png
 from diff3ds.formats.framing import framed
 from diff3ds.tasks.progress import Progress
-from diff3ds.tasks.view.serve import server_of
+from diff3ds.tasks.view_sketch.serve import server_of
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),

@@ -116,7 +116,7 @@ def test_a_page_is_small(tmp_path):
 
 def test_pages_have_z_up_and_no_unit(tmp_path):
     from diff3ds.tasks.export.export import run_export
-    from diff3ds.tasks.export.options import ExportOptions
+    from diff3ds.tasks.export.export_options import ExportOptions
     from diff3ds.tasks.style_options import StyleOptions
 
     ds.save(tmp_path / "a.json", SKETCH)

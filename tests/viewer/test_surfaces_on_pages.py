@@ -20,7 +20,7 @@ from diff3ds.formats.mesh import save_surface
 from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.surfaces import on_page
 from diff3ds.tasks.export.export import run_export
-from diff3ds.tasks.export.options import ExportOptions
+from diff3ds.tasks.export.export_options import ExportOptions
 from diff3ds.tasks.style_options import StyleOptions
 
 in_browser = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)")

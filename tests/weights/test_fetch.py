@@ -13,7 +13,7 @@ from diff3ds.weights.fetch import Transfer, fetch, notice
 from diff3ds.weights.judge_catalog import JUDGES
 from diff3ds.weights.judge_files import find_folder
 from diff3ds.weights.locate import find
-from diff3ds.weights.options import FetchOptions, Source
+from diff3ds.weights.weight_options import FetchOptions, Source
 
 FIRST, SECOND, THIRD = (repository.id for repository in KNOWN["zero123"].repositories)
 UNET = "unet/diffusion_pytorch_model.safetensors"

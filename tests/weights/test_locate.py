@@ -16,8 +16,8 @@ from diff3ds.guidance.networks.stable_diffusion import load_stable_diffusion
 from diff3ds.weights import locate as locating
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.locate import Checkpoint, find, lacking, locate, needed
-from diff3ds.weights.options import Source
 from diff3ds.weights.read import header, load_part, load_tensors, read_tensors
+from diff3ds.weights.weight_options import Source
 
 pytestmark = needs("diffusers", "ftfy")
 

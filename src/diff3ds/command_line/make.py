@@ -10,13 +10,13 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds.command_line.console import PlainConsole, progress_on, say_written, sayer, viewed
 from diff3ds.command_line.interrupt import importing
-from diff3ds.tasks.cameras.options import RegistrationOptions
-from diff3ds.tasks.mesh.options import MeshOptions
+from diff3ds.tasks.cameras.registration_options import RegistrationOptions
+from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.points.points_options import PointsOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase, Picture
-from diff3ds.tasks.views.options import DoodleOptions, ViewsOptions
+from diff3ds.tasks.views.views_options import DoodleOptions, ViewsOptions
 
 if TYPE_CHECKING:
     from diff3ds.recognition.recognise import NotRecognised
@@ -51,7 +51,7 @@ class Views:
         if (self.source is None) == (not self.demo):
             raise ValueError("give either a transforms.json (or a folder with one) or --demo")
         with importing():
-            from diff3ds.tasks.views.run import run_views
+            from diff3ds.tasks.views.run_views import run_views
 
         console = PlainConsole(stderr=True, quiet=self.quiet)
         with viewed(self.view, self.out, console):
@@ -273,7 +273,7 @@ class Cameras:
     def run(self) -> None:
         """Runs the command."""
         with importing():
-            from diff3ds.tasks.cameras.run import run_cameras
+            from diff3ds.tasks.cameras.run_cameras import run_cameras
 
         console = PlainConsole(stderr=True, quiet=self.quiet)
         with progress_on(console) as report:

@@ -11,8 +11,8 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 from diff3ds.command_line.console import PlainConsole, progress_on, sayer
 from diff3ds.command_line.exit_codes import FAULT
 from diff3ds.command_line.interrupt import importing
-from diff3ds.tasks.batch.options import BatchOptions
-from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
+from diff3ds.tasks.batch.batch_options import BatchOptions
+from diff3ds.tasks.evaluate.evaluate_options import EvaluateOptions, JudgeOptions
 
 
 @dataclass(frozen=True)

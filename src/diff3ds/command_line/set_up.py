@@ -10,8 +10,8 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds.command_line.console import PlainConsole, progress_on, sayer
 from diff3ds.command_line.interrupt import importing
-from diff3ds.tasks.small_prior.options import TrainOptions
-from diff3ds.weights.options import FetchOptions
+from diff3ds.tasks.small_prior.train_options import TrainOptions
+from diff3ds.weights.weight_options import FetchOptions
 
 
 @dataclass(frozen=True)

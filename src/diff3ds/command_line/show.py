@@ -9,8 +9,8 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds.command_line.console import PlainConsole, counted_strokes, progress_on, sayer
 from diff3ds.command_line.interrupt import importing
-from diff3ds.tasks.export.options import ExportOptions
-from diff3ds.tasks.render.options import OrbitOptions, PictureOptions, SurfaceOptions
+from diff3ds.tasks.export.export_options import ExportOptions
+from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions, SurfaceOptions
 from diff3ds.tasks.style_options import StyleOptions
 
 
@@ -103,7 +103,7 @@ class View:
     def run(self) -> None:
         """Runs the command."""
         with importing():
-            from diff3ds.tasks.view.serve import run_view
+            from diff3ds.tasks.view_sketch.serve import run_view
 
         show = partial(print, flush=True)
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))

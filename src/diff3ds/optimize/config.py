@@ -13,8 +13,8 @@ from diff3ds.camera import Cameras
 from diff3ds.constraints import Constraint
 from diff3ds.optimize.strokes import Refinement
 from diff3ds.project import Strokes2D
+from diff3ds.render.antialiasing import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.render.checks import Background
-from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
 Rate = float | Callable[[int], float]

@@ -13,8 +13,8 @@ from diff3ds.optimize.adam import assembled, descended, leaves_of
 from diff3ds.optimize.checkpoint import State, read_checkpoint, start, write_checkpoint
 from diff3ds.optimize.config import FitConfig, Rate
 from diff3ds.render import Rendering, rasterize, render
+from diff3ds.render.antialiasing import MonteCarlo
 from diff3ds.render.backends import torch_on_one_thread
-from diff3ds.render.options import MonteCarlo
 from diff3ds.sketch import Sketch
 
 # Losses on a GPU are looked at every so many steps: a look waits for the device (empirical).

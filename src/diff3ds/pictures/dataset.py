@@ -12,14 +12,14 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.distortion import Distortion
 from diff3ds.photogrammetry.edge_maps import with_edge_maps
+from diff3ds.photogrammetry.find_project import present_views, sparse_points
 from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange, shared_lens
-from diff3ds.photogrammetry.project import present_views, sparse_points
 from diff3ds.pictures.content.cutout import CLEAR
 from diff3ds.pictures.content.ink import is_thin
 from diff3ds.pictures.content.masks import has_left_out
-from diff3ds.pictures.options import Masks, Target
+from diff3ds.pictures.picture_options import Masks, Target
 from diff3ds.pictures.reading.load_views import Told, canvas_of, load_some, load_views
-from diff3ds.pictures.reading.read import decode, shown
+from diff3ds.pictures.reading.read_view import decode, shown
 from diff3ds.pictures.sight import check_sight
 from diff3ds.pictures.store import Batch, Store
 from diff3ds.transforms import NAMED, View, near_of, of_picture_sizes, one_kind, require_files

@@ -15,7 +15,7 @@ from diff3ds.pictures.content.foreground import foreground
 from diff3ds.pictures.content.ink import beside_page, ink_on_paper
 from diff3ds.pictures.content.masks import mask_of
 from diff3ds.pictures.dataset import PosedPictures
-from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.picture_options import PictureOptions
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.pictures.store import store_of
 

@@ -15,6 +15,7 @@ from diff3ds._with_torch import known_to_torch
 from diff3ds.camera import Cameras, Size, check_size
 from diff3ds.project import Strokes2D, check_devices, project
 from diff3ds.render import montecarlo, reference
+from diff3ds.render.antialiasing import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.render.autograd import refuse_recording
 from diff3ds.render.backends import (
     Backend,
@@ -28,7 +29,6 @@ from diff3ds.render.backends import (
 from diff3ds.render.checks import Background, canvas_from, check_scene, check_stroke_values, check_strokes
 from diff3ds.render.kernel_inputs import Images, kind, of_sketch, of_sketches, of_strokes
 from diff3ds.render.kernels import drawn_by
-from diff3ds.render.options import Analytic, Antialiasing, MonteCarlo, antialiasing_from
 from diff3ds.sketch import Sketch
 
 __all__ = [

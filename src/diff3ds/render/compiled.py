@@ -14,12 +14,12 @@ from diff3ds.bezier.curves import elevate_homogeneous, homogeneous
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import Strokes2D, check_devices
+from diff3ds.render.antialiasing import Analytic, MonteCarlo
 from diff3ds.render.autograd import Upstream
 from diff3ds.render.backends import Backend, choose_backend, drawing_device, kernel_dtype
 from diff3ds.render.checks import Background, check_stroke_values
 from diff3ds.render.kernel_inputs import Images, KernelInputs, Options, of_sketch
 from diff3ds.render.kernels import kernels_of
-from diff3ds.render.options import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch, WidthSpace
 
 TRANSFORMED = (

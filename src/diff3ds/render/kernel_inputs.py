@@ -13,7 +13,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.project import Strokes2D, half_widths, squares, width_space
-from diff3ds.render.options import Analytic, MonteCarlo
+from diff3ds.render.antialiasing import Analytic, MonteCarlo
 from diff3ds.sketch import Sketch
 
 Images = tuple[Float[Tensor, "V H W 3"], Float[Tensor, "V H W"], Float[Tensor, "V H W"]]

@@ -15,8 +15,8 @@ from diff3ds.page.parts import Parts, cut_sketch, faint
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.render import Antialiasing, Backend, Rendering, render
+from diff3ds.render.antialiasing import antialiasing_from
 from diff3ds.render.checks import Background, canvas_from, check_scene
-from diff3ds.render.options import antialiasing_from
 from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.hidden.mesh_seen import Drawn, MeshSeen, prepare

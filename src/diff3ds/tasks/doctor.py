@@ -17,14 +17,14 @@ from rich.table import Table
 from rich.text import Text
 
 from diff3ds._version import __version__
-from diff3ds.guidance.device import free_memory
+from diff3ds.guidance.device_choice import free_memory
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.render.cuda.versions import advice_on_bindings, bindings_major
 from diff3ds.tasks.small_prior.small_prior import NOT_HERE, own_network
 from diff3ds.weights.catalog import KNOWN, Known
 from diff3ds.weights.judge_catalog import ELSEWHERE, JUDGES
 from diff3ds.weights.locate import lacking, locate
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 GPU_ADVICE = "no GPU is seen; priors want one, and torch built for it (https://pytorch.org)"
 KERNEL_ADVICE = "only the slow reference renders: install a C++20 compiler, then diff3ds again"

@@ -90,7 +90,7 @@ def recognise(
         TypeError: the picture is neither a path nor an array.
         ValueError, OSError: as `diff3ds image`, whose message it is; an array that is no picture.
     """
-    from diff3ds.pictures.options import PictureOptions
+    from diff3ds.pictures.picture_options import PictureOptions
     from diff3ds.pictures.reading.array import picture_of_array
     from diff3ds.pictures.reference_picture import read_reference
     from diff3ds.recognition.picture_lines import lines_of
@@ -120,8 +120,8 @@ def views_to_sketch(
         TypeError: an option that the command does not have, or a value of another kind.
         ValueError, OSError, ImportError: as the command, whose message it is.
     """
-    from diff3ds.tasks.views.options import ViewsOptions
-    from diff3ds.tasks.views.run import run_views
+    from diff3ds.tasks.views.run_views import run_views
+    from diff3ds.tasks.views.views_options import ViewsOptions
 
     read = filled("views_to_sketch", ViewsOptions(), _hints(ViewsOptions), options)
     with _folder(out, options) as folder:
@@ -146,7 +146,7 @@ def mesh_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None 
         ValueError, OSError, ImportError: as the command, whose message it is.
     """
     from diff3ds.tasks.mesh.draw_mesh import run_mesh
-    from diff3ds.tasks.mesh.options import MeshOptions
+    from diff3ds.tasks.mesh.mesh_options import MeshOptions
 
     read = filled("mesh_to_sketch", MeshOptions(), _hints(MeshOptions), options)
     with _folder(out, options) as folder:

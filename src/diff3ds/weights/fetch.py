@@ -11,7 +11,7 @@ from diff3ds.weights.catalog import KNOWN, Known
 from diff3ds.weights.download import TIMEOUT, RemoteFile, begun, digest_of, disk_full, download, transport_error
 from diff3ds.weights.judge_catalog import ELSEWHERE, JUDGES, Judge
 from diff3ds.weights.locate import cached, lacking, needed, require_extra
-from diff3ds.weights.options import FetchOptions, Source
+from diff3ds.weights.weight_options import FetchOptions, Source
 
 DIGEST = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")
 # Of the names of a repository's files: what it lacks, and which of them are needed.

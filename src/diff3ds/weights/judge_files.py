@@ -6,8 +6,8 @@ from pathlib import Path
 
 from diff3ds._shapes import Tensor
 from diff3ds.weights.locate import locate
-from diff3ds.weights.options import Source
 from diff3ds.weights.read import read_tensors
+from diff3ds.weights.weight_options import Source
 
 # One line that turns what PyTorch saved into safetensors.
 CONVERT = (

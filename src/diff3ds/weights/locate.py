@@ -12,7 +12,7 @@ from typing import Any
 
 from diff3ds._files import read_json
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 # Packages of the extra; peft, which only one method needs, is asked for there.
 EXTRA = ("diffusers", "transformers", "accelerate", "huggingface_hub")

@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import gaussian
-from diff3ds.guidance.device import free_memory, require_memory
+from diff3ds.guidance.device_choice import free_memory, require_memory
 from diff3ds.guidance.recipe import Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded

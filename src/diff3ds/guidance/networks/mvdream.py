@@ -8,7 +8,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.denoiser import Branch, check_groups
-from diff3ds.guidance.device import pick_device, pick_dtype
+from diff3ds.guidance.device_choice import pick_device, pick_dtype
 from diff3ds.guidance.networks import prompts
 from diff3ds.guidance.networks.latent import (
     FACTOR,
@@ -25,8 +25,8 @@ from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.weights import convert, single_file
 from diff3ds.weights.locate import Checkpoint, find
-from diff3ds.weights.options import Source
 from diff3ds.weights.read import read_tensors, require_trust
+from diff3ds.weights.weight_options import Source
 
 VIEWS = 4
 # Where a checkpoint does not say: latents of a side, and channels of an attention head.

@@ -10,7 +10,7 @@ from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance import formulas
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.device import pick_device, pick_dtype
+from diff3ds.guidance.device_choice import pick_device, pick_dtype
 from diff3ds.guidance.networks import prompts
 from diff3ds.guidance.networks.latent import (
     FACTOR,
@@ -26,8 +26,8 @@ from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
 from diff3ds.weights.locate import find
-from diff3ds.weights.options import Source
 from diff3ds.weights.read import header, load_part
+from diff3ds.weights.weight_options import Source
 
 # Directions that perpendicular negatives turn away from.
 AWAY = 2

@@ -8,7 +8,7 @@ from diff3ds.guidance.networks.zero123 import ReferencePose, Zero123, assemble, 
 from diff3ds.guidance.poses import spherical
 from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.weights.locate import find
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 # Cameras this fraction nearer or farther than the reference's are at its distance: rounding of float32 matrices.
 SAME_DISTANCE = 1e-3

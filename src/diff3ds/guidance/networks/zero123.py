@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.guidance.denoiser import Branch
-from diff3ds.guidance.device import pick_device, pick_dtype
+from diff3ds.guidance.device_choice import pick_device, pick_dtype
 from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
@@ -25,7 +25,7 @@ from diff3ds.guidance.recipe import USUAL, Precision, Work
 from diff3ds.guidance.schedule import NoiseSchedule
 from diff3ds.guidance.upload import uploaded
 from diff3ds.weights.locate import Checkpoint, find
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 # Mean and standard deviation of the pictures that CLIP was trained with.
 CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)

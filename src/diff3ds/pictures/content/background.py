@@ -9,7 +9,7 @@ import torch
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.pictures.content.clean_plates import CleanPlates
 from diff3ds.pictures.dataset import SAME, PosedPictures
-from diff3ds.pictures.options import parse_color, parse_color_or_path
+from diff3ds.pictures.picture_options import parse_color, parse_color_or_path
 from diff3ds.pictures.store import byte_array, opaque_views
 
 # A colour that takes this fraction of the pixels along the borders is a background; photographs have none.

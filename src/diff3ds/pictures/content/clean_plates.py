@@ -9,12 +9,12 @@ from pathlib import Path
 from diff3ds._shapes import Tensor
 from diff3ds.distortion import NO_DISTORTION
 from diff3ds.formats.png import size_of
+from diff3ds.photogrammetry.find_project import present_views
 from diff3ds.photogrammetry.lens_change import UNCHANGED, LensChange
-from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.dataset import reduced
-from diff3ds.pictures.options import Masks
+from diff3ds.pictures.picture_options import Masks
 from diff3ds.pictures.reading.load_views import Told, load_views
-from diff3ds.pictures.reading.read import decode, shown
+from diff3ds.pictures.reading.read_view import decode, shown
 from diff3ds.pictures.store import Store, opaque_views
 from diff3ds.transforms import NAMED, View, of_picture_sizes
 

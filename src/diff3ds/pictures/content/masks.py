@@ -7,7 +7,7 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_image, size_of
-from diff3ds.pictures.options import Masks
+from diff3ds.pictures.picture_options import Masks
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.transforms import View, is_copy_of_size
 

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from diff3ds._files import existing_folder
+from diff3ds.tasks.batch.batch_options import BatchOptions
 from diff3ds.tasks.batch.claims import Claims
 from diff3ds.tasks.batch.job_file import read_jobs
 from diff3ds.tasks.batch.machine import places
-from diff3ds.tasks.batch.options import BatchOptions
 from diff3ds.tasks.batch.processes import ATTEMPTS, Batch, ended_as_by_ctrl_c
 from diff3ds.tasks.batch.ray_cluster import run_on_ray
 from diff3ds.tasks.batch.summary import JobState, states_of, write_summary

@@ -8,13 +8,13 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 from diff3ds._settings import option_hints, with_options
-from diff3ds.tasks.mesh.options import MeshOptions
+from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase, Picture
 from diff3ds.tasks.typed_options import filled
-from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.weights.catalog import KNOWN
 
 # What each command takes beside options, and which of these are files.
@@ -24,7 +24,7 @@ PATHS = ("picture", "source")
 MODULES = {
     "text": "diff3ds.tasks.text_image.text",
     "image": "diff3ds.tasks.text_image.image",
-    "views": "diff3ds.tasks.views.run",
+    "views": "diff3ds.tasks.views.run_views",
     "mesh": "diff3ds.tasks.mesh.draw_mesh",
 }
 # Options that are texts, of which some are paths, and what of these is none, whatever lies in the folder.
@@ -103,8 +103,8 @@ def run_command(
     if isinstance(spec, RunSpec):
         from diff3ds.tasks.text_image.distillation import CHECKPOINT
         from diff3ds.tasks.text_image.image import run_image
-        from diff3ds.tasks.text_image.scene import PLAN
         from diff3ds.tasks.text_image.text import run_text
+        from diff3ds.tasks.text_image.text_scene import PLAN
 
         begun = any((out / name).exists() for name in (CHECKPOINT, PLAN))
         spec = replace(spec, output=replace(spec.output, resume=begun))
@@ -113,7 +113,7 @@ def run_command(
         else:
             run_image(spec, out, report, say)  # type: ignore[arg-type] # of a picture
     elif isinstance(spec, ViewsOptions):
-        from diff3ds.tasks.views.run import run_views
+        from diff3ds.tasks.views.run_views import run_views
 
         run_views(base / options["source"], out, with_options(spec, resume=True), report, say)
     else:

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from diff3ds.tasks.batch.batch_options import BatchOptions
 from diff3ds.tasks.batch.claims import Claims
 from diff3ds.tasks.batch.finished import run_record
 from diff3ds.tasks.batch.job_file import Job
-from diff3ds.tasks.batch.options import BatchOptions
 from diff3ds.tasks.batch.processes import ATTEMPTS
 from diff3ds.tasks.batch.summary import JobState, done_state
 from diff3ds.tasks.progress import Progress, Report

@@ -20,7 +20,7 @@ from diff3ds.photogrammetry import colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.programs import colmap
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
-from diff3ds.tasks.cameras.options import RegistrationOptions
+from diff3ds.tasks.cameras.registration_options import RegistrationOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.transforms import View
 

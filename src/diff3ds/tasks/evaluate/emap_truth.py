@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from diff3ds._files import read_json, read_text
-from diff3ds.metrics.curves import Points, resampled
+from diff3ds.metrics.curve_scores import Points, resampled
 from diff3ds.photogrammetry.point_files import load_points
 from diff3ds.photogrammetry.programs.meta_data import NAME
 

@@ -12,13 +12,13 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras, orbit
 from diff3ds.formats import load
-from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.device_choice import pick_device
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
+from diff3ds.tasks.evaluate.evaluate_options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.ground_truth import TRUTH, scene_scores
 from diff3ds.tasks.evaluate.held_out import cameras_of, held_out_pairs
 from diff3ds.tasks.evaluate.judges import Judges, load_judges, require_networks
-from diff3ds.tasks.evaluate.options import EvaluateOptions, JudgeOptions
 from diff3ds.tasks.evaluate.runs import Run, find_runs, reference_of
 from diff3ds.tasks.evaluate.score_table import Row, columns_of, write_tables
 from diff3ds.tasks.text_image.image import DISTANCE

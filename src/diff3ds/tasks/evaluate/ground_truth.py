@@ -9,7 +9,7 @@ import torch
 
 from diff3ds._files import read_json
 from diff3ds.bezier import evaluate
-from diff3ds.metrics.curves import Points, curve_scores, resampled
+from diff3ds.metrics.curve_scores import Points, curve_scores, resampled
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.evaluate.emap_truth import emap_truth
 from diff3ds.tasks.evaluate.runs import Run

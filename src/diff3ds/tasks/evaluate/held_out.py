@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.photogrammetry.project import find_project, present_views
+from diff3ds.photogrammetry.find_project import find_project, present_views
 from diff3ds.pictures.content.background import color_or_path
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.dataset import reduced

@@ -15,7 +15,7 @@ from diff3ds.metrics.hed_distance import HedDistance
 from diff3ds.metrics.imagenet import ImageNetRank
 from diff3ds.metrics.lpips import Lpips
 from diff3ds.pictures.reading.resample import area_means
-from diff3ds.tasks.evaluate.options import JudgeOptions
+from diff3ds.tasks.evaluate.evaluate_options import JudgeOptions
 from diff3ds.weights.judge_files import find_file, find_folder, read_network
 
 # LPIPS compares pictures of this height and width, each pixel the mean over what it covers, as Magic123 does.

@@ -9,9 +9,9 @@ from diff3ds._files import read_json
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import load_image
 from diff3ds.library.phrase import parse
-from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.picture_options import PictureOptions
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.tasks.text_image.scene import PLAN, THINGS
+from diff3ds.tasks.text_image.text_scene import PLAN, THINGS
 
 Kind = Literal["phrase", "picture", "scene"]
 KINDS: tuple[Kind, ...] = get_args(Kind)

@@ -19,7 +19,7 @@ from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.lines.feature_curves import feature_curves, outline_share
 from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.tasks.exact_prior.folder_phrase import Name, listed, named
-from diff3ds.tasks.exact_prior.options import Up
+from diff3ds.tasks.exact_prior.up_axis import Up
 
 SKETCHES = (".json", ".step", ".stp")
 READ = (*SKETCHES, *MESHES)

@@ -11,8 +11,8 @@ from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.export.options import ExportOptions
-from diff3ds.tasks.render.options import OrbitOptions, PictureOptions
+from diff3ds.tasks.export.export_options import ExportOptions
+from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions
 from diff3ds.tasks.render.render_views import views_of
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions

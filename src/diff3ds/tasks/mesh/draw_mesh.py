@@ -36,7 +36,7 @@ from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surfa
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.mesh.options import SMOOTH_STROKES, MeshOptions
+from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from diff3ds._settings import MAX_SIZE
-from diff3ds.tasks.render.options import OrbitOptions
+from diff3ds.tasks.render.render_options import OrbitOptions
 
 
 @dataclass(frozen=True)

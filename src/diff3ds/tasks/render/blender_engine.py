@@ -11,7 +11,7 @@ from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
 from diff3ds.formats.scenes.blender import FRAMES, blender_script
 from diff3ds.sketch import Sketch
-from diff3ds.tasks.render.options import OrbitOptions, PictureOptions
+from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions
 
 # Of what Blender says when it fails, the last part tells why.
 TOLD = 2000

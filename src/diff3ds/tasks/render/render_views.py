@@ -22,7 +22,7 @@ from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
-from diff3ds.tasks.render.options import (
+from diff3ds.tasks.render.render_options import (
     VECTORS,
     OrbitOptions,
     PictureOptions,

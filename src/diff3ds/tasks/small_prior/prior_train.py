@@ -21,16 +21,16 @@ from diff3ds._shapes import Tensor
 from diff3ds._tensor_files import write_tensors
 from diff3ds.guidance.built_in.small import SCHEDULE, Vocabulary, half_is_fast, write_network
 from diff3ds.guidance.built_in.small_network import SmallNetwork
-from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.device_choice import pick_device
 from diff3ds.guidance.objective import step_generator
 from diff3ds.guidance.recipe import TIMESTEPS
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.exact_prior.sketch_folder import read_sketches
 from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import ROOM_FOR_NETWORKS, check_output_folder
-from diff3ds.tasks.small_prior.options import TrainOptions
 from diff3ds.tasks.small_prior.prior_data import BuiltIn, Examples, OwnSketches, Subjects, single_thread, typical_ink
 from diff3ds.tasks.small_prior.prior_samples import sample_sheet
+from diff3ds.tasks.small_prior.train_options import TrainOptions
 
 CHECKPOINT, NETWORK, SHEETS, LOG = "training.safetensors", "small.safetensors", "samples", "training.json"
 # Steps over which the learning rate rises, and the fraction of the steps over which it falls to 0 at the end.

@@ -12,7 +12,7 @@ from diff3ds.camera import Cameras
 from diff3ds.guidance.built_in import small
 from diff3ds.guidance.built_in.small import SmallDenoiser, View, Vocabulary, half_is_fast, ink, read_network
 from diff3ds.guidance.built_in.small_network import SmallNetwork
-from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.device_choice import pick_device
 from diff3ds.library.phrase import Request, parse
 from diff3ds.tasks.exact_prior.folder_phrase import Name, asked_of
 from diff3ds.tasks.small_prior.prior_data import AXES, said, words

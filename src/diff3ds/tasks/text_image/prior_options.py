@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.guidance.recipe import Precision
-from diff3ds.tasks.exact_prior.options import Up
+from diff3ds.tasks.exact_prior.up_axis import Up
 from diff3ds.weights.catalog import KNOWN
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 BUILT_IN = ("exemplar", "small")
 FOR_PHRASES = ("mvdream", "stable-diffusion", "stable-diffusion-768")

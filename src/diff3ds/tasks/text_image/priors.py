@@ -6,7 +6,7 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.device_choice import pick_device
 from diff3ds.guidance.networks.mvdream import NEGATIVE, VIEWS, MVDream, find_words, load_mvdream
 from diff3ds.guidance.networks.prompts import check_phrase
 from diff3ds.guidance.networks.stable_diffusion import StableDiffusion, load_stable_diffusion
@@ -19,7 +19,7 @@ from diff3ds.tasks.text_image.subject import Phrase
 from diff3ds.weights import single_file
 from diff3ds.weights.catalog import KNOWN
 from diff3ds.weights.locate import find, locate
-from diff3ds.weights.options import Source
+from diff3ds.weights.weight_options import Source
 
 # Channels of the UNet of a prior that takes the picture's latents beside the noisy ones.
 PICTURE_CHANNELS = 8

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from tyro.conf import Positional, arg
 
 from diff3ds._settings import option_values, require_finite
-from diff3ds.pictures.options import PictureOptions
+from diff3ds.pictures.picture_options import PictureOptions
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES
 from diff3ds.tasks.text_image.priors import choose_prior, load_for_phrase, loaded
 from diff3ds.tasks.text_image.run_spec import RunSpec
-from diff3ds.tasks.text_image.scene import PLAN, forget_scene, run_scene
 from diff3ds.tasks.text_image.subject import Phrase
+from diff3ds.tasks.text_image.text_scene import PLAN, forget_scene, run_scene
 
 
 @torch_on_one_thread()

@@ -23,8 +23,8 @@ from diff3ds.tasks.views.color_fit.color_sketch import color_scores, held_out_vi
 from diff3ds.tasks.views.edge_fit.edge_sketch import fit_edges
 from diff3ds.tasks.views.edge_fit.random_start import plan_random_edges
 from diff3ds.tasks.views.edge_fit.refined_views import refine_for_color
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted, Plan
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 # The state of a gradient descent, and what a reconstruction of edges has reached.
 CHECKPOINT, EDGES_CHECKPOINT = "checkpoint.safetensors", "edges.safetensors"

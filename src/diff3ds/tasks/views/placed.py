@@ -10,13 +10,13 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.photogrammetry.find_project import present_views
 from diff3ds.photogrammetry.line_axes import line_axes
 from diff3ds.photogrammetry.placing import distance_between, turned_up, up_of
-from diff3ds.photogrammetry.project import present_views
-from diff3ds.pictures.options import Target
+from diff3ds.pictures.picture_options import Target
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 PLACED = "transforms_placed.json"
 # A stroke whose control points lie within this fraction of its chord from it is a line.

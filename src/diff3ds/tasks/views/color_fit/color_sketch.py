@@ -18,15 +18,15 @@ from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.visual_hull import Hull, visual_hull
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.pictures.frame import frame_of
-from diff3ds.pictures.options import Masks
+from diff3ds.pictures.picture_options import Masks
 from diff3ds.pictures.pyramid import Level, Pyramid, build_pyramid
 from diff3ds.pictures.reading.load_views import Told
 from diff3ds.pictures.store import Store, is_all_known
 from diff3ds.render import Rendering, render
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
+from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.transforms import present_views
 
 STEPS, BATCH = 1200, 5

@@ -11,7 +11,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, evenly_spaced
-from diff3ds.guidance.device import pick_device
+from diff3ds.guidance.device_choice import pick_device
 from diff3ds.guidance.objective import step_generator
 from diff3ds.metrics.clip_resnet import clip_resnet
 from diff3ds.metrics.doodle_loss import DoodleLoss
@@ -19,7 +19,7 @@ from diff3ds.metrics.vgg_distance import VggDistance
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import Objective, fit
-from diff3ds.photogrammetry.project import find_project
+from diff3ds.photogrammetry.find_project import find_project
 from diff3ds.pictures.content.background import parse_background, with_alpha
 from diff3ds.pictures.content.visual_hull import visual_hull
 from diff3ds.pictures.dataset import PosedPictures, load_posed
@@ -33,9 +33,9 @@ from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.views.color_fit.color_sketch import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.views.descents import CHECKPOINT
-from diff3ds.tasks.views.options import DoodleOptions
 from diff3ds.tasks.views.plan import Plan
 from diff3ds.tasks.views.preview import after_targets, preview
+from diff3ds.tasks.views.views_options import DoodleOptions
 from diff3ds.weights.judge_files import find_file, read_network
 
 # Control points of a new stroke follow one another by this, plus up to ten times as much at random, along each axis;

@@ -24,8 +24,8 @@ from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import look
 from diff3ds.tasks.views.edge_fit.refined_cameras import NAMED
 from diff3ds.tasks.views.edge_fit.refined_views import RefinedViews, refine
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Fitted
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 def fit_edges(

@@ -18,8 +18,8 @@ from diff3ds.pictures.pyramid import Pyramid, build_pyramid
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import most_views
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.plan import Plan
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 # The lengths below are relative to the radius of the scene. All are empirical: tried on two CAD models' edge maps, and
 # kept where they scored best.

@@ -15,11 +15,11 @@ from diff3ds.camera import Cameras
 from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.cameras.lens_effect import bending
+from diff3ds.photogrammetry.find_project import present_views
 from diff3ds.photogrammetry.lens_change import LensChange
 from diff3ds.photogrammetry.point_files import save_points
-from diff3ds.photogrammetry.project import present_views
 from diff3ds.pictures.frame import Frame
-from diff3ds.pictures.options import Target
+from diff3ds.pictures.picture_options import Target
 from diff3ds.transforms import save_views
 
 REFINED = "transforms_refined.json"

@@ -18,7 +18,7 @@ from diff3ds.tasks.progress import Report
 from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import MOST_VIEWS, look, look_again
 from diff3ds.tasks.views.edge_fit.refined_cameras import in_world, moves
-from diff3ds.tasks.views.options import ViewsOptions
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 
 @dataclass(frozen=True, eq=False)

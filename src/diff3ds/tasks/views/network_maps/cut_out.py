@@ -6,7 +6,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.pictures.content.foreground import load_foreground
-from diff3ds.pictures.options import Target
+from diff3ds.pictures.picture_options import Target
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.views.network_maps.kept_maps import Size, keep_maps, views_of
 from diff3ds.transforms import NAMED

@@ -9,11 +9,11 @@ from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import save_png
 from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_reduced, size_of
-from diff3ds.photogrammetry.project import present_views
+from diff3ds.photogrammetry.find_project import present_views
 from diff3ds.pictures.content.cutout import premultiplied
 from diff3ds.pictures.dataset import reduced
-from diff3ds.pictures.options import Target
-from diff3ds.pictures.reading.read import DECODED
+from diff3ds.pictures.picture_options import Target
+from diff3ds.pictures.reading.read_view import DECODED
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.tasks.progress import Progress, Report

@@ -8,7 +8,7 @@ from tyro.conf import arg
 
 from diff3ds._settings import check_seed, require_finite
 from diff3ds.photogrammetry.scale_options import check_scale
-from diff3ds.pictures.options import Masks, Target, parse_color, parse_color_or_path
+from diff3ds.pictures.picture_options import Masks, Target, parse_color, parse_color_or_path
 
 Init = Literal["carve", "random"]
 # Which way is up in the sketch: as photographs were held, or as cameras have it.

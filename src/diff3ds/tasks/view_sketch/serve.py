@@ -20,9 +20,9 @@ from typing import Any, Literal
 
 from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.tasks.surface_input import SurfaceInput
-from diff3ds.tasks.view import saving
-from diff3ds.tasks.view.run_folder import picture_in
-from diff3ds.tasks.view.shown_page import ShownPage
+from diff3ds.tasks.view_sketch import saving
+from diff3ds.tasks.view_sketch.run_folder import picture_in
+from diff3ds.tasks.view_sketch.shown_page import ShownPage
 
 # The address it listens on, unless another is asked for; how browsers call this machine; all addresses of a machine.
 HOST = "127.0.0.1"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from diff3ds._settings import MAX_SIZE, require_finite
-from diff3ds.pictures.options import parse_color
+from diff3ds.pictures.picture_options import parse_color
 
 # Each suffix by what it holds: views, or the frames of a turntable.
 STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")

@@ -9,7 +9,7 @@ from diff3ds.formats.orientation import load_of_size
 from diff3ds.formats.png import load_reduced
 from diff3ds.pictures.content.cutout import premultiplied
 from diff3ds.pictures.content.masks import counted, has_left_out, object_fraction
-from diff3ds.pictures.options import Masks
+from diff3ds.pictures.picture_options import Masks
 from diff3ds.pictures.reading.lens import straightened
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.transforms import View

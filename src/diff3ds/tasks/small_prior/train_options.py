@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.guidance.built_in.small_shape import Shape
-from diff3ds.tasks.exact_prior.options import Up
+from diff3ds.tasks.exact_prior.up_axis import Up
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ import torch
 
 from diff3ds._files import existing_folder, read_json, write_text
 from diff3ds._shapes import Float, Tensor
+from diff3ds.photogrammetry.find_project import NoCameras, present_views, project_of, sparse_points
 from diff3ds.photogrammetry.markers import require_opencv
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.placing import distance_between, looked_at, moved, turned_up, up_of
 from diff3ds.photogrammetry.point_files import save_points
-from diff3ds.photogrammetry.project import NoCameras, present_views, project_of, sparse_points
-from diff3ds.tasks.cameras.options import RegistrationOptions
 from diff3ds.tasks.cameras.register import register
+from diff3ds.tasks.cameras.registration_options import RegistrationOptions
 from diff3ds.tasks.progress import Report
 from diff3ds.transforms import View, of_picture_sizes, save_views
 

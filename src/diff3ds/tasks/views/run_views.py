@@ -14,8 +14,8 @@ from diff3ds.edges.watch import no_report, not_said
 from diff3ds.formats.png import size_of
 from diff3ds.library.demo import DEMO_SIZE, demo_cameras, demo_sketch
 from diff3ds.photogrammetry.edge_maps import edge_maps_of
+from diff3ds.photogrammetry.find_project import NoCameras, project_of
 from diff3ds.photogrammetry.markers import require_opencv
-from diff3ds.photogrammetry.project import NoCameras, project_of
 from diff3ds.pictures.content.background import color_or_path, parse_background, with_alpha
 from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
@@ -27,10 +27,10 @@ from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.hull_surface import hull_surface
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.cameras.options import RegistrationOptions
-from diff3ds.tasks.cameras.run import TRANSFORMS, are_estimated, run_cameras
+from diff3ds.tasks.cameras.registration_options import RegistrationOptions
+from diff3ds.tasks.cameras.run_cameras import TRANSFORMS, are_estimated, run_cameras
 from diff3ds.tasks.mesh.draw_mesh import sketch_mesh
-from diff3ds.tasks.mesh.options import MeshOptions
+from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, output_folder, write_results
 from diff3ds.tasks.run_log import logged
@@ -47,10 +47,10 @@ from diff3ds.tasks.views.edge_fit.edges_of_pictures import look
 from diff3ds.tasks.views.edge_fit.refined_cameras import REFINED, save_refined
 from diff3ds.tasks.views.network_maps.cut_out import INSTEAD, cut_out
 from diff3ds.tasks.views.network_maps.detected_edges import detect_edges
-from diff3ds.tasks.views.options import ViewsOptions
 from diff3ds.tasks.views.placed import PLACED, Placing, along_lines, placing_of
 from diff3ds.tasks.views.plan import Fitted
 from diff3ds.tasks.views.preview import PREVIEWS, after_targets, preview
+from diff3ds.tasks.views.views_options import ViewsOptions
 
 # Where cameras of photographs are kept.
 CAMERAS = "cameras"

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE
-from diff3ds.tasks.render.options import MOST_FRAMES, OrbitOptions
+from diff3ds.tasks.render.render_options import MOST_FRAMES, OrbitOptions
 
 # A smooth thing's strokes where nobody says how many.
 SMOOTH_STROKES = 24

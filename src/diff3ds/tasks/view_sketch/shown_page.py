@@ -13,8 +13,8 @@ from diff3ds.sketch import Sketch
 from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.tasks.sketch_input import load_sketch, name_of
 from diff3ds.tasks.surface_input import SurfaceInput
-from diff3ds.tasks.view import saving
-from diff3ds.tasks.view.run_folder import told_by
+from diff3ds.tasks.view_sketch import saving
+from diff3ds.tasks.view_sketch.run_folder import told_by
 from diff3ds.viewer.page import Served
 
 
