@@ -1,7 +1,12 @@
 """Clouds of points from files: what is read of each format, and what is refused."""
 
+import io
+import random
+import warnings
+
 import numpy as np
 import pytest
+from hostile import broken
 
 from diff3ds.formats.clouds.read_cloud import read_cloud
 
@@ -15,6 +20,13 @@ def _ply(table: np.ndarray) -> bytes:
     lines = "".join(f"property float {name}\n" for name in names)
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n{lines}end_header\n"
     return header.encode() + table.astype("<f4").tobytes()
+
+
+def _npy(table: np.ndarray, count: bytes) -> bytes:
+    """A file of numpy that says another number of points."""
+    file = io.BytesIO()
+    np.save(file, table)
+    return file.getvalue().replace(b"(%d," % len(table), b"(%s," % count)
 
 
 def _text(table: np.ndarray, by: str, head: str = "") -> bytes:
@@ -75,6 +87,10 @@ def test_colours_are_no_normals_and_places_count_once(tmp_path):
         ("a.pcd", b"FIELDS x y z\n", "says what its DATA are"),
         ("a.pcd", _pcd(POINTS, "binary")[:-5], "a.pcd"),
         ("a.pcd", _pcd(POINTS, "ascii").replace(b"ascii", b"binary_compressed"), "only ascii and binary"),
+        ("a.pcd", _pcd(POINTS, "binary").replace(b"SIZE 4 4 4 ", b"SIZE 4 4 9 "), r"a\.pcd: not a cloud .*TypeError"),
+        ("a.npy", _npy(POINTS, b"99999999999999999999"), r"a\.npy: "),
+        ("a.npy", _npy(POINTS, b"42949672940"), r"a\.npy: mmap length is greater than file size"),
+        ("a.npy", _npy(POINTS, b"{"), r"a\.npy: not a cloud that can be read \(TokenError"),
         ("a.ply", b"ply\nnothing", "no header of PLY"),
         ("a.ply", _ply(POINTS)[:-5], "cut off or broken"),
     ],
@@ -93,3 +109,34 @@ def test_that_faces_are_left_out_is_said(tmp_path):
     with pytest.warns(UserWarning, match="faces of the file are left out: diff3ds mesh draws"):
         read = read_cloud(path)
     assert len(read.points) == len(POINTS)
+
+
+SEEDS = {
+    ".ply": [_ply(POINTS)],
+    ".pcd": [_pcd(POINTS, "ascii"), _pcd(POINTS, "binary")],
+    ".npy": [_npy(POINTS, b"%d" % len(POINTS))],
+    ".xyz": [_text(POINTS, " "), _text(POINTS, ";", "3\n")],
+}
+
+
+def check_fuzzed(folder, suffix, count, seed):
+    """Of so many damaged clouds, each is read as finite points or refused by name; returns how many were read."""
+    path, rng, said = folder / f"some file{suffix}", random.Random(seed), []
+    for _ in range(count):
+        path.write_bytes(broken(rng.choice(SEEDS[suffix]), rng))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                cloud = read_cloud(path)
+        except ValueError as error:
+            said.append(str(error))
+            continue
+        assert cloud.points.shape[1:] == (3,)
+        assert np.isfinite(cloud.points).all()
+    assert [text for text in said if path.name not in text] == []
+    return count - len(said)
+
+
+@pytest.mark.parametrize("suffix", SEEDS)
+def test_damaged_clouds_give_points_or_an_error_that_names_the_file(tmp_path, suffix):
+    assert 0 < check_fuzzed(tmp_path, suffix, 200, seed=0) < 200

@@ -1,9 +1,9 @@
 """Clouds of points from files, with normals where there are some: PLY, XYZ and other texts, NPY, PCD, LAS and LAZ."""
 
-import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
@@ -48,9 +48,12 @@ def read_cloud(path: str | Path) -> Cloud:
     if size > MAX_CLOUD_BYTES:
         raise ValueError(f"{path}: {size} bytes are more than the {MAX_CLOUD_BYTES} that are read")
     try:
-        table = _las(path) if suffix in (".las", ".laz") else _table(suffix, path.read_bytes())
-    except (ValueError, EOFError, KeyError) as error:
+        table = _las(path) if suffix in (".las", ".laz") else _table(suffix, path)
+    except (ValueError, EOFError) as error:
         raise ValueError(f"{path}: {error}") from error
+    except (ArithmeticError, AttributeError, LookupError, SyntaxError, TokenError, TypeError) as error:
+        # Anything may stand where a number, a name or a header should.
+        raise ValueError(f"{path}: not a cloud that can be read ({type(error).__name__}: {error})") from error
     table = table[np.isfinite(table).all(1)]
     if not len(table):
         raise ValueError(f"{path}: a cloud needs points, there is none with finite coordinates")
@@ -60,18 +63,19 @@ def read_cloud(path: str | Path) -> Cloud:
     return Cloud(np.ascontiguousarray(points), np.ascontiguousarray(normals) if unit else None)
 
 
-def _table(suffix: str, content: bytes) -> Float[Array, "N C"]:
+def _table(suffix: str, path: Path) -> Float[Array, "N C"]:
     """Three or six numbers a point."""
     if suffix == ".ply":
-        return _columns(read_ply_points(content), ("nx", "ny", "nz"))
+        return _columns(read_ply_points(path.read_bytes()), ("nx", "ny", "nz"))
     if suffix == ".pcd":
-        return _columns(_pcd(content), ("normal_x", "normal_y", "normal_z"))
+        return _columns(_pcd(path.read_bytes()), ("normal_x", "normal_y", "normal_z"))
     if suffix == ".npy":
-        found = np.load(io.BytesIO(content), allow_pickle=False)
+        # Mapped, so that no more is set aside than the file has, whatever its header says.
+        found = np.load(path, mmap_mode="r", allow_pickle=False)
         if found.ndim != 2 or found.shape[1] < 3 or found.dtype.kind not in "fiu":
             raise ValueError(f"expected numbers of shape (N, 3) or (N, 6), got {found.dtype} of shape {found.shape}")
     else:
-        found = _text(content)
+        found = _text(path.read_bytes())
     return np.asarray(found[:, :6] if found.shape[1] >= 6 else found[:, :3], np.float64)
 
 
