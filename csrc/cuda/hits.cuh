@@ -1,7 +1,7 @@
 // From the strokes of a tile to its fragments, one thread for every point: the nearest point of each stroke within reach, kept per warp, and
 // each point's fragments sorted by depth: the first half of occlusion; composite.cuh blends them.
 #pragma once
-#include "cuda/sort.cuh"
+#include "cuda/merge_exchange.cuh"
 #include "cuda/tile.cuh"
 
 namespace stroke {

@@ -9,7 +9,7 @@ from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.bezier.curves import subcurve_matrix
 from diff3ds.bezier.measure import chord_intervals
 from diff3ds.page.picture import Picture
-from diff3ds.render.visible import visible_spans
+from diff3ds.render.near_plane import visible_spans
 
 # Chords stay so near to strokes, pixels: where a stroke crosses an outline, its chord is taken to do so as well.
 CHORD = 0.05

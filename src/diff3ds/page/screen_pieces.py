@@ -14,7 +14,7 @@ from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.bezier.curves import bernstein, subcurve_matrix
 from diff3ds.bezier.pieces import from_standard, standard_form
 from diff3ds.project import Strokes2D
-from diff3ds.render.visible import visible_spans
+from diff3ds.render.near_plane import visible_spans
 from diff3ds.sketch import WidthSpace
 
 # 2^-48 of a stroke is below the resolution of its parameter.

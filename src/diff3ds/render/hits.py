@@ -10,7 +10,7 @@ from diff3ds.bezier.closest import closest_parameter, differentiable_parameter
 from diff3ds.bezier.curves import bernstein, homogeneous_derivatives, subcurve_matrix
 from diff3ds.bezier.measure import chord_intervals, homogeneous_box
 from diff3ds.project import Strokes2D
-from diff3ds.render.visible import Spans, visible_spans
+from diff3ds.render.near_plane import Spans, visible_spans
 
 # Candidates (chord, pixel) tested at a time, and (span, point) solved at a time.
 CANDIDATE_BLOCK = 1 << 20

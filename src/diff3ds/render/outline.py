@@ -10,7 +10,7 @@ from diff3ds.bezier.curves import bernstein, homogeneous_derivatives
 from diff3ds.bezier.measure import _Intervals, chord_intervals
 from diff3ds.project import Strokes2D
 from diff3ds.render.hits import half_width_at, span_controls
-from diff3ds.render.visible import Spans
+from diff3ds.render.near_plane import Spans
 
 # px between chords and curve; the chords only decide where points are spent.
 CHORD_TOLERANCE = 0.02
