@@ -157,6 +157,13 @@ def _lines(g):
     primitives.append({"attributes": primitives[0]["attributes"], "mode": 1})
 
 
+def _bounds(low, high):
+    def give(g):
+        g.json["accessors"][0] |= {"min": low, "max": high}
+
+    return give
+
+
 def _lost(g):
     g.json["images"] = [{"uri": "none.png"}]
 
@@ -240,6 +247,10 @@ EXAMPLES = {
     "EXT_texture_webp": painted(_webp, lambda f: color(f) == [0, 1, 0], kind="WEBP"),
     "normals, animations, cameras, lights, variants, other maps and KHR_materials_...": made(_rest),
     "points and lines beside triangles": made(_lines, words="left out: 1 set of points or lines"),
+    "bounds of vertices: `min` and `max`": made(_bounds([0, 0, 0], [2, 2, 0]), lambda f: spans(f) == [0, 2, 2]),
+    "vertices beyond their bounds": made(
+        _bounds([0, 0, 0], [2, 1.9, 0]), words="vertices lie outside of the bounds that the file gives for them"
+    ),
     "transparency: alphaMode": made(
         _material(name="glass", alphaMode="BLEND"), words="left out: transparency of the material 'glass'"
     ),

@@ -29,6 +29,10 @@ _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "
 _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
+# How far bounds that are written with few digits lie off, as a share of the largest. [empirical: exporters write six]
+_BOUNDS_SLACK = 1e-5
+
+
 class GltfFile:
     """The JSON of a file, and arrays from its buffers.
 
@@ -126,6 +130,19 @@ class GltfFile:
             raise ValueError(f"accessor {number} must be of {components} components")
         return found
 
+    def beyond_bounds(self, number: Any, values: Float[Array, "N C"]) -> bool:
+        """Whether values lie outside of the `min` and `max` that their accessor gives, where it gives some."""
+        accessor = self.one("accessors", number)
+        bounds = [accessor.get(name) for name in ("min", "max")]
+        # Those of normalised values are of what is stored, and nobody needs them there.
+        if not len(values) or accessor.get("normalized") or not all(map(_is_point, bounds)):
+            return False
+        low, high = np.array(bounds, np.float64)
+        if low.shape != values.shape[1:]:
+            return False
+        slack = _BOUNDS_SLACK * max(np.abs(values).max(), np.abs(low).max(), np.abs(high).max())
+        return bool((values.min(0) < low - slack).any() or (values.max(0) > high + slack).any())
+
     def resource(self, uri: Any) -> bytes:
         """What a URI means: data in the URI itself, or a file beside.
 
@@ -192,6 +209,11 @@ def listed(thing: dict[str, Any], name: str) -> list[Any]:
 
 def _no_number(text: str) -> float:
     raise ValueError(f"{text} is no number of JSON")
+
+
+def _is_point(value: Any) -> bool:
+    """Whether a value is a list of numbers."""
+    return isinstance(value, list) and all(isinstance(x, int | float) and np.isfinite(x) for x in value)
 
 
 def _count(value: Any) -> int:

@@ -44,6 +44,7 @@ class _Reader:
         self._faces: list[Int[Index, "F 3"]] = [np.zeros((0, 3), np.int64)]
         self._paints: list[Paint] = [Paint.none(0, 0)]
         self._vertices = self._triangles = self._flat = 0
+        self._beyond = False
 
     def add(self, number: int) -> None:
         """The mesh of a node, as often as it is shown."""
@@ -82,6 +83,8 @@ class _Reader:
         left_out: tuple[str, ...] = ()
         if self._flat:
             left_out = (f"left out: {counted(self._flat, 'set of points or lines', 'sets of points or lines')}",)
+        if self._beyond:
+            left_out += ("vertices lie outside of the bounds that the file gives for them: it may be damaged",)
         part = np.repeat(np.arange(len(self._faces)), [len(some) for some in self._faces])
         paint = self._materials.joined(self._paints) if self._materials else None
         if self._materials:
@@ -110,6 +113,7 @@ class _Reader:
         number = primitive["attributes"]["POSITION"]
         self._check_there(primitive, number)
         points = self._file.values(number, 3)
+        self._beyond |= self._file.beyond_bounds(number, points)
         for weight, target in zip(weights, listed(primitive, "targets"), strict=False):
             if weight and "POSITION" in target:
                 points = points + float(weight) * self._file.values(target["POSITION"], 3)
