@@ -21,16 +21,17 @@ from diff3ds.surfaces.hidden.mesh_view import MeshView
 from diff3ds.surfaces.shape.nearest import Nearest
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
-# Points along a segment.
+# [1; numerical] Points along a segment.
 SAMPLES = 12
-# Strokes so near to the surface lie on it, as a share of its size: two cells of the grid that it is made on.
+# [fraction; derived] Strokes so near to the surface lie on it, as a share of its size: two cells of the grid that it
+# is made on.
 NEAR = 1 / 40
-# Faces that are turned so far towards the camera are inside of the outline: sine of 20 degrees.
+# [1; empirical] Faces that are turned so far towards the camera are inside of the outline: sine of 20 degrees.
 FACING = 0.34
-# A stroke that should be seen by so many views, in the mean over its points, and of which the pictures show less than
-# this share there, is false. Empirical.
+# [views, fraction; empirical] A stroke that should be seen by so many views, in the mean over its points, and of which
+# the pictures show less than this share there, is false.
 FEWEST, LEAST = 3.0, 0.35
-# So many views say enough. Empirical.
+# [views; speed] So many views say enough.
 VIEWS = 48
 
 
