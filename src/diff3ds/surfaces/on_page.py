@@ -10,7 +10,6 @@ from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.hidden.mesh_seen import RINGS, creases_along, least_run
-from diff3ds.surfaces.shape.nearest import ON_SURFACE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Triangles that a page takes: 4 MB, and in software rendering some frames a second. Empirical.
@@ -70,7 +69,7 @@ class SurfaceOnPage:
             "closed": mesh.is_closed,
             "least_run": least_run(mesh),
             "rings": RINGS,
-            "near": ON_SURFACE * mesh.size,
+            "near": mesh.near,
         }
 
     def bare_creases(self, sketch: Sketch) -> dict[str, Any]:

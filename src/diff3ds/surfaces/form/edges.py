@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.surfaces.form.exact_meets import Path, Surface, exact_paths, marched, onto
+from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.surfaces.form.exact_meets import FREE_STEPS, STEPS, Path, Surface, exact_paths, marched, onto
 from diff3ds.surfaces.form.free import NONE, FreeForm
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
+from diff3ds.surfaces.form.thread_points import threaded
 
 # Forms that meet at less than this, degrees, go on in each other: no edge. Empirical.
 SMOOTH = 18.0
@@ -124,8 +126,8 @@ def _along(
     a, b = forms[pair[0]], forms[pair[1]]
     if len(middles) < LEAST:
         return
-    on = onto([a, b], middles)
     free = isinstance(a, FreeForm) or isinstance(b, FreeForm)
+    on = onto([a, b], middles, FREE_STEPS if free else STEPS)
     limit = NEAR_SPACINGS * apart + NEAR_REACHES * within(samples)
     off = np.abs(np.stack([a.distance(on), b.distance(on)])).max(0)
     turn = _turns(a, b, on)
@@ -163,9 +165,13 @@ def _paths(
             if len(rows):
                 yield path, rows
         return
+    if isinstance(a, FreeForm) or isinstance(b, FreeForm):
+        for line, closed, rows in threaded(on, gap, samples.spacing):
+            line = onto([a, b], line, FREE_STEPS)
+            yield Path(Kind.FREE, line[0], np.zeros(3), np.zeros(3), line, closed), rows
+        return
     from scipy.spatial import cKDTree
 
-    free = isinstance(a, FreeForm) or isinstance(b, FreeForm)
     left = np.ones(len(on), bool)
     while left.sum() >= LEAST:
         rows = np.flatnonzero(left)
@@ -174,8 +180,7 @@ def _paths(
         def stops(x: Array, tree: "cKDTree" = tree) -> bool:
             return bool(tree.query(x)[0] > gap)
 
-        step = (1.0 if free else 0.3) * samples.spacing
-        path = marched(a, b, on[rows[len(rows) // 2]], step, stops)
+        path = marched(a, b, on[rows[len(rows) // 2]], 0.3 * samples.spacing, stops)
         assert path.line is not None
         near = cKDTree(path.line).query(on[rows])[0] < samples.spacing
         near[len(rows) // 2] = True

@@ -13,8 +13,10 @@ from diff3ds.surfaces.form.free import FreeForm
 
 Surface = Form | FreeForm
 
-# Newton steps towards two or three forms at once.
-STEPS = 12
+# Newton steps towards two or three forms at once, and where free ones are among them, which are dear.
+STEPS, FREE_STEPS = 12, 4
+# And from a point of a path to the next.
+MARCHED = 4
 # Axes that are nearer to parallel (sine) and to each other (world units over the size of what they belong to) than
 # rounding count as one; a form is regularised before. Numerical.
 SAME = 1e-6
@@ -88,8 +90,7 @@ def onto(forms: Sequence[Surface], points: Float[Array, "S 3"], steps: int = STE
     """The points moved to where all forms, two or three, are at distance zero, by the shortest steps."""
     x = points.copy()
     for _ in range(steps):
-        off = np.stack([one.distance(x) for one in forms], 1)
-        jacobian = np.stack([one.normal(x) for one in forms], 1)
+        off, jacobian = (np.stack(values, 1) for values in zip(*(one.placed(x) for one in forms), strict=True))
         gram = jacobian @ np.swapaxes(jacobian, 1, 2)
         gram += 1e-9 * np.eye(len(forms))
         step = np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(gram, off[..., None])
@@ -284,7 +285,7 @@ def marched(a: Surface, b: Surface, start: Float[Array, " 3"], step: float, stop
             if last is not None and t @ last < 0:
                 break
             last = t
-            x = onto([a, b], (x + step * t)[None], 4)[0]
+            x = onto([a, b], (x + step * t)[None], MARCHED)[0]
             if len(points) > 3 and np.linalg.norm(x - start) < 0.75 * step:
                 return Path(Kind.FREE, start, np.zeros(3), np.zeros(3), np.array([*points, start]), True)
             points.append(x)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diff3ds._shapes import Index, Int
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.surfaces.form.edge_strokes import drawn_runs
 from diff3ds.surfaces.form.edges import Edge, corners, edges_between, without_scraps
@@ -29,12 +30,21 @@ class FormCurves:
         edges: what each was made of, in their order.
         owner: of each curve the number of its edge.
         found: the forms and the labels of the samples.
+        surfaces: the forms, and after them the free-form regions.
+        label: which of these each sample is on, carried on over what lies between them.
     """
 
     curves: Curves
     edges: list[Edge]
     owner: list[int]
     found: Labelled
+    surfaces: list[Surface]
+    label: Int[Index, " N"]
+
+
+def band(samples: Samples) -> float:
+    """How wide what lies between two forms may be, world units."""
+    return BAND_SPACINGS * samples.spacing + BAND_REACHES * within(samples)
 
 
 def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
@@ -42,11 +52,10 @@ def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
     generator = np.random.default_rng(seed)
     found = labelled(samples, [one.form for one in found_forms(samples, generator)])
     found = Labelled(regularised(samples, found.label, found.forms), found.label)
-    band = BAND_SPACINGS * samples.spacing + BAND_REACHES * within(samples)
-    carried = spread(samples, found.label, band)
+    carried = spread(samples, found.label, band(samples))
     label, free = free_regions(samples, found.label, carried, len(found.forms))
     forms: list[Surface] = [*found.forms, *free]
-    label = spread(samples, label, band)
+    label = spread(samples, label, band(samples))
     edges = edges_between(samples, forms, label)
     points, vertex = corners(samples, edges, forms)
     kept = without_scraps(samples, edges, vertex)
@@ -55,4 +64,4 @@ def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
     pieces = [(run.vertices, run.strokes) for run in runs]
     owner = [run.edges[0] for run in runs for _ in run.strokes]
     curves = _curves(places, pieces)
-    return FormCurves(curves, edges, owner, found)
+    return FormCurves(curves, edges, owner, found, forms, label)

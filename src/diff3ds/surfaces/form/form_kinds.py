@@ -89,14 +89,15 @@ class Form:
 
     def normal(self, points: Float[Array, "S 3"]) -> Float[Array, "S 3"]:
         """Unit vectors along which the distance from one form grows fastest."""
-        return self._gradient(points)[1]
+        return self.placed(points)[1]
 
     def projected(self, points: Float[Array, "S 3"]) -> Float[Array, "S 3"]:
         """The nearest points of one form."""
-        distance, gradient = self._gradient(points)
+        distance, gradient = self.placed(points)
         return points - distance[:, None] * gradient
 
-    def _gradient(self, points: Float[Array, "S 3"]) -> tuple[Float[Array, " S"], Float[Array, "S 3"]]:
+    def placed(self, points: Float[Array, "S 3"]) -> tuple[Float[Array, " S"], Float[Array, "S 3"]]:
+        """Signed distances of points from one form, and the unit vectors along which these grow fastest."""
         h, w = self._parts(points)
         q = np.maximum(np.linalg.norm(w, axis=-1), TINY)
         distance, gq, gh = self._profile(q, h)
@@ -199,9 +200,13 @@ def form(
 
 def frame(axis: Float[Array, " 3"]) -> Float[Array, "2 3"]:
     """Two unit vectors across an axis and each other."""
-    least = np.eye(3)[np.abs(axis).argmin()]
-    u = unit(np.cross(axis, least))
-    return np.stack([u, np.cross(axis, u)])
+    # By hand: `np.cross` is slow for one vector, and a fit asks for thousands.
+    x, y, z = axis.tolist()
+    least = min(abs(x), abs(y), abs(z))
+    a, b, c = (0.0, z, -y) if abs(x) == least else (-z, 0.0, x) if abs(y) == least else (y, -x, 0.0)
+    length = max((a * a + b * b + c * c) ** 0.5, TINY)
+    a, b, c = a / length, b / length, c / length
+    return np.array([[a, b, c], [y * c - z * b, z * a - x * c, x * b - y * a]])
 
 
 def fits_of_patches(points: Float[Array, "M K 3"], normals: Float[Array, "M K 3"]) -> list[Form]:

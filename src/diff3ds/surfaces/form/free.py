@@ -46,14 +46,14 @@ class FreeForm:
 
     def distance(self, points: Float[Array, "S 3"]) -> Float[Array, " S"]:
         """Signed distances, positive on the side of the normals."""
-        return self._local(points)[0]
+        return self.placed(points)[0]
 
     def normal(self, points: Float[Array, "S 3"]) -> Float[Array, "S 3"]:
         """Unit normals."""
-        return self._local(points)[1]
+        return self.placed(points)[1]
 
-    def _local(self, points: Float[Array, "S 3"]) -> tuple[Float[Array, " S"], Float[Array, "S 3"]]:
-        """Distances from quadrics through the nearest samples, and their normals."""
+    def placed(self, points: Float[Array, "S 3"]) -> tuple[Float[Array, " S"], Float[Array, "S 3"]]:
+        """Signed distances from quadrics through the nearest samples, and unit normals of these."""
         count = min(self.count, len(self.points))
         far, near = self._tree.query(points, k=count)
         own = self.points[near]

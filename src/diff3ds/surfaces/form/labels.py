@@ -26,6 +26,9 @@ RIM, ALL_RIM = 0.8, 0.97
 # A round form is a rounded edge of two others that meet at more than this, radians, where its samples are so near to
 # their edge: in spacings, of which no more count than make WIDEST longest sides, or in longest sides. Empirical.
 MEET, BAND, WIDEST, ROUNDED = 0.4, 2.2, 0.05, 0.035
+# A form is not what its samples lie on where a cubic says so large a share of their squared distances, more of few
+# samples, and so much in longest sides. Empirical.
+SAID, BY_CHANCE, OFF = 0.45, 40.0, 0.0014
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,7 @@ class Labelled:
 def labelled(samples: Samples, forms: Sequence[Form]) -> Labelled:
     """Every sample to the form that explains it and its neighbours best; forms refitted to their samples."""
     label, current = _swept(samples, list(forms))
-    for change in (_merged, _needed, _refitted, _needed, _refitted):
+    for change in (_merged, _needed, _refitted, _needed, _refitted, _true):
         label, current = _swept(samples, change(samples, label, current))
     return Labelled(current, label)
 
@@ -181,6 +184,25 @@ def _is_rounding(samples: Samples, one: Form, points: Float[Array, "M 3"], two: 
         min(BAND * samples.spacing, 0.05 * samples.size), ROUNDED * samples.size
     )
     return bool((meet & near).mean() > RIM)
+
+
+def _true(samples: Samples, label: Int[Index, " N"], forms: list[Form]) -> list[Form]:
+    """Without forms that are no more than near to their samples: a cubic over the form says how far off each is."""
+    least = (OFF * samples.size) ** 2
+    kept = []
+    for row, one in enumerate(forms):
+        points = some_of(samples, label, row)
+        off = one.distance(points)
+        place = one.projected(points) - points.mean(0)
+        x, y, z = (place / max(float(place.std()), 1e-300)).T
+        terms = np.stack([x**i * y**j * z**k for i in range(4) for j in range(4 - i) for k in range(4 - i - j)], 1)
+        gram = terms.T @ terms
+        gram[np.diag_indices_from(gram)] += 1e-9 * len(off)
+        left = off - terms @ np.linalg.solve(gram, terms.T @ off)
+        whole, by_cubic = float((off * off).mean()), float((off * off).mean() - (left * left).mean())
+        if by_cubic < least or by_cubic < (SAID + BY_CHANCE / len(off)) * whole:
+            kept.append(one)
+    return kept
 
 
 def _rms(one: Form, points: Float[Array, "S 3"]) -> float:

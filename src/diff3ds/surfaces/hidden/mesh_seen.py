@@ -9,7 +9,7 @@ from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
 from diff3ds.bezier import tessellate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
-from diff3ds.curves.directions import has_corner
+from diff3ds.curves.directions import has_corner, unit
 from diff3ds.curves.even_out import evened
 from diff3ds.page.chords import at, chords_of
 from diff3ds.page.parts import Parts
@@ -24,7 +24,7 @@ from diff3ds.surfaces.lines.contours import Chain, contour_chains
 from diff3ds.surfaces.lines.edge_runs import seam_runs
 from diff3ds.surfaces.lines.fit_picture import FittedChains, fit_chains
 from diff3ds.surfaces.shape.intersections import APART, Seams, places_on_seams
-from diff3ds.surfaces.shape.nearest import ON_SURFACE, Nearest, along_chords
+from diff3ds.surfaces.shape.nearest import Nearest, along_chords
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -65,7 +65,11 @@ class MeshSeen:
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
         self._kept: tuple[MeshView, Outlines] | None = None
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
-        self._fit_contours([part for c in found for part in _ahead(c, self._picture)], tolerance or 1.0)
+        own = [part for c in found for part in _parts_of(c, self._picture.seen(c.points)[1] > self._picture.near)]
+        if mesh.beside > 0:
+            own = [part for c in own for part in _parts_of(c, ~drawn.run_along(c, mesh.beside))]
+            own = [c for c in own if c.closed or c.length > mesh.beside]
+        self._fit_contours(own, tolerance or 1.0)
         self._seams = _fitted_seams(Seams.of(mesh), ~drawn.seams, self._picture, tolerance)
         self.lines = Sketch.concatenate([self._contours, self._seams]) if len(self._seams) else self._contours
         self.kinds = ("contour",) * len(self._contours) + ("intersection",) * len(self._seams)
@@ -148,14 +152,19 @@ class MeshSeen:
         """Which parts of a sketch's segments are seen; those that are near the mesh lie on it."""
         if not len(sketch):
             return Parts.none()
-        tolerance = ON_SURFACE * self._mesh.size
+        tolerance = self._mesh.near
         nearest = Nearest.of(self._mesh, tolerance)
         control = _homogeneous(sketch)
 
         def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
             value = at(control[segment], t)
-            points, own = nearest.places(value[:, :3] / value[:, 3:])
-            return self._hiding()[0].in_front(points, own)
+            points = value[:, :3] / value[:, 3:]
+            moved, own = nearest.places(points)
+            found = self._hiding()[0].in_front(moved, own)
+            if self._mesh.beside > 0:
+                # An edge outside of its rounding is seen where that is already on the other side.
+                found[found] = self._hiding()[0].in_front(points[found], own[found])
+            return found
 
         return self._parts(sketch, hidden, tolerance, 0.0)
 
@@ -194,23 +203,32 @@ class Drawn:
     Attributes:
         creases: of the edges, those creases that strokes run along.
         seams: which steps of its seams they run along.
+        chords: of the strokes.
     """
 
     creases: Bool[Mask, " E"]
     seams: Bool[Mask, " S"]
+    chords: Float[Array, "C 2 3"]
 
     @staticmethod
     def by(sketch: Sketch, mesh: TriangleMesh) -> "Drawn":
         """By the strokes of this sketch."""
-        seam = Seams.of(mesh)
-        return Drawn(creases_along(mesh, sketch), _on_strokes(mesh, seam.points[seam.steps].mean(1), sketch))
+        seam, chords = Seams.of(mesh), chords_in_space(sketch, mesh.near / 4)
+        seams = along_chords(seam.points[seam.steps].mean(1), chords, mesh.near)
+        return Drawn(creases_along(mesh, sketch), seams, chords)
+
+    def run_along(self, chain: Chain, distance: float) -> Bool[Mask, " M"]:
+        """Which points of a contour lie within a distance of strokes that go its way, but for short runs of others."""
+        ways = unit(np.gradient(chain.points, axis=0)) if len(chain.points) > 1 else np.zeros_like(chain.points)
+        along = along_chords(chain.points, self.chords, distance, ways)
+        return evened(along, np.ones(len(along)), LEAST_RUN, np.zeros(len(along), np.int64))
 
 
 def prepare(mesh: TriangleMesh, with_strokes: bool) -> None:
     """Makes what all views need of a mesh, so that those that are looked at side by side do not each make it."""
     _ = mesh.corner_normals, mesh.is_closed, mesh.edge_keys
     if with_strokes or len(Seams.of(mesh).steps):
-        Nearest.of(mesh, ON_SURFACE * mesh.size)
+        Nearest.of(mesh, mesh.near)
 
 
 def _fitted_seams(seam: Seams, chosen: Bool[Mask, " S"], picture: Picture, tolerance: float | None) -> Sketch:
@@ -230,17 +248,17 @@ def _fitted_seams(seam: Seams, chosen: Bool[Mask, " S"], picture: Picture, toler
 def creases_along(mesh: TriangleMesh, sketch: Sketch) -> Bool[Mask, " E"]:
     """The creases of a mesh that strokes of a sketch run along."""
     along = mesh.is_crease.copy()
-    along[along] = _on_strokes(mesh, mesh.vertices[mesh.edges[along]].mean(1), sketch)
+    middles = mesh.vertices[mesh.edges[along]].mean(1)
+    along[along] = along_chords(middles, chords_in_space(sketch, mesh.near / 4), mesh.near)
     return along
 
 
-def _on_strokes(mesh: TriangleMesh, points: Float[Array, "N 3"], sketch: Sketch) -> Bool[Mask, " N"]:
-    """Which points of a mesh strokes of a sketch run along."""
-    tolerance = ON_SURFACE * mesh.size
+def chords_in_space(sketch: Sketch, tolerance: float) -> Float[Array, "C 2 3"]:
+    """The strokes of a sketch as straight chords within a tolerance, world units."""
     control, weights = sketch.points.detach().cpu().double(), sketch.weights.detach().cpu().double()
-    lines = [vertices.numpy() for _, vertices in tessellate(control, weights, tolerance / 4)] if len(sketch) else []
+    lines = [vertices.numpy() for _, vertices in tessellate(control, weights, tolerance)] if len(sketch) else []
     chords = [np.stack([line[:-1], line[1:]], 1) for line in lines]
-    return along_chords(points, np.concatenate([np.zeros((0, 2, 3)), *chords]), tolerance)
+    return np.concatenate([np.zeros((0, 2, 3)), *chords])
 
 
 def _homogeneous(sketch: Sketch) -> Float[Array, "M 4 4"]:
@@ -278,17 +296,16 @@ def _corners(chain: Chain, on_crease: Bool[Mask, " V"]) -> Int[Index, " U"]:
     return np.flatnonzero(has_corner(steps[:-1], steps[1:]) & on_crease[chain.own[rows[1:-1]]].all(1)) + 1
 
 
-def _ahead(chain: Chain, picture: Picture) -> list[Chain]:
-    """The parts of a chain in front of the near plane."""
-    ahead = picture.seen(chain.points)[1] > picture.near
-    if ahead.all():
+def _parts_of(chain: Chain, kept: Bool[Mask, " M"]) -> list[Chain]:
+    """The parts of a chain of which some points are kept."""
+    if kept.all():
         return [chain]
-    # A closed one is opened behind the plane.
+    # A closed one is opened where it is not kept.
     count = len(chain.points)
-    turn = int((~ahead).argmax()) if chain.closed else 0
+    turn = int((~kept).argmax()) if chain.closed else 0
     rows = (np.arange(count) + turn) % count
     parts = []
-    for run in np.split(rows, np.flatnonzero(np.diff(ahead[rows].astype(int))) + 1):
-        if ahead[run[0]] and len(run) > 1:
+    for run in np.split(rows, np.flatnonzero(np.diff(kept[rows].astype(int))) + 1):
+        if kept[run[0]] and len(run) > 1:
             parts.append(Chain(chain.points[run], chain.own[run], chain.convex[run[:-1]], False))
     return parts

@@ -8,8 +8,6 @@ from diff3ds.page.picture import Picture
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
-# What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
-TOUCHING = 1e-7
 # So far outside of a triangle in the picture, in barycentric coordinates, a point counts as inside: no ray passes
 # between two triangles that share an edge.
 SEAM = 1e-10
@@ -73,7 +71,7 @@ class MeshView:
         corner = self._depths[box]
         # Across a triangle depth is linear without perspective, and its inverse with it.
         at = (shares * corner).sum(1) if self.picture.orthographic else 1 / (shares / corner).sum(1)
-        nearer = at < depths[query] - TOUCHING * self.mesh.size
+        nearer = at < depths[query] - self.mesh.touching
         return query[nearer], at[nearer], self._face[box[nearer]]
 
 

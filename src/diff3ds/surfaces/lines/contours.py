@@ -26,6 +26,11 @@ class Chain:
     convex: Bool[Mask, " S"]
     closed: bool
 
+    @property
+    def length(self) -> float:
+        """From the first point to the last, world units."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
 
 @dataclass(frozen=True, eq=False)
 class _Steps:

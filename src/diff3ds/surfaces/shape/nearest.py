@@ -5,17 +5,17 @@ from typing import cast
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.curves.directions import unit
 from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, slices
 from diff3ds.surfaces.shape.intersections import Seams
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
-# Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
-# Empirical.
-ON_SURFACE = 1 / 256
 # Points that nothing is so near to are looked for so much farther away.
 WIDER = 4.0
 # Of barycentric coordinates: so near to an edge or a corner of a face, a point lies on it.
 ON_EDGE = 1e-9
+# Lines that turn by less go the same way, cosine. Empirical.
+SAME_WAY = 0.8
 
 
 class Nearest:
@@ -98,8 +98,8 @@ class Nearest:
 
 def places_anywhere(mesh: TriangleMesh, points: Float[Array, "Q 3"]) -> tuple[Float[Array, "Q 3"], Int[Index, "Q 3"]]:
     """The points moved onto the mesh, however far away they are; as `Nearest.places`."""
-    moved, own = Nearest.of(mesh, ON_SURFACE * mesh.size).places(points)
-    tolerance = ON_SURFACE * mesh.size
+    moved, own = Nearest.of(mesh, mesh.near).places(points)
+    tolerance = mesh.near
     while len(rest := np.flatnonzero(own[:, 0] < 0)):
         tolerance *= WIDER
         moved[rest], own[rest] = Nearest(mesh, tolerance, edges_first=False).places(points[rest])
@@ -119,15 +119,24 @@ def faces_at(mesh: TriangleMesh, own: Int[Index, "Q 3"]) -> tuple[Int[Index, " P
     return query[held], face[held]
 
 
-def along_chords(middles: Float[Array, "N 3"], chords: Float[Array, "C 2 3"], tolerance: float) -> Bool[Mask, " N"]:
-    """Which points lie on straight chords of curves, within the tolerance."""
+def along_chords(
+    middles: Float[Array, "N 3"],
+    chords: Float[Array, "C 2 3"],
+    tolerance: float,
+    ways: Float[Array, "N 3"] | None = None,
+) -> Bool[Mask, " N"]:
+    """Which points lie on straight chords of curves, within the tolerance, that go the ways of these, unit vectors."""
     along = np.zeros(len(middles), bool)
     index = _index(chords.min(1), chords.max(1), tolerance)
     for batch in index.batches(middles):
         query, chord = index.around(middles[batch])
         query = batch.start + query
         found, _ = _on_segments(middles[query], chords[chord])
-        along[query[np.linalg.norm(found - middles[query], axis=1) <= tolerance]] = True
+        near = np.linalg.norm(found - middles[query], axis=1) <= tolerance
+        if ways is not None:
+            own = unit(chords[chord, 1] - chords[chord, 0])
+            near &= np.abs(np.einsum("pi,pi->p", own, ways[query])) > SAME_WAY
+        along[query[near]] = True
     return along
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -12,6 +13,12 @@ from diff3ds.surfaces.shape.clean import welded, wound_alike
 
 # Faces that meet at more than this make a crease: rounds of ten sides and more are smooth. Degrees.
 CREASE = 38.0
+# Strokes that are nearer to a mesh lie on it, as a share of its size: curves fitted to its edges keep nearer.
+# Empirical.
+ON_SURFACE = 1 / 256
+# What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
+TOUCHING = 1e-7
+Mesh = TypeVar("Mesh", bound="TriangleMesh")
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -104,10 +111,17 @@ class TriangleMesh:
         Raises:
             ValueError: not an angle.
         """
-        other = object.__new__(TriangleMesh)
-        kept = {f.name: getattr(self, f.name) for f in fields(self)}
-        for name, value in {**kept, "crease": _angle(crease)}.items():
-            object.__setattr__(other, name, value)
+        return self.changed(TriangleMesh, crease=_angle(crease))
+
+    def with_vertices(self: Mesh, vertices: Float[Array, "V 3"]) -> Mesh:
+        """The same faces with their vertices elsewhere, of which no gradients flow to those that were given."""
+        return self.changed(type(self), vertices=vertices, _given=(None, self._given[1]))
+
+    def changed(self, kind: type[Mesh], **changed: object) -> Mesh:
+        """A mesh of some kind with some other attributes, those of this one, and nothing that was made of them."""
+        other = object.__new__(kind)
+        for name in (f.name for f in fields(kind)):
+            object.__setattr__(other, name, changed[name] if name in changed else getattr(self, name))
         return other
 
     def __len__(self) -> int:
@@ -158,6 +172,21 @@ class TriangleMesh:
     def size(self) -> float:
         """The longest side of the bounding box, world units."""
         return float((self.bounds[1] - self.bounds[0]).max())
+
+    @property
+    def near(self) -> float:
+        """What is nearer to the mesh than this lies on it, world units."""
+        return ON_SURFACE * self.size
+
+    @property
+    def touching(self) -> float:
+        """What of the mesh is nearer to a point than this does not hide it, world units."""
+        return TOUCHING * self.size
+
+    @property
+    def beside(self) -> float:
+        """Contours that run along strokes are those strokes' where they are nearer than this, world units."""
+        return 0.0
 
     @cached_property
     def _products(self) -> Float[Array, "F 3"]:

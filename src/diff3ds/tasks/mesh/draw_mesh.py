@@ -22,6 +22,7 @@ from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.draw import Lines, visible_lines
 from diff3ds.surfaces.fitted_strokes import fit_strokes
+from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.line_drawings import SIZE
 from diff3ds.surfaces.lines.feature_curves import (
     FeatureCurves,
@@ -36,6 +37,7 @@ from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surfa
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.mesh.formed import formed
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
@@ -59,7 +61,7 @@ CRACK = 0.05
 # Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
 # that strokes are fitted to and in a turntable. Of the finer one features are nearer than what counts as on a surface.
 FIT_CELLS, FINE_CELLS = 128, 256
-CONTOUR = "contour"
+CONTOUR, CREASE = "contour", "crease"
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,9 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     check_output_folder(out, out / "run.json", False, options.overwrite)
     cameras = _cameras(mesh, options)
     seconds = {"read": time.perf_counter() - begun}
-    made = sketch_mesh(mesh, options, report)
+    by_forms = None if options.angle is not None else formed(mesh, say)
+    mesh = creased(mesh, options.angle) if by_forms is None else by_forms.mesh
+    made = sketch_mesh(mesh, options, report, None if by_forms is None else by_forms.features)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE:
         say(
@@ -123,7 +127,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         )
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
     features, kinds = made.features
-    shown = smooth_for_pictures(mesh, options.size)
+    shown = _in_pictures(mesh, options.size)
 
     def told(done: int) -> None:
         report(Progress("drawings", done, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
@@ -132,7 +136,8 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
-    info = RunInfo({"source": str(source), **_told(options)}, _found(mesh, made), seconds, [], {}, False)
+    results = _found(mesh, made) | ({} if by_forms is None else by_forms.told)
+    info = RunInfo({"source": str(source), **_told(options)}, results, seconds, [], {}, False)
     # Of a run that is overwritten.
     for old in (*out.glob("drawing-*.*"), *out.glob("turntable.webp")):
         old.unlink()
@@ -156,13 +161,13 @@ def _read(source: Path, options: MeshOptions, say: Callable[[str], None]) -> tup
     """The mesh, and its colours where they are wanted."""
     crease = options.angle or CREASE_ANGLE
     if not options.color:
-        return creased(load_surface(source, up=options.up, crease=crease), options.angle), None
+        return load_surface(source, up=options.up, crease=crease), None
     mesh, colors = load_colored_surface(source, up=options.up, crease=crease)
     for name in colors.missing:
         say(
             f"warning: {name} cannot be read from the folder of {source.name}: what it colours may be of another colour"
         )
-    return creased(mesh, options.angle), colors
+    return mesh, colors
 
 
 def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
@@ -189,15 +194,23 @@ def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
     return mesh.with_crease(180.0) if loose > MOST_LOOSE or short else mesh
 
 
-def sketch_mesh(mesh: TriangleMesh, options: MeshOptions, report: Report = lambda progress: None) -> MeshSketch:
+def sketch_mesh(
+    mesh: TriangleMesh, options: MeshOptions, report: Report = lambda progress: None, edges: Sketch | None = None
+) -> MeshSketch:
     """The strokes of a mesh that are there from everywhere.
+
+    Args:
+        edges: its creases, where they are known.
 
     Raises:
         ValueError: more creases than a drawing has, or nothing to draw.
     """
-    found = feature_curves(mesh, MOST_RUNS)
-    features = sketch_of(found.curves, DEFAULT_WIDTH)
-    kinds = _kinds_of(features, found)
+    if edges is None:
+        found = feature_curves(mesh, MOST_RUNS)
+        features = sketch_of(found.curves, DEFAULT_WIDTH)
+        kinds = _kinds_of(features, found)
+    else:
+        features, kinds = edges, (CREASE,) * len(edges)
     outlines = outline_share(mesh)
     smooth = outlines < LEAST_OUTLINE
     if options.strokes is None and not smooth:
@@ -236,7 +249,12 @@ def without_cracks(features: Sketch, kinds: tuple[str, ...], least: float) -> tu
 def _in_small(mesh: TriangleMesh, cells: int, size: int) -> TriangleMesh:
     """What stands for a mesh in small pictures: a coarse mesh for one of many faces, a smooth one for one of few."""
     less = coarse(mesh, cells)
-    return less if less is not mesh else smooth_for_pictures(mesh, size)
+    return less if less is not mesh else _in_pictures(mesh, size)
+
+
+def _in_pictures(mesh: TriangleMesh, size: int) -> TriangleMesh:
+    """A smooth mesh for one of few faces; one that is moved onto its forms has their normals already."""
+    return mesh if isinstance(mesh, FormMesh) else smooth_for_pictures(mesh, size)
 
 
 def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:

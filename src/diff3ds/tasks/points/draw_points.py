@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from diff3ds._shapes import Array, Float
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import tile_images
@@ -18,8 +17,8 @@ from diff3ds.formats.framing import framed
 from diff3ds.render import render
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.form.form_curves import FormCurves, form_curves
-from diff3ds.surfaces.form.form_kinds import Form
 from diff3ds.surfaces.form.samples import Samples
+from diff3ds.tasks.form_report import told_forms
 from diff3ds.tasks.points.points_options import PointsOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
@@ -83,7 +82,7 @@ def _drawn_points(
     pictures = render(sketch, cameras).color.float()
     told = asdict(options)
     info = RunInfo(
-        {"source": str(source), **told.pop("view"), **told}, _chosen(found, middle, size), seconds, [], {}, False
+        {"source": str(source), **told.pop("view"), **told}, told_forms(found, middle, size), seconds, [], {}, False
     )
     write_results(out, sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
     return sketch
@@ -113,28 +112,3 @@ def _told(found: FormCurves) -> str:
     names = Counter(one.kind.name.lower() for one in forms)
     parts = ", ".join(f"{count} {name}{'s' * (count > 1)}" for name, count in names.items())
     return f"{(label >= 0).mean():.0%} of it is {parts.replace('toruss', 'tori')}, no two of which meet at an edge"
-
-
-def _chosen(found: FormCurves, middle: Float[Array, " 3"], size: float) -> dict[str, object]:
-    """What run.json says of the forms, in the units of the file."""
-    label = found.found.label
-    return {
-        "forms": [_form(one, int((label == k).sum()), middle, size) for k, one in enumerate(found.found.forms)],
-        "explained": round(float((label >= 0).mean()), 4),
-        "points": len(label),
-    }
-
-
-def _form(one: Form, points: int, middle: Float[Array, " 3"], size: float) -> dict[str, object]:
-    numbers = {
-        "radius": float(one.radius) * size,
-        "ring": float(one.ring) * size,
-        "angle": float(np.degrees(one.angle)),
-    }
-    return {
-        "kind": one.kind.name.lower(),
-        "center": (one.center * size + middle).tolist(),
-        "axis": one.axis.tolist(),
-        **{name: value for name, value in numbers.items() if value},
-        "points": points,
-    }

@@ -1,0 +1,74 @@
+"""Meshes that are bumpy, rounded or scanned, by the forms that they are made of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from diff3ds.curves.shapes.curve_set import Curves
+from diff3ds.curves.shapes.smooth_joints import sketch_of
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.surfaces.form.form_curves import form_curves
+from diff3ds.surfaces.form.form_mesh import FormMesh, on_forms
+from diff3ds.surfaces.form.samples import Samples, flat_share
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.form_report import told_forms
+
+# Where so large a share of the length of edges turns by less than this, degrees, a mesh is as its maker meant it: in
+# those of trimesh's models that are of CAD at least .4, in outputs of generators and scans at most .1. Empirical.
+FLAT, AS_MEANT = 0.1, 0.2
+# A mesh whose vertices are off by less than this, in lengths of its edges, is smooth. Empirical.
+SMOOTH = 0.01
+# Of what has forms so large a share is flat, of an animal one part in twenty; or there is so much noise, in lengths of
+# edges, which is so independent from vertex to vertex, that nothing is. Empirical.
+LEAST_FLAT = 0.06
+NOISY, INDEPENDENT = 0.1, 0.78
+
+
+@dataclass(frozen=True, eq=False)
+class FormedMesh:
+    """A mesh moved onto its forms.
+
+    Attributes:
+        mesh: with the forms' normals and edges.
+        features: the edges, exact intersections of the forms.
+        told: what run.json says of the forms.
+    """
+
+    mesh: FormMesh
+    features: Sketch
+    told: dict[str, object]
+
+
+def formed(mesh: TriangleMesh, say: Callable[[str], None]) -> FormedMesh | None:
+    """The mesh by its forms where it is bumpy, rounded or scanned, which is said; None where it is clean, or smooth."""
+    if _is_as_meant(mesh):
+        return None
+    middle, size = mesh.bounds.mean(0), mesh.size
+    unit = mesh.with_vertices((mesh.vertices - middle) / size)
+    samples = Samples.of_mesh(unit)
+    if samples.noise < SMOOTH * samples.spacing:
+        return None
+    scan = samples.independent > INDEPENDENT and samples.noise > NOISY * samples.spacing
+    if not scan and flat_share(mesh) < LEAST_FLAT:
+        return None
+    found = form_curves(samples)
+    if not len(found.curves):
+        return None
+    say(
+        f"the mesh is bumpy, rounded or scanned: it is drawn by the {len(found.found.forms)} planes, cylinders and "
+        "other forms that it is made of, its edges where these meet"
+    )
+    moved = on_forms(unit, samples, found)
+    points = found.curves.points * size + torch.from_numpy(middle)
+    features = sketch_of(Curves(points, found.curves.kind, found.curves.vertex), DEFAULT_WIDTH)
+    return FormedMesh(moved.with_vertices(moved.vertices * size + middle), features, told_forms(found, middle, size))
+
+
+def _is_as_meant(mesh: TriangleMesh) -> bool:
+    """Whether many edges are flat, as those that planes and cylinders are cut into."""
+    turns = np.abs(mesh.turns)
+    length = np.linalg.norm(mesh.vertices[mesh.edges[:, 0]] - mesh.vertices[mesh.edges[:, 1]], axis=1)
+    whole = length[~np.isnan(turns)].sum()
+    return bool(length[turns < FLAT].sum() >= AS_MEANT * whole)
