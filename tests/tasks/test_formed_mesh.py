@@ -17,7 +17,7 @@ from diff3ds.surfaces.shape.level_set import level_set
 from diff3ds.tasks.mesh.draw_mesh import run_mesh
 from diff3ds.tasks.mesh.formed import formed
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
-from diff3ds.tasks.render.options import OrbitOptions
+from diff3ds.tasks.render.render_options import OrbitOptions
 
 HALF = np.array([0.5, 0.35, 0.25])
 
