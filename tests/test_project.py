@@ -79,14 +79,17 @@ def test_projection_is_computed_in_float64(dtype):
 
 
 def test_half_widths():
-    """Image: a fraction of the height, one row for all views. World: pixels times depth, by the mean focal length."""
+    """Image: a fraction of the height, one row for all views. World: pixels times depth, where pixels are square."""
     points = torch.zeros(2, 4, 3, dtype=torch.float64)
     cameras = _cameras(0, 3)
     image = ds.project(ds.Sketch(points, width=torch.tensor([0.01, 0.02]).double()), cameras)
     torch.testing.assert_close(image.half_width, torch.tensor([[1.5, 3.0]]).double())
     world = ds.project(ds.Sketch(points, width=torch.tensor([0.2, 0.4]).double(), width_space="world"), cameras)
-    focal = (cameras.intrinsics[:, 0, 0] * cameras.intrinsics[:, 1, 1]).sqrt()
-    torch.testing.assert_close(world.half_width, focal[:, None] * torch.tensor([[0.1, 0.2]]).double())
+    # A disc of the world is one where pixels are square, with this radius.
+    disc = world.square @ cameras.intrinsics[:, :2, :2]
+    for n, half_width in enumerate((0.1, 0.2)):
+        radius = (world.half_width[:, n] / half_width)[:, None, None]
+        torch.testing.assert_close(disc.mT @ disc, radius**2 * torch.eye(2).double())
     assert (image.width_space, world.width_space) == ("image", "world")
     assert image.near == cameras.near
 

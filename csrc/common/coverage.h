@@ -72,7 +72,8 @@ template <class F, class S> HD Across<F> across(const Piece<S> &c, F tau, F qx, 
   a.j = jet(c, tau);
   const F ex = qx - a.j.px, ey = qy - a.j.py, zero = tau * S(0), one = zero + S(1), least2 = zero + S(NO_DIRECTION * NO_DIRECTION);
   const F speed2 = a.j.vx * a.j.vx + a.j.vy * a.j.vy, d2 = ex * ex + ey * ey;
-  const auto near = d2 < least2, tangent = (speed2 > least2) & (((tau > S(-.5)) & (tau < S(.5))) | near);
+  const auto near = d2 < least2;
+  const auto tangent = (speed2 > least2) & (((tau > S(-.5)) & (tau < S(.5))) | near);
   const F by_tangent = S(1) / sqrt(max(speed2, least2)), by_way = S(1) / sqrt(max(d2, least2));
   a.of_tangent = select(tangent, by_tangent, zero), a.of_way = select(tangent, zero, select(near, zero, by_way));
   a.nx = select(tangent, -a.j.vy * by_tangent, select(near, one, ex * by_way));

@@ -5,6 +5,7 @@ import torch
 from needs import needs
 
 import diff3ds as ds
+from diff3ds import formats
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_pictures_need_cameras(tmp_path, sketch):
 
 
 def test_only_sketches_are_saved(tmp_path):
-    save = getattr(ds.save, "__wrapped__", ds.save)
+    save = getattr(formats.save, "__wrapped__", formats.save)
     with pytest.raises(TypeError, match="save writes a Sketch, got dict"):
         save(tmp_path / "a.json", {})
 
