@@ -18,6 +18,8 @@ from diff3ds.tasks.form_report import told_forms
 # Where so large a share of the length of edges turns by less than this, degrees, a mesh is as its maker meant it: in
 # those of trimesh's models that are of CAD at least .4, in outputs of generators and scans at most .1. Empirical.
 FLAT, AS_MEANT = 0.1, 0.2
+# Fewer faces say nothing of noise.
+FEWEST = 500
 # A mesh whose vertices are off by less than this, in lengths of its edges, is smooth. Empirical.
 SMOOTH = 0.01
 # Of what has forms so large a share is flat, of an animal one part in twenty; or there is so much noise, in lengths of
@@ -43,7 +45,7 @@ class FormedMesh:
 
 def formed(mesh: TriangleMesh, say: Callable[[str], None]) -> FormedMesh | None:
     """The mesh by its forms where it is bumpy, rounded or scanned, which is said; None where it is clean, or smooth."""
-    if _is_as_meant(mesh):
+    if len(mesh) < FEWEST or _is_as_meant(mesh):
         return None
     middle, size = mesh.bounds.mean(0), mesh.size
     unit = mesh.with_vertices((mesh.vertices - middle) / size)
