@@ -171,6 +171,17 @@ def test_the_frame_shows_the_page_and_follows_the_notebook(browser, tmp_path):
 
 
 @pytest.mark.xdist_group("browser")
+def test_a_page_that_gets_its_size_late_shows_the_whole_sketch(browser, tmp_path):
+    ds.save(tmp_path / "sketch.html", BLACK)
+    browser.open((tmp_path / "sketch.html").as_uri(), **SIZE)
+    wanted = seen(browser)
+    browser.open((tmp_path / "sketch.html").as_uri(), SIZE["width"] + 500, SIZE["height"])
+    assert abs(seen(browser) - wanted).mean() > 10 * CLOSE
+    browser.ask("Emulation.setDeviceMetricsOverride", **SIZE, deviceScaleFactor=1, mobile=False)
+    becomes(browser, wanted)
+
+
+@pytest.mark.xdist_group("browser")
 def test_edits_are_not_lost_when_the_notebook_has_another_sketch(browser, tmp_path):
     page = sketch_page("sketch", BLACK, framed=True)
     (tmp_path / "framed.html").write_text(page, encoding="utf-8")

@@ -18,6 +18,8 @@ const painters = [];
 // Indices of the strokes that are selected, the last of which is `selected`.
 let chosen = [];
 let [drawing, camera, selected, samples, drawn, madeFor, lastFrame, due] = [null, null, null, 0, 0, null, 0, false];
+// The distance at which the sketch fills the canvas; 0 once somebody has looked from elsewhere.
+let fitted = 0;
 
 function pixelRatio() {
   return Math.min(window.devicePixelRatio || 1, 3);
@@ -124,13 +126,16 @@ function fitCanvas() {
   const box = canvas.getBoundingClientRect();
   canvas.width = Math.max(Math.round(box.width * pixelRatio()), 1);
   canvas.height = Math.max(Math.round(box.height * pixelRatio()), 1);
-  if (camera) camera.near = startCamera(start, size()).near;
-  else camera = startCamera(start, size());
+  const begun = startCamera(start, size());
+  if (!camera) camera = begun;
+  // A frame may get its size after its page: until then nobody has seen what fills it.
+  else camera = { ...camera, near: begun.near, distance: camera.distance * (fitted ? begun.distance / fitted : 1) };
+  if (fitted || camera === begun) fitted = begun.distance;
   refresh();
 }
 
 function look(changed) {
-  camera = changed;
+  [camera, fitted] = [changed, 0];
   root.querySelector('[data-key="o"]').setAttribute("aria-pressed", camera.orthographic);
   refresh();
   clearTimeout(look.later);
