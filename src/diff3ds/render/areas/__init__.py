@@ -1,0 +1,25 @@
+"""Filled and stroked contours on a sheet, painted over each other, by exact areas of pixels, with gradients."""
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.render.areas.painted_layers import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, check_layers
+from diff3ds.render.areas.painting import painted
+
+__all__ = ["EVEN_ODD", "LINEAR", "NONZERO", "PLAIN", "RADIAL", "STROKE", "Layers", "draw_layers"]
+
+
+def draw_layers(
+    layers: Layers, width: int, height: int, background: Float[Tensor, "H W 4"] | None = None
+) -> Float[Tensor, "H W 4"]:
+    """Paints layers over a background, which is empty if there is none.
+
+    What a layer covers of a pixel is its exact area there (curves within .01 px of chords). Coverages of several layers
+    in one pixel count as independent of each other.
+
+    Returns:
+        Straight colour times what is covered, and alpha: what DiffVG's samples are in the mean.
+
+    Raises:
+        TypeError, ValueError: tables that do not belong together, or values that cannot be drawn.
+    """
+    check_layers(layers)
+    return painted(layers, width, height, background)
