@@ -14,13 +14,14 @@ def painted(
     """The picture as `draw_layers` says, in operations of torch: the specification, slow."""
     zeros = layers.points.new_zeros((height, width, 4))
     # Colours times alpha, alpha, and alpha if all paints were opaque.
-    color, alpha = (zeros if background is None else background).split([3, 1], 2)
+    below = zeros if background is None else background
+    color, alpha = below[..., :3], below[..., 3:]
     union = alpha
     for row, (_, _, rule, _, paint) in enumerate(layers.layers.tolist()):
         share = covered(layer_edges(layers, row), rule, width, height)[..., None]
-        paint_color, paint_alpha = _paint(layers, paint, width, height).split([3, 1], -1)
-        opaque = share * paint_alpha
-        color = color + opaque * (paint_color - color)
+        paint_color = _paint(layers, paint, width, height)
+        opaque = share * paint_color[..., 3:]
+        color = color + opaque * (paint_color[..., :3] - color)
         alpha = alpha + opaque * (1 - alpha)
         union = union + share * (1 - union)
     seen = alpha > 0
@@ -37,10 +38,8 @@ def _paint(layers: Layers, row: int, width: int, height: int) -> Tensor:
     matrix, a, b = layers.transforms[transform], layers.axes[row, :2], layers.axes[row, 2:]
     y, x = torch.meshgrid(*(torch.arange(n, dtype=a.dtype) + 0.5 for n in (height, width)), indexing="ij")
     there = torch.linalg.solve(matrix[:, :2], (torch.stack([x, y], -1) - matrix[:, 2]).reshape(-1, 2).T).T
-    if kind == LINEAR:
-        along = ((there - a) * (b - a)).sum(1) / (b - a).square().sum()
-    else:
-        along = ((there - a) / b).norm(dim=1)
+    linear = kind == LINEAR
+    along = ((there - a) * (b - a)).sum(1) / (b - a).square().sum() if linear else ((there - a) / b).norm(dim=1)
     stop = (along.detach()[:, None] >= offsets.detach()).sum(1) - 1
     before, behind = stop.clamp(min=0), (stop + 1).clamp(max=count - 1)
     gap = offsets[behind] - offsets[before]

@@ -1,4 +1,4 @@
-"""The reference of exact areas: how much of each pixel the inside of polygons covers, by slabs between their vertices."""
+"""The reference of exact areas: how much of each pixel polygons cover, by slabs between their vertices."""
 
 import torch
 
