@@ -335,6 +335,40 @@ def test_marks_of_strokes_that_stay_are_kept():
     assert chained[[1, 0]].fixed.tolist() == [False, True]
 
 
+def test_names_of_strokes_are_kept():
+    sketch = replace(_sketch(3), names=["a", "", "c"])
+    assert sketch[[2, 1]].names == ("c", "")
+    assert sketch[1].names is None
+    assert sketch[1:].names == sketch[torch.tensor([False, True, True])].names == ("", "c")
+    for same in (
+        sketch.to(torch.float64),
+        sketch.elevate(),
+        sketch.with_widths_along(),
+        sketch.transform(torch.eye(4)),
+    ):
+        assert same.names == ("a", "", "c")
+    assert ds.Sketch.concatenate([_sketch(1), sketch]).names == ("", "a", "", "c")
+    assert replace(sketch, names=["", "", ""]).names is None
+    lines = torch.tensor([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [2, 0, 0]], [[3, 0, 0], [4, 0, 0]]])
+    chained = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), names=["a", "b"])
+    assert chained.segments().names == ("a", "a", "b")
+    assert chained[[1, 0]].names == ("b", "a")
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("names", "error", "message"),
+    [
+        ("ab", TypeError, "names must be strings, one a stroke, or None, got 'ab'"),
+        (["a", 1], TypeError, r"names must be strings, one a stroke, or None, got \['a', 1\]"),
+        (["a"], ValueError, "names must be 2, one a stroke, got 1"),
+    ],
+)
+def test_wrong_names_are_refused(names, error, message):
+    with pytest.raises(error, match=message):
+        replace(_sketch(2), names=names)
+
+
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("fixed", "error", "message"),

@@ -1,6 +1,7 @@
 """The 3D sketch: strokes, each a rational Bézier curve with width, colour and opacity."""
 
 import math
+import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
@@ -42,6 +43,7 @@ class Sketch:
         width_space: "image" (same width at every depth; default) or "world" (thinner with distance).
         chains: which segments make which stroke; None where each is one, also if it was given so.
         fixed: strokes that are marked to stay as they are where others are drawn further; None where none is.
+        names: of the strokes, such as the edges of a solid that they draw, "" where one has none; None where all do.
 
     Raises:
         TypeError, ValueError: a wrong type, shape, dtype, device or value, segments that do not meet at a joint, or
@@ -57,6 +59,7 @@ class Sketch:
     width_space: WidthSpace
     chains: Chains | None
     fixed: Bool[Tensor, " N"] | None
+    names: tuple[str, ...] | None
 
     def __init__(
         self,
@@ -68,6 +71,7 @@ class Sketch:
         width_space: WidthSpace = "image",
         chains: Chains | None = None,
         fixed: Bool[Tensor, " N"] | None = None,
+        names: Sequence[str] | None = None,
     ) -> None:
         if not isinstance(points, Tensor) or not points.is_floating_point():
             raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
@@ -93,6 +97,7 @@ class Sketch:
         object.__setattr__(self, "width_space", width_space)
         object.__setattr__(self, "chains", chains)
         object.__setattr__(self, "fixed", _marks(fixed, points, count))
+        object.__setattr__(self, "names", _called(names, count))
         # Where values are not looked at, drawing refuses bad ones.
         if can_look_at(points):
             self.check_values()
@@ -165,15 +170,17 @@ class Sketch:
         if curves and self.width.ndim == 2 and "width" not in curves:
             raise ValueError("other curves of strokes with a width a control point must be given with such widths")
         rows: Any = [strokes] if isinstance(strokes, int) else strokes
+        every = torch.arange(len(self), device=self.points.device)
         if not curves and self.chains is None:
             curves = {name: getattr(self, name)[rows] for name in self.segment_fields}
         elif not curves and self.chains is not None:
-            rows = torch.arange(len(self), device=self.points.device)[rows]
+            rows = every[rows]
             segments, chains = self.chains.select(rows)
             curves = {name: getattr(self, name)[segments] for name in self.segment_fields} | {"chains": chains}
         looks = {name: value[rows] for name, value in self.tensors().items() if name not in self.segment_fields}
         fixed = None if self.fixed is None else self.fixed[rows]
-        return Sketch(**{**looks, "width_space": self.width_space, "fixed": fixed, **curves})
+        names = None if self.names is None else [self.names[row] for row in every[rows].tolist()]
+        return Sketch(**{**looks, "width_space": self.width_space, "fixed": fixed, "names": names, **curves})
 
     def replace(self, **changes: Any) -> "Sketch":
         """The same sketch with other values of some fields, given as to `Sketch`.
@@ -207,7 +214,7 @@ class Sketch:
 
     def tensors(self) -> dict[str, Tensor]:
         """The five tensor fields by name."""
-        others = ("width_space", "chains", "fixed")
+        others = ("width_space", "chains", "fixed", "names")
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in others}
 
     @property
@@ -283,7 +290,8 @@ class Sketch:
         if any(s.fixed is not None for s in raised):
             marks = [torch.zeros_like(s.opacity, dtype=torch.bool) if s.fixed is None else s.fixed for s in raised]
             fixed = torch.cat(marks)
-        return Sketch(**joined, width_space=sketches[0].width_space, chains=chains, fixed=fixed)
+        names = [name for s in raised for name in s.names or ("",) * len(s)]
+        return Sketch(**joined, width_space=sketches[0].width_space, chains=chains, fixed=fixed, names=names)
 
     def with_widths_along(self) -> "Sketch":
         """The same sketch with one width a control point."""
@@ -359,6 +367,17 @@ def _marks(fixed: Tensor | None, points: Tensor, count: int) -> Tensor | None:
     if fixed.device != points.device:
         raise ValueError(f"fixed must be on the device of points, {points.device}, got {fixed.device}")
     return None if can_look_at(fixed) and not bool(fixed.any()) else fixed
+
+
+def _called(names: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
+    """The names of strokes, if they fit and there are any."""
+    if names is None:
+        return None
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"names must be strings, one a stroke, or None, got {reprlib.repr(names)}")
+    if len(names) != count:
+        raise ValueError(f"names must be {count}, one a stroke, got {len(names)}")
+    return tuple(names) if any(names) else None
 
 
 def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...], rows: str = "strokes") -> Tensor:

@@ -33,6 +33,37 @@ def test_dxf_files_have_them_too_and_keep_colours(tmp_path):
     assert torch.equal(ds.load(tmp_path / "a.dxf").color.double(), three().color.double())
 
 
+def test_names_of_strokes_are_those_of_curves(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf", reason="takes the extra cad")
+    rhino3dm = pytest.importorskip("rhino3dm", reason="takes the extra cad")
+    sketch = three().replace(names=["bolt/edge 1", "", "x" * 300])
+    ds.save(tmp_path / "a.step", sketch)
+    text = (tmp_path / "a.step").read_text()
+    assert "TRIMMED_CURVE('bolt/edge 1'" in text
+    assert "TRIMMED_CURVE('stroke 1'" in text
+    ds.save(tmp_path / "a.dxf", sketch)
+    lines = list(ezdxf.readfile(tmp_path / "a.dxf").modelspace())
+    told = [[tag.value for tag in line.get_xdata("DIFF3DS")] for line in lines]
+    assert told == [["stroke", 0, "bolt/edge 1"], ["stroke", 1], ["stroke", 2, "x" * 255]]
+    assert len(ds.load(tmp_path / "a.dxf")) == 3
+    ds.save(tmp_path / "a.3dm", sketch)
+    objects = rhino3dm.File3dm.Read(str(tmp_path / "a.3dm")).Objects
+    assert [objects[i].Attributes.Name for i in range(2)] == ["bolt/edge 1", "stroke 1"]
+
+
+def test_names_of_strokes_are_labels_of_paths(tmp_path):
+    from xml.etree import ElementTree
+
+    sketch = three().replace(names=["bolt/edge 1", "", 'a "<b>" & ø'])
+    ds.save(tmp_path / "a.svg", sketch, ds.orbit(30, 30, 8))
+    label = "{http://www.inkscape.org/namespaces/inkscape}label"
+    paths = {
+        path.get("id"): path.get(label)
+        for path in ElementTree.parse(tmp_path / "a.svg").iter("{http://www.w3.org/2000/svg}path")
+    }
+    assert paths == {"stroke-0": "bolt/edge 1", "stroke-1": None, "stroke-2": 'a "<b>" & ø'}
+
+
 @pytest.mark.parametrize("layers", [["a"], ["a", "b", "?"]])
 def test_layers_that_are_not_one_a_stroke_or_have_no_name_are_refused(tmp_path, layers):
     with pytest.raises(ValueError, match="layer"):

@@ -83,6 +83,14 @@ def test_layout_is_the_documented_one(tmp_path):
     }
 
 
+def test_names_are_kept_and_left_out_where_there_are_none(tmp_path):
+    sketch = ds.Sketch(torch.rand(2, 4, 3), names=["deckel/Kante 3 ø", ""])
+    ds.save(tmp_path / "s.json", sketch)
+    assert ds.load(tmp_path / "s.json").names == ("deckel/Kante 3 ø", "")
+    ds.save(tmp_path / "s.json", sketch[[1]])
+    assert "names" not in json.loads((tmp_path / "s.json").read_text())
+
+
 def test_marks_are_kept_and_left_out_where_there_are_none(tmp_path):
     lines = torch.tensor([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [2, 0, 0]], [[3, 0, 0], [4, 0, 0]]])
     sketch = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), fixed=torch.tensor([False, True]))
@@ -148,6 +156,8 @@ def put(*keys):
         (put("width", 1, -0.5), r"width of stroke 1 must be finite and not negative, got -0.5"),
         (put("width", 1, [0.5]), r"width of stroke 1 must be a finite number"),
         (put("color", 1, [0.5]), r"color of stroke 1 must be 3 finite numbers"),
+        (put("names", ["a"]), r"names must be a list of texts, 3, got \['a'\]"),
+        (put("names", ["a", "b", 7]), "names must be a list of texts, 3"),
         (put("fixed", [True]), r"fixed must be a list of true or false, 3, got \[True\]"),
         (put("fixed", [True, False, 1]), r"fixed must be a list of true or false, 3"),
         (put("fixed", None), r"fixed must be a list of true or false, 3, got None"),

@@ -7,7 +7,8 @@ from solids import box, icosphere
 
 import diff3ds as ds
 from diff3ds.surfaces.lines.feature_curves import crease_length, loose_share
-from diff3ds.tasks.mesh.draw_mesh import creased, without_cracks
+from diff3ds.tasks.mesh.draw_mesh import without_cracks
+from diff3ds.tasks.mesh.source import creased
 
 
 def test_the_length_of_creases_is_that_of_their_runs():

@@ -24,7 +24,9 @@ def line(first, last, controls=4):
     return torch.lerp(ends[:1], ends[1:], torch.linspace(0, 1, controls)[:, None])
 
 
-SQUARE = ds.Sketch(torch.stack([line("a", "b"), line("b", "c"), line("c", "d")]), width=0.02)
+SQUARE = ds.Sketch(
+    torch.stack([line("a", "b"), line("b", "c"), line("c", "d")]), width=0.02, names=["side ø", "", "\\ 3"]
+)
 ARC = ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.0), 1.0, normal=(1.0, 0.0, 0.0), dtype=torch.float32), width=0.02)
 CIRCLE = ds.Sketch(ARC.points, ARC.weights, width=0.02, chains=ds.Chains.of([len(ARC.points)], True))
 

@@ -195,15 +195,15 @@ class Image:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Draw a mesh: its creases and borders as strokes, and views with its outlines and without hidden lines.
+    """Draw a mesh or solids: creases and borders as strokes, and views with outlines and without hidden lines.
 
-    Takes OBJ, STL, PLY, OFF or glTF, in their own units. Writes sketch.json, sketch.svg and sketch.step with strokes
-    that are there from everywhere, of smooth things outlines from several sides; drawing-1.svg and .png and so on, one
-    a view; preview.png, turntable.webp, surface.glb and run.json.
+    Takes OBJ, STL, PLY, OFF or glTF, in their own units, and solids in STEP, IGES or BREP. Writes sketch.json,
+    sketch.svg and sketch.step with strokes that are there from everywhere, of smooth things outlines from several
+    sides; drawing-1.svg and .png and so on, one a view; preview.png, turntable.webp, surface.glb and run.json.
     """
 
     mesh: OmitArgPrefixes[MeshOptions]
-    # The mesh.
+    # The mesh, or the file of solids.
     source: Positional[Path]
     # Folder of the results.
     out: Annotated[Path, arg(aliases=["-o"])] = Path("out")

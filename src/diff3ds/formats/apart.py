@@ -4,9 +4,11 @@ import json
 import math
 import subprocess
 import sys
+import threading
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 
@@ -35,7 +37,7 @@ def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict
     """The strokes that a reader finds, as it has them.
 
     Args:
-        reader: the file with it, such as cad/step_reader (`reader_process.py`).
+        reader: the module with it, such as diff3ds.formats.cad.step_reader (`reader_process.py`).
         program: what it reads with, for messages.
         kind: of the file, for messages.
 
@@ -43,30 +45,67 @@ def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict
         ValueError: a file that is too large or broken, or that has no curves.
         OSError: the file cannot be read.
     """
+    strokes, said = found_apart(path, reader, program, kind)
+    if not strokes:
+        raise ValueError("; ".join([f"{path}: no curves in this {kind} file", *said]))
+    say_of(path, said)
+    return cast(list[dict[str, Any]], strokes)
+
+
+def say_of(path: Path, said: list[str]) -> None:
+    """Warns of what is left out of a file or assumed."""
+    for line in said:
+        warnings.warn(f"{path}: {line}", stacklevel=5)
+
+
+def found_apart(
+    path: Path, reader: str, program: str, kind: str, told: Callable[[int, int], None] = lambda done, of: None
+) -> tuple[Any, list[str]]:
+    """What a reader finds in a file, and what is to be said of it.
+
+    Args:
+        told: how much is done, and of how much.
+
+    Raises:
+        ValueError: a file that is too large or broken.
+        OSError: the file cannot be read.
+    """
     check_size(path)
-    answer = _answer(path, reader, program, kind)
+    answer = _answer(path, reader, program, kind, told)
     if "error" in answer:
         raise ValueError(f"{path}: {answer['error']}")
-    strokes: list[dict[str, Any]] = answer["strokes"]
-    if not strokes:
-        raise ValueError("; ".join([f"{path}: no curves in this {kind} file", *answer["said"]]))
-    for line in answer["said"]:
-        warnings.warn(f"{path}: {line}", stacklevel=4)
-    return strokes
+    return answer["found"], answer["said"]
 
 
-def _answer(path: Path, reader: str, program: str, kind: str) -> dict[str, Any]:
+def _answer(path: Path, reader: str, program: str, kind: str, told: Callable[[int, int], None]) -> dict[str, Any]:
     """What a reader says of a file (`reader_process.py`)."""
     script = Path(__file__).with_name("reader_process.py")
     command = [sys.executable, "-P", str(script), reader, str(path.resolve())]
     patience = SECONDS + SECONDS_PER_MEGABYTE * path.stat().st_size / 1e6
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=patience, check=False)
-        answer: dict[str, Any] = json.loads(done.stdout)
-    except subprocess.TimeoutExpired as error:
-        raise ValueError(f"{path}: {program} has not read this {kind} file in {patience:.0f} s") from error
-    except ValueError as error:
-        raise ValueError(f"{path}: {program} failed on this {kind} file (exit code {done.returncode})") from error
+    late = threading.Event()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, encoding="utf-8") as process:
+
+        def end() -> None:
+            late.set()
+            process.kill()
+
+        timer = threading.Timer(patience, end)
+        timer.start()
+        try:
+            answer: dict[str, Any] = {}
+            for line in process.stdout or ():
+                answer = json.loads(line)
+                if "done" in answer:
+                    told(answer["done"], answer["of"])
+        except ValueError:
+            answer = {}
+        finally:
+            timer.cancel()
+            process.kill()
+    if late.is_set():
+        raise ValueError(f"{path}: {program} has not read this {kind} file in {patience:.0f} s")
+    if not {"found", "error"} & answer.keys():
+        raise ValueError(f"{path}: {program} failed on this {kind} file (exit code {process.returncode})")
     return answer
 
 

@@ -40,7 +40,8 @@ _INSTEAD = {
 # What to do with a file that is not read.
 _BEFORE = {
     (".dwg", ".dwt", ".dgn", ".dxb"): _SAVE_AS.format(".dxf"),
-    (".iges", ".igs", ".brep", ".sat", ".sab", ".x_t", ".x_b"): _SAVE_AS.format(".step"),
+    (".iges", ".igs", ".brep", ".brp"): '"diff3ds mesh" draws the solids in it; of curves alone save it as .step',
+    (".sat", ".sab", ".x_t", ".x_b"): _SAVE_AS.format(".step"),
     (".sldprt", ".sldasm", ".ipt", ".iam", ".catpart", ".prt", ".f3d", ".fcstd"): _SAVE_AS.format(".step"),
     (".stl", ".3mf", ".off", ".ply", ".obj", ".glb", ".gltf"): '"diff3ds mesh" draws the lines of a mesh',
     (".svgz", ".svg", ".pdf", ".eps", ".ai"): _SAVE_AS.format(".dxf"),

@@ -10,6 +10,7 @@ An object with these keys, for N strokes of M segments with K control points eac
 * `segments`: how many each stroke has, in order, and `closed`: whether each ends where it begins (N); both are left out
   where all strokes are one open segment.
 * `fixed`: whether each stroke is marked to stay as it is (N); left out where none is.
+* `names`: what each stroke is called, such as the edge of a solid that it draws (N); left out where none has a name.
 
 Numbers are written with as many digits as it takes to read the same bits again. Other keys are ignored.
 """
@@ -28,6 +29,7 @@ from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch, WidthSpace
 
 VERSION, VERSION_OF_CHAINS = 1, 2
+FLAGS = "true or false"
 _DTYPES = {"float16": torch.float16, "bfloat16": torch.bfloat16, "float32": torch.float32, "float64": torch.float64}
 
 
@@ -58,6 +60,8 @@ def json_text(sketch: Sketch) -> str:
     values |= {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
     if sketch.fixed is not None and bool(sketch.fixed.any()):
         values["fixed"] = sketch.fixed.tolist()
+    if sketch.names is not None:
+        values["names"] = sketch.names
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -113,9 +117,12 @@ def _sketch_of(data: Any, path: Path) -> Sketch:
         "opacity": (strokes, ()),
     }
     tensors = {key: _numbers(path, data, key, *shape).to(_DTYPES[name]) for key, shape in shapes.items()}
-    fixed = torch.tensor(_flags(path, data, "fixed", strokes), dtype=torch.bool) if "fixed" in data else None
+    fixed = (
+        torch.tensor(_each(path, data, "fixed", strokes, bool, FLAGS), dtype=torch.bool) if "fixed" in data else None
+    )
+    names = _each(path, data, "names", strokes, str, "texts") if "names" in data else None
     try:
-        return Sketch(**tensors, width_space=space, chains=chains, fixed=fixed)
+        return Sketch(**tensors, width_space=space, chains=chains, fixed=fixed, names=names)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
 
@@ -127,15 +134,15 @@ def _chains(path: Path, data: dict[str, Any], segments: int) -> Chains:
         raise ValueError(f"{path}: segments must be a list of whole numbers, at least 1, got {reprlib.repr(counts)}")
     if sum(counts) != segments:
         raise ValueError(f"{path}: segments must add up to the {segments} items of points, got {sum(counts)}")
-    return Chains.of(counts, _flags(path, data, "closed", len(counts)))
+    return Chains.of(counts, _each(path, data, "closed", len(counts), bool, FLAGS))
 
 
-def _flags(path: Path, data: dict[str, Any], key: str, count: int) -> list[bool]:
-    """The value of a key that says yes or no of each stroke."""
-    flags = data.get(key)
-    if not isinstance(flags, list) or len(flags) != count or not all(type(flag) is bool for flag in flags):
-        raise ValueError(f"{path}: {key} must be a list of true or false, {count}, got {reprlib.repr(flags)}")
-    return flags
+def _each(path: Path, data: dict[str, Any], key: str, count: int, kind: type, told: str) -> list[Any]:
+    """The value of a key that has one thing of a kind, a bool or a string, for each stroke."""
+    values = data.get(key)
+    if not isinstance(values, list) or len(values) != count or not all(type(value) is kind for value in values):
+        raise ValueError(f"{path}: {key} must be a list of {told}, {count}, got {reprlib.repr(values)}")
+    return values
 
 
 def _control_points(path: Path, data: dict[str, Any]) -> int:

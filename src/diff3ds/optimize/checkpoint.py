@@ -103,7 +103,14 @@ def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None
         **_optional_tensors(state.sketch),
         **{f"{STATEFUL}{name}": value for name, value in state.stateful.items()},
     }
-    about = {"version": VERSION, "index": state.index, "width_space": state.sketch.width_space, "settings": settings}
+    sketch = state.sketch
+    about: dict[str, Any] = {
+        "version": VERSION,
+        "index": state.index,
+        "width_space": sketch.width_space,
+        "settings": settings,
+    }
+    about |= {"names": list(sketch.names)} if sketch.names else {}
     write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
 
 
@@ -131,7 +138,7 @@ def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State
         name, (was, now) = next(iter(different.items()))
         raise ValueError(f"{path}: the run to resume had {name}={was}, not {now}: give the same, or start a new run")
     try:
-        fields = {name: tensors[f"sketch.{name}"] for name in FIELDS}
+        fields: dict[str, Any] = {name: tensors[f"sketch.{name}"] for name in FIELDS} | {"names": about.get("names")}
         chains = Chains(tensors[CHAIN_STROKE], tensors[CHAIN_CLOSED]) if CHAIN_STROKE in tensors else None
         space = cast(WidthSpace, about["width_space"])
         sketch = Sketch(**fields, width_space=space, chains=chains, fixed=tensors.get(FIXED))

@@ -134,12 +134,12 @@ def mesh_to_sketch(source: str | PathLike[str], out: str | PathLike[str] | None 
     What the command says goes to the logger diff3ds.
 
     Args:
-        source: an OBJ, STL, PLY, OFF or glTF file.
+        source: an OBJ, STL, PLY, OFF or glTF file, or solids in a STEP, IGES or BREP file.
         out: folder for the files that the command writes, drawings among them; without one nothing is kept.
         options: those of the command by their names, such as `up="y"`, `strokes=24`, `hidden="dashed"`.
 
     Returns:
-        The sketch in the units of the file, z up, float64.
+        The sketch in the units of the file, of solids in millimetres, z up, float64; edges of solids by name.
 
     Raises:
         TypeError: an option that the command does not have, or a value of another kind.

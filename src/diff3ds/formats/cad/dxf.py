@@ -2,7 +2,8 @@
 
 A stroke becomes LINE, ARC, CIRCLE and ELLIPSE where it is one, and rational SPLINE elsewhere, exactly; or, for programs
 that ignore the weights of splines, polylines. There is a layer a colour, named by it, or those that the caller names,
-and each entity has the number of its stroke (extended data of the application DIFF3DS). Colours are true ones and, for
+and each entity has the number of its stroke, and its name if it has one (extended data of the application DIFF3DS:
+"stroke", the number, the name). Colours are true ones and, for
 programs that map layers by it, the nearest of AutoCAD's 255. Not kept: widths, opacities and `width_space`.
 """
 
@@ -29,6 +30,8 @@ from diff3ds.formats.scenes.polylines import TOLERANCE, polylines_of
 from diff3ds.sketch import Sketch
 
 APPLICATION = "DIFF3DS"
+# Characters of a text in extended data.
+LONGEST = 255
 # The numbers of $INSUNITS.
 _INSUNITS: dict[Unit, int] = {"in": 1, "ft": 2, "mm": 4, "cm": 5, "m": 6}
 
@@ -87,6 +90,7 @@ def save_dxf(
     _show(document, sketch)
     space = document.modelspace()
     drawn = _polylines(space, sketch, tolerance) if polylines else _curves(space, sketch, tolerance)
+    called = [[(1000, name[:LONGEST])] if name else [] for name in sketch.names or ("",) * len(sketch)]
     for stroke, (entities, name) in enumerate(zip(drawn, named or color_layers(sketch), strict=True)):
         r, g, b = (round(min(max(c, 0.0), 1.0) * 255) for c in sketch.color[stroke].tolist())
         if name not in document.layers:
@@ -95,7 +99,7 @@ def save_dxf(
             entity.dxf.layer = name
             if named:
                 entity.dxf.color, entity.rgb = _nearest_color(r, g, b), (r, g, b)
-            entity.set_xdata(APPLICATION, [(1000, "stroke"), (1071, stroke)])
+            entity.set_xdata(APPLICATION, [(1000, "stroke"), (1071, stroke), *called[stroke]])
     with replacing(path) as temporary:
         document.saveas(temporary)
 
@@ -212,4 +216,4 @@ def load_dxf(path: str | Path) -> Sketch:
     check_size(path)
     if importlib.util.find_spec("ezdxf") is None:
         raise ImportError(f"{path}: reading DXF takes ezdxf: install it with pip install 'diff3ds[cad]'")
-    return nurbs_sketch(path, "cad/dxf_reader", "ezdxf", "DXF")
+    return nurbs_sketch(path, "diff3ds.formats.cad.dxf_reader", "ezdxf", "DXF")

@@ -1,7 +1,7 @@
 """The curves of a DXF file as NURBS, by ezdxf; `reader_process.py` runs it."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import ezdxf
@@ -38,7 +38,7 @@ class Place(NamedTuple):
     depth: int = 0
 
 
-def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+def found_in(path: str, told: Callable[[int, int], None]) -> tuple[list[dict[str, Any]], list[str]]:
     """All curves that the model space shows, those that we wrote of one stroke after each other as one; what is said.
 
     Each has NURBS curves with points, weights and knots, its colour (sRGB, in [0, 1]), and the millimetres of a unit.

@@ -1,8 +1,8 @@
 """3DM files for Rhino and what reads its files, by rhino3dm (the extra `cad`).
 
-A stroke becomes one curve called "stroke 0", "stroke 1" and so on, on a layer of its colour: a line or an arc of a
-circle where it is one, else a NURBS curve of double precision, homogeneous as Rhino has them (control points times
-their weights, and weights), or a polycurve of these. Not kept: widths, opacities and `width_space`.
+A stroke becomes one curve, called by its name or "stroke 0", "stroke 1" and so on, on a layer of its colour: a line or
+an arc of a circle where it is one, else a NURBS curve of double precision, homogeneous as Rhino has them (control
+points times their weights, and weights), or a polycurve of these. Not kept: widths, opacities and `width_space`.
 """
 
 import base64
@@ -55,7 +55,8 @@ def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", tolerance: 
         if color not in layers:
             layers[color] = model.Layers.AddLayer("#{:02x}{:02x}{:02x}".format(*color), (*color, 255))
         attributes = rhino3dm.ObjectAttributes()
-        attributes.Name, attributes.LayerIndex = f"stroke {stroke}", layers[color]
+        name = sketch.names[stroke] if sketch.names else ""
+        attributes.Name, attributes.LayerIndex = name or f"stroke {stroke}", layers[color]
         model.Objects.AddCurve(_joined([_curve(curve) for curve in curves]), attributes)
     options = rhino3dm.File3dmWriteOptions()
     options.Version = 7
@@ -124,4 +125,4 @@ def load_3dm(path: str | Path) -> Sketch:
     check_size(path)
     if importlib.util.find_spec("rhino3dm") is None:
         raise ImportError(f"{path}: reading 3DM takes rhino3dm: install it with pip install 'diff3ds[cad]'")
-    return nurbs_sketch(path, "cad/rhino_reader", "rhino3dm", "3DM")
+    return nurbs_sketch(path, "diff3ds.formats.cad.rhino_reader", "rhino3dm", "3DM")

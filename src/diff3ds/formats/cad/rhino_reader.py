@@ -1,7 +1,7 @@
 """The curves of a 3DM file as NURBS, by rhino3dm; `reader_process.py` runs it."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import rhino3dm
@@ -25,7 +25,7 @@ class Place(NamedTuple):
     color: Rgb = (0.0, 0.0, 0.0)
 
 
-def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+def found_in(path: str, told: Callable[[int, int], None]) -> tuple[list[dict[str, Any]], list[str]]:
     """All curves that are shown, and what is said.
 
     Each has points, weights and knots, its colour (sRGB, in [0, 1]), and the millimetres of a unit.

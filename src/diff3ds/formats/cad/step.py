@@ -2,10 +2,10 @@
 
 One product with one set of curves: a world unit is written as 1 mm, or as another unit. A stroke becomes a line, a
 circle or an ellipse where it is one, trimmed or whole, else a rational B-spline of its own degree with its control
-points and weights to the last bit; one of several such curves is a composite curve. It is called "stroke 0", "stroke 1"
-and so on, with its colour, on a layer of that colour, or one that the caller names. Its width, the mean one where it
-changes, is written as the style's line width, which few programs show; the name of the style says what it means. STEP
-has no transparent lines: opacity is not kept.
+points and weights to the last bit; one of several such curves is a composite curve. It is called by its name, or
+"stroke 0", "stroke 1" and so on, with its colour, on a layer of that colour, or one that the caller names. Its width,
+the mean one where it changes, is written as the style's line width, which few programs show; the name of the style says
+what it means. STEP has no transparent lines: opacity is not kept.
 """
 
 import importlib.util
@@ -103,8 +103,9 @@ def save_step(
     named = checked_layers(layers, sketch) or color_layers(sketch)
     entities = Entities(_FIRST_FREE)
     closed = [False] * len(sketch) if sketch.chains is None else sketch.chains.closed.tolist()
+    names = sketch.names or ("",) * len(sketch)
     curves = [
-        stroke_entity(entities, string(f"stroke {i}"), found, closed[i])
+        stroke_entity(entities, string(names[i] or f"stroke {i}"), found, closed[i])
         for i, found in enumerate(curves_of(sketch, tolerance))
     ]
     styles = _styles(entities, sketch, curves, named)
@@ -172,17 +173,17 @@ def load_step(path: str | Path) -> Sketch:
         OSError: the file cannot be read.
     """
     path = Path(path)
-    _check_file(path)
+    check_step(path)
     if importlib.util.find_spec("OCP") is None:
         raise ImportError("reading STEP files takes OCCT: install it with pip install 'diff3ds[cad]'")
-    strokes = strokes_apart(path, "cad/step_reader", "OCCT", "STEP")
+    strokes = strokes_apart(path, "diff3ds.formats.cad.step_reader", "OCCT", "STEP")
     try:
         return _sketch(strokes)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _check_file(path: Path) -> None:
+def check_step(path: Path) -> None:
     """Raises ValueError for what is too large, no STEP file, or one that has been cut off."""
     check_size(path)
     size = path.stat().st_size

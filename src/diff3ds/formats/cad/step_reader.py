@@ -2,15 +2,13 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from OCP.BRep import BRep_Tool
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
 from OCP.collections import Sequence_TCollection_AsciiString, Sequence_TDF_Label
-from OCP.Geom import Geom_BezierCurve, Geom_BSplineCurve, Geom_Conic, Geom_Line, Geom_TrimmedCurve
-from OCP.GeomAbs import GeomAbs_C1
-from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxCurve, GeomConvert_BSplineCurveToBezierCurve
+from OCP.Geom import Geom_BSplineCurve
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.STEPCAFControl import STEPCAFControl_Reader
@@ -24,7 +22,7 @@ from OCP.StepVisual import (
 )
 from OCP.TCollection import TCollection_ExtendedString
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Iterator
 from OCP.XCAFDoc import (
     XCAFDoc_ColorCurv,
@@ -34,12 +32,8 @@ from OCP.XCAFDoc import (
     XCAFDoc_ShapeTool,
 )
 
-MAX_DEGREE = 3
-# Of the approximation of other curves, relative to how far their control points reach from the first.
-TOLERANCE = 1e-4
-MAX_SEGMENTS = 1000
-# Places along a curve where its approximation is looked at.
-_PROBES = 16
+from diff3ds.formats.cad.edge_curves import beziers, is_tame
+
 # Of the sizes of two segments: how far apart the end of one and the start of the other may be at a joint of a wire.
 # [empirical: ends of arcs are computed to 1e-15; other programs write 7 digits and more]
 JOINT = 1e-6
@@ -47,21 +41,13 @@ JOINT = 1e-6
 MILLIMETRES = {"millimetre": 1.0, "centimetre": 10.0, "metre": 1000.0, "inch": 25.4, "foot": 304.8}
 
 
-def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+def found_in(path: str, told: Callable[[int, int], None]) -> tuple[list[dict[str, Any]], list[str]]:
     """All wires and other edges that are shown, and what is said.
 
     Each has Bézier segments with points (K, 3) in millimetres and weights (K), whether it is closed, its colour (sRGB,
     in [0, 1]), and the width of its curve style (or None): the style's name, the number, and the unit of the file.
     """
-    reader = STEPCAFControl_Reader()
-    reader.SetColorMode(True)
-    reader.SetLayerMode(True)
-    reader.SetNameMode(False)
-    if reader.ReadFile(path) != IFSelect_RetDone:
-        raise ValueError("OCCT cannot read this STEP file: it is broken or of an unknown schema")
-    document = TDocStd_Document(TCollection_ExtendedString("sketch"))
-    if not reader.Transfer(document):
-        raise ValueError("OCCT finds no shape in this STEP file")
+    reader, document = transferred(path)
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     labels = Sequence_TDF_Label()
     shapes.GetFreeShapes(labels)
@@ -70,12 +56,30 @@ def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
     for i in range(1, labels.Length() + 1):
         whole = shapes.GetShape_s(labels.Value(i))
         for found, shape in walk.chains(whole, whole):
-            edges = [edge for edge in found if _is_tame(edge)]
+            edges = [edge for edge in found if is_tame(edge)]
             walk.left_out["curves that are not approximated"] += len(found) - len(edges)
             strokes += [{**chain, **looks.of(shape, edges[0])} for chain in _joined(edges)]
     counted = _not_transferred(reader) + walk.left_out
     parts = [f"{count} {kind}" for kind, count in sorted(counted.items())]
     return strokes, [f"left out of what is drawn: {', '.join(parts)}"] if parts else []
+
+
+def transferred(path: str, names: bool = False) -> tuple[STEPCAFControl_Reader, TDocStd_Document]:
+    """What reads a file, and the document with its shapes, names, colours and layers.
+
+    Raises:
+        ValueError: it is broken, or has no shape.
+    """
+    reader = STEPCAFControl_Reader()
+    reader.SetColorMode(True)
+    reader.SetLayerMode(True)
+    reader.SetNameMode(names)
+    if reader.ReadFile(path) != IFSelect_RetDone:
+        raise ValueError("OCCT cannot read this STEP file: it is broken or of an unknown schema")
+    document = TDocStd_Document(TCollection_ExtendedString("sketch"))
+    if not reader.Transfer(document):
+        raise ValueError("OCCT finds no shape in this STEP file")
+    return reader, document
 
 
 def _not_transferred(reader: STEPCAFControl_Reader) -> Counter[str]:
@@ -149,7 +153,7 @@ class Walk:
 
     def __init__(self, document: TDocStd_Document) -> None:
         self.left_out = Counter[str]()
-        self._seen, self._hidden = ShapeMap(), ShapeMap()
+        self._seen, self.hidden = ShapeMap(), ShapeMap()
         main = document.Main()
         layers, labels = XCAFDoc_DocumentTool.LayerTool_s(main), Sequence_TDF_Label()
         layers.GetLayerLabels(labels)
@@ -158,7 +162,7 @@ class Walk:
                 shown = Sequence_TDF_Label()
                 layers.GetShapesOfLayer_s(labels.Value(i), shown)
                 for k in range(1, shown.Length() + 1):
-                    self._hidden.Add(XCAFDoc_ShapeTool.GetShape_s(shown.Value(k)))
+                    self.hidden.Add(XCAFDoc_ShapeTool.GetShape_s(shown.Value(k)))
         shapes = XCAFDoc_DocumentTool.ShapeTool_s(main)
         labels = Sequence_TDF_Label()
         shapes.GetShapes(labels)
@@ -174,7 +178,7 @@ class Walk:
         parts.Append(inner)
         for one in [label, *(parts.Value(i) for i in range(1, parts.Length() + 1))]:
             if not XCAFDoc_ColorTool.IsVisible_s(one):
-                self._hidden.Add(XCAFDoc_ShapeTool.GetShape_s(one))
+                self.hidden.Add(XCAFDoc_ShapeTool.GetShape_s(one))
 
     def chains(self, shape: Any, local: Any, face: bool = False) -> Iterator[tuple[list[Any], Any]]:
         """Edges of wires that bound no face, and other edges each by itself, once; with the shape that they make up.
@@ -183,7 +187,7 @@ class Walk:
             local: the shape where what it is a part of has it, by which it is known to be hidden.
             face: whether the shape is one or within one.
         """
-        if self._hidden.Contains(local):
+        if self.hidden.Contains(local):
             self.left_out["hidden (themselves or by their layers)"] += 1
             return
         kind = shape.ShapeType()
@@ -218,7 +222,7 @@ def _joined(edges: list[Any]) -> Iterator[dict[str, Any]]:
     chain: list[dict[str, Any]] = []
     exact = False
     for edge in edges:
-        segments: list[dict[str, Any]] = [{"points": points, "weights": weights} for points, weights in _beziers(edge)]
+        segments: list[dict[str, Any]] = [{"points": points, "weights": weights} for points, weights in beziers(edge)]
         spline = isinstance(BRep_Tool.Curve_s(edge, 0.0, 0.0), Geom_BSplineCurve)
         if chain and segments and not _meet(chain[-1], segments[0]):
             yield _chain(chain)
@@ -245,49 +249,3 @@ def _meet(before: dict[str, Any], after: dict[str, Any]) -> bool:
     a, b = before["points"], after["points"]
     size = max(math.dist(a[0], p) for p in a[1:]) + max(math.dist(b[0], p) for p in b[1:])
     return math.dist(a[-1], b[0]) <= JOINT * size
-
-
-def _is_tame(edge: Any) -> bool:
-    """Whether what stands for the curve of an edge lies near it: of offset curves that break off it does not."""
-    curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
-    if curve is None or isinstance(curve, (Geom_BSplineCurve, Geom_BezierCurve, Geom_Conic, Geom_Line)):
-        return True
-    first, last = BRep_Tool.Range_s(edge)
-    spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, first, last))
-    places = [first + (last - first) * i / _PROBES for i in range(_PROBES + 1)]
-    wanted, got = ([c.Value(t) for t in places] for c in (curve, spline))
-    size = max(wanted[0].Distance(p) for p in wanted)
-    return all(a.Distance(b) <= TOLERANCE * size for a, b in zip(wanted, got, strict=True))
-
-
-def _beziers(edge: Any) -> Iterator[tuple[list[list[float]], list[float]]]:
-    """Control points and weights of the Bézier curves that make up an edge."""
-    curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
-    if curve is None:
-        return
-    first, last = BRep_Tool.Range_s(edge)
-    if not (isinstance(curve, Geom_BSplineCurve) and (first, last) == (curve.FirstParameter(), curve.LastParameter())):
-        curve = Geom_TrimmedCurve(curve, first, last)
-    spline = GeomConvert.CurveToBSplineCurve_s(curve)
-    if edge.Orientation() == TopAbs_REVERSED:
-        spline.Reverse()
-    if spline.Degree() > MAX_DEGREE:
-        spline = _approximation(spline)
-    pieces = GeomConvert_BSplineCurveToBezierCurve(spline)
-    for i in range(1, pieces.NbArcs() + 1):
-        bezier = pieces.Arc(i)
-        order = range(1, bezier.NbPoles() + 1)
-        poles = [bezier.Pole(k) for k in order]
-        yield [[p.X(), p.Y(), p.Z()] for p in poles], [bezier.Weight(k) for k in order]
-
-
-def _approximation(spline: Geom_BSplineCurve) -> Geom_BSplineCurve:
-    """A spline of degree 3 near one of a higher degree."""
-    poles = [spline.Pole(k) for k in range(1, spline.NbPoles() + 1)]
-    size = max(poles[0].Distance(p) for p in poles)
-    approximation = GeomConvert_ApproxCurve(spline, TOLERANCE * size, GeomAbs_C1, MAX_SEGMENTS, MAX_DEGREE)
-    if not approximation.HasResult() or approximation.MaxError() > TOLERANCE * size:
-        raise ValueError(
-            f"a curve of degree {spline.Degree()} cannot be approximated by cubics to {TOLERANCE} of its size"
-        )
-    return approximation.Curve()

@@ -160,4 +160,4 @@ def load_usd(path: str | Path) -> Sketch:
     check_size(path)
     if importlib.util.find_spec("pxr") is None:
         raise ImportError(f"{path}: reading USD takes usd-core: install it with pip install 'diff3ds[usd]'")
-    return nurbs_sketch(path, "scenes/usd_reader", "usd-core", "USD")
+    return nurbs_sketch(path, "diff3ds.formats.scenes.usd_reader", "usd-core", "USD")

@@ -1,7 +1,7 @@
 """The curves of a USD file as NURBS, by usd-core; `reader_process.py` runs it."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ MOST_LAYERS, MOST_BYTES = 1000, 1 << 28
 Z_UP = Gf.Matrix4d(1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1)
 
 
-def strokes_of(path: str) -> tuple[list[dict[str, Any]], list[str]]:
+def found_in(path: str, told: Callable[[int, int], None]) -> tuple[list[dict[str, Any]], list[str]]:
     """All curves that are shown, and what is said.
 
     Each has points, weights and knots, its colour, opacity, what we say of widths, and how much a unit is in metres.

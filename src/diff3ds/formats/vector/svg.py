@@ -35,10 +35,10 @@ def save_svg(
     """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
 
     Every stroke is one path with round ends and the id "stroke-0", "stroke-1" and so on, by its number in the sketch;
-    of several views "view-0-stroke-0". With `width_space="image"` it is a stroked path of cubic Béziers: SVG knows no
-    rational ones, so it stays within the tolerance of the exact curve. With "world", or widths along the stroke, it is
-    a filled outline, to the same tolerance. What a view cannot show is left out: paths are cut where their ink leaves
-    the page.
+    of several views "view-0-stroke-0"; its name, if it has one, is Inkscape's label. With `width_space="image"` it is a
+    stroked path of cubic Béziers: SVG knows no rational ones, so it stays within the tolerance of the exact curve. With
+    "world", or widths along the stroke, it is a filled outline, to the same tolerance. What a view cannot show is left
+    out: paths are cut where their ink leaves the page.
 
     SVG has no depth: paths lie over each other as `render` has the strokes where they meet. A stroke that is in front
     of another here and behind it, or behind one that is, there, is cut in between ("stroke-0-part-2"). Colours are
@@ -68,14 +68,14 @@ def save_svg(
     unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / width)
     size = f'width="{width * scale:.6g}{unit}" height="{height * scale:.6g}{unit}" viewBox="0 0 {width} {height}"'
     by_color = layers == "color" or centerline
-    size += f" {INKSCAPE}" if by_color or named else ""
+    size += f" {INKSCAPE}" if by_color or named or sketch.names else ""
     ground = ""
     if background is not None:
         ground = f'<rect width="{width}" height="{height}" fill="{hexadecimal(background)}"/>\n'
     lines: list[str] = []
     for view in range(len(cameras)):
         paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
-        lines += _view(layered(paths, named) if by_color or named else {"": paths}, cameras, view)
+        lines += _view(layered(paths, named) if by_color or named else {"": paths}, cameras, view, sketch.names)
     write_text(
         Path(path), f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{ground}' + "\n".join(lines) + "\n</svg>\n"
     )
@@ -92,12 +92,19 @@ def layered(paths: Sequence[DrawnPath], named: Sequence[str] | None = None) -> d
     """Paths by their colour as "#rrggbb", or by the name of their stroke's layer, in the order of the first of each."""
     groups: dict[str, list[DrawnPath]] = {}
     for path in paths:
-        name = named[int(path.name.split("-")[1])] if named else hexadecimal(path.color)
+        name = named[_stroke(path)] if named else hexadecimal(path.color)
         groups.setdefault(name, []).append(path)
     return groups
 
 
-def _view(groups: Mapping[str, Sequence[DrawnPath]], cameras: Cameras, view: int) -> Iterator[str]:
+def _stroke(path: DrawnPath) -> int:
+    """The number of its stroke."""
+    return int(path.name.split("-")[1])
+
+
+def _view(
+    groups: Mapping[str, Sequence[DrawnPath]], cameras: Cameras, view: int, names: Sequence[str] | None
+) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
     several = len(cameras) > 1
     prefix, (x, y) = f"view-{view}-" if several else "", corner(cameras, view)
@@ -110,20 +117,21 @@ def _view(groups: Mapping[str, Sequence[DrawnPath]], cameras: Cameras, view: int
         said = html.escape(prefix + label)
         name = f'id="{prefix}layer-{known}" inkscape:groupmode="layer" inkscape:label="{said}" ' if label else ""
         yield f'<g {name}stroke-linecap="round" stroke-linejoin="round">'
-        yield from (_element(path, prefix, (x, y)) for path in some)
+        yield from (_element(path, prefix, (x, y), names[_stroke(path)] if names else "") for path in some)
         yield "</g>"
     if several:
         yield "</g>"
 
 
-def _element(path: DrawnPath, prefix: str, at: tuple[float, float]) -> str:
+def _element(path: DrawnPath, prefix: str, at: tuple[float, float], name: str) -> str:
     color = hexadecimal(path.color)
     kind = "fill" if path.width is None else "stroke"
     style = f'{kind}="{color}"' + (f' {kind}-opacity="{path.opacity:.6g}"' if path.opacity < 1 else "")
     if path.width is not None:
         style = f'fill="none" {style} stroke-width="{_number(path.width)}"'
     data = "".join(_data(curve + np.array(at), path.closed) for curve in path.curves)
-    return f'<path id="{prefix}{path.name}" d="{data}" {style}/>'
+    called = f' inkscape:label="{html.escape(name)}"' if name else ""
+    return f'<path id="{prefix}{path.name}"{called} d="{data}" {style}/>'
 
 
 def _data(curve: Curve, closed: bool) -> str:

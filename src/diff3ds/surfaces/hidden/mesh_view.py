@@ -50,6 +50,13 @@ class MeshView:
     def _own(self, own: Int[Index, "P 3"], face: Int[Index, " P"], rings: int) -> Bool[Mask, " P"]:
         """Whether faces are so near to points along the surface that they do not hide them."""
         mesh = self.mesh
+        if rings and mesh.surfaces:
+            # Large faces reach far in few rings: only those that the surface goes on in are beside the point.
+            surface, whole = mesh.surfaces
+            at = _faces_of(mesh, own)
+            same, smooth = ((labels[at] == labels[face][:, None]).any(1) for labels in (surface, whole))
+            near = _is_near(mesh, own, mesh.faces[face], rings) & same
+            return near | (smooth & _is_near(mesh, own, mesh.faces[face], 1))
         if rings == 0 or not isinstance(mesh, SmoothMesh):
             return _is_near(mesh, own, mesh.faces[face], rings)
         # What facets did to each other beside a contour, patches do, however fine their faces are.
@@ -93,6 +100,17 @@ def _is_near(mesh: TriangleMesh, own: Int[Index, "P 3"], corners: Int[Index, "P 
     found = np.minimum(np.searchsorted(mesh.edge_keys, wanted), len(mesh.edge_keys) - 1)
     near[far] = (mesh.edge_keys[found] == wanted).any((1, 2))
     return near
+
+
+def _faces_of(mesh: TriangleMesh, own: Int[Index, "P 3"]) -> Int[Index, "P 2"]:
+    """The two faces at the edges that points lie on, or one at the vertices."""
+    low, high = np.sort(own[:, :2], axis=1).T
+    wanted = low * len(mesh.vertices) + high
+    edge = np.minimum(np.searchsorted(mesh.edge_keys, wanted), len(mesh.edge_keys) - 1)
+    some = np.zeros(len(mesh.vertices), np.int64)
+    some[mesh.faces] = np.arange(len(mesh))[:, None]
+    faces = np.where((mesh.edge_keys[edge] == wanted)[:, None], mesh.edge_faces[edge], some[low][:, None])
+    return np.where(faces < 0, faces[:, :1], faces)
 
 
 def _clipped(

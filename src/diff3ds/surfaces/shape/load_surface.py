@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from diff3ds.formats.cad.solids import SOLIDS
 from diff3ds.formats.mesh import UP_IS_KNOWN, MeshFile, read_mesh
 from diff3ds.formats.mesh_files.polygons import counted
 from diff3ds.formats.mesh_files.strays import strays
@@ -14,11 +15,12 @@ from diff3ds.surfaces.shape.triangle_mesh import CREASE, TriangleMesh
 
 
 def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> TriangleMesh:
-    """The surface in a mesh file (OBJ, STL, PLY, OFF, glTF), in the file's own units.
+    """The surface in a mesh file (OBJ, STL, PLY, OFF, glTF), in the file's own units, or of solids.
 
     The soup of triangles that STL files are is welded; open meshes, several objects and edges of many faces are taken
     as they are. glTF says what is up; it comes with z up and x in front. Pieces without extent of their own, far from
-    the rest, are left out; this, and what else of a file is left out, is said in a warning.
+    the rest, are left out; this, and what else of a file is left out, is said in a warning. STEP, IGES and BREP files
+    (extra `cad`) come in millimetres, with the normals and edges of their own faces whatever the crease.
 
     Args:
         up: the axis that points up in files of the other formats, "z" or "y"; what is seen has z up.
@@ -28,8 +30,16 @@ def load_surface(path: str | Path, *, up: str = "z", crease: float = CREASE) -> 
         ValueError: another suffix; larger than 256 MiB or 8 million triangles, broken, without triangles of any area or
             with coordinates that are not finite; another axis.
         OSError: the file cannot be read.
+        ImportError: solids, and the extra `cad` is not installed.
     """
-    return _surface(Path(path), up, crease, False)[0]
+    path = Path(path)
+    if path.suffix.lower() in SOLIDS:
+        # With scipy, which the import of the package does without.
+        from diff3ds.surfaces.form.solid_mesh import load_solid
+
+        _check_up(up)
+        return load_solid(path, up).mesh
+    return _surface(path, up, crease, False)[0]
 
 
 def load_colored_surface(
@@ -53,8 +63,7 @@ def load_colored_surface(
 
 
 def _surface(path: Path, up: str, crease: float, colors: bool) -> tuple[TriangleMesh, MeshFile]:
-    if up not in ("y", "z"):
-        raise ValueError(f'up must be "y" or "z", got {up!r}')
+    _check_up(up)
     read = _without_strays(path, read_mesh(path, colors))
     if up == "y" and path.suffix.lower() not in UP_IS_KNOWN:
         read = replace(read, vertices=read.vertices[:, [2, 0, 1]])
@@ -62,6 +71,11 @@ def _surface(path: Path, up: str, crease: float, colors: bool) -> tuple[Triangle
         return TriangleMesh(read.vertices, read.faces, read.part, crease, read.polygon), read
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def _check_up(up: str) -> None:
+    if up not in ("y", "z"):
+        raise ValueError(f'up must be "y" or "z", got {up!r}')
 
 
 def _without_strays(path: Path, read: MeshFile) -> MeshFile:

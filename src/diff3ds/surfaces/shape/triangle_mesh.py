@@ -188,6 +188,11 @@ class TriangleMesh:
         """Contours that run along strokes are those strokes' where they are nearer than this, world units."""
         return 0.0
 
+    @property
+    def surfaces(self) -> tuple[Int[Index, " F"], Int[Index, " F"]] | None:
+        """Of solids the surface that each face is on, and the smooth whole of such that go on in each other."""
+        return None
+
     @cached_property
     def _products(self) -> Float[Array, "F 3"]:
         """Normals twice as long as the faces are large."""

@@ -24,44 +24,29 @@ from diff3ds.surfaces.draw import Lines, visible_lines
 from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.line_drawings import SIZE
-from diff3ds.surfaces.lines.feature_curves import (
-    FeatureCurves,
-    crease_length,
-    feature_curves,
-    loose_share,
-    outline_share,
-)
+from diff3ds.surfaces.lines.feature_curves import FeatureCurves, feature_curves, outline_share
 from diff3ds.surfaces.shape.coarse import coarse, without_specks
 from diff3ds.surfaces.shape.colors import SurfaceColors, colored
-from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
-from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.mesh.formed import formed
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
+from diff3ds.tasks.mesh.solid_lines import layers_of, thinned, with_faces
+from diff3ds.tasks.mesh.source import LEAST_OUTLINE, read_source
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.transforms import load_transforms
 
-# A thing whose creases and borders draw less of its outlines than this is smooth: outlines are added. Of a cylinder as
-# high as wide they draw .61. Empirical.
-LEAST_OUTLINE = 0.5
 # More runs of creases and borders than this are a mistake: a scan's noise, or an angle that is too small.
 MOST_RUNS = 20_000
 # Pixels of a turntable's frame, and frames a second.
 FRAME, FPS = 384, 12
-# So large a share of the creases may end nowhere: of a machine part few do, of an animal most. Empirical.
-MOST_LOOSE = 0.5
-# And where some do, creases of a smooth thing that are shorter than this in the mean, a share of its longest side, are
-# folds and cracks of a scan: those of a machine part are several times as long. Empirical.
-SOME_LOOSE, SHORT = 0.1, 0.08
 # Borders of a smooth thing that are shorter are cracks, no openings. Empirical.
 CRACK = 0.05
 # Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
 # that strokes are fitted to and in a turntable. Of the finer one features are nearer than what counts as on a surface.
 FIT_CELLS, FINE_CELLS = 128, 256
-CONTOUR, CREASE = "contour", "crease"
+CONTOUR = "contour"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +80,7 @@ def run_mesh(
     """Makes a sketch of the mesh in a file and drawings of it, and writes the folder of the run.
 
     Args:
-        source: OBJ, STL, PLY, OFF or glTF.
+        source: OBJ, STL, PLY, OFF or glTF; STEP, IGES or BREP.
         out: folder of the results.
         options: of the command.
         report: called after every drawing.
@@ -112,13 +97,13 @@ def run_mesh(
 def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Sketch:
     """Reads, draws and writes."""
     begun = time.perf_counter()
-    mesh, colors = _read(source, options, say)
+    read = read_source(source, options, report, say)
     check_output_folder(out, out / "run.json", False, options.overwrite)
-    cameras = _cameras(mesh, options)
+    cameras = _cameras(read.mesh, options)
     seconds = {"read": time.perf_counter() - begun}
-    by_forms = None if options.angle is not None else formed(mesh, say)
-    mesh = creased(mesh, options.angle) if by_forms is None else by_forms.mesh
-    made = sketch_mesh(mesh, options, report, None if by_forms is None else by_forms.features)
+    read = read.by_forms(options.angle, say)
+    mesh, colors = read.mesh, read.colors
+    made = sketch_mesh(mesh, options, report, read.edges)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE:
         say(
@@ -133,17 +118,18 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         report(Progress("drawings", done, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
 
     views = visible_lines(features, cameras, shown, kinds=kinds, contours=options.contours, told=told)
+    views = [with_faces(lines, mesh) for lines in views]
     drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
-    results = _found(mesh, made) | ({} if by_forms is None else by_forms.told)
+    results = _found(mesh, made) | read.told
     info = RunInfo({"source": str(source), **_told(options)}, results, seconds, [], {}, False)
     # Of a run that is overwritten.
     for old in (*out.glob("drawing-*.*"), *out.glob("turntable.webp")):
         old.unlink()
     for view, drawing in enumerate(drawings):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
-        layers = views[view].layers(options.hidden)
+        layers = layers_of(views[view].layers(options.hidden), drawing, mesh)
         save_svg(out / f"{name}.svg", drawing, cameras[view], layers=layers)
         if len(drawing):
             save_step(out / f"{name}.step", drawing, layers=layers)
@@ -153,21 +139,9 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
-    write_results(out, made.sketch, cameras, sheet, info, mesh, made.kinds)
-    return made.sketch
-
-
-def _read(source: Path, options: MeshOptions, say: Callable[[str], None]) -> tuple[TriangleMesh, SurfaceColors | None]:
-    """The mesh, and its colours where they are wanted."""
-    crease = options.angle or CREASE_ANGLE
-    if not options.color:
-        return load_surface(source, up=options.up, crease=crease), None
-    mesh, colors = load_colored_surface(source, up=options.up, crease=crease)
-    for name in colors.missing:
-        say(
-            f"warning: {name} cannot be read from the folder of {source.name}: what it colours may be of another colour"
-        )
-    return mesh, colors
+    sketch = thinned(made.sketch, made.kinds, options.tangent == "thin")
+    write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
+    return sketch
 
 
 def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
@@ -185,22 +159,16 @@ def _found(mesh: TriangleMesh, made: MeshSketch) -> dict[str, object]:
     }
 
 
-def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
-    """The mesh without creases where most of them are scraps that end nowhere, or short, unless an angle is given."""
-    if angle is not None or not mesh.is_crease.any():
-        return mesh
-    loose = loose_share(mesh)
-    short = loose > SOME_LOOSE and crease_length(mesh) < SHORT * mesh.size and outline_share(mesh) < LEAST_OUTLINE
-    return mesh.with_crease(180.0) if loose > MOST_LOOSE or short else mesh
-
-
 def sketch_mesh(
-    mesh: TriangleMesh, options: MeshOptions, report: Report = lambda progress: None, edges: Sketch | None = None
+    mesh: TriangleMesh,
+    options: MeshOptions,
+    report: Report = lambda progress: None,
+    edges: tuple[Sketch, tuple[str, ...]] | None = None,
 ) -> MeshSketch:
     """The strokes of a mesh that are there from everywhere.
 
     Args:
-        edges: its creases, where they are known.
+        edges: its creases and borders, and what each is, where they are known.
 
     Raises:
         ValueError: more creases than a drawing has, or nothing to draw.
@@ -210,7 +178,7 @@ def sketch_mesh(
         features = sketch_of(found.curves, DEFAULT_WIDTH)
         kinds = _kinds_of(features, found)
     else:
-        features, kinds = edges, (CREASE,) * len(edges)
+        features, kinds = edges
     outlines = outline_share(mesh)
     smooth = outlines < LEAST_OUTLINE
     if options.strokes is None and not smooth:
@@ -303,8 +271,9 @@ def _frames(
 
 def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
     """What is drawn in a view; contours, which are the view's own, in the colours of what is seen of them."""
-    drawn = lines.drawn(options.hidden)
-    own = [i for i, layer in enumerate(lines.layers(options.hidden)) if layer.startswith(CONTOUR)]
+    layers = lines.layers(options.hidden)
+    drawn = thinned(lines.drawn(options.hidden), layers, options.tangent == "thin")
+    own = [i for i, layer in enumerate(layers) if layer.startswith(CONTOUR)]
     if colors is None or not own:
         return drawn
     color = drawn.color.clone()

@@ -19,10 +19,12 @@ class MeshOptions:
     Attributes:
         view: of the drawings.
         up: the axis that points up in the file; the sketch has z up. GLB files say it.
-        angle: faces that meet at more than so many degrees make a crease: by default 38, and none where most creases
-            would be scraps, as on an animal.
+        angle: faces of a mesh that meet at more than so many degrees make a crease: by default 38, and none where most
+            creases would be scraps, as on an animal.
         strokes: so many strokes at most, those that show most from all sides. By default all creases and borders; of
             a thing most of whose outlines are smooth, up to 24 fitted to its outlines as well.
+        tangent: what becomes of a solid's edges between faces that go on smoothly in each other: drawn, thin (half as
+            wide as other lines) or hidden.
         contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
         color: draw each stroke in the colour of the surface along it: of vertices, faces, materials or textures.
@@ -35,6 +37,7 @@ class MeshOptions:
     up: Literal["z", "y"] = "z"
     angle: float | None = None
     strokes: int | None = None
+    tangent: Literal["drawn", "thin", "hidden"] = "thin"
     contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
     color: bool = False

@@ -1,7 +1,8 @@
 // The sketch that is edited: strokes that are never changed in place, read from and written as a sketch.json.
 //
-// A stroke is { id, segments, width, color, opacity, closed, fixed }, a segment { points, weights }; `width` is a number,
-// or a list of numbers for each segment where the file has them along strokes (`along`). All is in world units.
+// A stroke is { id, segments, width, color, opacity, closed, fixed, name }, a segment { points, weights }; `name` may be
+// left out; `width` is a number, or a list of numbers for each segment where the file has them along strokes (`along`).
+// All is in world units.
 
 // Undone steps that are kept at most.
 const STEPS_KEPT = 1000;
@@ -21,6 +22,7 @@ function documentOf(data) {
       opacity: data.opacity[id],
       closed: data.closed?.[id] ?? false,
       fixed: data.fixed?.[id] ?? false,
+      name: data.names?.[id] ?? "",
     };
   });
   return { dtype: data.dtype ?? "float32", width_space: data.width_space, along, strokes, nextId: strokes.length };
@@ -41,6 +43,7 @@ function dataOf({ dtype, width_space, along, strokes }) {
     color: strokes.map((stroke) => stroke.color),
     opacity: strokes.map((stroke) => stroke.opacity),
     ...(strokes.some((stroke) => stroke.fixed) ? { fixed: strokes.map((stroke) => stroke.fixed) } : {}),
+    ...(strokes.some((stroke) => stroke.name) ? { names: strokes.map((stroke) => stroke.name ?? "") } : {}),
   };
 }
 
@@ -55,7 +58,12 @@ function textOf(doc) {
 
 function valueText(value, whole) {
   if (Array.isArray(value)) return `[${value.map((item) => valueText(item, whole)).join(", ")}]`;
-  return typeof value === "number" && !whole ? numberText(value) : JSON.stringify(value);
+  return typeof value === "number" && !whole ? numberText(value) : asciiText(JSON.stringify(value));
+}
+
+// A text as Python writes it, all but printable ASCII as code units.
+function asciiText(text) {
+  return text.replace(/[\u007f-\uffff]/g, (unit) => `\\u${unit.charCodeAt(0).toString(16).padStart(4, "0")}`);
 }
 
 // A number as Python writes it: both languages take the fewest digits, but put them differently.

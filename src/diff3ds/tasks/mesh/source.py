@@ -1,0 +1,91 @@
+"""What `diff3ds mesh` draws: a mesh as it is or by the forms that it is made of, or solids by their own edges."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from diff3ds.formats.cad.solids import SOLIDS
+from diff3ds.sketch import Sketch
+from diff3ds.surfaces.form.solid_mesh import load_solid
+from diff3ds.surfaces.lines.feature_curves import crease_length, loose_share, outline_share
+from diff3ds.surfaces.shape.colors import SurfaceColors
+from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
+from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.mesh.formed import formed
+from diff3ds.tasks.mesh.mesh_options import MeshOptions
+from diff3ds.tasks.progress import Progress, Report
+
+# A thing whose creases and borders draw less of its outlines than this is smooth: outlines are added. Of a cylinder as
+# high as wide they draw .61. Empirical.
+LEAST_OUTLINE = 0.5
+# So large a share of the creases may end nowhere: of a machine part few do, of an animal most. Empirical.
+MOST_LOOSE = 0.5
+# And where some do, creases of a smooth thing that are shorter than this in the mean, a share of its longest side, are
+# folds and cracks of a scan: those of a machine part are several times as long. Empirical.
+SOME_LOOSE, SHORT = 0.1, 0.08
+CREASE, TANGENT = "crease", "tangent"
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What is drawn.
+
+    Attributes:
+        mesh: what hides.
+        colors: of it, where they are wanted.
+        edges: its creases and borders, and what each is, where they are known.
+        told: what run.json says of how it was read.
+    """
+
+    mesh: TriangleMesh
+    colors: SurfaceColors | None = None
+    edges: tuple[Sketch, tuple[str, ...]] | None = None
+    told: dict[str, object] = field(default_factory=dict)
+
+    def by_forms(self, angle: float | None, say: Callable[[str], None]) -> "Source":
+        """A mesh by its forms where it is bumpy, rounded or scanned, and without creases that are scraps elsewhere."""
+        if self.edges is not None:
+            return self
+        found = formed(self.mesh, say) if angle is None else None
+        if found is None:
+            return replace(self, mesh=creased(self.mesh, angle))
+        kinds = (CREASE,) * len(found.features)
+        return replace(self, mesh=found.mesh, edges=(found.features, kinds), told=found.told)
+
+
+def read_source(path: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Source:
+    """The mesh or the solids in a file, and the colours where they are wanted."""
+    if path.suffix.lower() in SOLIDS:
+        return _solids(path, options, report)
+    crease = options.angle or CREASE_ANGLE
+    if not options.color:
+        return Source(load_surface(path, up=options.up, crease=crease))
+    mesh, colors = load_colored_surface(path, up=options.up, crease=crease)
+    for name in colors.missing:
+        say(f"warning: {name} cannot be read from the folder of {path.name}: what it colours may be of another colour")
+    return Source(mesh, colors)
+
+
+def _solids(path: Path, options: MeshOptions, report: Report) -> Source:
+    """The solids of a file, by their edges.
+
+    Raises:
+        ValueError: as `load_solid`; options that are for meshes.
+    """
+    for name, given in (("angle", options.angle is not None), ("color", options.color)):
+        if given:
+            raise ValueError(f"{path}: --{name} is for meshes, and this is a file of solids: leave it out")
+    solid = load_solid(path, options.up, lambda done, of: report(Progress("bodies", done, of, None, 0)))
+    drawn = [i for i, kind in enumerate(solid.kinds) if kind != TANGENT or options.tangent != "hidden"]
+    kinds = tuple(solid.kinds[i] for i in drawn)
+    return Source(solid.mesh, None, (solid.edges[drawn], kinds), {"parts": list(solid.mesh.parts)})
+
+
+def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
+    """The mesh without creases where most of them are scraps that end nowhere, or short, unless an angle is given."""
+    if angle is not None or not mesh.is_crease.any():
+        return mesh
+    loose = loose_share(mesh)
+    short = loose > SOME_LOOSE and crease_length(mesh) < SHORT * mesh.size and outline_share(mesh) < LEAST_OUTLINE
+    return mesh.with_crease(180.0) if loose > MOST_LOOSE or short else mesh
