@@ -2,20 +2,25 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
 import numpy as np
 
 from diff3ds._shapes import Array
 from diff3ds.page.union import pathops, united
-from diff3ds.styles.path_data import LARGEST, MOST_COMMANDS, add_path_data, number, numbers
+from diff3ds.svg.cascade import declarations
+from diff3ds.svg.element_outlines import as_path_data
+from diff3ds.svg.elements import Element, read_elements
+from diff3ds.svg.matrices import IDENTITY, Matrix, parse_transform, product
+from diff3ds.svg.path_data import add_path_data
 
 # A brush is a small drawing; more is taken for a mistake or an attack.
-MAX_BYTES, MAX_ELEMENTS, DEEPEST = 1 << 20, 10_000, 64
+MAX_BYTES, MAX_ELEMENTS, MOST_COMMANDS = 1 << 20, 10_000, 20_000
+# Coordinates beyond are taken for a mistake: float32 has no thousandths there.
+LARGEST = 1e4
 # px. The size that outlines are joined in.
 FRAME = 1000.0
 # How far arcs may be off, in sizes of their shape.
@@ -25,10 +30,6 @@ GROUPS = ("svg", "g", "a", "switch")
 SHAPES = ("path", "rect", "circle", "ellipse", "polygon")
 UNREAD = ("image", "text", "use", "foreignObject", "script")
 OPEN = ("line", "polyline")
-SPACES = ("http://www.w3.org/2000/svg", "")
-# (a, b, c, d, e, f): x' = a x + c y + e, y' = b x + d y + f, as SVG and pathops have it.
-Matrix = tuple[float, float, float, float, float, float]
-IDENTITY: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 def load_brush(path: str | Path) -> Any:
@@ -48,10 +49,8 @@ def load_brush(path: str | Path) -> Any:
         raise ValueError(f"{path}: {size} bytes are more than the {MAX_BYTES} of a brush")
     reader = _Reader(pathops().Path())
     try:
-        reader.read(path.read_bytes())
+        reader.read(read_elements(path.read_bytes(), MAX_ELEMENTS), _State())
         shape = _united(reader.shape)
-    except expat.ExpatError as error:
-        raise ValueError(f"{path}: not an SVG file ({error})") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     if not len(list(shape.segments)):
@@ -74,58 +73,31 @@ class _Reader:
     """Adds the shapes of elements as they are read."""
 
     shape: Any
-    states: list[_State] = field(default_factory=lambda: [_State()])
-    elements: int = 0
     commands: int = 0
-    styled: bool = False
 
-    def read(self, content: bytes) -> None:
-        """Reads a whole file."""
-        parser = expat.ParserCreate(namespace_separator="}")
-        parser.StartElementHandler = self.start
-        parser.EndElementHandler = lambda _: self.states.pop()
-        parser.StartDoctypeDeclHandler = self.doctype
-        parser.CharacterDataHandler = self.characters
-        parser.Parse(content, True)
-
-    def doctype(self, name: str, system: str | None, public: str | None, subset: int) -> None:
-        """Refuses what could declare entities; what is outside of the file is not read."""
-        if subset:
-            raise ValueError("its document type declares entities, which are not read: save it as plain SVG")
-
-    def characters(self, text: str) -> None:
-        """Refuses style sheets that hide or empty shapes."""
-        if self.styled and re.search(r":\s*(none|hidden|evenodd)", text):
+    def read(self, element: Element, state: _State) -> None:
+        """Takes an element and those in it."""
+        if element.tag == "style" and re.search(r":\s*(none|hidden|evenodd)", element.text):
             raise ValueError("its style sheet changes how shapes are filled: save it with presentation attributes")
-
-    def start(self, name: str, attributes: dict[str, str]) -> None:
-        """Takes an element."""
-        space, _, tag = name.rpartition("}")
-        state = self.states[-1]
-        self.elements += 1
-        if self.elements == 1 and (tag != "svg" or space not in SPACES):
-            raise ValueError(f"not an SVG file: it begins with the element {tag!r}")
-        if self.elements > MAX_ELEMENTS or len(self.states) > DEEPEST:
-            raise ValueError(f"it has more than {MAX_ELEMENTS} elements, or some more than {DEEPEST} deep")
-        self.styled = tag == "style"
-        if not state.drawn or space not in SPACES or tag not in (*GROUPS, *SHAPES, *UNREAD, *OPEN):
-            self.states.append(_State(drawn=False))
-            return
-        if tag in UNREAD:
-            raise ValueError(f"it has an element {tag!r}, which is not read: make paths of pictures, text and clones")
-        inner = self.inherited(state, attributes)
-        self.states.append(inner)
-        if tag in SHAPES and inner.drawn and inner.filled:
-            self.add(tag, attributes, inner)
+        if element.tag in UNREAD and state.drawn:
+            raise ValueError(
+                f"it has an element {element.tag!r}, which is not read: make paths of pictures, text and clones"
+            )
+        inner = _State(drawn=False)
+        if state.drawn and element.tag in (*GROUPS, *SHAPES, *OPEN):
+            inner = self.inherited(state, element.attributes)
+        if element.tag in SHAPES and inner.drawn and inner.filled:
+            self.add(element.tag, element.attributes, inner)
+        for child in element.children:
+            self.read(child, inner)
 
     def inherited(self, state: _State, attributes: dict[str, str]) -> _State:
         """The state of an element in another."""
-        css = dict(re.findall(r"([\w-]+)\s*:\s*([^;]+)", attributes.get("style", "")))
-        values = {**attributes, **{name: value.strip() for name, value in css.items()}}
+        values = {**attributes, **declarations(attributes.get("style", ""))}
         for name in ("clip-path", "mask"):
             if values.get(name, "none") != "none":
                 raise ValueError(f"it has a {name}, which is not read: cut the shapes themselves")
-        matrix = _product(state.matrix, _transform(attributes.get("transform", "")))
+        matrix = product(state.matrix, parse_transform(attributes.get("transform", "")))
         filled = values["fill"] not in ("none", "transparent") if "fill" in values else state.filled
         hidden = values.get("display") == "none" or values.get("visibility") == "hidden"
         return _State(matrix, filled, values.get("fill-rule", state.rule), not hidden)
@@ -134,10 +106,7 @@ class _Reader:
         """Adds a shape, of which nothing is left that crosses itself."""
         library = pathops()
         path = library.Path(fillType=library.FillType.EVEN_ODD if state.rule == "evenodd" else library.FillType.WINDING)
-        if tag == "path":
-            self.commands += add_path_data(path, attributes.get("d", ""))
-        else:
-            self.commands += add_path_data(path, _as_path_data(tag, attributes))
+        self.commands += add_path_data(path, as_path_data(tag, attributes), MOST_COMMANDS, LARGEST, filled=True)
         if self.commands > MOST_COMMANDS:
             raise ValueError(f"it has more than {MOST_COMMANDS} path commands: simplify it")
         x0, y0, x1, y1 = path.controlPointBounds
@@ -158,74 +127,6 @@ def _united(path: Any) -> Any:
     scale = FRAME / extent
     grown = path.transform(scale, 0, 0, scale, -scale * x0, -scale * y0)
     return united(grown).transform(1 / scale, 0, 0, 1 / scale, x0, y0)
-
-
-def _as_path_data(tag: str, attributes: dict[str, str]) -> str:
-    """Path data of another shape; empty if there is nothing of it."""
-
-    def value(name: str, default: float = 0.0) -> float:
-        return number(attributes[name]) if name in attributes else default
-
-    if tag == "polygon":
-        return "M" + attributes["points"] + "Z" if attributes.get("points", "").strip() else ""
-    if tag == "rect":
-        x, y, width, height = (value(name) for name in ("x", "y", "width", "height"))
-        rx, ry = value("rx", value("ry")), value("ry", value("rx"))
-        rx, ry = min(rx, width / 2), min(ry, height / 2)
-        corner = f"a{rx},{ry} 0 0 1 " if rx > 0 and ry > 0 else "l"
-        rx, ry = (rx, ry) if corner != "l" else (0.0, 0.0)
-        return (
-            f"M{x + rx},{y}h{width - 2 * rx}{corner}{rx},{ry}v{height - 2 * ry}{corner}{-rx},{ry}"
-            f"h{2 * rx - width}{corner}{-rx},{-ry}v{2 * ry - height}{corner}{rx},{-ry}Z"
-        )
-    x, y = value("cx"), value("cy")
-    rx, ry = (value("r"), value("r")) if tag == "circle" else (value("rx"), value("ry"))
-    return f"M{x + rx},{y}a{rx},{ry} 0 0 1 {-2 * rx},0a{rx},{ry} 0 0 1 {2 * rx},0Z"
-
-
-def _transform(text: str) -> Matrix:
-    """The product of the transforms of an attribute.
-
-    Raises:
-        ValueError: something else.
-    """
-    matrix = IDENTITY
-    rest = text
-    for found in re.finditer(r"(\w+)\s*\(([^)]*)\)\s*,?", text):
-        rest = rest.replace(found[0], "", 1)
-        known = _TRANSFORMS.get(found[1])
-        values = numbers(found[2])
-        if known is None or len(values) not in known[0]:
-            raise ValueError(f"cannot read the transform {found[0]!r}")
-        matrix = _product(matrix, known[1](*values))
-    if rest.strip():
-        raise ValueError(f"cannot read the transform {text[:80]!r}")
-    return matrix
-
-
-def _rotation(degrees: float, x: float = 0.0, y: float = 0.0) -> Matrix:
-    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return c, s, -s, c, x - c * x + s * y, y - s * x - c * y
-
-
-_TRANSFORMS: dict[str, tuple[tuple[int, ...], Callable[..., Matrix]]] = {
-    "matrix": ((6,), lambda *v: v),
-    "translate": ((1, 2), lambda x, y=0.0: (1.0, 0.0, 0.0, 1.0, x, y)),
-    "scale": ((1, 2), lambda x, y=None: (x, 0.0, 0.0, x if y is None else y, 0.0, 0.0)),
-    "rotate": ((1, 3), _rotation),
-    "skewX": ((1,), lambda a: (1.0, 0.0, math.tan(math.radians(a)), 1.0, 0.0, 0.0)),
-    "skewY": ((1,), lambda a: (1.0, math.tan(math.radians(a)), 0.0, 1.0, 0.0, 0.0)),
-}
-
-
-def _product(m: Matrix, n: Matrix) -> Matrix:
-    """First n, then m."""
-    a, b, c, d, e, f = m
-    return (
-        a * n[0] + c * n[1], b * n[0] + d * n[1],
-        a * n[2] + c * n[3], b * n[2] + d * n[3],
-        a * n[4] + c * n[5] + e, b * n[4] + d * n[5] + f,
-    )  # fmt: skip
 
 
 def contours_of(path: Any) -> Iterator[Array]:

@@ -30,7 +30,7 @@ def layer_edges(layers: Layers, row: int) -> Float[Tensor, "E 2 2"]:
     return local @ matrix[:, :2].T + matrix[:, 2]
 
 
-Segment = tuple[Float[Tensor, "K 2"], Float[Tensor, " K"]]
+Segment = tuple[Float[Tensor, "_ 2"], Float[Tensor, " _"]]
 
 
 def _segments(layers: Layers, contour: int) -> list[Segment]:

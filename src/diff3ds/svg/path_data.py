@@ -5,9 +5,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-MOST_COMMANDS = 20_000
-# Coordinates beyond are taken for a mistake: float32 has no thousandths there.
-LARGEST = 1e4
+# Coordinates beyond are taken for a mistake: float32 has no tenths there.
+LARGEST = 1e6
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _FLAG = re.compile(r"[01]")
 _GAP = re.compile(r"[\s,]*")
@@ -17,15 +16,15 @@ _TAKES = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7
 _FLAGS = (3, 4)
 
 
-def number(text: str) -> float:
+def number(text: str, largest: float = LARGEST) -> float:
     """A number of an attribute, with or without "px".
 
     Raises:
         ValueError: not one, or one that is too large.
     """
     text = text.strip().removesuffix("px")
-    if not _NUMBER.fullmatch(text) or abs(float(text)) > LARGEST:
-        raise ValueError(f"expected a number of at most {LARGEST:g}, got {text[:40]!r}")
+    if not _NUMBER.fullmatch(text) or abs(float(text)) > largest:
+        raise ValueError(f"expected a number of at most {largest:g}, got {text[:40]!r}")
     return float(text)
 
 
@@ -34,26 +33,31 @@ def numbers(text: str) -> list[float]:
     return [number(part) for part in re.split(r"[\s,]+", text.strip()) if part]
 
 
-def add_path_data(path: Any, data: str) -> int:
-    """Adds the subpaths of path data, closed, to a path of pathops.
+def add_path_data(path: Any, data: str, most: int, largest: float = LARGEST, *, filled: bool = False) -> int:
+    """Draws path data on what has the methods of a path of pathops (moveTo, lineTo, quadTo, cubicTo, arcTo, close).
+
+    Args:
+        most: commands.
+        largest: coordinate.
+        filled: closes open subpaths too.
 
     Returns:
         How many commands there were.
 
     Raises:
-        ValueError: data that is none; more commands or larger coordinates than a brush has.
+        ValueError: data that is none; more commands or larger coordinates than that.
     """
-    pen, count = _Pen(path), 0
-    for command, values in _commands(data):
+    pen, count = _Pen(path, largest, filled), 0
+    for command, values in _commands(data, largest):
         count += 1
-        if count > MOST_COMMANDS:
-            raise ValueError(f"it has more than {MOST_COMMANDS} path commands: simplify it")
+        if count > most:
+            raise ValueError(f"it has more than {most} path commands: simplify it")
         pen.draw(command, values)
-    pen.close()
+    pen.end(filled)
     return count
 
 
-def _commands(data: str) -> Iterator[tuple[str, list[float]]]:
+def _commands(data: str, largest: float) -> Iterator[tuple[str, list[float]]]:
     """Commands with their numbers; a letter may stand for several, after M for lines."""
     place, letter = _GAP.match(data).end(), ""  # type: ignore[union-attr]
     if data.strip() and data[place] not in "Mm":
@@ -70,7 +74,7 @@ def _commands(data: str) -> Iterator[tuple[str, list[float]]]:
             found = (_FLAG if letter in "Aa" and k in _FLAGS else _NUMBER).match(data, place)
             if not found:
                 raise ValueError(f"cannot read path data at {data[place : place + 20]!r}: a number of {letter!r} lacks")
-            values.append(number(found[0]))
+            values.append(number(found[0], largest))
             place = found.end()
         yield letter, values
         letter = {"M": "L", "m": "l"}.get(letter, letter)
@@ -80,8 +84,10 @@ def _commands(data: str) -> Iterator[tuple[str, list[float]]]:
 class _Pen:
     """Where path data is, and what it last did."""
 
-    def __init__(self, path: Any) -> None:
+    def __init__(self, path: Any, largest: float, filled: bool) -> None:
         self.path = path
+        self.largest = largest
+        self.filled = filled
         self.at = self.first = self.handle = (0.0, 0.0)
         self.last = ""
         self.open = False
@@ -91,7 +97,7 @@ class _Pen:
         kind = command.upper()
         x, y = self.at if command.islower() else (0.0, 0.0)
         if kind == "Z":
-            self.close()
+            self.end(True)
             self.at, self.last = self.first, kind
             return
         if kind == "H":
@@ -102,8 +108,8 @@ class _Pen:
             values[5:] = [values[5] + x, values[6] + y]
         else:
             values = [v + (y if k % 2 else x) for k, v in enumerate(values)]
-        if any(abs(v) > LARGEST for v in values):
-            raise ValueError(f"it has coordinates beyond {LARGEST:g}: make it smaller")
+        if any(abs(v) > self.largest for v in values):
+            raise ValueError(f"it has coordinates beyond {self.largest:g}: make it smaller")
         self.to(kind, values)
         self.at, self.last = (values[-2], values[-1]), kind
 
@@ -111,7 +117,7 @@ class _Pen:
         """Draws to absolute coordinates."""
         end = (values[-2], values[-1])
         if kind == "M":
-            self.close()
+            self.end(self.filled)
             self.first = end
             return
         if not self.open:
@@ -143,8 +149,8 @@ class _Pen:
             return self.at
         return 2 * self.at[0] - self.handle[0], 2 * self.at[1] - self.handle[1]
 
-    def close(self) -> None:
-        """Ends a subpath, which is filled as if it were closed."""
-        if self.open:
+    def end(self, closed: bool) -> None:
+        """Ends a subpath."""
+        if self.open and closed:
             self.path.close()
         self.open = False

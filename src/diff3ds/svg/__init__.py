@@ -1,0 +1,1 @@
+"""SVG as text: elements, styles, transforms, path data and colours, read with bounds and not trusted."""
