@@ -71,7 +71,7 @@ ALLOWED = {
     "optimize": {"constraints", "render", "project", "losses"} | SCENE,
     "viewer": set(),
     "page": {"curves", "render", "project"} | SCENE,
-    "formats": {"page", "render", "project", "viewer"} | SCENE,
+    "formats": {"page", "render", "project", "svg", "viewer"} | SCENE,
     "with_surface": {"formats", "render", "surfaces"} | SCENE,
     "notebook": {"formats", "render", "surfaces", "viewer"} | SCENE,
     "svg": HELPERS,
@@ -84,7 +84,7 @@ ALLOWED = {
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "notebook", "render",
-                "project", "styles", "surfaces", "transforms", "with_surface"} | SCENE,
+                "project", "pydiffvg", "styles", "surfaces", "transforms", "with_surface"} | SCENE,
     "tasks": {"constraints", "curves", "detectors", "distortion", "edges", "surfaces", "optimize", "pictures",
               "guidance", "weights", "losses", "formats", "metrics", "library", "page", "photogrammetry", "recognition",
               "render", "project", "styles", "transforms", "viewer", "with_surface"} | SCENE,

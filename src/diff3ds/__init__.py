@@ -13,8 +13,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from diff3ds import bezier, constraints, guidance, library, losses, styles
-    from diff3ds.camera import Cameras, look_at, orbit
+    from diff3ds import bezier, constraints, guidance, library, losses, pydiffvg, styles
+    from diff3ds.camera import Cameras, look_at, orbit, sheet
     from diff3ds.chains import Chains
     from diff3ds.formats import load
     from diff3ds.notebook import show
@@ -85,6 +85,7 @@ __all__ = [
     "orbit",
     "points_to_sketch",
     "project",
+    "pydiffvg",
     "rasterize",
     "recognise",
     "render",
@@ -92,6 +93,7 @@ __all__ = [
     "save",
     "save_transforms",
     "set_num_threads",
+    "sheet",
     "show",
     "smooth_surface",
     "styles",
@@ -102,7 +104,7 @@ __all__ = [
 
 # In which module each public name is; the others are modules, one of which lies in a room.
 _HOMES = {
-    **dict.fromkeys(("Cameras", "look_at", "orbit"), "camera"),
+    **dict.fromkeys(("Cameras", "look_at", "orbit", "sheet"), "camera"),
     **dict.fromkeys(("FitConfig", "Rates"), "optimize.config"),
     **dict.fromkeys(("Step", "fit"), "optimize.fit"),
     "load": "formats",

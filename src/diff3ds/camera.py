@@ -305,6 +305,23 @@ def orbit(
     return cameras.to(torch.get_default_dtype())
 
 
+def sheet(width: int, height: int) -> Cameras:
+    """One view of a sheet of paper, on which a world unit is a pixel: x to the right, y down, strokes at z = 0.
+
+    Strokes at one depth lie over those before them, so that the order of a flat sketch is the order of painting.
+
+    Args:
+        width: pixels.
+        height: see there.
+
+    Raises:
+        ValueError: sizes that are no positive whole numbers, or too large.
+    """
+    pose = torch.eye(4)
+    pose[2, 3] = 1.0  # the camera stands one unit before the sheet
+    return Cameras(pose[None], torch.eye(3)[None], check_size((height, width)), orthographic=True)
+
+
 def evenly_spaced(count: int, wanted: int) -> Int[Tensor, " M"]:
     """Picks up to `wanted` of `count` views, evenly spaced: their indices."""
     return torch.arange(min(count, wanted)) * count // min(count, wanted)

@@ -20,8 +20,8 @@ def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
         r".py, .html, .svg, .pdf, .png",
     ):
         ds.save(tmp_path / "a.xyz", sketch)
-    with pytest.raises(ValueError, match=r"cannot load '.svg', only .json, .step, .stp"):
-        ds.load(tmp_path / "a.svg")
+    with pytest.raises(ValueError, match=r"cannot load '.pdf', only .json, .step, .stp"):
+        ds.load(tmp_path / "a.pdf")
     with pytest.raises(ValueError, match=r"cannot save as ''"):
         ds.save(tmp_path / "json", sketch)
     assert list(tmp_path.iterdir()) == []

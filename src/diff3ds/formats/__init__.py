@@ -19,6 +19,7 @@ from diff3ds.formats.scenes.usd import load_usd, save_usd
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.vector.pdf import save_pdf
 from diff3ds.formats.vector.svg import save_svg
+from diff3ds.formats.vector.svg_strokes import load_svg
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 
@@ -29,6 +30,7 @@ __all__ = [
     "load_image",
     "load_json",
     "load_step",
+    "load_svg",
     "load_usd",
     "save",
     "save_3dm",
@@ -75,6 +77,7 @@ _READERS = {
     ".usda": load_usd,
     ".usdc": load_usd,
     ".usdz": load_usd,
+    ".svg": load_svg,
 }
 
 
@@ -125,11 +128,12 @@ def save(
 
 
 def load(path: str | Path) -> Sketch:
-    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf`, `.3dm`, `.usd`, `.usda`, `.usdc` or `.usdz` file.
+    """Reads a sketch from a `.json`, `.step`, `.stp`, `.dxf`, `.3dm`, `.usd`, `.usda`, `.usdc`, `.usdz` or `.svg` file.
 
     Of the folder of a run it reads the sketch.json in it.
 
     STEP, DXF and 3DM need the extra `cad` (see `load_step`, `load_dxf`, `load_3dm`), USD the extra `usd` (`load_usd`).
+    Of an SVG drawing its strokes are read, flat, in its own pixels (`load_svg`); `ds.sheet` sees it as it is drawn.
 
     Raises:
         ValueError: another suffix; not such a file, or a broken, too large or unsupported one; a folder without

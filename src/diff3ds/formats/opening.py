@@ -44,7 +44,7 @@ _BEFORE = {
     (".sat", ".sab", ".x_t", ".x_b"): _SAVE_AS.format(".step"),
     (".sldprt", ".sldasm", ".ipt", ".iam", ".catpart", ".prt", ".f3d", ".fcstd"): _SAVE_AS.format(".step"),
     (".stl", ".3mf", ".off", ".ply", ".obj", ".glb", ".gltf"): '"diff3ds mesh" draws the lines of a mesh',
-    (".svgz", ".svg", ".pdf", ".eps", ".ai"): _SAVE_AS.format(".dxf"),
+    (".svgz", ".pdf", ".eps", ".ai"): _SAVE_AS.format(".dxf"),
     (".abc", ".blend", ".fbx", ".skp"): _SAVE_AS.format(".usdc or .dxf"),
     (".png", ".jpg", ".jpeg", ".webp"): '"diff3ds image" makes a sketch of a picture',
 }

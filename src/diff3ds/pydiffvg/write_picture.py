@@ -24,7 +24,7 @@ def imwrite(img: Tensor | Any, filename: str | Path, gamma: float = 2.2, normali
     """
     from PIL import Image
 
-    values = np.array(img.detach().cpu() if isinstance(img, Tensor) else img, dtype=np.float64)
+    values = np.array(img.detach().cpu().numpy() if isinstance(img, Tensor) else img, dtype=np.float64)
     values = values[..., None] if values.ndim == 2 else values
     if values.ndim != 3 or values.shape[2] not in (1, 3, 4) or not values.size:
         raise ValueError(f"img must have shape (H, W) or (H, W, 1, 3 or 4), got {tuple(values.shape)}")
@@ -34,9 +34,8 @@ def imwrite(img: Tensor | Any, filename: str | Path, gamma: float = 2.2, normali
         values = (values - values.min()) / np.ptp(values)
     values = values.clip(0, 1)
     values[..., :3] **= 1 / gamma
-    picture = Image.fromarray(
-        (values * 255).astype(np.uint8).squeeze(2) if values.shape[2] == 1 else (values * 255).astype(np.uint8)
-    )
+    pixels = (values * 255).astype(np.uint8)
+    picture = Image.fromarray(pixels[..., 0] if pixels.shape[2] == 1 else pixels)
     try:
         with replacing(Path(filename)) as temporary:
             picture.save(temporary)
