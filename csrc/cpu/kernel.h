@@ -1,6 +1,7 @@
 // Interface between the driver (driver.cpp, compiled for the baseline instruction set) and the tile kernels (kernel.cpp, compiled once per
 // instruction set and precision).
 #pragma once
+#include "common/closest.h"
 #include <cstddef>
 #include <cstdint>
 

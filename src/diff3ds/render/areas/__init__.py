@@ -1,14 +1,21 @@
 """Filled and stroked contours on a sheet, painted over each other, by exact areas of pixels, with gradients."""
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.render.areas.layer_kernels import drawn
 from diff3ds.render.areas.painted_layers import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, check_layers
 from diff3ds.render.areas.painting import painted
+from diff3ds.render.backends import Backend, choose_backend
 
 __all__ = ["EVEN_ODD", "LINEAR", "NONZERO", "PLAIN", "RADIAL", "STROKE", "Layers", "draw_layers"]
 
 
 def draw_layers(
-    layers: Layers, width: int, height: int, background: Float[Tensor, "H W 4"] | None = None
+    layers: Layers,
+    width: int,
+    height: int,
+    background: Float[Tensor, "H W 4"] | None = None,
+    *,
+    backend: Backend | None = None,
 ) -> Float[Tensor, "H W 4"]:
     """Paints layers over a background, which is empty if there is none.
 
@@ -22,4 +29,5 @@ def draw_layers(
         TypeError, ValueError: tables that do not belong together, or values that cannot be drawn.
     """
     check_layers(layers)
-    return painted(layers, width, height, background)
+    chosen = choose_backend(backend, layers.points.device, layers.points.dtype)
+    return (painted if chosen == "reference" else drawn)(layers, width, height, background)

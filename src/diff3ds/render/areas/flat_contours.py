@@ -93,33 +93,82 @@ def _filled(segments: list[Segment], matrix: Float[Tensor, "2 3"]) -> Float[Tens
 
 
 def _stroked(segments: list[Segment], matrix: Float[Tensor, "2 3"], closed: bool) -> list[Float[Tensor, "E 2 2"]]:
-    """Triangles on both sides of each chord, discs at ends and wherever the direction jumps."""
-    edges, jumps = [], []
-    directions = []
+    """Triangles on both sides of each chord, half discs at ends, pieces of discs where the direction jumps."""
     scale = float(torch.linalg.matrix_norm(matrix.detach()[:, :2], 2))
-    for segment in segments:
-        if len(segment[0]) == 1 or bool((segment[0].detach() == segment[0].detach()[0]).all()):
-            jumps += [(segment[0][0], segment[1][0])]
+    dots = [s for s in segments if bool((s[0].detach() == s[0].detach()[0]).all())]
+    edges = [_disc(points[0], widths[0].clamp(min=0), scale) for points, widths in dots]
+    ways = [_way(s, matrix) for s in segments if bool((s[0].detach() != s[0].detach()[0]).any())]
+    for k, way in enumerate(ways):
+        centers, widths, tangents = way
+        if not bool((widths.detach() > 0).any()):
             continue
-        t = _chords(segment, matrix, True)
-        centers, widths = _at(segment, t)
-        tangents = _tangents(segment, t, centers)
-        offsets = widths[:, None] * torch.stack([-tangents[:, 1], tangents[:, 0]], 1)
-        for side in (1, -1):
-            outer = centers + side * offsets
-            edges += [_positive(centers[:-1], centers[1:], outer[1:]), _positive(centers[:-1], outer[1:], outer[:-1])]
-        turning = _between(tangents[:-1].detach(), tangents[1:].detach())
-        limit = 2 * _angle(float(segment[1].detach().max()) * scale)
-        for k in (turning > limit).nonzero().flatten().tolist():
-            jumps += [(centers[k], widths[k]), (centers[k + 1], widths[k + 1])]
-        directions.append((centers, widths, tangents))
-    for k, (centers, widths, tangents) in enumerate(directions):
-        before = directions[k - 1][2][-1] if k or closed else None
-        if before is None or float(_between(before.detach(), tangents[0].detach())) > SMOOTH:
-            jumps.append((centers[0], widths[0]))
-        if k == len(directions) - 1 and not closed:
-            jumps.append((centers[-1], widths[-1]))
-    return edges + [_disc(center, width, scale) for center, width in jumps if float(width.detach()) > 0]
+        edges += _strip(way, scale)
+        start, end = (way[0][0], way[1][0], way[2][0]), (way[0][-1], way[1][-1], way[2][-1])
+        if k == 0 and not closed:
+            edges.append(_arc(*start, math.pi / 2, math.pi, scale))
+        else:
+            before = ways[k - 1]
+            edges.append(_corner(before[0][-1], before[1][-1], before[2][-1], tangents[0], scale))
+        if k == len(ways) - 1 and not closed:
+            edges.append(_arc(*end, -math.pi / 2, math.pi, scale))
+    return edges
+
+
+# Centres, half widths and unit tangents at the ends of chords.
+Way = tuple[Float[Tensor, "C 2"], Float[Tensor, " C"], Float[Tensor, "C 2"]]
+
+
+def _way(segment: Segment, matrix: Float[Tensor, "2 3"]) -> Way:
+    t = _chords(segment, matrix, True)
+    centers, widths = _at(segment, t)
+    return centers, widths.clamp(min=0), _tangents(segment, t, centers)
+
+
+def _strip(way: Way, scale: float) -> list[Float[Tensor, "E 2 2"]]:
+    centers, widths, tangents = way
+    offsets = widths[:, None] * torch.stack([-tangents[:, 1], tangents[:, 0]], 1)
+    edges = []
+    for side in (1, -1):
+        outer = centers + side * offsets
+        edges += [_positive(centers[:-1], centers[1:], outer[1:]), _positive(centers[:-1], outer[1:], outer[:-1])]
+    turning = _between(tangents[:-1].detach(), tangents[1:].detach())
+    for k in (turning > 2 * _angle(float(widths.detach().max()) * scale)).nonzero().flatten().tolist():
+        edges += [_disc(centers[end], widths[end], scale) for end in (k, k + 1)]
+    return edges
+
+
+def _corner(
+    center: Float[Tensor, "2"],
+    width: Float[Tensor, ""],
+    before: Float[Tensor, "2"],
+    behind: Float[Tensor, "2"],
+    scale: float,
+) -> Float[Tensor, "E 2 2"]:
+    """The piece of a disc on the outer side of where one direction gives way to another."""
+    turn = float(_between(before.detach(), behind.detach()))
+    if turn <= SMOOTH:
+        return center.new_zeros((0, 2, 2))
+    left = bool((before[0] * behind[1] > before[1] * behind[0]).detach())
+    return _arc(center, width, before, -math.pi / 2 if left else math.pi / 2 - turn, turn, scale, pie=True)
+
+
+def _arc(
+    center: Float[Tensor, "2"],
+    width: Float[Tensor, ""],
+    tangent: Float[Tensor, "2"],
+    start: float,
+    sweep: float,
+    scale: float,
+    pie: bool = False,
+) -> Float[Tensor, "E 2 2"]:
+    """An arc from an angle against a direction on, closed by a chord or through its centre."""
+    count = min(math.ceil(sweep / _angle(float(width.detach()) * scale)), MOST_CHORDS)
+    angle = start + sweep * torch.arange(count + 1, dtype=center.dtype) / count
+    cos, sin = angle.cos()[:, None], angle.sin()[:, None]
+    vertices = center + width * (cos * tangent + sin * torch.stack([-tangent[1], tangent[0]]))
+    if pie:
+        vertices = torch.cat([vertices, center[None]])
+    return torch.stack([vertices, vertices.roll(-1, 0)], 1)
 
 
 # Directions that differ by less go on in each other: the gap is narrower than a thousandth of a half width.

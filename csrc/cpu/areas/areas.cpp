@@ -1,0 +1,241 @@
+#include "cpu/areas/areas.h"
+#include "cpu/threads.h"
+
+namespace stroke::areas {
+namespace {
+// The exact area of the layer in each pixel: of a border's piece in a pixel, what lies right of it there, and in all pixels to the right its height.
+template <class S> void cover(Layer<S> &layer, int width, Sweep &sweep, std::vector<double> &sums) {
+  Coverage<S> &out = layer.coverage;
+  out.first = layer.rows.first;
+  out.runs.resize(layer.rows.count);
+  sums.assign(width + 2, 0);
+  for (int k = 0; k < layer.rows.count; k++) {
+    sweep.row(layer.polygons, layer.rows, k, layer.rule, [&](int, int sign, double x0, double y0, double x1, double y1) {
+      columns(x0, y0, x1, y1, width, [&](int column, double xa, double ya, double xb, double yb) {
+        const double height = sign * (yb - ya), right = column < 0 ? 0 : height * ((xa + xb) / 2 - column);
+        sums[std::max(column, 0)] += height - right, sums[column + 1] += right;
+      });
+    });
+    auto &run = out.runs[k];
+    run.left = int(std::clamp(std::floor(sweep.left), 0.0, double(width)));
+    run.right = std::max(run.left, int(std::clamp(std::floor(sweep.right) + 1, 0.0, double(width))));
+    run.start = out.shares.size();
+    double sum = 0;
+    for (int x = run.left; x < run.right; x++) {
+      sum += sums[x];
+      out.shares.push_back(S(std::clamp(sum, 0.0, 1.0)));
+    }
+    std::fill(sums.begin() + run.left, sums.begin() + std::min(run.right + 2, width + 2), 0.0);
+  }
+}
+
+// A pixel while layers are painted: colour times alpha, alpha, and alpha if all paints were opaque.
+struct Pixel {
+  double color[3], alpha, all;
+  void paint(double share, const Color &c) {
+    const double opaque = share * c[3];
+    for (int k = 0; k < 3; k++) color[k] += opaque * (c[k] - color[k]);
+    alpha += opaque * (1 - alpha), all += share * (1 - all);
+  }
+};
+
+template <class S> void start(const State<S> &state, int row, std::vector<Pixel> &pixels) {
+  pixels.assign(state.width, Pixel{});
+  if (!state.background) return;
+  for (int x = 0; x < state.width; x++) {
+    const S *b = state.background + 4 * (size_t(row) * state.width + x);
+    pixels[x] = {{double(b[0]), double(b[1]), double(b[2])}, double(b[3]), double(b[3])};
+  }
+}
+
+template <class S, class Each> void paint_row(const State<S> &state, int row, std::vector<Pixel> &pixels, Each each) {
+  for (size_t l = 0; l < state.layers.size(); l++) {
+    const Layer<S> &layer = *state.layers[l];
+    const auto *run = layer.coverage.at(row);
+    if (!run) continue;
+    const S *shares = layer.coverage.shares.data() + run->start - run->left;
+    const bool plain = layer.paint.plain();
+    Color color = layer.paint.color();
+    for (int x = run->left; x < run->right; x++) {
+      each(pixels[x]);
+      if (shares[x] <= 0) continue;
+      if (!plain) color = layer.paint.color(x, row);
+      pixels[x].paint(double(shares[x]), color);
+    }
+  }
+}
+
+// Gradients of a row's pixels through all layers, from the top to the bottom: of coverages, in their order, and of paints.
+template <class S> struct RowBack {
+  const State<S> &state;
+  const S *g_image;
+  std::vector<std::vector<S>> &g_shares;       // as Coverage::shares, a layer
+  std::vector<std::vector<double>> &g_paints;  // a layer: its rows, each with the paint's parameters
+  S *g_background;
+
+  void operator()(int row, std::vector<Pixel> &pixels, std::vector<Pixel> &states, std::vector<Pixel> &g) const {
+    const int width = state.width;
+    start(state, row, pixels);
+    states.clear();
+    paint_row(state, row, pixels, [&](const Pixel &p) { states.push_back(p); });
+    g.assign(width, Pixel{});
+    for (int x = 0; x < width; x++) {
+      const S *up = g_image + 4 * (size_t(row) * width + x);
+      const Pixel &p = pixels[x];
+      g[x].alpha = double(up[3]);
+      if (p.alpha <= 0) continue;
+      double along = 0;
+      for (int k = 0; k < 3; k++) g[x].color[k] = p.all / p.alpha * double(up[k]), along += p.color[k] * double(up[k]) / p.alpha;
+      g[x].all = along, g[x].alpha -= p.all * along / p.alpha;
+    }
+    for (size_t l = state.layers.size(), left = states.size(); l-- > 0;) {
+      const Layer<S> &layer = *state.layers[l];
+      const auto *run = layer.coverage.at(row);
+      if (!run) continue;
+      left -= run->right - run->left;
+      const Pixel *before = states.data() + left - run->left;
+      const S *shares = layer.coverage.shares.data() + run->start - run->left;
+      S *g_share = g_shares[l].data() + run->start - run->left;
+      const bool plain = layer.paint.plain();
+      double *g_paint = g_paints[l].data() + size_t(row - layer.coverage.first) * layer.paint.parameters();
+      Color color = layer.paint.color();
+      for (int x = run->left; x < run->right; x++) {
+        if (!plain) color = layer.paint.color(x, row);
+        const double share = double(shares[x]), opaque = share * color[3];
+        const Pixel &b = before[x];
+        Color g_color;
+        double g_opaque = g[x].alpha * (1 - b.alpha);
+        for (int k = 0; k < 3; k++) g_color[k] = opaque * g[x].color[k], g_opaque += g[x].color[k] * (color[k] - b.color[k]);
+        g_color[3] = g_opaque * share;
+        g_share[x] = S(g_opaque * color[3] + g[x].all * (1 - b.all));
+        if (share > 0) plain ? layer.paint.backward(g_color, g_paint) : layer.paint.backward(x, row, g_color, g_paint);
+        for (int k = 0; k < 3; k++) g[x].color[k] *= 1 - opaque;
+        g[x].alpha *= 1 - opaque, g[x].all *= 1 - share;
+      }
+    }
+    if (!g_background) return;
+    for (int x = 0; x < width; x++) {
+      S *b = g_background + 4 * (size_t(row) * width + x);
+      for (int k = 0; k < 3; k++) b[k] = S(g[x].color[k]);
+      b[3] = S(g[x].alpha + g[x].all);
+    }
+  }
+};
+
+// The coverage of a pixel changes by what its border there sweeps over: the gradients of a layer's vertices.
+template <class S> std::vector<double> back_to_vertices(const Layer<S> &layer, int width, const std::vector<S> &g_shares, Sweep &sweep) {
+  const auto &vertices = layer.polygons.vertices;
+  std::vector<double> g(2 * vertices.size());
+  for (int k = 0; k < layer.rows.count; k++) {
+    const auto &run = layer.coverage.runs[k];
+    if (run.left >= run.right) continue;
+    const S *g_share = g_shares.data() + run.start - run.left;
+    sweep.row(layer.polygons, layer.rows, k, layer.rule, [&](int edge, int sign, double x0, double y0, double x1, double y1) {
+      const Edge e = layer.polygons.edges[edge];
+      const double top = vertices[e.a].y, length = vertices[e.b].y - top;
+      columns(x0, y0, x1, y1, width, [&](int column, double xa, double ya, double xb, double yb) {
+        if (column < 0) return;
+        const double weight = -sign * double(g_share[column]), share = ((ya + yb) / 2 - top) / length;
+        const double across = weight * (yb - ya), along = -weight * (xb - xa);
+        g[2 * e.a] += (1 - share) * across, g[2 * e.a + 1] += (1 - share) * along;
+        g[2 * e.b] += share * across, g[2 * e.b + 1] += share * along;
+      });
+    });
+  }
+  return g;
+}
+
+template <class S> Buffer<S> narrowed(const std::vector<double> &sums) {
+  Buffer<S> out(sums.size());
+  for (size_t i = 0; i < sums.size(); i++) out[i] = S(sums[i]);
+  return out;
+}
+}  // namespace
+
+template <class S> Buffer<S> draw(State<S> &state) {
+  const Tables<S> &t = state.tables;
+  state.layers.resize(t.layer_count);
+  threads().run(t.layer_count, 1, [&](int l, int) {
+    static thread_local Sweep sweep;
+    static thread_local std::vector<double> sums;
+    const int32_t *row = t.layers + 5 * l;
+    Polygons<S> polygons(t, row);
+    Rows rows(polygons, state.height);
+    state.layers[l].reset(new Layer<S>{std::move(polygons), std::move(rows), row[2], Paint<S>(t, row[4]), {}});
+    cover(*state.layers[l], state.width, sweep, sums);
+  });
+  Buffer<S> image(size_t(state.height) * state.width * 4);
+  threads().run(state.height, 4, [&](int row, int) {
+    static thread_local std::vector<Pixel> pixels;
+    start(state, row, pixels);
+    paint_row(state, row, pixels, [](const Pixel &) {});
+    S *out = image.get() + size_t(row) * state.width * 4;
+    for (int x = 0; x < state.width; x++, out += 4) {
+      const Pixel &p = pixels[x];
+      for (int k = 0; k < 3; k++) out[k] = S(p.alpha > 0 ? p.all * p.color[k] / p.alpha : 0);
+      out[3] = S(p.alpha);
+    }
+  });
+  return image;
+}
+
+template <class S> Gradients<S> backward(const State<S> &state, const S *g_image, bool want_background) {
+  const Tables<S> &t = state.tables;
+  const int count = int(state.layers.size());
+  std::vector<std::vector<S>> g_shares(count);
+  std::vector<std::vector<double>> g_paints(count), g_controls(count), g_moves(count);
+  for (int l = 0; l < count; l++) {
+    const Layer<S> &layer = *state.layers[l];
+    g_shares[l].resize(layer.coverage.shares.size());
+    g_paints[l].assign(layer.coverage.runs.size() * layer.paint.parameters(), 0);
+    g_controls[l].assign(12 * layer.polygons.segments.size(), 0), g_moves[l].assign(6, 0);
+  }
+  Gradients<S> out;
+  out.background = Buffer<S>(want_background ? size_t(state.height) * state.width * 4 : 0);
+  const RowBack<S> row_back = {state, g_image, g_shares, g_paints, want_background ? out.background.get() : nullptr};
+  threads().run(state.height, 4, [&](int row, int) {
+    static thread_local std::vector<Pixel> pixels, states, g;
+    row_back(row, pixels, states, g);
+  });
+  threads().run(count, 1, [&](int l, int) {
+    static thread_local Sweep sweep;
+    const Layer<S> &layer = *state.layers[l];
+    const std::vector<double> g = back_to_vertices(layer, state.width, g_shares[l], sweep);
+    layer.polygons.backward(g.data(), g_controls[l].data(), g_moves[l].data());
+  });
+  // Sums in the order of layers and rows: the same for any number of threads.
+  std::vector<double> points(2 * t.point_count), widths(t.point_count), transforms(6 * t.transform_count), axes(4 * t.paint_count),
+      offsets(t.stop_count), colors(4 * t.stop_count);
+  for (int l = 0; l < count; l++) {
+    const Layer<S> &layer = *state.layers[l];
+    for (size_t j = 0; j < layer.polygons.segments.size(); j++) {
+      const Segment &s = layer.polygons.segments[j];
+      for (int i = 0; i <= s.degree; i++) {
+        const double *g = g_controls[l].data() + 12 * j + 3 * i;
+        points[2 * s.index[i]] += g[0], points[2 * s.index[i] + 1] += g[1], widths[s.index[i]] += g[2];
+      }
+    }
+    for (int k = 0; k < 6; k++) transforms[6 * t.layers[5 * l + 3] + k] += g_moves[l][k];
+    const Paint<S> &paint = layer.paint;
+    for (size_t row = 0; row < layer.coverage.runs.size(); row++) {
+      const double *g = g_paints[l].data() + row * paint.parameters();
+      if (paint.plain()) {
+        for (int k = 0; k < 4; k++) colors[4 * paint.first + k] += g[k];
+        continue;
+      }
+      for (int k = 0; k < 4 * paint.stops; k++) colors[4 * paint.first + k] += *g++;
+      for (int k = 0; k < paint.stops; k++) offsets[paint.first + k] += *g++;
+      for (int k = 0; k < 4; k++) axes[4 * paint.row + k] += *g++;
+      for (int k = 0; k < 6; k++) transforms[6 * paint.transform + k] += *g++;
+    }
+  }
+  out.points = narrowed<S>(points), out.half_widths = narrowed<S>(widths), out.transforms = narrowed<S>(transforms);
+  out.axes = narrowed<S>(axes), out.offsets = narrowed<S>(offsets), out.colors = narrowed<S>(colors);
+  return out;
+}
+
+template Buffer<float> draw(State<float> &);
+template Buffer<double> draw(State<double> &);
+template Gradients<float> backward(const State<float> &, const float *, bool);
+template Gradients<double> backward(const State<double> &, const double *, bool);
+}  // namespace stroke::areas

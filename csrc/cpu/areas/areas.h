@@ -1,0 +1,47 @@
+// Filled and stroked contours painted over each other, by exact areas of pixels; forward and backward, in double precision, over threads.
+#pragma once
+#include "cpu/areas/paint.h"
+#include "cpu/areas/sweep.h"
+#include "cpu/memory.h"
+#include <memory>
+
+namespace stroke::areas {
+// How much of each pixel a layer covers: in each of its rows a run of pixels, all in one list.
+template <class S> struct Coverage {
+  int first = 0;
+  struct Run {
+    int left, right;
+    size_t start;
+  };
+  std::vector<Run> runs;
+  std::vector<S> shares;
+  // The run in a row of the picture, if there is one.
+  const Run *at(int row) const {
+    const int k = row - first;
+    return k >= 0 && k < int(runs.size()) && runs[k].left < runs[k].right ? &runs[k] : nullptr;
+  }
+};
+
+template <class S> struct Layer {
+  Polygons<S> polygons;
+  Rows rows;
+  int rule;
+  Paint<S> paint;
+  Coverage<S> coverage;
+};
+
+template <class S> struct State {
+  Tables<S> tables;
+  int width, height;
+  const S *background;  // (height, width, 4), or none
+  std::vector<std::shared_ptr<Layer<S>>> layers;
+};
+
+template <class S> struct Gradients {
+  Buffer<S> points, half_widths, transforms, axes, offsets, colors, background;
+};
+
+// The picture, (height, width, 4); state.layers is filled.
+template <class S> Buffer<S> draw(State<S> &state);
+template <class S> Gradients<S> backward(const State<S> &state, const S *g_image, bool want_background);
+}  // namespace stroke::areas
