@@ -4,19 +4,22 @@
 namespace stroke::areas {
 namespace {
 // The exact area of the layer in each pixel: of a border's piece in a pixel, what lies right of it there, and in all pixels to the right its height.
-template <class S> void cover(Layer<S> &layer, int width, Sweep &sweep, std::vector<double> &sums) {
+template <class S> void cover(Layer<S> &layer, int width, int height, bool save, Sweep &sweep, std::vector<double> &sums) {
   Coverage<S> &out = layer.coverage;
-  out.first = layer.rows.first;
-  out.runs.resize(layer.rows.count);
+  const Rows rows(layer.polygons, height);
+  out.first = rows.first;
+  out.runs.resize(rows.count);
   sums.assign(width + 2, 0);
-  for (int k = 0; k < layer.rows.count; k++) {
-    sweep.row(layer.polygons, layer.rows, k, layer.rule, [&](int, int sign, double x0, double y0, double x1, double y1) {
-      columns(x0, y0, x1, y1, width, [&](int column, double xa, double ya, double xb, double yb) {
-        const double height = sign * (yb - ya), right = column < 0 ? 0 : height * ((xa + xb) / 2 - column);
+  for (int k = 0; k < rows.count; k++) {
+    auto &run = out.runs[k];
+    run.borders = out.borders.size();
+    sweep.row(layer.polygons, rows, k, layer.rule, [&](const Border &border) {
+      if (save) out.borders.push_back(border);
+      columns(border, width, [&](int column, double xa, double ya, double xb, double yb) {
+        const double height = border.sign * (yb - ya), right = column < 0 ? 0 : height * ((xa + xb) / 2 - column);
         sums[std::max(column, 0)] += height - right, sums[column + 1] += right;
       });
     });
-    auto &run = out.runs[k];
     run.left = int(std::clamp(std::floor(sweep.left), 0.0, double(width)));
     run.right = std::max(run.left, int(std::clamp(std::floor(sweep.right) + 1, 0.0, double(width))));
     run.start = out.shares.size();
@@ -123,24 +126,26 @@ template <class S> struct RowBack {
 };
 
 // The coverage of a pixel changes by what its border there sweeps over: the gradients of a layer's vertices.
-template <class S> std::vector<double> back_to_vertices(const Layer<S> &layer, int width, const std::vector<S> &g_shares, Sweep &sweep) {
+template <class S> std::vector<double> back_to_vertices(const Layer<S> &layer, int width, const std::vector<S> &g_shares) {
   const auto &vertices = layer.polygons.vertices;
+  const Coverage<S> &coverage = layer.coverage;
   std::vector<double> g(2 * vertices.size());
-  for (int k = 0; k < layer.rows.count; k++) {
-    const auto &run = layer.coverage.runs[k];
-    if (run.left >= run.right) continue;
+  for (size_t k = 0; k < coverage.runs.size(); k++) {
+    const auto &run = coverage.runs[k];
     const S *g_share = g_shares.data() + run.start - run.left;
-    sweep.row(layer.polygons, layer.rows, k, layer.rule, [&](int edge, int sign, double x0, double y0, double x1, double y1) {
-      const Edge e = layer.polygons.edges[edge];
+    const size_t end = k + 1 < coverage.runs.size() ? coverage.runs[k + 1].borders : coverage.borders.size();
+    for (size_t j = run.borders; j < end; j++) {
+      const Border &border = coverage.borders[j];
+      const Edge e = layer.polygons.edges[border.edge];
       const double top = vertices[e.a].y, length = vertices[e.b].y - top;
-      columns(x0, y0, x1, y1, width, [&](int column, double xa, double ya, double xb, double yb) {
+      columns(border, width, [&](int column, double xa, double ya, double xb, double yb) {
         if (column < 0) return;
-        const double weight = -sign * double(g_share[column]), share = ((ya + yb) / 2 - top) / length;
+        const double weight = -border.sign * double(g_share[column]), share = ((ya + yb) / 2 - top) / length;
         const double across = weight * (yb - ya), along = -weight * (xb - xa);
         g[2 * e.a] += (1 - share) * across, g[2 * e.a + 1] += (1 - share) * along;
         g[2 * e.b] += share * across, g[2 * e.b + 1] += share * along;
       });
-    });
+    }
   }
   return g;
 }
@@ -152,17 +157,15 @@ template <class S> Buffer<S> narrowed(const std::vector<double> &sums) {
 }
 }  // namespace
 
-template <class S> Buffer<S> draw(State<S> &state) {
+template <class S> Buffer<S> draw(State<S> &state, bool save) {
   const Tables<S> &t = state.tables;
   state.layers.resize(t.layer_count);
   threads().run(t.layer_count, 1, [&](int l, int) {
     static thread_local Sweep sweep;
     static thread_local std::vector<double> sums;
     const int32_t *row = t.layers + 5 * l;
-    Polygons<S> polygons(t, row);
-    Rows rows(polygons, state.height);
-    state.layers[l].reset(new Layer<S>{std::move(polygons), std::move(rows), row[2], Paint<S>(t, row[4]), {}});
-    cover(*state.layers[l], state.width, sweep, sums);
+    state.layers[l].reset(new Layer<S>{Polygons<S>(t, row), row[2], Paint<S>(t, row[4]), {}});
+    cover(*state.layers[l], state.width, state.height, save, sweep, sums);
   });
   Buffer<S> image(size_t(state.height) * state.width * 4);
   threads().run(state.height, 4, [&](int row, int) {
@@ -198,9 +201,8 @@ template <class S> Gradients<S> backward(const State<S> &state, const S *g_image
     row_back(row, pixels, states, g);
   });
   threads().run(count, 1, [&](int l, int) {
-    static thread_local Sweep sweep;
     const Layer<S> &layer = *state.layers[l];
-    const std::vector<double> g = back_to_vertices(layer, state.width, g_shares[l], sweep);
+    const std::vector<double> g = back_to_vertices(layer, state.width, g_shares[l]);
     layer.polygons.backward(g.data(), g_controls[l].data(), g_moves[l].data());
   });
   // Sums in the order of layers and rows: the same for any number of threads.
@@ -234,8 +236,8 @@ template <class S> Gradients<S> backward(const State<S> &state, const S *g_image
   return out;
 }
 
-template Buffer<float> draw(State<float> &);
-template Buffer<double> draw(State<double> &);
+template Buffer<float> draw(State<float> &, bool);
+template Buffer<double> draw(State<double> &, bool);
 template Gradients<float> backward(const State<float> &, const float *, bool);
 template Gradients<double> backward(const State<double> &, const double *, bool);
 }  // namespace stroke::areas

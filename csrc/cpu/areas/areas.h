@@ -11,10 +11,11 @@ template <class S> struct Coverage {
   int first = 0;
   struct Run {
     int left, right;
-    size_t start;
+    size_t start, borders;  // in the lists; borders of a row end where those of the next begin
   };
   std::vector<Run> runs;
   std::vector<S> shares;
+  std::vector<Border> borders;  // for gradients only
   // The run in a row of the picture, if there is one.
   const Run *at(int row) const {
     const int k = row - first;
@@ -24,7 +25,6 @@ template <class S> struct Coverage {
 
 template <class S> struct Layer {
   Polygons<S> polygons;
-  Rows rows;
   int rule;
   Paint<S> paint;
   Coverage<S> coverage;
@@ -41,7 +41,7 @@ template <class S> struct Gradients {
   Buffer<S> points, half_widths, transforms, axes, offsets, colors, background;
 };
 
-// The picture, (height, width, 4); state.layers is filled.
-template <class S> Buffer<S> draw(State<S> &state);
+// The picture, (height, width, 4); state.layers is filled, with what gradients need if that is saved.
+template <class S> Buffer<S> draw(State<S> &state, bool save);
 template <class S> Gradients<S> backward(const State<S> &state, const S *g_image, bool want_background);
 }  // namespace stroke::areas

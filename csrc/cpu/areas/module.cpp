@@ -42,7 +42,7 @@ template <class S> nb::tuple draw_of(const nb::tuple &values, const nb::tuple &t
   {
     nb::gil_scoped_release nogil;
     std::lock_guard guard(threads().busy());
-    image = draw(owner->state);
+    image = draw(owner->state, save);
   }
   nb::object kept = save ? nb::cast(std::move(owner)) : nb::none();
   return nb::make_tuple(array(std::move(image), {size_t(height), size_t(width), 4}), kept);

@@ -211,46 +211,49 @@ template <class S> class Polygons {
     return a;
   }
 
-  // Both sides of each chord are two triangles. Where all wind as they should, edges that two share are left out; where an offset curve runs
-  // backwards, each triangle stands for itself, turned around.
-  void strip(const Along &a) {
+  // On each side of each chord a quadrilateral between the normals at its ends; edges that two share are left out, the centre line first of all.
+  // On the inner side of a bend tighter than the stroke is wide normals end where they meet their neighbours: what they would sweep behind that
+  // lies within half a width of the curve elsewhere. A chord that turns by too much is a capsule of its own.
+  void strip(const Along &a, double limit) {
     const int n = a.count;
-    std::vector<int> c(n + 1), o[2] = {std::vector<int>(n + 1), std::vector<int>(n + 1)};
-    std::vector<char> clean[2] = {std::vector<char>(n), std::vector<char>(n)};
-    for (int k = 0; k <= n; k++) {
-      c[k] = add(a.segment, a.t(k), a.center[k], 0, {0, 0}, false);
-      for (int side : {0, 1}) o[side][k] = add(a, k, (side ? -1 : 1) * Point{-a.tangent[k].y, a.tangent[k].x});
+    std::vector<char> broken(n + 2, 1);  // chord k - 1; in front of the first one and behind the last there is none
+    for (int k = 0; k < n; k++) {
+      broken[k + 1] = between(a.tangent[k], a.tangent[k + 1]) > limit;
+      if (broken[k + 1]) capsule(a, k);
     }
-    auto local = [&](const std::vector<int> &v, int k) { return a.center[k] + (&v == &c ? 0 : a.width[k]) * vertices[v[k]].u; };
-    auto winds = [&](Point p, Point q, Point r) { return cross(q - p, r - p); };
+    std::vector<int> outer(n + 1);
+    std::vector<double> reach(n + 1);
     for (int side : {0, 1}) {
-      const double sign = side ? -1 : 1;
+      auto normal = [&](int k) { return (side ? -1 : 1) * Point{-a.tangent[k].y, a.tangent[k].x}; };
+      auto directed = [&](int p, int q) { side ? edge(q, p) : edge(p, q); };
+      reach = a.width;
       for (int k = 0; k < n; k++) {
-        const Point c0 = a.center[k], c1 = a.center[k + 1], o0 = local(o[side], k), o1 = local(o[side], k + 1);
-        clean[side][k] = sign * winds(c0, c1, o1) >= 0 && sign * winds(c0, o1, o0) >= 0;
+        const Point p = normal(k), q = normal(k + 1), chord = a.center[k + 1] - a.center[k];
+        const double det = cross(p, q), s = cross(chord, q) / det, r = cross(chord, p) / det;
+        if (!broken[k + 1] && det != 0 && s >= 0 && r >= 0) reach[k] = std::min(reach[k], s), reach[k + 1] = std::min(reach[k + 1], r);
       }
-    }
-    auto directed = [&](int side, int p, int q) { side ? edge(q, p) : edge(p, q); };
-    for (int side : {0, 1}) {
-      const std::vector<int> &out = o[side];
-      for (int k = 0; k < n; k++) {
-        if (clean[side][k]) {
-          directed(side, out[k + 1], out[k]);
-          if (!clean[1 - side][k]) directed(side, c[k], c[k + 1]);
-          continue;
-        }
-        const int corners[2][3] = {{c[k], c[k + 1], out[k + 1]}, {c[k], out[k + 1], out[k]}};
-        const Point c0 = a.center[k], c1 = a.center[k + 1], o0 = local(out, k), o1 = local(out, k + 1);
-        const double signs[2] = {winds(c0, c1, o1), winds(c0, o1, o0)};
-        for (int f : {0, 1})
-          for (int e = 0; e < 3; e++) directed(signs[f] < 0, corners[f][e], corners[f][(e + 1) % 3]);
-      }
+      for (int k = 0; k <= n; k++) outer[k] = add(a, k, (a.width[k] > 0 ? reach[k] / a.width[k] : 1) * normal(k));
+      for (int k = 0; k < n; k++)
+        if (!broken[k + 1]) directed(outer[k + 1], outer[k]);
       for (int k = 0; k <= n; k++) {
-        const bool before = k && clean[side][k - 1], behind = k < n && clean[side][k];
-        if (before && !behind) directed(side, c[k], out[k]);
-        if (behind && !before) directed(side, out[k], c[k]);
+        if (broken[k] == broken[k + 1]) continue;
+        const int center = add(a.segment, a.t(k), a.center[k], 0, {0, 0}, false);
+        broken[k] ? directed(outer[k], center) : directed(center, outer[k]);
       }
     }
+  }
+  void capsule(const Along &a, int k) {
+    const Point chord = a.center[k + 1] - a.center[k];
+    const double length = norm(chord);
+    for (int end : {k, k + 1}) disc(a.segment, a.t(end), a.center[end], a.width[end]);
+    if (length <= 0) return;
+    const Point u = (1 / length) * Point{-chord.y, chord.x};
+    int corners[4];
+    for (int i = 0; i < 4; i++) {
+      const int end = i == 1 || i == 2 ? k + 1 : k;
+      corners[i] = add(a.segment, a.t(end), a.center[end], a.width[end], (i < 2 ? -1 : 1) * u, false);
+    }
+    for (int i = 0; i < 4; i++) edge(corners[i], corners[(i + 1) % 4]);
   }
 
   void outline(int first, int count, bool closed) {
@@ -264,11 +267,7 @@ template <class S> class Polygons {
       const Along &a = ways[i], &before = ways[(i + ways.size() - 1) % ways.size()];
       const int n = a.count;
       if (segments[a.segment].widest() <= 0) continue;
-      strip(a);
-      const double limit = 2 * chord_angle(segments[a.segment].widest() * scale_);
-      for (int k = 0; k < n; k++)
-        if (between(a.tangent[k], a.tangent[k + 1]) > limit)
-          for (int end : {k, k + 1}) disc(a.segment, a.t(end), a.center[end], a.width[end]);
+      strip(a, 2 * chord_angle(segments[a.segment].widest() * scale_));
       if (!i && !closed) {
         if (a.width[0] > 0) arc(a, 0, PI / 2, PI, false);
       } else if (const double turn = between(before.tangent[before.count], a.tangent[0]); turn > SMOOTH && a.width[0] > 0) {
@@ -298,6 +297,16 @@ public:
       const int count = int(segments.size()) - first;
       stroke_ ? outline(first, count, c[4]) : fill(first, count);
     }
+  }
+
+  // The vertices of an edge from the top to the bottom; sign 1 if it is directed so, -1 if not, 0 for a level one.
+  struct Downwards {
+    int upper, lower, sign;
+  };
+  Downwards downwards(int e) const {
+    const auto [a, b] = edges[e];
+    const double ya = vertices[a].y, yb = vertices[b].y;
+    return ya <= yb ? Downwards{a, b, ya < yb} : Downwards{b, a, -1};
   }
 
   // From gradients of the vertices to those of each segment's control points, (4, 3) a segment: x, y and half width; and of the transform.

@@ -14,7 +14,7 @@ TOLERANCE = 0.01
 MOST_CHORDS = 1024
 
 
-def layer_edges(layers: Layers, row: int) -> Float[Tensor, "E 2 2"]:
+def layer_edges(layers: Layers, row: int) -> Float[Tensor, "_ 2 2"]:
     """Directed edges, in pixels, of polygons whose winding numbers, by the rule of the layer, say what is painted.
 
     Those of strokes all wind the same way, so that the rule of nonzero winding numbers gives their union.
@@ -84,7 +84,7 @@ def _at(segment: Segment, t: Float[Tensor, " C"]) -> tuple[Float[Tensor, "C 2"],
     return basis @ segment[0], basis @ segment[1]
 
 
-def _filled(segments: list[Segment], matrix: Float[Tensor, "2 3"]) -> Float[Tensor, "E 2 2"]:
+def _filled(segments: list[Segment], matrix: Float[Tensor, "2 3"]) -> Float[Tensor, "_ 2 2"]:
     parts = [_at(segment, _chords(segment, matrix, False)[:-1])[0] for segment in segments if len(segment[0]) > 1]
     if not parts:
         return matrix.new_zeros((0, 2, 2))
@@ -92,14 +92,14 @@ def _filled(segments: list[Segment], matrix: Float[Tensor, "2 3"]) -> Float[Tens
     return torch.stack([vertices, vertices.roll(-1, 0)], 1)
 
 
-def _stroked(segments: list[Segment], matrix: Float[Tensor, "2 3"], closed: bool) -> list[Float[Tensor, "E 2 2"]]:
+def _stroked(segments: list[Segment], matrix: Float[Tensor, "2 3"], closed: bool) -> list[Float[Tensor, "_ 2 2"]]:
     """Triangles on both sides of each chord, half discs at ends, pieces of discs where the direction jumps."""
     scale = float(torch.linalg.matrix_norm(matrix.detach()[:, :2], 2))
     dots = [s for s in segments if bool((s[0].detach() == s[0].detach()[0]).all())]
     edges = [_disc(points[0], widths[0].clamp(min=0), scale) for points, widths in dots]
     ways = [_way(s, matrix) for s in segments if bool((s[0].detach() != s[0].detach()[0]).any())]
     for k, way in enumerate(ways):
-        centers, widths, tangents = way
+        _, widths, tangents = way
         if not bool((widths.detach() > 0).any()):
             continue
         edges += _strip(way, scale)
@@ -115,7 +115,7 @@ def _stroked(segments: list[Segment], matrix: Float[Tensor, "2 3"], closed: bool
 
 
 # Centres, half widths and unit tangents at the ends of chords.
-Way = tuple[Float[Tensor, "C 2"], Float[Tensor, " C"], Float[Tensor, "C 2"]]
+Way = tuple[Float[Tensor, "_ 2"], Float[Tensor, " _"], Float[Tensor, "_ 2"]]
 
 
 def _way(segment: Segment, matrix: Float[Tensor, "2 3"]) -> Way:
@@ -124,7 +124,7 @@ def _way(segment: Segment, matrix: Float[Tensor, "2 3"]) -> Way:
     return centers, widths.clamp(min=0), _tangents(segment, t, centers)
 
 
-def _strip(way: Way, scale: float) -> list[Float[Tensor, "E 2 2"]]:
+def _strip(way: Way, scale: float) -> list[Float[Tensor, "_ 2 2"]]:
     centers, widths, tangents = way
     offsets = widths[:, None] * torch.stack([-tangents[:, 1], tangents[:, 0]], 1)
     edges = []
@@ -143,7 +143,7 @@ def _corner(
     before: Float[Tensor, "2"],
     behind: Float[Tensor, "2"],
     scale: float,
-) -> Float[Tensor, "E 2 2"]:
+) -> Float[Tensor, "_ 2 2"]:
     """The piece of a disc on the outer side of where one direction gives way to another."""
     turn = float(_between(before.detach(), behind.detach()))
     if turn <= SMOOTH:
@@ -160,7 +160,7 @@ def _arc(
     sweep: float,
     scale: float,
     pie: bool = False,
-) -> Float[Tensor, "E 2 2"]:
+) -> Float[Tensor, "_ 2 2"]:
     """An arc from an angle against a direction on, closed by a chord or through its centre."""
     count = min(math.ceil(sweep / _angle(float(width.detach()) * scale)), MOST_CHORDS)
     angle = start + sweep * torch.arange(count + 1, dtype=center.dtype) / count
@@ -190,7 +190,7 @@ def _tangents(segment: Segment, t: Float[Tensor, " C"], centers: Float[Tensor, "
 STILL = 1e-6
 
 
-def _positive(a: Float[Tensor, "N 2"], b: Float[Tensor, "N 2"], c: Float[Tensor, "N 2"]) -> Float[Tensor, "E 2 2"]:
+def _positive(a: Float[Tensor, "N 2"], b: Float[Tensor, "N 2"], c: Float[Tensor, "N 2"]) -> Float[Tensor, "_ 2 2"]:
     """The edges of triangles, turned around where they wind the other way."""
     u, v = (b - a).detach(), (c - a).detach()
     turned = (u[:, 0] * v[:, 1] < u[:, 1] * v[:, 0])[:, None]
@@ -198,7 +198,7 @@ def _positive(a: Float[Tensor, "N 2"], b: Float[Tensor, "N 2"], c: Float[Tensor,
     return torch.cat([torch.stack(pair, 1) for pair in ((a, b), (b, c), (c, a))])
 
 
-def _disc(center: Float[Tensor, "2"], radius: Float[Tensor, ""], scale: float) -> Float[Tensor, "E 2 2"]:
+def _disc(center: Float[Tensor, "2"], radius: Float[Tensor, ""], scale: float) -> Float[Tensor, "_ 2 2"]:
     count = min(math.ceil(2 * math.pi / _angle(float(radius.detach()) * scale)), MOST_CHORDS)
     angle = torch.arange(count, dtype=center.dtype) * (2 * math.pi / count)
     vertices = center + radius * torch.stack([angle.cos(), angle.sin()], 1)

@@ -7,6 +7,8 @@ from diff3ds.render.areas.painted_layers import EVEN_ODD
 
 # Pictures are sheared by so little that a thousand pixels move by a millionth of one.
 SHEAR = 2.0**-30
+# Edges that are no further apart, in pixels, lie on each other.
+TOUCH = 1e-9
 # Slabs thinner than this, in pixels, are left out; their area is less still.
 THIN = 1e-12
 
@@ -37,14 +39,23 @@ def _row(edges: Float[Tensor, "E 2 2"], rule: int, width: int, row: int) -> Floa
     ends = ends[(ends > row) & (ends < row + 1)]
     heights = torch.cat([edges.new_tensor([row, row + 1]), ends]).sort().values
     thick = (heights.diff() > THIN).nonzero().flatten()
-    start, end = heights[thick], heights[thick + 1]
+    # Where several edges end at one height, it is one of them that moves where a slab ends and the next begins.
+    end = heights[thick + 1]
+    start = torch.cat([heights[:1], end[:-1]])
     middle = (start + end)[:, None].detach() / 2
     active = (top[:, 1] <= middle) & (bottom[:, 1] >= middle)
     place = torch.where(active, top[:, 0] + (middle - top[:, 1]) * slope, torch.inf).detach()
     order = place.argsort(dim=1, stable=True)
     winding = torch.where(active, torch.where(down, 1, -1), 0).gather(1, order).cumsum(1)
     filled = (winding % 2 if rule == EVEN_ODD else winding != 0).to(torch.int8)
-    sign = filled.diff(dim=1, prepend=filled.new_zeros((len(filled), 1)))
+    # Edges that lie on each other are one border, or none.
+    x = place.gather(1, order)
+    last = torch.cat([~(x[:, 1:] - x[:, :-1] <= TOUCH), torch.ones_like(active[:, :1])], 1)
+    filled = torch.where(last, filled, -1)
+    rank = torch.arange(filled.shape[1]).expand_as(filled)
+    before = torch.where(last, rank, -1).cummax(1).values.roll(1, 1)
+    before[:, 0] = -1
+    sign = torch.where(last, filled - torch.where(before >= 0, filled.gather(1, before.clamp(min=0)), 0), 0)
     slab, rank = sign.nonzero(as_tuple=True)
     edge, sign = order[slab, rank], sign[slab, rank]
     a, b = start[slab], end[slab]

@@ -1,0 +1,266 @@
+"""Filled and stroked contours by exact areas: closed forms, finite differences, kernels against the reference."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+import diff3ds as ds
+from diff3ds.render.areas import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, draw_layers
+
+BACKENDS = [name for name in ("reference", "cpu") if name in ds.available_backends()]
+VALUES = ("points", "half_widths", "transforms", "axes", "offsets", "colors")
+
+
+def whole(numbers):
+    return torch.tensor(numbers, dtype=torch.int32)
+
+
+def layers(contours, rules, half_width=1.0, colors=None, dtype=torch.float64):
+    """One layer a list of contours, each of (points, inner, closed), painted in black or in colors."""
+    points, inner, table, rows = [], [], [], []
+    for row, (group, rule) in enumerate(zip(contours, rules, strict=True)):
+        rows.append([len(table), len(group), rule, 0, row])
+        for controls, degrees, closed in group:
+            table.append([len(points), len(controls), len(inner), len(degrees), int(closed)])
+            points += controls
+            inner += degrees
+    count = len(rows)
+    colors = [[0, 0, 0, 1]] * count if colors is None else colors
+    return Layers(
+        points=torch.tensor(points, dtype=dtype).reshape(-1, 2),
+        half_widths=torch.full((len(points),), half_width, dtype=dtype),
+        inner=whole(inner),
+        contours=whole(table).reshape(-1, 5),
+        layers=whole(rows).reshape(-1, 5),
+        transforms=torch.eye(2, 3, dtype=dtype)[None],
+        paints=whole([[PLAIN, row, 1, 0] for row in range(count)]).reshape(-1, 4),
+        axes=torch.zeros(count, 4, dtype=dtype),
+        offsets=torch.zeros(count, dtype=dtype),
+        colors=torch.tensor(colors, dtype=dtype).reshape(-1, 4),
+    )
+
+
+def box(x0, y0, x1, y1):
+    return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], [0, 0, 0, 0], True
+
+
+def gradients(scene, size, seed=0, background=None, backend=None):
+    """The picture, and gradients of a random sum of it."""
+    values = {name: getattr(scene, name).clone().requires_grad_() for name in VALUES}
+    below = None if background is None else background.clone().requires_grad_()
+    image = draw_layers(replace(scene, **values), *size, below, backend=backend)
+    upstream = torch.randn(image.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    (image * upstream.to(image.dtype)).sum().backward()
+    found = {name: torch.zeros_like(v) if v.grad is None else v.grad for name, v in values.items()}
+    return image.detach(), found if below is None else found | {"background": below.grad}
+
+
+def rich_scene(dtype=torch.float64):
+    """A translucent stroke under a fill with a hole of a joined outline, and gradients of both kinds over them."""
+    g = torch.Generator().manual_seed(3)
+    curve = [[5.1, 5], [20, 2], [28, 20], [10, 28]], [2], False
+    wedge = [[8.2, 20], [15, 30.3], [2, 25.1], [12.3, 9]], [1, 0], False
+    ring = [[3.3, 3.2], [20.1, 3.2], [20.1, 14.7], [3.3, 14.7]], [0, 0, 0, 0], True
+    hole = [[6.2, 5.1], [17, 6.3], [9, 12.2]], [1, 0], True
+    scene = layers([[curve, wedge], [ring, hole], [wedge], [ring]], [STROKE, EVEN_ODD, NONZERO, STROKE], 1.3)
+    matrix = torch.tensor([[[1.0, 0, 0], [0, 1, 0]], [[0.9, 0.2, 3], [-0.2, -0.8, 25]]])
+    return replace(
+        scene,
+        layers=whole([[*row[:3], k % 2, row[4]] for k, row in enumerate(scene.layers.tolist())]),
+        transforms=matrix.to(dtype),
+        paints=whole([[PLAIN, 0, 1, 0], [LINEAR, 0, 3, 1], [RADIAL, 1, 3, 0], [PLAIN, 3, 1, 0]]),
+        axes=torch.tensor([[0, 0, 0, 0], [2, 3, 18, 16], [9, 12, 7, 11], [0, 0, 0, 0]], dtype=dtype),
+        offsets=torch.tensor([0.05, 0.4, 0.9, 1.0], dtype=dtype),
+        colors=torch.rand(4, 4, generator=g, dtype=torch.float64).to(dtype),
+        **{name: getattr(scene, name).to(dtype) for name in ("points", "half_widths")},
+    )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+class TestAreas:
+    def test_a_box_covers_what_lies_in_each_pixel(self, backend):
+        image = draw_layers(layers([[box(1.25, 2.5, 4.5, 3.75)]], [NONZERO]), 6, 5, backend=backend)
+        expected = torch.zeros(5, 6, dtype=torch.float64)
+        expected[2, 1:5] = torch.tensor([0.75, 1, 1, 0.5]) * 0.5
+        expected[3, 1:5] = torch.tensor([0.75, 1, 1, 0.5]) * 0.75
+        assert torch.allclose(image[..., 3], expected, atol=1e-7)
+
+    def test_moving_an_edge_sweeps_its_length(self, backend):
+        scene = layers([[box(1.25, 2.5, 4.5, 3.75)]], [NONZERO])
+        points = scene.points.requires_grad_()
+        draw_layers(scene, 6, 5, backend=backend)[..., 3].sum().backward()
+        half = torch.tensor([1.25, 3.25], dtype=torch.float64) / 2
+        sides = torch.tensor([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        assert torch.allclose(points.grad, sides * half, atol=1e-6)
+
+    @pytest.mark.parametrize(("rule", "area"), [(NONZERO, 7 + 9 - 3.75), (EVEN_ODD, 7 + 9 - 7.5)])
+    def test_what_overlaps_is_united_or_left_out(self, backend, rule, area):
+        pair = [box(1, 1, 4.5, 3), box(2, 1.5, 5, 4.5)]
+        assert draw_layers(layers([pair], [rule]), 8, 8, backend=backend)[..., 3].sum() == pytest.approx(area)
+
+    def test_boxes_wound_against_each_other_cancel_where_they_overlap(self, backend):
+        turned = box(2, 1.5, 5, 4.5)[0][::-1], [0, 0, 0, 0], True
+        image = draw_layers(layers([[box(1, 1, 4.5, 3), turned]], [NONZERO]), 8, 8, backend=backend)
+        assert image[..., 3].sum() == pytest.approx(7 + 9 - 7.5)
+
+    def test_a_stroke_has_the_area_of_its_tube(self, backend):
+        line = layers([[([[5.0, 6], [15, 9]], [0], False)]], [STROKE], 2.0)
+        area = draw_layers(line, 20, 16, backend=backend)[..., 3].sum()
+        assert area == pytest.approx(4 * math.hypot(10, 3) + 4 * math.pi, rel=2e-3)
+
+    def test_a_stroke_grows_by_its_border(self, backend):
+        line = layers([[([[5.0, 6], [15, 9]], [0], False)]], [STROKE], 2.0)
+        widths = line.half_widths.requires_grad_()
+        draw_layers(line, 20, 16, backend=backend)[..., 3].sum().backward()
+        assert widths.grad.sum() == pytest.approx(2 * math.hypot(10, 3) + 4 * math.pi, rel=3e-3)
+
+    @pytest.mark.parametrize("points", [[[8.0, 8]], [[8.0, 8]] * 4])
+    def test_a_stroke_of_one_place_is_a_disc(self, backend, points):
+        dot = layers([[(points, [2] if len(points) == 4 else [], False)]], [STROKE], 3.0)
+        assert draw_layers(dot, 16, 16, backend=backend)[..., 3].sum() == pytest.approx(9 * math.pi, rel=5e-3)
+
+    def test_a_hairpin_is_covered_once_and_wholly(self, backend):
+        """Both legs of a bend tighter than the stroke is wide: its inner side has no hole."""
+        bend = [[2.0, 8], [14, 8], [14, 8.5], [2, 8.5]], [2], False
+        image = draw_layers(layers([[bend]], [STROKE], 2.0), 16, 16, backend=backend)
+        assert image[7:9, 2:11, 3].min() > 1 - 1e-6
+        assert image[..., 3].max() <= 1
+
+    @pytest.mark.parametrize("half_width", [0.0, -1.0])
+    def test_no_width_draws_nothing(self, backend, half_width):
+        curve = [[5.0, 5], [20, 2], [28, 20], [10, 28]], [2], False
+        assert not draw_layers(layers([[curve]], [STROKE], half_width), 32, 32, backend=backend).any()
+
+    def test_no_layers_leave_the_background(self, backend):
+        background = torch.rand(4, 5, 4, dtype=torch.float64)
+        empty = layers([], [])
+        empty = replace(empty, points=torch.zeros(0, 2, dtype=torch.float64), colors=torch.zeros(0, 4).double())
+        empty = replace(
+            empty, contours=torch.zeros(0, 5, dtype=torch.int32), layers=torch.zeros(0, 5, dtype=torch.int32)
+        )
+        empty = replace(empty, paints=torch.zeros(0, 4, dtype=torch.int32))
+        assert torch.allclose(draw_layers(empty, 5, 4, background, backend=backend), background)
+        assert not draw_layers(empty, 5, 4, backend=backend).any()
+
+    def test_translucent_layers_are_straight_colours(self, backend):
+        """One over the other: colours by weight, divided by alpha, times what is covered."""
+        colors = [[1, 0, 0, 0.5], [0, 0, 1, 0.25]]
+        scene = layers([[box(0, 0, 4, 4)], [box(2, 0, 4, 4)]], [NONZERO] * 2, colors=colors)
+        image = draw_layers(scene, 4, 4, backend=backend)
+        assert torch.allclose(image[0, 0], torch.tensor([1, 0, 0, 0.5], dtype=torch.float64))
+        alpha = 0.5 * 0.75 + 0.25
+        expected = torch.tensor([0.375 / alpha, 0, 0.25 / alpha, alpha], dtype=torch.float64)
+        assert torch.allclose(image[0, 3], expected)
+
+    def test_a_gradient_runs_from_stop_to_stop(self, backend):
+        scene = layers([[box(0, 0, 10, 2)]], [NONZERO])
+        scene = replace(
+            scene,
+            paints=whole([[LINEAR, 0, 2, 0]]),
+            axes=torch.tensor([[2.0, 0, 8, 0]]).double(),
+            offsets=torch.tensor([0.0, 1]).double(),
+            colors=torch.tensor([[0.0, 0, 0, 1], [1, 1, 1, 1]]).double(),
+        )
+        along = (torch.arange(10).double() + 0.5 - 2) / 6
+        assert torch.allclose(draw_layers(scene, 10, 2, backend=backend)[0, :, 0], along.clamp(0, 1))
+
+    @pytest.mark.parametrize("name", VALUES)
+    def test_gradients_are_finite_differences(self, backend, name):
+        scene, step = rich_scene(), 1e-5
+        value = getattr(scene, name)
+        found = gradients(scene, (32, 32), backend=backend)[1][name]
+        upstream = torch.randn((32, 32, 4), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+        chosen = torch.randperm(value.numel(), generator=torch.Generator().manual_seed(1))[:8]
+        for k in chosen.tolist():
+            moved = []
+            for sign in (1, -1):
+                changed = value.clone()
+                changed.view(-1)[k] += sign * step
+                moved.append((draw_layers(replace(scene, **{name: changed}), 32, 32) * upstream).sum())
+            expected = float(moved[0] - moved[1]) / (2 * step)
+            # Arcs of joints turn with the direction in front of them only.
+            assert float(found.view(-1)[k]) == pytest.approx(expected, rel=2e-3, abs=2e-3 * float(found.abs().max()))
+
+
+@pytest.mark.skipif("cpu" not in BACKENDS, reason="no kernels")
+class TestKernels:
+    @pytest.mark.parametrize("with_background", [False, True])
+    def test_they_draw_and_differentiate_as_the_reference_does(self, with_background):
+        scene = rich_scene()
+        background = (
+            torch.rand(30, 32, 4, generator=torch.Generator().manual_seed(5)).double() if with_background else None
+        )
+        image, found = gradients(scene, (32, 30), background=background, backend="cpu")
+        expected_image, expected = gradients(scene, (32, 30), background=background, backend="reference")
+        assert torch.allclose(image, expected_image, atol=1e-9)
+        for name, value in expected.items():
+            assert torch.allclose(found[name], value, atol=1e-5 * (1 + float(value.abs().max()))), name
+
+    @pytest.mark.parametrize("seed", range(12))
+    def test_contours_by_chance(self, seed):
+        """Loops, cusps and corners of all kinds of segments, in both rules and stroked, some far outside."""
+        g = torch.Generator().manual_seed(seed)
+        groups, rules = [], []
+        for _ in range(3):
+            degrees = torch.randint(0, 3, (3,), generator=g).tolist()
+            closed = bool(torch.randint(0, 2, (1,), generator=g))
+            points = torch.rand(sum(degrees) + 3 + (not closed), 2, generator=g) * 34 - 5
+            groups.append([(points.tolist(), degrees, closed)])
+            rules.append(int(torch.randint(0, 3, (1,), generator=g)))
+        colors = torch.rand(3, 4, generator=g).tolist()
+        scene = layers(groups, rules, 0.3 + 2 * float(torch.rand(1, generator=g)), colors)
+        (image, found), (expected_image, expected) = (
+            gradients(scene, (24, 24), backend=b) for b in ("cpu", "reference")
+        )
+        # On the inner side of tight bends the two cut the same tube in different pieces.
+        assert float((image - expected_image).abs().max()) < 3e-3
+        assert float((found["points"] - expected["points"]).abs().max()) < 0.02 * float(expected["points"].abs().max())
+
+    def test_single_precision_draws_the_same(self):
+        image, found = gradients(rich_scene(torch.float32), (32, 32))
+        expected_image, expected = gradients(rich_scene(), (32, 32))
+        assert image.dtype == torch.float32
+        assert torch.allclose(image.double(), expected_image, atol=1e-5)
+        assert torch.allclose(found["points"].double(), expected["points"], atol=1e-3)
+
+    def test_the_number_of_threads_changes_no_bit(self):
+        results = []
+        try:
+            for count in (1, 3):
+                ds.set_num_threads(count)
+                results.append(gradients(rich_scene(torch.float32), (32, 32)))
+        finally:
+            ds.set_num_threads(None)
+        assert torch.equal(results[0][0], results[1][0])
+        assert all(torch.equal(results[0][1][name], results[1][1][name]) for name in VALUES)
+
+    def test_second_derivatives_are_refused(self):
+        scene = rich_scene()
+        points = scene.points.requires_grad_()
+        (first,) = torch.autograd.grad(draw_layers(scene, 16, 16).square().sum(), points, create_graph=True)
+        with pytest.raises(RuntimeError, match="once_differentiable"):
+            first.sum().backward()
+
+
+@pytest.mark.usefixtures("unchecked")
+class TestBadInput:
+    @pytest.mark.parametrize(
+        ("field", "value", "match"),
+        [
+            ("points", torch.full((4, 2), math.nan), "points must be finite"),
+            ("colors", torch.zeros(1, 3), r"colors must have shape \(n, 4\)"),
+            ("contours", whole([[0, 5, 0, 4, 1]]), "contours points to what is not there"),
+            ("contours", whole([[0, 3, 0, 4, 1]]), "4 segments, which take 4 points, and 3"),
+            ("layers", whole([[0, 1, 3, 0, 0]]), "rule of a layer must be 0 to 2"),
+            ("layers", whole([[0, 1, 0, 1, 0]]), "transform of a layer"),
+            ("paints", whole([[0, 0, 2, 0]]), "paints points to what is not there"),
+            ("inner", torch.zeros(4), "inner must be int32"),
+        ],
+    )
+    def test_tables_that_do_not_fit_are_refused(self, field, value, match):
+        value = value.double() if value.is_floating_point() and field != "inner" else value
+        scene = replace(layers([[box(1, 1, 3, 3)]], [NONZERO]), **{field: value})
+        with pytest.raises((TypeError, ValueError), match=match):
+            draw_layers(scene, 8, 8)
