@@ -32,13 +32,40 @@ template <class S> void cover(Layer<S> &layer, int width, int height, bool save,
   }
 }
 
-// A pixel while layers are painted: colour times alpha, alpha, and alpha if all paints were opaque.
+// A pixel while layers are painted: straight colour, colour times alpha, alpha, and what anything covers. As painting.py has it.
 struct Pixel {
-  double color[3], alpha, all;
+  double straight[3], color[3], alpha, all;
+  // Alpha, in what is covered already, of a paint over it.
+  double over(const Color &c) const { return c[3] * all + (1 - c[3]) * alpha; }
+  double mixed(int k, const Color &c, double over) const { return over > 0 ? (c[3] * all * c[k] + (1 - c[3]) * color[k]) / over : 0; }
   void paint(double share, const Color &c) {
-    const double opaque = share * c[3];
-    for (int k = 0; k < 3; k++) color[k] += opaque * (c[k] - color[k]);
+    const double opaque = share * c[3], weight = over(c);
+    for (int k = 0; k < 3; k++) {
+      straight[k] += share * (all * mixed(k, c, weight) + (c[3] > 0 ? (1 - all) * c[k] : 0) - straight[k]);
+      color[k] += opaque * (c[k] - color[k]);
+    }
     alpha += opaque * (1 - alpha), all += share * (1 - all);
+  }
+  // Of the share, and of the paint (c), to the gradient of the pixel before from that of the pixel after.
+  double backward(double share, const Color &c, Pixel &g, Color &g_color) const {
+    const double opaque = share * c[3], weight = over(c), rest = c[3] > 0 ? 1 : 0;
+    double g_opaque = g.alpha * (1 - alpha), g_share = g.all * (1 - all), g_all = 0, g_over = 0;
+    g_color[3] = 0;
+    for (int k = 0; k < 3; k++) {
+      const double x = mixed(k, c, weight), up = share * g.straight[k], g_x = weight > 0 ? all * up / weight : 0;
+      g_share += g.straight[k] * (all * x + rest * (1 - all) * c[k] - straight[k]);
+      g_opaque += g.color[k] * (c[k] - color[k]);
+      g_color[k] = opaque * g.color[k] + rest * (1 - all) * up + c[3] * all * g_x;
+      g_color[3] += g_x * (all * c[k] - color[k]);
+      g_all += up * (x - rest * c[k]) + g_x * c[3] * c[k];
+      g_over -= g_x * x;
+      g.straight[k] *= 1 - share;
+      g.color[k] = (1 - opaque) * g.color[k] + (1 - c[3]) * g_x;
+    }
+    g_color[3] += share * g_opaque + g_over * (all - alpha);
+    g.alpha = (1 - opaque) * g.alpha + (1 - c[3]) * g_over;
+    g.all = (1 - share) * g.all + g_all + c[3] * g_over;
+    return g_share + c[3] * g_opaque;
   }
 };
 
@@ -47,7 +74,8 @@ template <class S> void start(const State<S> &state, int row, std::vector<Pixel>
   if (!state.background) return;
   for (int x = 0; x < state.width; x++) {
     const S *b = state.background + 4 * (size_t(row) * state.width + x);
-    pixels[x] = {{double(b[0]), double(b[1]), double(b[2])}, double(b[3]), double(b[3])};
+    for (int k = 0; k < 3; k++) pixels[x].straight[k] = pixels[x].color[k] = double(b[k]);
+    pixels[x].alpha = double(b[3]), pixels[x].all = 1;
   }
 }
 
@@ -84,12 +112,8 @@ template <class S> struct RowBack {
     g.assign(width, Pixel{});
     for (int x = 0; x < width; x++) {
       const S *up = g_image + 4 * (size_t(row) * width + x);
-      const Pixel &p = pixels[x];
+      for (int k = 0; k < 3; k++) g[x].straight[k] = double(up[k]);
       g[x].alpha = double(up[3]);
-      if (p.alpha <= 0) continue;
-      double along = 0;
-      for (int k = 0; k < 3; k++) g[x].color[k] = p.all / p.alpha * double(up[k]), along += p.color[k] * double(up[k]) / p.alpha;
-      g[x].all = along, g[x].alpha -= p.all * along / p.alpha;
     }
     for (size_t l = state.layers.size(), left = states.size(); l-- > 0;) {
       const Layer<S> &layer = *state.layers[l];
@@ -104,23 +128,17 @@ template <class S> struct RowBack {
       Color color = layer.paint.color();
       for (int x = run->left; x < run->right; x++) {
         if (!plain) color = layer.paint.color(x, row);
-        const double share = double(shares[x]), opaque = share * color[3];
-        const Pixel &b = before[x];
+        const double share = double(shares[x]);
         Color g_color;
-        double g_opaque = g[x].alpha * (1 - b.alpha);
-        for (int k = 0; k < 3; k++) g_color[k] = opaque * g[x].color[k], g_opaque += g[x].color[k] * (color[k] - b.color[k]);
-        g_color[3] = g_opaque * share;
-        g_share[x] = S(g_opaque * color[3] + g[x].all * (1 - b.all));
+        g_share[x] = S(before[x].backward(share, color, g[x], g_color));
         if (share > 0) plain ? layer.paint.backward(g_color, g_paint) : layer.paint.backward(x, row, g_color, g_paint);
-        for (int k = 0; k < 3; k++) g[x].color[k] *= 1 - opaque;
-        g[x].alpha *= 1 - opaque, g[x].all *= 1 - share;
       }
     }
     if (!g_background) return;
     for (int x = 0; x < width; x++) {
       S *b = g_background + 4 * (size_t(row) * width + x);
-      for (int k = 0; k < 3; k++) b[k] = S(g[x].color[k]);
-      b[3] = S(g[x].alpha + g[x].all);
+      for (int k = 0; k < 3; k++) b[k] = S(g[x].straight[k] + g[x].color[k]);
+      b[3] = S(g[x].alpha);
     }
   }
 };
@@ -175,7 +193,7 @@ template <class S> Buffer<S> draw(State<S> &state, bool save) {
     S *out = image.get() + size_t(row) * state.width * 4;
     for (int x = 0; x < state.width; x++, out += 4) {
       const Pixel &p = pixels[x];
-      for (int k = 0; k < 3; k++) out[k] = S(p.alpha > 0 ? p.all * p.color[k] / p.alpha : 0);
+      for (int k = 0; k < 3; k++) out[k] = S(p.straight[k]);
       out[3] = S(p.alpha);
     }
   });

@@ -11,21 +11,28 @@ from diff3ds.render.areas.pixel_areas import covered
 def painted(
     layers: Layers, width: int, height: int, background: Float[Tensor, "H W 4"] | None
 ) -> Float[Tensor, "H W 4"]:
-    """The picture as `draw_layers` says, in operations of torch: the specification, slow."""
-    zeros = layers.points.new_zeros((height, width, 4))
-    # Colours times alpha, alpha, and alpha if all paints were opaque.
-    below = zeros if background is None else background
-    color, alpha = below[..., :3], below[..., 3:]
-    union = alpha
+    """The picture as `draw_layers` says, in operations of torch: the specification, slow.
+
+    A pixel's straight colour is the mean of its points' straight colours, those that nothing covers counting as black.
+    What lies below counts as one colour: exact where at most one layer covers a pixel partly, and for opaque layers as
+    far as coverages are independent of each other.
+    """
+    below = layers.points.new_zeros((height, width, 4)) if background is None else background
+    straight, alpha = below[..., :3], below[..., 3:]
+    # Colours times alpha, and the share of a pixel that anything covers.
+    color, union = straight, torch.full_like(alpha, 0 if background is None else 1)
     for row, (_, _, rule, _, paint) in enumerate(layers.layers.tolist()):
         share = covered(layer_edges(layers, row), rule, width, height)[..., None]
         paint_color = _paint(layers, paint, width, height)
-        opaque = share * paint_color[..., 3:]
-        color = color + opaque * (paint_color[..., :3] - color)
-        alpha = alpha + opaque * (1 - alpha)
+        own, opacity = paint_color[..., :3], paint_color[..., 3:]
+        over = opacity * union + (1 - opacity) * alpha
+        seen = over > 0
+        mixed = torch.where(seen, opacity * union * own + (1 - opacity) * color, 0) / torch.where(seen, over, 1)
+        mixed = union * mixed + (1 - union) * torch.where(opacity > 0, own, 0)
+        straight = straight + share * (mixed - straight)
+        color = color + share * opacity * (own - color)
+        alpha = alpha + share * opacity * (1 - alpha)
         union = union + share * (1 - union)
-    seen = alpha > 0
-    straight = torch.where(seen, union * color / torch.where(seen, alpha, 1), 0)
     return torch.cat([straight, alpha], 2)
 
 
