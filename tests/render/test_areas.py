@@ -1,10 +1,11 @@
 """Filled and stroked contours by exact areas: closed forms, finite differences, kernels against the reference."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 import torch
+from other_device import NAME, OtherDevice
 
 import diff3ds as ds
 from diff3ds.render.areas import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, draw_layers
@@ -52,7 +53,7 @@ def gradients(scene, size, seed=0, background=None, backend=None):
     below = None if background is None else background.clone().requires_grad_()
     image = draw_layers(replace(scene, **values), *size, below, backend=backend)
     upstream = torch.randn(image.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-    (image * upstream.to(image.dtype)).sum().backward()
+    (image * upstream.to(image)).sum().backward()
     found = {name: torch.zeros_like(v) if v.grad is None else v.grad for name, v in values.items()}
     return image.detach(), found if below is None else found | {"background": below.grad}
 
@@ -225,6 +226,16 @@ class TestKernels:
         assert image.dtype == torch.float32
         assert torch.allclose(image.double(), expected_image, atol=1e-5)
         assert torch.allclose(found["points"].double(), expected["points"], atol=1e-3)
+
+    def test_layers_on_another_device_are_drawn_on_the_cpu(self):
+        expected_image, expected = gradients(rich_scene(torch.float32), (16, 16))
+        with OtherDevice():
+            scene = rich_scene(torch.float32)
+            there = Layers(*(getattr(scene, field.name).to(NAME) for field in fields(scene)))
+            image, found = gradients(there, (16, 16))
+            assert image.device.type == found["points"].device.type == NAME
+            assert torch.equal(image.to("cpu"), expected_image)
+            assert torch.equal(found["points"].to("cpu"), expected["points"])
 
     def test_the_number_of_threads_changes_no_bit(self):
         results = []

@@ -1,5 +1,7 @@
 """Filled and stroked contours on a sheet, painted over each other, by exact areas of pixels, with gradients."""
 
+from dataclasses import fields
+
 from diff3ds._shapes import Float, Tensor
 from diff3ds.render.areas.layer_kernels import drawn
 from diff3ds.render.areas.painted_layers import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, check_layers
@@ -20,7 +22,8 @@ def draw_layers(
     """Paints layers over a background, which is empty if there is none.
 
     What a layer covers of a pixel is its exact area there (curves within .01 px of chords). Coverages of several layers
-    in one pixel count as independent of each other.
+    in one pixel count as independent of each other. Layers on another device are drawn on the CPU, and the picture and
+    gradients moved back.
 
     Returns:
         Straight colour times what is covered, and alpha: what DiffVG's samples are in the mean.
@@ -28,6 +31,12 @@ def draw_layers(
     Raises:
         TypeError, ValueError: tables that do not belong together, or values that cannot be drawn.
     """
+    device = layers.points.device
+    if device.type != "cpu":
+        # There are no kernels for GPUs: control points are few, and one picture a call comes back.
+        here = Layers(*(getattr(layers, field.name).cpu() for field in fields(Layers)))
+        below = None if background is None else background.cpu()
+        return draw_layers(here, width, height, below, backend=backend).to(device)
     check_layers(layers)
-    chosen = choose_backend(backend, layers.points.device, layers.points.dtype)
+    chosen = choose_backend(backend, device, layers.points.dtype)
     return (painted if chosen == "reference" else drawn)(layers, width, height, background)
