@@ -296,7 +296,7 @@ def run_example(tmp_path_factory):
 
 def with_slow(path: Path):
     """The example as a parameter; those that take longer than five seconds are slow ones."""
-    slow = path.stem in ("phrases", "stool_film", "optimise", "helix")
+    slow = path.stem in ("phrases", "stool_film", "optimise", "helix", "sixteen_strokes")
     return pytest.param(path, marks=pytest.mark.slow) if slow else path
 
 
