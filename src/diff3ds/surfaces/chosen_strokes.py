@@ -146,5 +146,5 @@ def _greedy(
 
 
 def _plain(sketch: Sketch) -> Sketch:
-    """Black strokes of the default width."""
-    return Sketch(sketch.points.detach(), sketch.weights.detach(), chains=sketch.chains)
+    """Black strokes of the default width, by their names."""
+    return Sketch(sketch.points.detach(), sketch.weights.detach(), chains=sketch.chains, names=sketch.names)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Sewing
 from OCP.BRepLib import BRepLib, BRepLib_ToolTriangulatedShape
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
@@ -41,6 +41,8 @@ TANGENT = 0.01
 # Faces that bound no solid are sewn together where they are no farther apart than this share of their longest side.
 # [empirical: files of IGES have five digits and more]
 SEWN = 1e-5
+# What is no body.
+BARE = "curves that bound no face"
 # Names that programs give to parts of an assembly where their users give none.
 _NO_NAMES = ("=>[", "NAUO", "SOLID", "COMPOUND", "OPEN CASCADE")
 
@@ -82,7 +84,7 @@ def found_in(path: str, told: Callable[[int, int], None]) -> tuple[dict[str, Any
     places = [
         {"name": part.name, "shape": known.FindIndex(part.shape) - 1, "matrix": _matrix(part.place)} for part in parts
     ]
-    said = [f"{count} {kind}" for kind, count in sorted(left_out.items()) if count]
+    said = [f"{kind} ({count})" for kind, count in sorted(left_out.items()) if count]
     found = {"shapes": shapes, "parts": places, "deflection": deflection}
     return found, [f"left out: {', '.join(said)}"] if said else []
 
@@ -151,7 +153,9 @@ def _with_faces(part: Part, left_out: Counter[str]) -> Part | None:
     TopExp.MapShapes_s(part.shape, TopAbs_FACE, faces)
     TopExp.MapShapes_s(part.shape, TopAbs_SOLID, solids)
     if not faces.Extent():
-        left_out["parts without a face"] += 1
+        edges = ShapeMap()
+        TopExp.MapShapes_s(part.shape, TopAbs_EDGE, edges)
+        left_out[BARE] += edges.Extent()
         return None
     BRepLib.BuildCurves3d_s(part.shape)
     if solids.Extent() or faces.Extent() == 1:
@@ -185,8 +189,15 @@ def _body(shape: TopoDS_Shape, deflection: float, left_out: Counter[str]) -> dic
     TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
     points, normals, triangles, face = array("d"), array("d"), array("i"), array("i")
     for number in range(1, faces.Extent() + 1):
-        if not _add_triangles(TopoDS.Face(faces.FindKey(number)), number, points, normals, triangles, face):
-            left_out["faces that OCCT makes no triangles of"] += 1
+        one = TopoDS.Face(faces.FindKey(number))
+        if not _add_triangles(one, number, points, normals, triangles, face):
+            # Of a few faces it makes triangles only as splines, such as of a cone from a half turn to one and a half.
+            spline = BRepBuilderAPI_NurbsConvert(one, True)
+            if spline.IsDone():
+                one = TopoDS.Face(spline.Shape())
+                BRepMesh_IncrementalMesh(one, deflection, False, TURN)
+            if not _add_triangles(one, number, points, normals, triangles, face):
+                left_out["faces that OCCT makes no triangles of"] += 1
     return {
         "points": _packed(points),
         "normals": _packed(normals),
@@ -237,7 +248,7 @@ def _edges(shape: TopoDS_Shape, left_out: Counter[str]) -> Iterator[dict[str, An
         if kind is None:
             continue
         if kind == "curve":
-            left_out["curves that bound no face"] += 1
+            left_out[BARE] += 1
             continue
         segments = _segments(edge)
         if segments:

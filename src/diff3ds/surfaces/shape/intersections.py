@@ -12,6 +12,9 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Parts are moved by so little against each other, as a share of the mesh's size, that no corner lies on a face.
 APART = 1e-9
+# Triangles of solids that cut each other at less than some 20 degrees are of surfaces in contact, as of a shaft and its
+# bore: each turns by up to 17 from one to the next. Cosine.
+CONTACT = 0.94
 # Segments that meet reach a little farther, as a share of their length: rounding.
 MET = 1e-6
 # Cells of the index of seams along a step of a line that is asked about. Speed only.
@@ -88,6 +91,8 @@ def seams(mesh: TriangleMesh) -> Seams:
     through, place = _through(mesh, piece, edge, face)
     met = through[slot.reshape(edges.shape)]
     pairs = met.sum(1) == 2
+    if mesh.surfaces:
+        pairs &= np.abs(np.einsum("pi,pi->p", mesh.face_normals[one], mesh.face_normals[other])) < CONTACT
     ends = slot.reshape(edges.shape)[pairs][met[pairs]].reshape(-1, 2)
     used, steps = np.unique(ends, return_inverse=True)
     return _without_tiny_steps(Seams(place[used], steps.reshape(-1, 2), one[pairs]), SAME * mesh.size)

@@ -118,7 +118,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         report(Progress("drawings", done, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
 
     views = visible_lines(features, cameras, shown, kinds=kinds, contours=options.contours, told=told)
-    views = [with_faces(lines, mesh) for lines in views]
+    views = [replace(lines, sketch=with_faces(lines.sketch, mesh)) for lines in views]
     drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
@@ -139,7 +139,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
-    sketch = thinned(made.sketch, made.kinds, options.tangent == "thin")
+    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent == "thin"), mesh)
     write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
     return sketch
 

@@ -1,7 +1,6 @@
 """Lines of solids: the faces that contours come from, layers of parts, thin lines where faces go on in each other."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -9,7 +8,6 @@ import torch
 from diff3ds.bezier import evaluate
 from diff3ds.chains import Chains
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.draw import Lines
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
 from diff3ds.surfaces.shape.nearest import faces_at, places_anywhere
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -19,24 +17,25 @@ from diff3ds.tasks.mesh.source import TANGENT
 THIN = 0.5
 
 
-def with_faces(lines: Lines, mesh: TriangleMesh) -> Lines:
-    """The lines of a view; those without a name are called by the faces of the solids that they lie on."""
-    names = list(lines.sketch.names or ("",) * len(lines.sketch))
+def with_faces(sketch: Sketch, mesh: TriangleMesh) -> Sketch:
+    """The strokes; those without a name are called by the faces of the solids that they lie on."""
+    names = list(sketch.names or ("",) * len(sketch))
     own = [i for i, name in enumerate(names) if not name]
     if not isinstance(mesh, SolidMesh) or not own:
-        return lines
-    some = lines.sketch[own].detach()
+        return sketch
+    some = sketch[own].detach()
     chains = some.chains or Chains.plain(len(some))
     # Between the ends of segments, which may lie between faces.
-    points = evaluate(some.points.double(), some.weights.double(), torch.tensor([0.25, 0.5, 0.75])).reshape(-1, 3)
+    t = torch.tensor([0.25, 0.5, 0.75], dtype=torch.float64)
+    points = evaluate(some.points.double(), some.weights.double(), t).reshape(-1, 3)
     query, face = faces_at(mesh, places_anywhere(mesh, points.numpy())[1])
-    stroke = chains.stroke.repeat_interleave(3).numpy()[query]
+    stroke = chains.stroke.repeat_interleave(len(t)).numpy()[query]
     for number, i in enumerate(own):
         faces, counts = np.unique(mesh.form[face[stroke == number]], return_counts=True)
         # A point near the border of two faces is on either.
-        some_of = faces[counts > 1] if (counts > 1).any() else faces
-        names[i] = ", ".join(mesh.names[k] for k in some_of)
-    return replace(lines, sketch=lines.sketch.replace(names=names))
+        sure = faces[counts > 1] if (counts > 1).any() else faces
+        names[i] = ", ".join(mesh.names[k] for k in sure)
+    return sketch.replace(names=names)
 
 
 def layers_of(kinds: Sequence[str], sketch: Sketch, mesh: TriangleMesh) -> list[str]:
