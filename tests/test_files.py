@@ -9,7 +9,8 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file
 
-from diff3ds import _files, _tensor_files
+import diff3ds as ds
+from diff3ds import _files, _tensor_files, formats
 
 
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -98,3 +99,32 @@ def test_errors_name_the_file(tmp_path):
         _files.read_json(path)
     path.write_text('{"é": [1, 2.5, null]}', encoding="utf-8")
     assert _files.read_json(path) == {"é": [1, 2.5, None]}
+
+
+@pytest.mark.parametrize(
+    ("read", "name", "wanted"),
+    [
+        (ds.load, "no.json", "give the folder of a run, or a file with a sketch"),
+        (ds.load, "no.step", "give the folder of a run, or a file with a sketch"),
+        (ds.load_surface, "no.stl", "give a mesh, a file such as part.stl"),
+        (ds.load_surface, "no.step", "give solids, a file such as part.step"),
+        (ds.load_surface, "no.igs", "give solids, a file such as part.step"),
+        (ds.mesh_to_sketch, "no.obj", "give a mesh, a file such as part.stl"),
+        (ds.points_to_sketch, "no.ply", "give a cloud of points, a file such as scan.ply"),
+        (ds.load_transforms, "no.json", "give a file that is"),
+        (formats.load_dxf, "no.dxf", "give a file that is"),
+        (ds.recognise, "no.png", "give a picture of one object"),
+    ],
+)
+def test_a_file_that_is_missing_is_told_with_what_to_give(read, name, wanted, tmp_path):
+    with pytest.raises(FileNotFoundError) as told:
+        read(tmp_path / name)
+    assert str(told.value).startswith(f"{tmp_path / name} is not there: {wanted}")
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".step", ".ply"])
+def test_a_folder_is_no_file(suffix, tmp_path):
+    (tmp_path / f"a{suffix}").mkdir()
+    for read in (ds.load_surface, ds.points_to_sketch if suffix == ".ply" else ds.mesh_to_sketch):
+        with pytest.raises(IsADirectoryError, match="is a folder: give "):
+            read(tmp_path / f"a{suffix}")

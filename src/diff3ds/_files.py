@@ -24,6 +24,29 @@ def is_file(path: Path) -> bool:
     return os.path.isfile(path)
 
 
+def check_there(path: Path, wanted: str, most: float | None = None) -> None:
+    """Sees that there is something to be read.
+
+    Args:
+        wanted: what could be given, as the end of a sentence, such as "a mesh, a file such as part.stl".
+        most: bytes that are read of a file; None where a folder may be given too.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        IsADirectoryError: it is a folder, and a file is wanted.
+        ValueError: it has more bytes.
+    """
+    if not os.path.exists(path):
+        raise FileNotFoundError(f"{path} is not there: give {wanted}")
+    if most is None:
+        return
+    if os.path.isdir(path):
+        raise IsADirectoryError(f"{path} is a folder: give {wanted}")
+    size = path.stat().st_size
+    if size > most:
+        raise ValueError(f"{path}: {size} bytes are more than the {most} that are read")
+
+
 def read_text(path: Path) -> str:
     """The text of a file.
 
@@ -31,9 +54,7 @@ def read_text(path: Path) -> str:
         FileNotFoundError: it is missing.
         ValueError: it is larger than 256 MiB, or neither UTF-8 nor, with a byte order mark, UTF-16.
     """
-    size = path.stat().st_size
-    if size > MAX_TEXT_BYTES:
-        raise ValueError(f"{path}: {size} bytes are more than the {MAX_TEXT_BYTES} that are read")
+    check_there(path, "a file that is", MAX_TEXT_BYTES)
     content = path.read_bytes()
     # Editors and shells of Windows write byte order marks, and UTF-16 with one.
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))

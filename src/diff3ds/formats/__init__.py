@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from diff3ds._files import check_there
 from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
 from diff3ds.formats.cad.dxf import load_dxf, save_dxf
@@ -142,12 +143,16 @@ def load(path: str | Path) -> Sketch:
         ImportError: the extra that reads this format is not installed.
     """
     path = Path(path)
+    wanted = "the folder of a run, or a file with a sketch"
     if path.is_dir():
         path /= "sketch.json"
         if not path.is_file():
             raise ValueError(f"{path.parent} has no sketch.json: give the folder of a run, or a file with a sketch")
     suffix = path.suffix.lower()
     reader = _READERS.get(suffix)
+    if not suffix:
+        check_there(path, wanted)
     if reader is None:
         raise ValueError(f"{path}: cannot load {suffix!r}, only {', '.join(_READERS)}{before_reading(suffix)}")
+    check_there(path, wanted)
     return reader(path)

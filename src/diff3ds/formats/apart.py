@@ -12,6 +12,7 @@ from typing import Any, cast
 
 import torch
 
+from diff3ds._files import check_there
 from diff3ds._shapes import Tensor
 from diff3ds.bezier import MAX_DEGREE, from_nurbs, subcurve
 from diff3ds.formats.assembly import ReadStroke, Segment, sketch_of
@@ -27,10 +28,8 @@ JOINT = 1e-6
 
 
 def check_size(path: Path) -> None:
-    """Raises ValueError for a file that is too large."""
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise ValueError(f"{path}: {size} bytes are more than the {MAX_BYTES} that are read")
+    """Raises what `check_there` does, for a file that is not there or is too large."""
+    check_there(path, "a file that is", MAX_BYTES)
 
 
 def strokes_apart(path: Path, reader: str, program: str, kind: str) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._files import write_bytes
+from diff3ds._files import check_there, write_bytes
 from diff3ds._shapes import Bool, Float, Index, Int, Mask
 from diff3ds.formats.clouds.read_cloud import CLOUDS
 from diff3ds.formats.files_beside import FilesBeside
@@ -78,9 +78,7 @@ def read_mesh(path: str | Path, colors: bool = False) -> MeshFile:
     if path.suffix.lower() not in MESHES:
         hint = ": of a cloud of points diff3ds points finds the edges" if path.suffix.lower() in CLOUDS else ""
         raise ValueError(f"{path}: cannot load {path.suffix.lower()!r} as a mesh, only {', '.join(MESHES)}{hint}")
-    size = path.stat().st_size
-    if size > MAX_MESH_BYTES:
-        raise ValueError(f"{path}: {size} bytes are more than the {MAX_MESH_BYTES} that are read")
+    check_there(path, "a mesh, a file such as part.stl", MAX_MESH_BYTES)
     content = path.read_bytes()
     try:
         # Numbers of broken files may be of any size; what is too large is left out below.

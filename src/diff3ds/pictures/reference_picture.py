@@ -1,10 +1,12 @@
 """The reference picture of `diff3ds image`: read, its object cut out, squared, over white."""
 
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import torch
 
+from diff3ds._files import check_there
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import orbit
 from diff3ds.formats.orientation import load_upright
@@ -68,9 +70,9 @@ def read_reference(
     """
     options = options or PictureOptions()
     if options.mask is not None:
-        _require_file(options.mask, "a mask, a picture that is white where the object is")
+        check_there(options.mask, "a mask, a picture that is white where the object is", inf)
     if isinstance(picture, Path):
-        _require_file(picture, "a picture of one object, a file such as mug.png")
+        check_there(picture, "a picture of one object, a file such as mug.png", inf)
         name = str(picture)
         image = load_svg_picture(picture) if picture.suffix.lower() == ".svg" else load_upright(picture)
     else:
@@ -85,13 +87,6 @@ def read_reference(
     if options.frame == "picture":
         box = (0, pixels.shape[0], 0, pixels.shape[1])
     return ReferencePicture(_squared(pixels, box, size, size if options.frame == "picture" else size * OBJECT / OF))
-
-
-def _require_file(path: Path, wanted: str) -> None:
-    if path.is_dir():
-        raise IsADirectoryError(f"{path} is a folder: give {wanted}")
-    if not path.exists():
-        raise FileNotFoundError(f"{path} is not there: give {wanted}")
 
 
 def _cut_out(name: str, image: Float[Tensor, "H W C"], options: PictureOptions) -> Float[Tensor, "H W 4"]:

@@ -18,8 +18,6 @@ def load_sketch(source: Path) -> Sketch:
         ValueError: a sketch without strokes; as `load`.
         OSError, ImportError: as `load`.
     """
-    if not source.exists():
-        raise FileNotFoundError(f"{source} is not there: give the folder of a run, or a file with a sketch")
     sketch = load(source)
     if len(sketch) == 0:
         raise ValueError(f"{source}: the sketch has no strokes")

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from diff3ds._files import check_there
 from diff3ds._shapes import Array, Float, Index, Int
-from diff3ds.formats.apart import found_apart, meet, say_of
+from diff3ds.formats.apart import MAX_BYTES, found_apart, meet, say_of
 from diff3ds.formats.assembly import ReadStroke, Segment, sketch_of
 from diff3ds.formats.cad.step import check_step
 from diff3ds.sketch import Sketch
@@ -64,6 +65,7 @@ def read_solids(path: Path, told: Callable[[int, int], None] = lambda done, of: 
         ValueError: larger than 256 MiB, broken, or without a face.
         OSError: the file cannot be read.
     """
+    check_there(path, "solids, a file such as part.step", MAX_BYTES)
     kind = path.suffix[1:].upper()
     if path.suffix.lower() in (".step", ".stp"):
         check_step(path)

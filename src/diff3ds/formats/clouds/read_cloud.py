@@ -7,6 +7,7 @@ from tokenize import TokenError
 
 import numpy as np
 
+from diff3ds._files import check_there
 from diff3ds._shapes import Array, Float
 from diff3ds.formats.mesh_files.read_ply import read_ply_points
 from diff3ds.formats.mesh_files.text_numbers import numbers
@@ -44,9 +45,7 @@ def read_cloud(path: str | Path) -> Cloud:
             f"{path}: cannot load {suffix!r} as a cloud of points, only {', '.join(CLOUDS)}: diff3ds mesh draws the "
             "lines of a mesh"
         )
-    size = path.stat().st_size
-    if size > MAX_CLOUD_BYTES:
-        raise ValueError(f"{path}: {size} bytes are more than the {MAX_CLOUD_BYTES} that are read")
+    check_there(path, "a cloud of points, a file such as scan.ply", MAX_CLOUD_BYTES)
     try:
         table = _las(path) if suffix in (".las", ".laz") else _table(suffix, path)
     except (ValueError, EOFError) as error:
