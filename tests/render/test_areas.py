@@ -96,6 +96,14 @@ class TestAreas:
         sides = torch.tensor([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         assert torch.allclose(points.grad, sides * half, atol=1e-6)
 
+    def test_an_edge_between_two_pixels_moves_one_of_them(self, backend):
+        scene = layers([[box(1, 1, 3, 4)]], [NONZERO])
+        points = scene.points.requires_grad_()
+        draw_layers(scene, 6, 5, backend=backend)[..., 3].sum().backward()
+        assert torch.allclose(
+            points.grad, torch.tensor([[-1.5, -1], [1.5, -1], [1.5, 1], [-1.5, 1]]).double(), atol=1e-6
+        )
+
     @pytest.mark.parametrize(("rule", "area"), [(NONZERO, 7 + 9 - 3.75), (EVEN_ODD, 7 + 9 - 7.5)])
     def test_what_overlaps_is_united_or_left_out(self, backend, rule, area):
         pair = [box(1, 1, 4.5, 3), box(2, 1.5, 5, 4.5)]

@@ -92,4 +92,7 @@ def _mean_clamped(a: Float[Tensor, "*N"], b: Float[Tensor, "*N"]) -> Float[Tenso
 
     apart = (b - a).abs() > 1e-6  # below, the mean is the middle's to the last digits that a difference leaves
     step = torch.where(apart, b - a, 1)
-    return torch.where(apart, (integral(b) - integral(a)) / step, ((a + b) / 2).clamp(0, 1))
+    # Exactly between two pixels an edge has the derivative of one of them: torch's clamp would give it to both.
+    middle = (a + b) / 2
+    middle = torch.where(middle <= 0, 0, torch.where(middle > 1, 1, middle))
+    return torch.where(apart, (integral(b) - integral(a)) / step, middle)
