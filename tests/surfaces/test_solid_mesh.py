@@ -86,8 +86,6 @@ def test_contours_are_called_by_their_faces(assembly):
     assert own
     assert all("/face " in names[i] for i in own)
     assert names[: len(solid.edges)] == solid.edges.names
-    # A cap screw's thread fills its hole nowhere, but the washers fit: where parts touch, no seam is drawn.
-    assert "intersection" not in lines.kinds
 
 
 def test_outlines_of_a_cylinder_are_lines_on_it(tmp_path):
@@ -107,3 +105,23 @@ def test_outlines_of_a_cylinder_are_lines_on_it(tmp_path):
     torch.testing.assert_close(points[:, :2].norm(dim=1), torch.full((len(points),), 2.0).double(), atol=2e-3, rtol=0)
     angle = torch.rad2deg(torch.atan2(points[:, 1], points[:, 0])) - 33
     torch.testing.assert_close(angle.abs(), torch.full_like(angle, 90), atol=0.5, rtol=0)
+
+
+@pytest.mark.parametrize(("radius", "seams"), [(2.0, False), (2.5, True)])
+def test_a_shaft_that_fits_its_bore_has_no_seam_and_one_that_is_too_thick_has(tmp_path, radius, seams):
+    from cad.solids import box, cut, cylinder
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepTools import BRepTools
+    from OCP.TopoDS import TopoDS_Compound
+
+    from diff3ds.surfaces.form.solid_mesh import load_solid
+
+    builder, whole = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(whole)
+    builder.Add(whole, cut(box((-5, -5, 0), (10, 10, 4)), cylinder((0, 0, -1), 2.0, 9)))
+    # From another seam on, so that the triangles are others.
+    builder.Add(whole, cylinder((0, 0, -3), radius, 11.5))
+    BRepTools.Write_s(whole, str(tmp_path / "a.brep"))
+    solid = load_solid(tmp_path / "a.brep", "z")
+    (lines,) = ds.visible_lines(solid.edges, ds.orbit(33, 20, 40), solid.mesh, kinds=solid.kinds)
+    assert ("intersection" in lines.kinds) == seams
