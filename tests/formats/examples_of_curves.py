@@ -3,6 +3,7 @@
 from examples_of_3dm import RHINO
 from examples_of_dxf import DXF
 from examples_of_step import STEP
+from examples_of_svg import SVG
 from examples_of_usd import USD
 from read_curves import read
 
@@ -12,5 +13,6 @@ EXAMPLES = {
     "DXF: `.dxf`": DXF,
     "Rhino: `.3dm`": RHINO,
     "STEP: `.step`, `.stp`": STEP,
+    "SVG: `.svg`": SVG,
     "USD: `.usd`, `.usda`, `.usdc`, `.usdz`": USD,
 }

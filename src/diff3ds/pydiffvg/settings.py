@@ -41,6 +41,6 @@ def get_device() -> torch.device:
 
 
 def set_print_timing(val: bool) -> None:
-    """Whether each picture and each backward pass prints how long it took."""
+    """Whether each picture prints how long it took to draw, without its gradients."""
     global print_timing
     print_timing = bool(val)
