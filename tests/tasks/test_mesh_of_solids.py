@@ -100,3 +100,26 @@ def test_a_solid_hides_the_lines_of_any_sketch(rounded):
     (lines,) = ds.visible_lines(along, ds.orbit(40, 20, 200), surface, contours=False)
     # Out of the pin, whose top is at 18.
     assert lines.strokes(True).points[0, 0, 2] == pytest.approx(18, abs=0.2)
+
+
+@pytest.mark.parametrize(("options", "contours"), [([], False), (["--strokes", "6"], True)])
+def test_round_solids_have_their_own_edges_and_others_where_they_are_asked_for(tmp_path, options, contours):
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeTorus
+    from OCP.BRepTools import BRepTools
+
+    BRepTools.Write_s(BRepPrimAPI_MakeTorus(5.0, 2.0, 4.0).Shape(), str(tmp_path / "a.brep"))
+    main(["mesh", str(tmp_path / "a.brep"), "-o", str(tmp_path / "out"), *FEW, *options])
+    run = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert run["outlines_drawn"] < 0.5
+    assert ("contour" in run["kinds"]) == contours
+    assert all(name.startswith("a/") for name in ds.load(tmp_path / "out").names)
+
+
+def test_a_ball_without_an_edge_gets_strokes_for_its_outlines(tmp_path):
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeSphere
+    from OCP.BRepTools import BRepTools
+
+    BRepTools.Write_s(BRepPrimAPI_MakeSphere(5.0).Shape(), str(tmp_path / "a.brep"))
+    main(["mesh", str(tmp_path / "a.brep"), "-o", str(tmp_path / "out"), *FEW, "--strokes", "2"])
+    sketch = ds.load(tmp_path / "out")
+    assert sketch.names == ("a/face 1",) * len(sketch)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from diff3ds._files import check_there
@@ -107,7 +108,9 @@ def _numbered(names: Sequence[str]) -> list[str]:
 
 
 def _strokes(edges: Sequence[tuple[str, dict[str, Any]]]) -> Sketch:
-    """Edges and their parts' names as strokes."""
+    """Edges and their parts' names as strokes; of a ball there are none."""
+    if not edges:
+        return Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
     read = []
     for _, edge in edges:
         segments: list[Segment] = edge["segments"]

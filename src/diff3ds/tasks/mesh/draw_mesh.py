@@ -23,6 +23,7 @@ from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.draw import Lines, visible_lines
 from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
+from diff3ds.surfaces.form.solid_mesh import SolidMesh
 from diff3ds.surfaces.line_drawings import SIZE
 from diff3ds.surfaces.lines.feature_curves import FeatureCurves, feature_curves, outline_share
 from diff3ds.surfaces.shape.coarse import coarse, without_specks
@@ -105,7 +106,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     mesh, colors = read.mesh, read.colors
     made = sketch_mesh(mesh, options, report, read.edges)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
-    if made.outlines < LEAST_OUTLINE:
+    if made.outlines < LEAST_OUTLINE and CONTOUR in made.kinds:
         say(
             f"the mesh is smooth: its creases and borders draw {made.outlines:.0%} of its outlines; strokes "
             "fitted to outlines from all around are in the sketch, and the drawings have those of their own views"
@@ -180,7 +181,8 @@ def sketch_mesh(
     else:
         features, kinds = edges
     outlines = outline_share(mesh)
-    smooth = outlines < LEAST_OUTLINE
+    # Solids have their own edges, however round they are.
+    smooth = outlines < LEAST_OUTLINE and not (isinstance(mesh, SolidMesh) and len(features))
     if options.strokes is None and not smooth:
         return MeshSketch(features, kinds, outlines)
     if smooth:
