@@ -102,7 +102,9 @@ def test_a_solid_hides_the_lines_of_any_sketch(rounded):
     assert lines.strokes(True).points[0, 0, 2] == pytest.approx(18, abs=0.2)
 
 
-@pytest.mark.parametrize(("options", "contours"), [([], False), (["--strokes", "6"], True)])
+@pytest.mark.parametrize(
+    ("options", "contours"), [([], False), pytest.param(["--strokes", "6"], True, marks=pytest.mark.slow)]
+)
 def test_round_solids_have_their_own_edges_and_others_where_they_are_asked_for(tmp_path, options, contours):
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeTorus
     from OCP.BRepTools import BRepTools
