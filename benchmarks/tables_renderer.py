@@ -134,6 +134,16 @@ def differences() -> str:
     return markdown(["of / to", "directions", "left out: bent", "median error", "worst"], rows) + source_of("accuracy")
 
 
+def pydiffvg() -> str:
+    """diff3ds.pydiffvg next to DiffVG."""
+    rows = []
+    for name, times in results_of("pydiffvg")["figures"]["ms"].items():
+        for way in ("forward", BOTH):
+            medians = [digits(times[f"{module}, {way}"][0]) for module in ("DiffVG", "diff3ds")]
+            rows.append([name if way == "forward" else "", way, *medians, digits(times[f"ratio, {way}"])])
+    return markdown(["scene", "ms of", "DiffVG", "diff3ds", "times as fast"], rows) + source_of("pydiffvg")
+
+
 TABLES: tuple[Callable[[], str], ...] = (
     speed,
     machines,
@@ -143,4 +153,5 @@ TABLES: tuple[Callable[[], str], ...] = (
     gpu_step,
     agreement,
     differences,
+    pydiffvg,
 )
