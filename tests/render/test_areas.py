@@ -192,6 +192,14 @@ class TestAreas:
             # Arcs of joints turn with the direction in front of them only.
             assert float(found.view(-1)[k]) == pytest.approx(expected, rel=2e-3, abs=2e-3 * float(found.abs().max()))
 
+    def test_single_precision_draws_the_same(self, backend):
+        image, found = gradients(rich_scene(torch.float32), (32, 32), backend=backend)
+        expected_image, expected = gradients(rich_scene(), (32, 32), backend=backend)
+        assert image.dtype == torch.float32
+        assert torch.allclose(image.double(), expected_image, atol=1e-5)
+        for name in ("points", "transforms"):
+            assert torch.allclose(found[name].double(), expected[name], atol=1e-4 * float(expected[name].abs().max()))
+
 
 @pytest.mark.skipif("cpu" not in BACKENDS, reason="no kernels")
 class TestKernels:
@@ -227,13 +235,6 @@ class TestKernels:
         # On the inner side of tight bends the two cut the same tube in different pieces.
         assert float((image - expected_image).abs().max()) < 3e-3
         assert float((found["points"] - expected["points"]).abs().max()) < 0.02 * float(expected["points"].abs().max())
-
-    def test_single_precision_draws_the_same(self):
-        image, found = gradients(rich_scene(torch.float32), (32, 32))
-        expected_image, expected = gradients(rich_scene(), (32, 32))
-        assert image.dtype == torch.float32
-        assert torch.allclose(image.double(), expected_image, atol=1e-5)
-        assert torch.allclose(found["points"].double(), expected["points"], atol=1e-3)
 
     def test_layers_on_another_device_are_drawn_on_the_cpu(self):
         expected_image, expected = gradients(rich_scene(torch.float32), (16, 16))
