@@ -3,7 +3,7 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
+from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, around_triangles, largest, slices
 from diff3ds.page.picture import Picture
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -11,6 +11,8 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 # So far outside of a triangle in the picture, in barycentric coordinates, a point counts as inside: no ray passes
 # between two triangles that share an edge.
 SEAM = 1e-10
+# Pixels. Triangles farther away than this from a point cannot hold it, however slender they are. Speed only.
+BESIDE = 1e-3
 
 
 class MeshView:
@@ -27,6 +29,9 @@ class MeshView:
         low, high, self._triangle = slices(pixels, max(2 * len(face), MOST_BOXES))
         middle = float(np.median(largest(high - low))) if len(low) else 1.0
         self._index = BoxIndex.of(low, high, middle)
+        low, high = around_triangles(pixels)
+        # Axis by axis: their least and largest coordinates.
+        self._low, self._high = (low - BESIDE).T.copy(), (high + BESIDE).T.copy()
 
     def in_front(
         self, points: Float[Array, "Q 3"], own: Int[Index, "Q 3"] | None = None, rings: int = 0
@@ -68,6 +73,11 @@ class MeshView:
         pixels, depths = self.picture.seen(points)
         query, box = self._index.around(pixels)
         box = self._triangle[box]
+        # A cell of the index holds many triangles that are not around the point: most pairs end here.
+        for x, low, high in zip(pixels.T.copy(), self._low, self._high, strict=True):
+            at = x[query]
+            held = (low[box] <= at) & (at <= high[box])
+            query, box = query[held], box[held]
         a, b, c = self._corners.take(box, 0).transpose(1, 0, 2)
         p = pixels[query]
         shares = np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)], 1)
