@@ -296,3 +296,8 @@ def test_path_data_as_paths():
     assert (first.is_closed, second.is_closed) == (False, True)
     (closed,) = pydiffvg.from_svg_path("M0 0L4 0L4 4", force_close=True)
     assert (closed.is_closed, closed.num_control_points.tolist()) == (True, [0, 0, 0])
+
+
+def test_a_missing_file_is_told_with_what_to_give(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.svg is not there: give a drawing"):
+        pydiffvg.svg_to_scene(str(tmp_path / "none.svg"))

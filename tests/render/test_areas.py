@@ -271,6 +271,7 @@ class TestBadInput:
         ("field", "value", "match"),
         [
             ("points", torch.full((4, 2), math.nan), "points must be finite"),
+            ("points", torch.full((4, 2), 1e12), "must stay within 1e"),
             ("colors", torch.zeros(1, 3), r"colors must have shape \(n, 4\)"),
             ("contours", whole([[0, 5, 0, 4, 1]]), "contours points to what is not there"),
             ("contours", whole([[0, 3, 0, 4, 1]]), "4 segments, which take 4 points, and 3"),

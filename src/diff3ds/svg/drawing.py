@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from diff3ds._checks import users_level
+from diff3ds._files import check_there
 from diff3ds.svg.cascade import StyleSheet
 from diff3ds.svg.element_outlines import Contour, contours_of
 from diff3ds.svg.elements import Element, read_elements
@@ -112,8 +113,7 @@ def read_drawing(path: Path) -> Drawing:
         ValueError: no such file, or a broken or too large one; values that cannot be read. It names the path.
         OSError: it cannot be read.
     """
-    if (size := path.stat().st_size) > MAX_BYTES:
-        raise ValueError(f"{path}: {size} bytes are more than the {MAX_BYTES} that are read")
+    check_there(path, "a drawing, a file such as drawing.svg", MAX_BYTES)
     try:
         reader = _Reader(read_elements(path.read_bytes(), MAX_ELEMENTS, entities=True))
         drawing = reader.read()

@@ -10,8 +10,8 @@ from diff3ds._shapes import Float, Int, Tensor
 NONZERO, EVEN_ODD, STROKE = 0, 1, 2
 # Kinds of paint.
 PLAIN, LINEAR, RADIAL = 0, 1, 2
-# Beyond this, in pixels, no drawing reaches, and squares of coordinates would lose their last digits.
-MAX_COORDINATE = 1e7
+# Pixels. No drawing reaches so far, and kernels count rows in 32 bits.
+MAX_COORDINATE = 1e9
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,21 @@ def check_layers(layers: Layers) -> None:
         _check_shape(name, value, shape)
         if not bool(torch.isfinite(value.detach()).all()):
             raise ValueError(f"{name} must be finite")
+    _check_reach(layers)
     for name, columns in (("inner", ()), ("contours", (5,)), ("layers", (5,)), ("paints", (4,))):
         value = getattr(layers, name)
         if value.dtype != torch.int32:
             raise TypeError(f"{name} must be int32, got {value.dtype}")
         _check_shape(name, value, (None, *columns))
     _check_tables(layers)
+
+
+def _check_reach(layers: Layers) -> None:
+    """Raises ValueError if a transform may take a point, or the border of a stroke there, too far away."""
+    reach = sum(float(value.detach().abs().max()) for value in (layers.points, layers.half_widths) if value.numel())
+    moves = layers.transforms.detach().abs()
+    if moves.numel() and 2 * float(moves[:, :, :2].max()) * reach + float(moves[:, :, 2].max()) > MAX_COORDINATE:
+        raise ValueError(f"points, half widths and transforms must stay within {MAX_COORDINATE:g} pixels")
 
 
 def _check_shape(name: str, value: Tensor, shape: tuple[int | None, ...]) -> None:
