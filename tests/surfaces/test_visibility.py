@@ -7,6 +7,8 @@ from solids import box, icosphere, lathe, together, torus
 
 import diff3ds as ds
 from diff3ds.page.boxes import BoxIndex
+from diff3ds.page.picture import Picture
+from diff3ds.surfaces.hidden.mesh_view import MeshView
 
 PROFILE = np.array([[0, -1], [0.8, -1], [0.8, -0.5], [0.3, -0.4], [0.3, 0.6], [1, 0.9], [0, 1]])
 SCENES = {
@@ -139,3 +141,35 @@ def test_boxes_around_points_and_boxes_that_meet_are_all_found():
         found[index.meeting(points, ends)] = True
         assert found[meet].all()
     assert len(BoxIndex.of(np.zeros((0, 2)), np.zeros((0, 2)), 1.0).around(np.zeros((3, 2)))[0]) == 0
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_triangles_of_very_different_sizes_hide_as_each_asked_alone(orthographic):
+    """Fans of needles beside large faces, as in meshes of solids: all triangles that a view finds, and no other."""
+    angles = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    rim = np.stack([np.cos(angles), np.sin(angles), 0.1 * np.cos(3 * angles)], 1)
+    fan = np.stack([np.full(200, 200), np.arange(200), (np.arange(200) + 1) % 200], 1)
+    needles = (np.concatenate([rim, [[0.6, 0.2, 0.3]]]), fan)
+    mesh = ds.TriangleMesh(*together(needles, box((-0.2, -0.7, -0.6), (1.5, 0.05, 0.3))))
+    how = {"height": 4.0} if orthographic else {"fov": 40.0}
+    picture = Picture.of(ds.orbit(35.0, 20.0, 5.0, size=300, **how).to(torch.float64), 0)
+    view = MeshView(mesh, picture)
+    # Beside the edges, and far outside.
+    points = np.random.default_rng(5).uniform(-2, 2, (2000, 3))
+    query, _, face = view.crossed(points)
+    found = set(zip(query.tolist(), face.tolist(), strict=True))
+    corners, (at, depth) = picture.seen(mesh.vertices), picture.seen(points)
+    expected = set()
+    for number, triangle in enumerate(mesh.faces):
+        a, b, c = corners[0][triangle]
+        matrix = np.stack([b - a, c - a], 1)
+        if abs(np.linalg.det(matrix)) < 1e-12:
+            continue
+        share = np.linalg.solve(matrix, (at - a).T).T
+        share = np.column_stack([1 - share.sum(1), share])
+        deep = corners[1][triangle]
+        where = share @ deep if orthographic else 1 / (share @ (1 / deep))
+        inside = (share >= 0).all(1) & (where < depth - mesh.touching)
+        expected |= {(int(k), number) for k in np.flatnonzero(inside)}
+    assert len(expected) > 300
+    assert found == expected
