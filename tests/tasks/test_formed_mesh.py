@@ -43,15 +43,28 @@ def off_edges(points: np.ndarray) -> np.ndarray:
 
 def test_a_bumpy_box_lies_on_six_planes_and_the_edges_of_these_are_its_creases() -> None:
     told: list[str] = []
-    found = formed(rounded_box(0.002), told.append)
+    found = formed(rounded_box(0.002), "edge", told.append)
     assert found is not None
     assert [form["kind"] for form in found.told["forms"]] == ["plane"] * 6
     assert len(found.features) == 12
     assert len(told) == 1
     assert "bumpy, rounded or scanned" in told[0]
+    assert {name.partition(",")[0] for name in found.features.names} == {f"edge {k}" for k in range(12)}
+    # A grid of cells three quarters as wide as the rounding cuts a little more off than that does.
+    assert all(0.028 < edge["radius"] < 0.04 for edge in found.told["edges"])
     flat = found.mesh.form >= 0
     assert flat.mean() > 0.9
     assert np.abs(found.mesh.vertices[found.mesh.faces[flat]] / HALF).max(2).min() > 0.99
+
+
+def test_rounded_edges_are_two_tangent_lines_where_these_are_asked_for() -> None:
+    found = formed(rounded_box(0.002), "tangents", lambda line: None)
+    assert found is not None
+    assert found.kinds == ("tangent",) * 24
+    ends = np.abs(found.features.points[:, [0, 3]].reshape(-1, 3).numpy()) - HALF
+    # On one side of the box, and a little within both others.
+    assert np.abs(np.sort(ends, axis=1)[:, 2]).max() < 0.003
+    assert (np.abs(np.sort(ends, axis=1)[:, :2] + 0.034) < 0.008).all()
 
 
 @pytest.mark.slow
@@ -94,7 +107,7 @@ def test_clean_meshes_stay_as_they_are(kind: str) -> None:
     else:
         made = trimesh.creation.box() if kind == "box" else trimesh.creation.icosphere(4)
         mesh = ds.TriangleMesh(made.vertices, made.faces)
-    assert formed(mesh, lambda line: None) is None
+    assert formed(mesh, "edge", lambda line: None) is None
 
 
 def test_an_animal_stays_as_it_is() -> None:
@@ -103,4 +116,4 @@ def test_an_animal_stays_as_it_is() -> None:
     axes = [np.arange(-0.7, 0.7, spacing)] * 3
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
     body = 0.5 - np.linalg.norm(points * [1, 1.4, 1.6] + 0.1 * np.sin(7 * points[..., ::-1]), axis=-1)
-    assert formed(level_set(body, points[0, 0, 0], spacing), lambda line: None) is None
+    assert formed(level_set(body, points[0, 0, 0], spacing), "edge", lambda line: None) is None

@@ -32,6 +32,21 @@ def test_a_box_far_from_the_origin_has_twelve_edges_where_it_is(tmp_path):
         ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "run")
 
 
+def test_rounded_edges_are_named_by_their_radius_and_drawn_once_or_by_tangent_lines(tmp_path):
+    inner = np.clip(x := _box(9000) * [30, 20, 10], -np.array([28.5, 18.5, 8.5]), [28.5, 18.5, 8.5])
+    np.save(tmp_path / "box.npy", inner + 1.5 * (x - inner) / np.linalg.norm(x - inner, axis=1, keepdims=True))
+    sketch = ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "run")
+    told = json.loads((tmp_path / "run" / "run.json").read_text())["edges"]
+    assert [one["radius"] for one in told] == pytest.approx([1.5] * 12, rel=0.1)
+    assert sorted(sketch.names) == sorted(f"edge {k}, radius {one['radius']:.4g}" for k, one in enumerate(told))
+    lines = ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "lines", rounded="tangents")
+    assert len(lines) == 24
+    assert lines.width.tolist() == pytest.approx([0.5 * float(sketch.width[0])] * 24)
+    assert "'tangent'" in (tmp_path / "lines" / "sketch.step").read_text()
+    with pytest.raises(ValueError, match="all its 12 edges are rounded"):
+        ds.points_to_sketch(tmp_path / "box.npy", rounded="tangents", tangent="hidden")
+
+
 def test_a_cloud_without_edges_says_what_it_is(tmp_path):
     x = np.random.default_rng(0).normal(size=(2000, 3))
     np.save(tmp_path / "ball.npy", 7 * x / np.linalg.norm(x, axis=1, keepdims=True))

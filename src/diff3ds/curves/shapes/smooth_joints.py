@@ -38,3 +38,15 @@ def sketch_of(curves: Curves, width: float) -> Sketch:
     # The other half of a circle is a reflection, which rounding leaves a little off.
     sketch = Sketch(chains.joined(points), weights, width=width, chains=chains)
     return join_ends(sketch, smooth_joints(curves)).sketch
+
+
+def first_curves(sketch: Sketch, curves: Curves) -> list[int]:
+    """The row of the first curve of each stroke of `sketch_of`: the one with the same middle."""
+    from scipy.spatial import cKDTree
+
+    if not len(sketch):
+        return []
+    first = (sketch.chains or Chains.plain(len(sketch))).first[:-1]
+    middles = cKDTree(curves.points[:, 1:3].double().mean(1).numpy())
+    rows: list[int] = middles.query(sketch.points[first, 1:3].double().mean(1).numpy())[1].tolist()
+    return rows

@@ -1,5 +1,6 @@
 """Edges as runs between corners, each with the curves that draw it; edges that go on in each other are one run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,6 +11,7 @@ from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive, arc_control, line_control
 from diff3ds.curves.shapes.simplest import simplest
 from diff3ds.surfaces.form.edges import Edge
+from diff3ds.surfaces.form.rounding import TangentLine
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
 from diff3ds.surfaces.lines.feature_curves import _pieces
@@ -36,14 +38,28 @@ class Run:
 
 
 def drawn_runs(
-    samples: Samples, edges: list[Edge], points: Float[Array, "V 3"], vertex: Int[Index, "E 2"]
+    samples: Samples,
+    edges: list[Edge],
+    points: Float[Array, "V 3"],
+    vertex: Int[Index, "E 2"],
+    instead: Sequence[TangentLine] = (),
 ) -> tuple[list[Run], Float[Array, "W 3"]]:
-    """The runs, and the points that their vertices number."""
-    runs = [_run(samples, row, edge, points, vertex[row]) for row, edge in enumerate(edges)]
+    """The runs, and the points that their vertices number.
+
+    Args:
+        instead: what is drawn instead of their edges.
+    """
+    left_out = {tangent.edge for tangent in instead}
+    runs = [_run(samples, row, edge, points, vertex[row]) for row, edge in enumerate(edges) if row not in left_out]
     tolerance = 2 * max(FIT * samples.size, FIT_REACHES * within(samples))
     runs = _joined(runs, points, tolerance)
     out: list[Run] = []
     places, count = [points], len(points)
+    for tangent in instead:
+        first, last = count, count if tangent.closed else count + 1
+        runs.append(Run([first, last], [], [tangent.edge], tangent.line, tangent.closed))
+        places.append(tangent.line[[0] if tangent.closed else [0, -1]])
+        count = last + 1
     for run in runs:
         if run.strokes:
             out.append(run)

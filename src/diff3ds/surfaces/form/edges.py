@@ -33,6 +33,21 @@ SCRAP = 6.0
 LOOKED = 24
 
 
+@dataclass(frozen=True)
+class Rounding:
+    """What an edge between two forms is rounded by: what a ball that touches both leaves.
+
+    Attributes:
+        radius: of the ball, world units.
+        sides: signs of the distances of its middle from both forms.
+        cosine: of the angle between the normals of both that point away from it.
+    """
+
+    radius: float
+    sides: tuple[float, float]
+    cosine: float
+
+
 @dataclass(frozen=True, eq=False)
 class Edge:
     """A part of a path on which two forms meet.
@@ -45,7 +60,7 @@ class Edge:
         corner: for each end the number of the third form that it ends at, NONE where none is.
         turn: between the normals of the two forms, degrees, median along it.
         places: how many pairs of neighbouring samples it lies between.
-        radius: of the rounding that it stands for, world units; 0 where it is sharp.
+        rounding: that it stands for; None where it is sharp.
     """
 
     forms: tuple[int, int]
@@ -56,7 +71,7 @@ class Edge:
     corner: tuple[int, int]
     turn: float
     places: int
-    radius: float = 0.0
+    rounding: Rounding | None = None
 
     @property
     def length(self) -> float:

@@ -86,14 +86,16 @@ class Path:
         return np.asarray(at[row] + ((points - self.line[row]) * along[row]).sum(1))
 
 
-def onto(forms: Sequence[Surface], points: Float[Array, "S 3"], steps: int = STEPS) -> Float[Array, "S 3"]:
-    """The points moved to where all forms, two or three, are at distance zero, by the shortest steps."""
+def onto(
+    forms: Sequence[Surface], points: Float[Array, "S 3"], steps: int = STEPS, away: Float[Array, " F"] | float = 0.0
+) -> Float[Array, "S 3"]:
+    """The points moved to where all forms, two or three, are so far away, by the shortest steps."""
     x = points.copy()
     for _ in range(steps):
         off, jacobian = (np.stack(values, 1) for values in zip(*(one.placed(x) for one in forms), strict=True))
         gram = jacobian @ np.swapaxes(jacobian, 1, 2)
         gram += 1e-9 * np.eye(len(forms))
-        step = np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(gram, off[..., None])
+        step = np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(gram, (off - away)[..., None])
         x = x - step[..., 0]
     return x
 

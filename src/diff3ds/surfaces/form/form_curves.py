@@ -1,6 +1,7 @@
 """From samples of a surface to the curves of its edges: forms found, labelled and cut with each other."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -12,9 +13,13 @@ from diff3ds.surfaces.form.exact_meets import Surface
 from diff3ds.surfaces.form.free import free_regions
 from diff3ds.surfaces.form.labels import Labelled, labelled, spread
 from diff3ds.surfaces.form.regular import regularised
+from diff3ds.surfaces.form.rounding import tangent_lines, with_roundings
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import found_forms, within
 from diff3ds.surfaces.lines.feature_curves import _curves
+
+Rounded = Literal["edge", "tangents"]
+CREASE, TANGENT = "crease", "tangent"
 
 # Samples that no form explains belong to the nearest one up to so many spacings and reaches away: what lies between
 # two forms is their edge. Empirical.
@@ -27,6 +32,7 @@ class FormCurves:
 
     Attributes:
         curves: of the edges, which share vertices at corners.
+        kinds: what each curve is: "crease", or "tangent" where a rounded edge begins.
         edges: what each was made of, in their order.
         owner: of each curve the number of its edge.
         found: the forms and the labels of the samples.
@@ -35,6 +41,7 @@ class FormCurves:
     """
 
     curves: Curves
+    kinds: tuple[str, ...]
     edges: list[Edge]
     owner: list[int]
     found: Labelled
@@ -47,8 +54,13 @@ def band(samples: Samples) -> float:
     return BAND_SPACINGS * samples.spacing + BAND_REACHES * within(samples)
 
 
-def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
-    """The edges of a surface as exact intersections of the forms that it is made of."""
+def form_curves(samples: Samples, seed: int = 0, rounded: Rounded = "edge") -> FormCurves:
+    """The edges of a surface as exact intersections of the forms that it is made of.
+
+    Args:
+        seed: of what is drawn by chance.
+        rounded: whether a rounded edge is one curve, where its sides would meet, or its two tangent lines.
+    """
     generator = np.random.default_rng(seed)
     found = labelled(samples, [one.form for one in found_forms(samples, generator)])
     found = Labelled(regularised(samples, found.label, found.forms), found.label)
@@ -59,9 +71,10 @@ def form_curves(samples: Samples, seed: int = 0) -> FormCurves:
     edges = edges_between(samples, forms, label)
     points, vertex = corners(samples, edges, forms)
     kept = without_scraps(samples, edges, vertex)
-    edges = [edges[k] for k in kept]
-    runs, places = drawn_runs(samples, edges, points, vertex[kept])
+    edges = with_roundings(samples, label, [edges[k] for k in kept], forms)
+    tangents = tangent_lines(samples, edges, vertex[kept], forms) if rounded == "tangents" else []
+    runs, places = drawn_runs(samples, edges, points, vertex[kept], tangents)
     pieces = [(run.vertices, run.strokes) for run in runs]
     owner = [run.edges[0] for run in runs for _ in run.strokes]
-    curves = _curves(places, pieces)
-    return FormCurves(curves, edges, owner, found, forms, label)
+    kinds = tuple(TANGENT if tangents and edges[k].rounding else CREASE for k in owner)
+    return FormCurves(_curves(places, pieces), kinds, edges, owner, found, forms, label)

@@ -10,8 +10,7 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.chains import Chains
-from diff3ds.curves.shapes.smooth_joints import sketch_of
+from diff3ds.curves.shapes.smooth_joints import first_curves, sketch_of
 from diff3ds.formats import save_png, save_svg, tile_images
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
@@ -25,13 +24,14 @@ from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
 from diff3ds.surfaces.line_drawings import SIZE
-from diff3ds.surfaces.lines.feature_curves import FeatureCurves, feature_curves, outline_share
+from diff3ds.surfaces.lines.feature_curves import feature_curves, outline_share
 from diff3ds.surfaces.shape.coarse import coarse, without_specks
 from diff3ds.surfaces.shape.colors import SurfaceColors, colored
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.form_lines import thinned
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
-from diff3ds.tasks.mesh.solid_lines import layers_of, thinned, with_faces
+from diff3ds.tasks.mesh.solid_lines import layers_of, with_faces
 from diff3ds.tasks.mesh.source import LEAST_OUTLINE, read_source
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
@@ -102,7 +102,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     check_output_folder(out, out / "run.json", False, options.overwrite)
     cameras = _cameras(read.mesh, options)
     seconds = {"read": time.perf_counter() - begun}
-    read = read.by_forms(options.angle, say)
+    read = read.by_forms(options, say)
     mesh, colors = read.mesh, read.colors
     made = sketch_mesh(mesh, options, report, read.edges)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
@@ -140,7 +140,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
-    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent == "thin"), mesh)
+    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh)
     write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
     return sketch
 
@@ -177,7 +177,7 @@ def sketch_mesh(
     if edges is None:
         found = feature_curves(mesh, MOST_RUNS)
         features = sketch_of(found.curves, DEFAULT_WIDTH)
-        kinds = _kinds_of(features, found)
+        kinds: tuple[str, ...] = tuple(found.kinds[row] for row in first_curves(features, found.curves))
     else:
         features, kinds = edges
     outlines = outline_share(mesh)
@@ -227,18 +227,6 @@ def _in_pictures(mesh: TriangleMesh, size: int) -> TriangleMesh:
     return mesh if isinstance(mesh, FormMesh) else smooth_for_pictures(mesh, size)
 
 
-def _kinds_of(sketch: Sketch, found: FeatureCurves) -> tuple[str, ...]:
-    """What each stroke is: what its first curve is, the one with the same middle."""
-    from scipy.spatial import cKDTree
-
-    if not len(sketch):
-        return ()
-    first = (sketch.chains or Chains.plain(len(sketch))).first[:-1]
-    curves = cKDTree(found.curves.points[:, 1:3].double().mean(1).numpy())
-    rows = curves.query(sketch.points[first, 1:3].double().mean(1).numpy())[1]
-    return tuple(found.kinds[row] for row in rows)
-
-
 def _cameras(mesh: TriangleMesh, options: MeshOptions) -> Cameras:
     view = options.view
     if view.cameras is not None:
@@ -274,7 +262,7 @@ def _frames(
 def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
     """What is drawn in a view; contours, which are the view's own, in the colours of what is seen of them."""
     layers = lines.layers(options.hidden)
-    drawn = thinned(lines.drawn(options.hidden), layers, options.tangent == "thin")
+    drawn = thinned(lines.drawn(options.hidden), layers, options.tangent)
     own = [i for i, layer in enumerate(layers) if layer.startswith(CONTOUR)]
     if colors is None or not own:
         return drawn

@@ -4,16 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
-from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.curves.shapes.smooth_joints import sketch_of
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.form.form_curves import form_curves
+from diff3ds.sketch import Sketch
+from diff3ds.surfaces.form.form_curves import Rounded, form_curves
 from diff3ds.surfaces.form.form_mesh import FormMesh, on_forms
 from diff3ds.surfaces.form.samples import Samples, flat_share
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.form_report import told_forms
+from diff3ds.tasks.form_lines import form_lines, told_forms
 
 # Where so large a share of the length of edges turns by less than this, degrees, a mesh is as its maker meant it: in
 # those of trimesh's models that are of CAD at least .4, in outputs of generators and scans at most .1. Empirical.
@@ -34,16 +31,18 @@ class FormedMesh:
 
     Attributes:
         mesh: with the forms' normals and edges.
-        features: the edges, exact intersections of the forms.
+        features: the edges, exact intersections of the forms, or the tangent lines of rounded ones.
+        kinds: what each is.
         told: what run.json says of the forms.
     """
 
     mesh: FormMesh
     features: Sketch
+    kinds: tuple[str, ...]
     told: dict[str, object]
 
 
-def formed(mesh: TriangleMesh, say: Callable[[str], None]) -> FormedMesh | None:
+def formed(mesh: TriangleMesh, rounded: Rounded, say: Callable[[str], None]) -> FormedMesh | None:
     """The mesh by its forms where it is bumpy, rounded or scanned, which is said; None where it is clean, or smooth."""
     if len(mesh) < FEWEST or _is_as_meant(mesh):
         return None
@@ -55,7 +54,7 @@ def formed(mesh: TriangleMesh, say: Callable[[str], None]) -> FormedMesh | None:
     scan = samples.independent > INDEPENDENT and samples.noise > NOISY * samples.spacing
     if not scan and flat_share(mesh) < LEAST_FLAT:
         return None
-    found = form_curves(samples)
+    found = form_curves(samples, rounded=rounded)
     if not len(found.curves):
         return None
     say(
@@ -63,9 +62,8 @@ def formed(mesh: TriangleMesh, say: Callable[[str], None]) -> FormedMesh | None:
         "other forms that it is made of, its edges where these meet"
     )
     moved = on_forms(unit, samples, found)
-    points = found.curves.points * size + torch.from_numpy(middle)
-    features = sketch_of(Curves(points, found.curves.kind, found.curves.vertex), DEFAULT_WIDTH)
-    return FormedMesh(moved.with_vertices(moved.vertices * size + middle), features, told_forms(found, middle, size))
+    back = moved.with_vertices(moved.vertices * size + middle)
+    return FormedMesh(back, *form_lines(found, middle, size), told_forms(found, middle, size))
 
 
 def _is_as_meant(mesh: TriangleMesh) -> bool:

@@ -23,8 +23,10 @@ class MeshOptions:
             creases would be scraps, as on an animal.
         strokes: so many strokes at most, those that show most from all sides. By default all creases and borders; of
             a thing most of whose outlines are smooth, up to 24 fitted to its outlines as well.
-        tangent: what becomes of a solid's edges between faces that go on smoothly in each other: drawn, thin (half as
-            wide as other lines) or hidden.
+        rounded: whether a rounded edge of a bumpy, rounded or scanned mesh is one line, where its sides would meet, or
+            the two tangent lines at which it begins; a solid has its own.
+        tangent: what becomes of lines between faces that go on smoothly in each other, a solid's edges and tangent
+            lines of a mesh: drawn, thin (half as wide as other lines) or hidden.
         contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
         color: draw each stroke in the colour of the surface along it: of vertices, faces, materials or textures.
@@ -37,6 +39,7 @@ class MeshOptions:
     up: Literal["z", "y"] = "z"
     angle: float | None = None
     strokes: int | None = None
+    rounded: Literal["edge", "tangents"] = "edge"
     tangent: Literal["drawn", "thin", "hidden"] = "thin"
     contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"

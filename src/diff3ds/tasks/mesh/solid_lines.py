@@ -1,4 +1,4 @@
-"""Lines of solids: the faces that contours come from, layers of parts, thin lines where faces go on in each other."""
+"""Lines of solids: the faces that contours come from, and layers of parts."""
 
 from collections.abc import Sequence
 
@@ -11,10 +11,6 @@ from diff3ds.sketch import Sketch
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
 from diff3ds.surfaces.shape.nearest import faces_at, places_anywhere
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.tasks.mesh.source import TANGENT
-
-# Lines where faces go on in each other are so much narrower than others: the ratio of ISO 128-2.
-THIN = 0.5
 
 
 def with_faces(sketch: Sketch, mesh: TriangleMesh) -> Sketch:
@@ -44,11 +40,3 @@ def layers_of(kinds: Sequence[str], sketch: Sketch, mesh: TriangleMesh) -> list[
         return list(kinds)
     parts = (name.partition(", ")[0].rpartition("/")[0].replace("/", " ") for name in sketch.names)
     return [f"{part}, {kind}" for part, kind in zip(parts, kinds, strict=True)]
-
-
-def thinned(sketch: Sketch, kinds: Sequence[str], thin: bool) -> Sketch:
-    """The strokes, those between faces that go on in each other narrower."""
-    narrow = torch.tensor([thin and kind.startswith(TANGENT) for kind in kinds], dtype=torch.bool)
-    if not narrow.any():
-        return sketch
-    return sketch.replace(width=torch.where(narrow, THIN * sketch.width, sketch.width))

@@ -12,6 +12,7 @@ from diff3ds.surfaces.shape.colors import SurfaceColors
 from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.form_lines import with_tangents
 from diff3ds.tasks.mesh.formed import formed
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report
@@ -24,7 +25,6 @@ MOST_LOOSE = 0.5
 # And where some do, creases of a smooth thing that are shorter than this in the mean, a share of its longest side, are
 # folds and cracks of a scan: those of a machine part are several times as long. Empirical.
 SOME_LOOSE, SHORT = 0.1, 0.08
-CREASE, TANGENT = "crease", "tangent"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,15 +43,15 @@ class Source:
     edges: tuple[Sketch, tuple[str, ...]] | None = None
     told: dict[str, object] = field(default_factory=dict)
 
-    def by_forms(self, angle: float | None, say: Callable[[str], None]) -> "Source":
+    def by_forms(self, options: MeshOptions, say: Callable[[str], None]) -> "Source":
         """A mesh by its forms where it is bumpy, rounded or scanned, and without creases that are scraps elsewhere."""
         if self.edges is not None:
             return self
-        found = formed(self.mesh, say) if angle is None else None
+        found = formed(self.mesh, options.rounded, say) if options.angle is None else None
         if found is None:
-            return replace(self, mesh=creased(self.mesh, angle))
-        kinds = (CREASE,) * len(found.features)
-        return replace(self, mesh=found.mesh, edges=(found.features, kinds), told=found.told)
+            return replace(self, mesh=creased(self.mesh, options.angle))
+        edges = with_tangents(found.features, found.kinds, options.tangent)
+        return replace(self, mesh=found.mesh, edges=edges, told=found.told)
 
 
 def read_source(path: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Source:
@@ -77,9 +77,8 @@ def _solids(path: Path, options: MeshOptions, report: Report) -> Source:
         if given:
             raise ValueError(f"{path}: --{name} is for meshes, and this is a file of solids: leave it out")
     solid = load_solid(path, options.up, lambda done, of: report(Progress("bodies", done, of, None, 0)))
-    drawn = [i for i, kind in enumerate(solid.kinds) if kind != TANGENT or options.tangent != "hidden"]
-    kinds = tuple(solid.kinds[i] for i in drawn)
-    return Source(solid.mesh, None, (solid.edges[drawn], kinds), {"parts": list(solid.mesh.parts)})
+    edges = with_tangents(solid.edges, solid.kinds, options.tangent)
+    return Source(solid.mesh, None, edges, {"parts": list(solid.mesh.parts)})
 
 
 def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:

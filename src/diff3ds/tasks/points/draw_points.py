@@ -9,16 +9,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import tile_images
 from diff3ds.formats.clouds.read_cloud import Cloud, read_cloud
 from diff3ds.formats.framing import framed
 from diff3ds.render import render
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.sketch import Sketch
 from diff3ds.surfaces.form.form_curves import FormCurves, form_curves
 from diff3ds.surfaces.form.samples import Samples
-from diff3ds.tasks.form_report import told_forms
+from diff3ds.tasks.form_lines import form_lines, thinned, told_forms, with_tangents
 from diff3ds.tasks.points.points_options import PointsOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
@@ -66,12 +64,15 @@ def _drawn_points(
     seconds = {"read": time.perf_counter() - begun}
     middle, size = cloud.points.mean(0), float(np.ptp(cloud.points, axis=0).max())
     samples = Samples.of_points((cloud.points - middle) / size, cloud.normals)
-    found = form_curves(samples, options.seed)
+    found = form_curves(samples, options.seed, options.rounded)
     if not len(found.curves) or (not found.found.forms and samples.noise > NO_SURFACE * samples.spacing):
         raise ValueError(f"{source}: no edge was found: {_told(found)}")
-    curves = found.curves
-    points = curves.points * size + torch.from_numpy(middle)
-    sketch = sketch_of(Curves(points, curves.kind, curves.vertex), DEFAULT_WIDTH)
+    sketch, kinds = with_tangents(*form_lines(found, middle, size), options.tangent)
+    if not len(sketch):
+        raise ValueError(
+            f"{source}: all its {len(found.edges)} edges are rounded, and --tangent hidden leaves them out"
+        )
+    sketch = thinned(sketch, kinds, options.tangent)
     seconds["edges"] = time.perf_counter() - begun - sum(seconds.values())
     report(Progress("edges", 1, 1, None, len(sketch), sketch=sketch.detach))
     view = options.view
@@ -84,7 +85,8 @@ def _drawn_points(
     info = RunInfo(
         {"source": str(source), **told.pop("view"), **told}, told_forms(found, middle, size), seconds, [], {}, False
     )
-    write_results(out, sketch, cameras, tile_images(pictures, columns=min(len(pictures), 2)), info)
+    preview = tile_images(pictures, columns=min(len(pictures), 2))
+    write_results(out, sketch, cameras, preview, info, layers=kinds)
     return sketch
 
 

@@ -14,6 +14,9 @@ class PointsOptions:
     Attributes:
         view: of the preview.
         up: the axis that points up in the file; the sketch has z up.
+        rounded: whether a rounded edge is one line, where its sides would meet, or the two tangent lines at which it
+            begins.
+        tangent: what becomes of tangent lines: drawn, thin (half as wide as other lines) or hidden.
         seed: of what is drawn by chance.
         size: of a view of the preview, pixels.
         overwrite: the folder's run may be lost.
@@ -21,6 +24,8 @@ class PointsOptions:
 
     view: OrbitOptions = field(default_factory=lambda: OrbitOptions(azimuth=(30.0, 120.0, 210.0, 300.0)))
     up: Literal["z", "y"] = "z"
+    rounded: Literal["edge", "tangents"] = "edge"
+    tangent: Literal["drawn", "thin", "hidden"] = "thin"
     seed: int = 0
     size: int = 512
     overwrite: bool = False
