@@ -34,13 +34,13 @@ struct Ahead {
   }
 };
 
-// What the loss says of a tile. A fragment adds T a (pix . (color - plain, depth - tau) + best) to it, the background T run; all times `scale`.
-// Depth is sum(T a z) / sum(T a), here k.tau: its gradient goes to both sums. Returns `plain`: a background of one colour, whose blend weight all
-// fragments then carry (sum T a + T = 1, and run = 0); else zero.
+// What the loss says of a tile. A fragment adds T a (pix . (color - plain, z - depth) + ink) to it, the background T behind; all times `scale`.
+// Depth is sum(T a z) / sum(T a), here k.depth: its gradient goes to both sums. Returns `plain`: a background of one colour, whose blend weight all
+// fragments then carry (sum T a + T = 1, and behind = 0); else zero.
 PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) {
   if (p.w < TILE || p.h < TILE || !J.g_color)
     for (int i = 0; i < PIX; i++) k.pix[i] = v4{};
-  for (int i = 0; i < PIX; i += VL) store(k.best + i, vf{}), store(k.run + i, vf{}), store(k.tau + i, vf{});
+  for (int i = 0; i < PIX; i += VL) store(k.ink + i, vf{}), store(k.behind + i, vf{}), store(k.depth + i, vf{});
   const v4 only_color = {scale, scale, scale, 0};
   for (int y = 0; y < p.h; y++) {
     const size_t at = pixel_index(J, p, y);
@@ -59,15 +59,15 @@ PHASE v4 load_upstream(const Job<real> &J, const Place &p, Work &k, real scale) 
       }
       if (!plain_background(J)) {
         const real *bg = background_at(J, p, y);
-        for (int x = 0; x < p.w; x++, bg += J.background_pixel) k.run[y * TILE + x] = pix[x][0] * bg[0] + pix[x][1] * bg[1] + pix[x][2] * bg[2];
+        for (int x = 0; x < p.w; x++, bg += J.background_pixel) k.behind[y * TILE + x] = pix[x][0] * bg[0] + pix[x][1] * bg[1] + pix[x][2] * bg[2];
       }
     }
     if (J.g_alpha)
-      for (int x = 0; x < p.w; x++) k.best[y * TILE + x] = scale * J.g_alpha[at + x];
+      for (int x = 0; x < p.w; x++) k.ink[y * TILE + x] = scale * J.g_alpha[at + x];
     if (J.g_depth)
       for (int x = 0; x < p.w; x++) {
         const real alpha = J.alpha[at + x];
-        if (alpha > real(MIN_ALPHA)) pix[x][3] = scale * J.g_depth[at + x] / alpha, k.tau[y * TILE + x] = J.depth[at + x];
+        if (alpha > real(MIN_ALPHA)) pix[x][3] = scale * J.g_depth[at + x] / alpha, k.depth[y * TILE + x] = J.depth[at + x];
       }
   }
   if (!plain_background(J)) return v4{};
@@ -79,39 +79,39 @@ SIMD v4 color_of(const Piece<real> &c) { return v4{c.color[0], c.color[1], c.col
 // Value of a fragment to the loss. Where depth matters, k.z holds it.
 SIMD real value_of(const Job<real> &J, const Tile &t, const Work &k, v4 color, uint32_t f) {
   const uint32_t px = t.pixel[f];
-  if (J.g_depth) color[3] = k.z[f] - k.tau[px];
+  if (J.g_depth) color[3] = k.z[f] - k.depth[px];
   const v4 q = k.pix[px] * color;
-  return (q[0] + q[1]) + (q[2] + q[3]) + k.best[px];
+  return (q[0] + q[1]) + (q[2] + q[3]) + k.ink[px];
 }
-// k.g = dL/d(alpha) = T (value - behind), k.run = value of what is behind, which grows from far to near.
+// k.g = dL/d(alpha) = T (value - behind), k.behind: the value of what is behind, which grows from far to near.
 SIMD void differentiate_fragment(const Tile &t, Work &k, uint32_t f, real value) {
-  real &behind = k.run[t.pixel[f]];
+  real &behind = k.behind[t.pixel[f]];
   const real excess = value - behind;
   k.g[f] = ((const real *)t.T)[f] * excess;
   behind += ((const real *)t.a)[f] * excess;
 }
-// All fragments, far to near: layer by layer where they lie in order, else in t.order, with their values in k.z first.
+// All fragments, far to near: layer by layer where they lie in order, else in t.order, with their values in k.spare first.
 PHASE void differentiate_alpha(const Job<real> &J, const Tile &t, Work &k, v4 plain) {
   for (uint32_t l = t.layers; l-- > 0;) {
     const v4 color = color_of(J.pieces[t.piece[l]]) - plain;
     for (uint32_t f = t.first[l]; f < t.first[l + 1]; f++) {
       const real value = value_of(J, t, k, color, f);
-      if (t.order) k.z[f] = value;
+      if (t.order) k.spare[f] = value;
       else differentiate_fragment(t, k, f, value);
     }
   }
-  for (uint32_t i = t.order ? t.fragments : 0; i-- > 0;) differentiate_fragment(t, k, t.order[i], k.z[t.order[i]]);
+  for (uint32_t i = t.order ? t.fragments : 0; i-- > 0;) differentiate_fragment(t, k, t.order[i], k.spare[t.order[i]]);
 }
 
 // Adds what shows of the background, times the gradient of the colour.
 PHASE void background_gradient(const Job<real> &J, const Place &p, const Tile &t, Work &k, bool add) {
   const real *a = (const real *)t.a;
-  for (int i = 0; i < PIX; i += VL) store(k.d2 + i, splat(1));
-  for (uint32_t f = 0; f < t.fragments; f++) k.d2[t.pixel[f]] *= 1 - a[f];
+  for (int i = 0; i < PIX; i += VL) store(k.run + i, splat(1));
+  for (uint32_t f = 0; f < t.fragments; f++) k.run[t.pixel[f]] *= 1 - a[f];
   for (int y = 0; y < p.h; y++) {
     real *out = J.g_background + 3 * pixel_index(J, p, y);
     for (int x = 0; x < p.w; x++)
-      for (int c = 0; c < 3; c++) out[3 * x + c] = (add ? out[3 * x + c] : 0) + k.d2[y * TILE + x] * k.pix[y * TILE + x][c];
+      for (int c = 0; c < 3; c++) out[3 * x + c] = (add ? out[3 * x + c] : 0) + k.run[y * TILE + x] * k.pix[y * TILE + x][c];
   }
 }
 

@@ -143,7 +143,7 @@ PHASE void write_empty(const Job<real> &J, const Place &p) {
 PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
   const bool registers = in_registers(J);
   if (!registers)
-    for (int i = 0; i < PIX; i++) k.best[i] = k.pix[i][3];
+    for (int i = 0; i < PIX; i++) k.depth[i] = k.pix[i][3];
   const vf plain = plain_color(J, p);
   write_rows(J, p, [&](int y, real *color, real *alpha, real *depth, bool aligned) SIMD_LAMBDA {
     const int row = y * TILE;
@@ -151,7 +151,7 @@ PHASE void write_tile(const Job<real> &J, const Place &p, Work &k) {
       row_over_picture(J, p, y, color, aligned, [&](int x, int c, real background) { return k.pix[row + x][c] + k.run[row + x] * background; });
     for (int x = 0; x < TILE; x += VL) {
       const vf run = load(k.run + row + x), ink = load(k.ink + row + x);
-      vf sum = load(k.best + row + x);
+      vf sum = load(k.depth + row + x);
       if (registers) {
         const real *pix = (const real *)(k.pix + row + x);
         vf v[4] = {load(pix), load(pix + VL), load(pix + 2 * VL), load(pix + 3 * VL)};

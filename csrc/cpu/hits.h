@@ -296,31 +296,34 @@ PHASE uint32_t candidates_of_pieces(const Job<real> &J, const Intersection *begi
 }
 
 SIMD const Piece<real> &piece_of(const Job<real> &J, const Work &k, uint32_t i) { return J.pieces[k.layer[k.owner[i / VL]].piece]; }
-SIMD void store_point(Work &k, uint32_t i, const Point<vf> &point, vf qx, vf qy) {
-  store(k.start + i, point.tau), store(k.z + i, point.z), store(k.a + i, distance2(point, qx, qy));
+SIMD void store_point(const Candidates &s, uint32_t i, const Point<vf> &point, vf qx, vf qy) {
+  store(s.tau + i, point.tau), store(s.z + i, point.z), store(s.d2 + i, distance2(point, qx, qy));
 }
 
-// The nearest points of all candidates up to `end`: k.start the parameter, k.z, and k.a the squared distance. Loops over the vectors of all
-// layers, and short ones instead of a long one: the processor then works on several vectors at a time.
+// The nearest points of all candidates up to `end`. Loops over the vectors of all layers, and short ones instead of a long one: the processor then
+// works on several vectors at a time.
 template <int POINTS, int WIDTH> PHASE void nearest_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
+  const Candidates s = candidates(k);
   for (uint32_t i = 0; i < end; i += VL) {
     const Piece<real> &c = piece_of(J, k, i);
-    const vf start = load(k.t + i);
     vf qx, qy;
     points_of<POINTS, WIDTH>(k, p, c, load(k.px + i) & (PIX - 1), qx, qy);
-    const Approach<vf> step = newton_step(c, start, qx, qy);
-    store(k.start + i, step.tau), store(k.z + i, step.d2), store(k.a + i, step.rate);
-    store(k.T + i, qx), store(k.g + i, qy);
+    const Approach<vf> step = newton_step(c, load(s.from + i), qx, qy);
+    store(s.tau + i, step.tau), store(s.d2 + i, step.d2), store(s.rate + i, step.rate);
+    store(s.qx + i, qx), store(s.qy + i, qy);
   }
   for (uint32_t i = 0; i < end; i += VL) {
-    const vf qx = load(k.T + i), qy = load(k.g + i);
-    const Approach<vf> step = {load(k.t + i), load(k.z + i), load(k.start + i), load(k.a + i)};
-    store_point(k, i, arrive(piece_of(J, k, i), step, qx, qy, load(k.px + i) >= 0), qx, qy);
+    const vf qx = load(s.qx + i), qy = load(s.qy + i);
+    const Approach<vf> step = {.from = load(s.from + i), .d2 = load(s.d2 + i), .tau = load(s.tau + i), .rate = load(s.rate + i)};
+    store_point(s, i, arrive(piece_of(J, k, i), step, qx, qy, load(k.px + i) >= 0), qx, qy);
   }
 }
 
-// The same where most strokes are smooth: all steps on parabolas first, then those of the few vectors where more is needed, listed in k.order.
+// The same where most strokes are smooth: all steps on parabolas first, then those of the few vectors where more is needed, listed in k.order, with
+// what their first step was in place of points.
 template <int POINTS, int WIDTH> PHASE void nearest_smooth_points(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
+  const Candidates s = candidates(k);
+  real *const bent_d2 = s.qx, *const bent_rate = s.qy;
   uint32_t bends = 0;
   for (uint32_t i = 0; i < end; i += VL) {
     const Piece<real> &c = piece_of(J, k, i);
@@ -329,8 +332,8 @@ template <int POINTS, int WIDTH> PHASE void nearest_smooth_points(const Job<real
     points_of<POINTS, WIDTH>(k, p, c, px & (PIX - 1), qx, qy);
     Approach<vf> a;
     vi bent;
-    store_point(k, i, two_steps(c, load(k.t + i), qx, qy, a, bent), qx, qy);
-    store(k.T + bends * VL, a.d2), store(k.g + bends * VL, a.rate);
+    store_point(s, i, two_steps(c, load(s.from + i), qx, qy, a, bent), qx, qy);
+    store(bent_d2 + bends * VL, a.d2), store(bent_rate + bends * VL, a.rate);
     k.order[bends] = i, bends += any(bent & (px >= 0));
   }
   for (uint32_t b = 0; b < bends; b++) {
@@ -339,8 +342,8 @@ template <int POINTS, int WIDTH> PHASE void nearest_smooth_points(const Job<real
     const vi px = load(k.px + i);
     vf qx, qy;
     points_of<POINTS, WIDTH>(k, p, c, px & (PIX - 1), qx, qy);
-    const Approach<vf> a = {load(k.t + i), load(k.T + b * VL), load(k.start + i), load(k.g + b * VL)};
-    store_point(k, i, more_steps(c, a, qx, qy, px >= 0), qx, qy);
+    const Approach<vf> a = {.from = load(s.from + i), .d2 = load(bent_d2 + b * VL), .tau = load(s.tau + i), .rate = load(bent_rate + b * VL)};
+    store_point(s, i, more_steps(c, a, qx, qy, px >= 0), qx, qy);
   }
 }
 
@@ -348,15 +351,16 @@ template <int POINTS, int WIDTH> PHASE void nearest_smooth_points(const Job<real
 // widths change along strokes. Returns their number.
 template <int POINTS, int WIDTH> PHASE uint32_t cover(const Job<real> &J, const Place &p, Work &k, uint32_t end) {
   const Filter<real> filter = J.filter;
+  const Candidates s = candidates(k);
   uint32_t n = 0;
   for (uint32_t i = 0; i < end; i += VL) {
     const uint32_t l = k.owner[i / VL];
     const Piece<real> &c = J.pieces[k.layer[l].piece];
     const vi px = load(k.px + i);
-    const vf tau = load(k.start + i);
+    const vf tau = load(s.tau + i);
     vf qx = {}, qy = {};
     if (c.oblong) points_of<POINTS, WIDTH>(k, p, c, px & (PIX - 1), qx, qy);
-    const Fragment<vf> g = fragment_at<WIDTH>(c, filter, tau, load(k.z + i), sqrt(load(k.a + i)), qx, qy);
+    const Fragment<vf> g = fragment_at<WIDTH>(c, filter, tau, load(s.z + i), sqrt(load(s.d2 + i)), qx, qy);
     // Monte Carlo: a point is inside or not.
     const vf a = J.strata ? select(g.d < g.r, splat(1), vf{}) : g.coverage;
     const vi in = (POINTS == ANYWHERE && WIDTH != EVEN ? px >= 0 : a > real(0)) & (g.depth > J.min_depth) & (px >= 0);

@@ -117,22 +117,22 @@ Input<S> input(const double *cubics, const Layout &layout, const ChainsIn &chain
   require(segment_rows < (size_t(1) << 31) && V * ((H + TILE - 1) / TILE) * ((W + TILE - 1) / TILE) < (size_t(1) << 31),
           "too many views, strokes or pixels");
   require(options.blur >= 0 && options.near > 0 && options.strata >= 0 && options.strata <= 64, "blur, near or strata out of range");
-  return {layout,
-          height,
-          width,
-          chains.chains(),
-          cubics,
-          half_width.data(),
-          per_view,
-          along,
-          color.data(),
-          opacity.data(),
-          square.size() ? square.data() : nullptr,
-          background.data(),
-          stride(0),
-          stride(1),
-          stride(2),
-          options};
+  return {.layout = layout,
+          .height = height,
+          .width = width,
+          .chains = chains.chains(),
+          .cubics = cubics,
+          .half_width = half_width.data(),
+          .half_width_per_view = per_view,
+          .half_width_along = along,
+          .color = color.data(),
+          .opacity = opacity.data(),
+          .square = square.size() ? square.data() : nullptr,
+          .background = background.data(),
+          .background_view = stride(0),
+          .background_row = stride(1),
+          .background_pixel = stride(2),
+          .options = options};
 }
 
 template <class S> nb::tuple draw(std::unique_ptr<Owner<S>> owner, const Scene<S> *unprojected, bool save) {

@@ -103,7 +103,7 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
       const Piece<real> &c = J.pieces[o.piece];
       x[i] = o.x - p.x, y[i] = o.y - p.y;
       const int pixel = int(y[i]) * TILE + int(x[i]);
-      seen[i] = k.pix[pixel], ink[i] = k.best[pixel], mean[i] = k.tau[pixel], background[i] = k.run[pixel];
+      seen[i] = k.pix[pixel], ink[i] = k.ink[pixel], mean[i] = k.depth[pixel], background[i] = k.behind[pixel];
       own[i] = J.piece_stroke[o.piece], own_depth[i] = depth_at(c, o.tau, cubic(c.z, o.tau));
       front[i] = clear[i] = 1, behind[i] = 0, hidden[i] = false;
     }
@@ -125,6 +125,7 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
       }
     }
     sort_fragments(k, sort_layers(k));
+    real *const values = k.g, *const in_front = k.T;  // no gradient and no transmittance is taken here
     // Fragment to layer, for the colour: layers hold runs of fragments.
     for (uint32_t l = 0; l < k.layers; l++) {
       const Piece<real> &c = J.pieces[k.layer[l].piece];
@@ -134,15 +135,15 @@ template <int WIDTH> void outline_values(const Job<real> &J, int tile, Scratch &
         const integer i = k.px[f];
         with_depth[3] = k.z[f] - mean[i];
         const v4 q = seen[i] * with_depth;
-        k.g[f] = (q[0] + q[1]) + (q[2] + q[3]) + ink[i];
-        k.T[f] = k.z[f] < own_depth[i] || (k.z[f] == own_depth[i] && J.piece_stroke[k.layer[l].piece] > own[i]) ? 1 : 0;  // in front
+        values[f] = (q[0] + q[1]) + (q[2] + q[3]) + ink[i];
+        in_front[f] = k.z[f] < own_depth[i] || (k.z[f] == own_depth[i] && J.piece_stroke[k.layer[l].piece] > own[i]) ? 1 : 0;
       }
     }
     for (uint32_t j = 0; j < fragments; j++) {
       const uint32_t f = k.order[j];
       const integer i = k.px[f];
-      if (k.T[f] > 0) front[i] *= 1 - k.a[f];
-      else behind[i] += clear[i] * k.a[f] * k.g[f], clear[i] *= 1 - k.a[f];
+      if (in_front[f] > 0) front[i] *= 1 - k.a[f];
+      else behind[i] += clear[i] * k.a[f] * values[f], clear[i] *= 1 - k.a[f];
     }
     for (uint32_t i = 0; i < n; i++) {
       const OutlinePoint<real> &o = J.outline[J.outline_order[i0 + i]];

@@ -40,11 +40,11 @@ SIMD void sort_keys(Key *a, uint32_t n) {
 
 // Whether the layers g0 .. g1 (in k.perm), one after the other, are near to far at every point.
 SIMD bool in_order(Work &k, uint32_t g0, uint32_t g1) {
-  for (int i = 0; i < PIX; i += VL) store(k.run + i, vf{});
+  for (int i = 0; i < PIX; i += VL) store(k.depth + i, vf{});
   bool good = true;
   for (uint32_t g = g0; g < g1 && good; g++)
     for (uint32_t f = k.first[k.perm[g]]; f < k.first[k.perm[g] + 1]; f++) {
-      real &last = k.run[k.px[f]];
+      real &last = k.depth[k.px[f]];
       good &= last < k.z[f];
       last = k.z[f];
     }

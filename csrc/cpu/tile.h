@@ -41,13 +41,16 @@ struct Layer {
 // Working memory of a thread, in blocks of Scratch. Points are the tile's pixel centres, or other places in it (x, y relative to the tile).
 struct Work {
   Scratch *scratch;
-  // per point
-  alignas(64) v4 pix[PIX];  // sums of (r, g, b, depth), or dL/d(those)
-  alignas(64) real d2[PIX], second[PIX], second_tau[PIX], tau[PIX], run[PIX], ink[PIX], x[PIX], y[PIX], best[PIX], best_tau[PIX];
+  // per point: sums of (r, g, b, depth) and of alpha, or dL/d(those); transmittance behind everything; the value of what is behind, in the backward;
+  // a depth: the last one so far, the sum, or the mean
+  alignas(64) v4 pix[PIX];
+  alignas(64) real ink[PIX], run[PIX], behind[PIX], depth[PIX];
+  // the nearest of a piece's chords, the second, and the best of all pieces
+  alignas(64) real d2[PIX], second[PIX], second_tau[PIX], tau[PIX], x[PIX], y[PIX], best[PIX], best_tau[PIX];
   alignas(64) integer best_piece[PIX];
-  // per candidate or fragment
+  // per fragment; before, per candidate (Candidates)
   uint32_t capacity = 0;
-  real *t, *a, *z, *T, *g, *start;  // parameter, alpha, depth, transmittance in front, a gradient, parameter on the chord
+  real *t, *a, *z, *T, *g, *spare;  // parameter, alpha, depth, transmittance in front, a gradient
   integer *px;                      // point
   uint32_t *order;
   // per layer
@@ -62,6 +65,15 @@ struct Work {
   integer *pile;
 };
 
+// What is known of candidates, in memory that will be the fragments': a parameter to begin from, what Approach says of the first step, the point where
+// distances are measured; then the nearest point's parameter, squared distance and homogeneous depth, which lies where the rate was.
+struct Candidates {
+  real *from, *tau, *d2, *rate, *z, *qx, *qy;
+};
+SIMD Candidates candidates(const Work &k) {
+  return {.from = k.t, .tau = k.spare, .d2 = k.a, .rate = k.z, .z = k.z, .qx = k.T, .qy = k.g};
+}
+
 SIMD Work &work(Scratch &S) {
   Work *k = (Work *)work_memory(S, sizeof(Work));
   k->scratch = &S;
@@ -75,7 +87,7 @@ SIMD void reserve(Work &k, uint32_t keep, uint32_t n) {
   if (n <= k.capacity) return;
   const uint32_t m = k.capacity = n < 4096 ? 4096 : n + n / 2;
   resize(k, 0, k.t, keep, m), resize(k, 1, k.a, keep, m), resize(k, 2, k.z, keep, m), resize(k, 3, k.px, keep, m);
-  resize(k, 4, k.T, 0, m), resize(k, 5, k.g, 0, m), resize(k, 6, k.start, 0, m), resize(k, 7, k.order, 0, m);
+  resize(k, 4, k.T, 0, m), resize(k, 5, k.g, 0, m), resize(k, 6, k.spare, 0, m), resize(k, 7, k.order, 0, m);
   resize(k, 12, k.owner, keep / VL + 1, m / VL + 1);
 }
 SIMD void reserve_layers(Work &k, uint32_t n) {

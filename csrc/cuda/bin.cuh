@@ -2,7 +2,7 @@
 // pieces and chords, so sums and ties do not hang on which thread came first.
 #pragma once
 #include "common/bin.h"
-#include "cuda/merge_exchange.cuh"
+#include "cuda/sort.cuh"
 
 namespace stroke {
 // The intersections of one chord.

@@ -1,7 +1,7 @@
 // From the strokes of a tile to its fragments, one thread for every point: the nearest point of each stroke within reach, kept per warp, and
 // each point's fragments sorted by depth: the first half of occlusion; composite.cuh blends them.
 #pragma once
-#include "cuda/merge_exchange.cuh"
+#include "cuda/sort.cuh"
 #include "cuda/tile.cuh"
 
 namespace stroke {
@@ -135,47 +135,6 @@ struct Pool {
     return at <= limit ? u32(at - n) : NONE;
   }
 };
-
-// A point's fragments near to far: the first few as they come, in shared memory. Of equal depths the later stroke comes
-// first, whose fragment has the greater number.
-constexpr u32 SHORT_LIST = 64 / sizeof(real);  // half of the 48 kB that every GPU has for a block (empirical: few points have more)
-struct ShortLists {
-  real z[SHORT_LIST][PIX];
-  u32 fragment[SHORT_LIST][PIX];
-};
-__device__ inline void insert(ShortLists &s, u32 n, real z, u32 fragment) {
-  if (n >= SHORT_LIST) return;
-  const u32 t = threadIdx.x;
-  for (; n > 0 && s.z[n - 1][t] >= z; n--) s.z[n][t] = s.z[n - 1][t], s.fragment[n][t] = s.fragment[n - 1][t];
-  s.z[n][t] = z, s.fragment[n][t] = fragment;
-}
-
-// A longer list, of any length, by all lanes: in the warp's part of the shared memory, which its short lists have left, or where it lies if that is
-// too small.
-__device__ inline void sort_long(ShortLists &s, u32 *list, u32 n, const Cover *fragments) {
-  auto wait = [] { __syncwarp(); };
-  auto farther = [](real z, u32 i, real other, u32 j) { return z > other || (z == other && i < j); };
-  if (n > SHORT_LIST * WARP) {
-    auto exchange = [&](u32 i, u32 j) {
-      const u32 a = list[i], b = list[j];
-      if (farther(fragments[a].z, a, fragments[b].z, b)) list[i] = b, list[j] = a;
-    };
-    sort_together(n, lane(), WARP, exchange, wait);
-    return;
-  }
-  const u32 own = threadIdx.x - lane();
-  auto z = [&](u32 k) -> real & { return s.z[k / WARP][own + k % WARP]; };
-  auto fragment = [&](u32 k) -> u32 & { return s.fragment[k / WARP][own + k % WARP]; };
-  for (u32 k = lane(); k < n; k += WARP) fragment(k) = list[k], z(k) = fragments[list[k]].z;
-  wait();
-  auto exchange = [&](u32 i, u32 j) {
-    const u32 a = fragment(i), b = fragment(j);
-    const real za = z(i), zb = z(j);
-    if (farther(za, a, zb, b)) fragment(i) = b, fragment(j) = a, z(i) = zb, z(j) = za;
-  };
-  sort_together(n, lane(), WARP, exchange, wait);
-  for (u32 k = lane(); k < n; k += WARP) list[k] = fragment(k);
-}
 
 // The fragments of this thread's point, relative to the tile, if `active`: their number, and in `first` where their order begins. accept: which
 // hits count. All threads of the block call this together.

@@ -38,7 +38,7 @@ struct WarpFragments {
 // What is counted on the device, and bounded by the memory there is.
 enum { PIECES, CHORDS, INTERSECTIONS, TILE_PIECES, FRAGMENTS, OUTLINE, OUTLINE_FRAGMENTS, BOUNDED, ORDER = BOUNDED, OUTLINE_ORDER, BAD, COUNTERS };
 
-// Everything a kernel reads and writes; job.py has the same fields in the same order. Arrays of bounded length are as long as limit[..] says.
+// Everything a kernel reads and writes; job.py reads here what its fields are. Arrays of bounded length are as long as limit[..] says.
 // An intersection is a chord and a tile that it may reach.
 struct Job {
   // strokes in space and the cameras' matrices, as in project.h; null where cubics are given
@@ -109,7 +109,7 @@ struct Job {
   int cameras_double, differ_squares;
 };
 
-// What job.py repeats to know how much memory the arrays take.
+// What job.py reads here to know how much memory the arrays take.
 static_assert(TILE == 16 && WARPS == 8 && NGRAD == 24 && NSUMS == 28 && COUNTERS == 10);
 static_assert(sizeof(Piece<real>) == 33 * sizeof(real) && sizeof(PieceInfo) == 176 && sizeof(Arc<float>) == 80);
 static_assert(sizeof(Chord<real>) == 9 * sizeof(real) && sizeof(ChordInfo) == 12 && sizeof(Tangents) == 16);

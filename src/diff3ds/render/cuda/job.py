@@ -1,50 +1,64 @@
-"""What a kernel is given, `Job` of csrc/cuda/job.cuh field by field, and the memory that its arrays take."""
+"""What a kernel is given, `Job` of csrc/cuda/job.cuh, and the memory that its arrays take."""
 
 import ctypes
+import functools
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 
 from diff3ds._shapes import Tensor
+from diff3ds.render.cuda.sources import source_folder
+
+_SOURCE = re.sub(r"//.*", "", (source_folder() / "cuda" / "job.cuh").read_text(encoding="utf-8"))
+_COUNTED = [name.split()[0].lower() for name in _SOURCE.partition("enum {")[2].partition("}")[0].split(",")]
 
 # Lists that grow with the drawing, in the order of their counters; then the other counters.
-LISTS = ("pieces", "chords", "intersections", "tile_pieces", "fragments", "outline", "outline_fragments")
-BAD = len(LISTS) + 2
-COUNTERS = BAD + 1
-TILE, PIXELS, WARPS = 16, 256, 8
-SUMS = 24
-# With those of the map of oblong pixels. Of these, those that are no control points: half width, opacity, colour, map.
-ALL_SUMS = 28
-OF_APPEARANCE = 12
+LISTS = tuple(_COUNTED[: _COUNTED.index("bounded")])
+BAD, COUNTERS = (_COUNTED.index(name) - 1 for name in ("bad", "counters"))
+# Other numbers that the source asserts: of tiles, and of sums of gradients, without and with those of the map of oblong
+# pixels. Of the latter, those that are no control points: half width, opacity, colour, map.
+_NUMBERS = {name: int(number) for name, number in re.findall(r"(\w+) == (\d+)", _SOURCE)}
+TILE, WARPS, SUMS, ALL_SUMS = (_NUMBERS[name] for name in ("TILE", "WARPS", "NGRAD", "NSUMS"))
+PIXELS = TILE**2
+OF_APPEARANCE = ALL_SUMS - 16
 
-_POINTERS = (
-    "points", "weights", "matrices", "poses", "intrinsics", "cubics", "half_width", "color", "opacity", "background",
-    "stroke_first", "segment_stroke", "closed", "batch", "square", "out_color", "out_alpha", "out_depth", "reach",
-    "scale", "piece_first", "pieces", "piece_info", "arcs", "chord_first", "outline_first", "chords", "chord_info",
-    "tangents", "intersection_first", "intersection_chord", "intersection_tile_piece", "tile_first", "tile_cursor",
-    "tile_piece_first", "tile_piece_count", "tile_list", "tile_pieces", "warp_fragments", "fragments", "order",
-    "point_first", "point_count", "counters", "report", "g_color", "g_alpha", "g_depth", "front", "g_fragment",
-    "g_tile_piece", "g_square", "g_background", "g_cubics", "g_appearance", "g_widths", "g_colors", "g_opacities",
-    "g_points", "g_weights", "g_matrices", "g_squares", "outline", "outline_list", "outline_tile_first",
-    "outline_tile_cursor", "g_outline", "outline_sums", "outline_warp_fragments", "outline_fragments", "outline_order",
-)  # fmt: skip
+_C_TYPES: dict[str, Any] = {
+    "u64": ctypes.c_uint64,
+    "long long": ctypes.c_int64,
+    "double": ctypes.c_double,
+    "int": ctypes.c_int32,
+}
+
+
+@functools.cache
+def record_size(name: str, real: int) -> int:
+    """Bytes of a structure of job.cuh, where a pixel's number has `real` bytes."""
+    found = re.search(rf"sizeof\({name}(?:<\w+>)?\) == (\d+)( \* sizeof\(real\))?", _SOURCE)
+    assert found is not None
+    return int(found[1]) * (real if found[2] else 1)
+
+
+def _fields() -> Iterator[tuple[str, Any]]:
+    """Of `Job`, as job.cuh declares them: what follows a type are names, `*` before those of arrays."""
+    for declaration in _SOURCE.partition("struct Job {")[2].partition("};")[0].split(";")[:-1]:
+        first, *names = (part.strip() for part in declaration.split(","))
+        kind, star, name = re.fullmatch(r"([\w <>]*?)\s*(\*?)(\w+(?:\[\w+\])?)", first).groups()  # type: ignore[union-attr]
+        for field in (star + name, *names):
+            if field.startswith("*"):
+                yield field[1:], ctypes.c_void_p
+            elif field.endswith("[BOUNDED]"):
+                yield field.removesuffix("[BOUNDED]"), _C_TYPES[kind] * len(LISTS)
+            else:
+                yield field, _C_TYPES[kind]
 
 
 class Job(ctypes.Structure):
     """Addresses of arrays, bounds of lists, and the options of a drawing."""
 
-    _fields_ = (
-        *((name, ctypes.c_void_p) for name in _POINTERS),
-        ("limit", ctypes.c_uint64 * len(LISTS)),
-        ("seed", ctypes.c_uint64),
-        *((f"background_{axis}", ctypes.c_int64) for axis in ("view", "row", "pixel")),
-        *((name, ctypes.c_double) for name in ("near", "inv_sigma", "filter_reach", "width_scale")),
-        *((name, ctypes.c_int32) for name in ("views", "strokes", "segments", "height", "width", "tiles_x", "tiles_y")),
-        *((name, ctypes.c_int32) for name in ("world", "along", "orthographic", "strata")),
-        *((name, ctypes.c_int32) for name in ("half_width_per_view", "save", "sketches", "controls")),
-        *((name, ctypes.c_int32) for name in ("cameras_double", "differ_squares")),
-    )
+    _fields_ = tuple(_fields())
 
     def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
         """Sets addresses."""
@@ -112,6 +126,9 @@ class Shape:
         """Of a pixel."""
         return max(1, self.strata**2)
 
+    def _room(self, name: str, count: int) -> int:
+        return count * record_size(name, self.real)
+
     def forward(self, limits: Mapping[str, int]) -> dict[str, int]:
         """Bytes of the arrays of a forward pass; they are kept for the backward pass."""
         pieces, chords, intersections, tile_pieces, fragments = (limits[name] for name in LISTS[:5])
@@ -122,20 +139,20 @@ class Shape:
             "reach": self.real * self.rows,
             "scale": 8 * self.seen,
             "piece_first": 4 * (self.seen + 1),
-            "pieces": 33 * self.real * pieces,
-            "piece_info": 176 * pieces,
-            "arcs": 80 * pieces,
+            "pieces": self._room("Piece", pieces),
+            "piece_info": self._room("PieceInfo", pieces),
+            "arcs": self._room("Arc", pieces),
             "chord_first": 4 * (pieces + 1),
             "outline_first": 4 * (pieces + 1),
-            "chords": 9 * self.real * chords,
-            "chord_info": 12 * chords,
-            "tangents": 16 * chords,
+            "chords": self._room("Chord", chords),
+            "chord_info": self._room("ChordInfo", chords),
+            "tangents": self._room("Tangents", chords),
             "intersection_first": 4 * (chords + 1),
             **dict.fromkeys(("intersection_chord", "intersection_tile_piece", "tile_list"), 4 * intersections),
             **dict.fromkeys(("tile_piece_first", "tile_piece_count"), 4 * self.tiles),
-            "tile_pieces": 16 * tile_pieces,
-            "warp_fragments": 8 * WARPS * kept * tile_pieces,
-            "fragments": 4 * self.real * fragments,
+            "tile_pieces": self._room("TilePiece", tile_pieces),
+            "warp_fragments": self._room("WarpFragments", WARPS * kept * tile_pieces),
+            "fragments": self._room("Cover", fragments),
             "order": 4 * fragments,
             "point_first": 4 * points,
             "point_count": 4 * points,
@@ -160,8 +177,8 @@ class Shape:
             "outline_list": 4 * points,
             "g_outline": self.real * points,
             "outline_sums": ALL_SUMS * self.real * limits["pieces"],
-            "outline_warp_fragments": 8 * WARPS * limits["tile_pieces"],
-            "outline_fragments": 4 * self.real * fragments,
+            "outline_warp_fragments": self._room("WarpFragments", WARPS * limits["tile_pieces"]),
+            "outline_fragments": self._room("Cover", fragments),
             "outline_order": 4 * fragments,
         }
 
