@@ -1,7 +1,8 @@
 """Sketches: what they accept, what they say of what they refuse, and that their operations keep the drawing."""
 
 import math
-from dataclasses import replace
+import pickle
+from dataclasses import fields, replace
 
 import pytest
 import torch
@@ -9,6 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diff3ds as ds
+from diff3ds.optimize.checkpoint import read_checkpoint, start, write_checkpoint
+from diff3ds.sketch import of_parts, parts_of
+from diff3ds.tasks.exact_prior.folder_phrase import Name
+from diff3ds.tasks.exact_prior.sketch_folder import FolderMember
 
 POINTS = torch.arange(24, dtype=torch.float32).reshape(2, 4, 3)
 
@@ -333,6 +338,40 @@ def test_marks_of_strokes_that_stay_are_kept():
     chained = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), fixed=torch.tensor([True, False]))
     assert chained.segments().fixed.tolist() == [True, True, False]
     assert chained[[1, 0]].fixed.tolist() == [False, True]
+
+
+def test_parts_hold_every_field(tmp_path):
+    """And so do the files and processes that hand a sketch on by its parts."""
+    sketch = ds.Sketch(
+        torch.arange(36.0).reshape(3, 4, 3),
+        torch.rand(3, 4) + 1,
+        width=torch.rand(3, 4),
+        color=torch.rand(3, 3),
+        opacity=torch.rand(3),
+        width_space="world",
+        chains=ds.Chains.of([1, 1, 1], [False, False, False]),
+        fixed=torch.tensor([False, True, False]),
+        names=["a", "", "b"],
+    )
+    closed = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0]])[None]
+    ring = ds.Sketch(closed, width_space="world", chains=ds.Chains.of([1], [True]), names=["ring"])
+    sketch = ds.Sketch.concatenate([sketch, ring])
+    given = {field.name: getattr(sketch, field.name) for field in fields(ds.Sketch)}
+    assert all(value is not None for value in given.values())
+    ds.save(tmp_path / "a.json", sketch)
+    write_checkpoint(tmp_path / "a.safetensors", start(sketch, 0), {})
+    member = pickle.loads(pickle.dumps(FolderMember(sketch, Name("chair", (), "chair"))))
+    kept = of_parts(*parts_of(sketch)), ds.load(tmp_path / "a.json"), member.sketch
+    for other in (*kept, read_checkpoint(tmp_path / "a.safetensors").sketch):
+        for name, value in given.items():
+            got = getattr(other, name)
+            if isinstance(value, ds.Chains):
+                assert torch.equal(got.stroke, value.stroke)
+                assert torch.equal(got.closed, value.closed)
+            elif isinstance(value, torch.Tensor):
+                assert torch.equal(got, value)
+            else:
+                assert got == value
 
 
 def test_names_of_strokes_are_kept():

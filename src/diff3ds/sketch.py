@@ -3,7 +3,7 @@
 import math
 import reprlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import torch
@@ -19,6 +19,15 @@ WidthSpace = Literal["image", "world"]
 
 # Full width as a fraction of the image height: about 3 px at 512.
 DEFAULT_WIDTH = 0.006
+
+# How strokes look that nobody said anything of.
+PLAIN: dict[str, Any] = {"width": DEFAULT_WIDTH, "color": (0.0, 0.0, 0.0), "width_space": "image"}
+
+# The fields with numbers; those with one thing of a kind for each stroke, None where no stroke has any; and files' keys
+# of which segments make which stroke.
+NUMBERS = ("points", "weights", "width", "color", "opacity")
+BESIDE: dict[str, type] = {"fixed": bool, "names": str}
+CHAINS = {"stroke": "chains.stroke", "closed": "chains.closed"}
 
 # Gap at a joint that rounding may leave, as a fraction of the extent of the two segments; of widths, of the largest.
 JOINT_GAP = 1e-4
@@ -214,8 +223,7 @@ class Sketch:
 
     def tensors(self) -> dict[str, Tensor]:
         """The five tensor fields by name."""
-        others = ("width_space", "chains", "fixed", "names")
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in others}
+        return {name: getattr(self, name) for name in NUMBERS}
 
     @property
     def segment_fields(self) -> tuple[str, ...]:
@@ -340,6 +348,30 @@ class Sketch:
         along = torch.linspace(-0.5, 0.5, 4, device=generator.device)[:, None]
         points = center + extent * (direction * along + 0.1 * normal(count, 4))
         return Sketch(radius * points, width=width)
+
+
+def parts_of(sketch: Sketch) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """All that a sketch is, for files and other processes: tensors by name, and the rest as plain values of JSON."""
+    beside = {name: value for name in BESIDE if (value := getattr(sketch, name)) is not None}
+    tensors = sketch.tensors() | {name: value for name, value in beside.items() if isinstance(value, Tensor)}
+    if sketch.chains is not None:
+        tensors |= {key: getattr(sketch.chains, name) for name, key in CHAINS.items()}
+    lists = {name: list(value) for name, value in beside.items() if name not in tensors}
+    return tensors, {"width_space": sketch.width_space, **lists}
+
+
+def of_parts(tensors: dict[str, Tensor], rest: dict[str, Any]) -> Sketch:
+    """The sketch with these parts (`parts_of`); what else there is by other names does not matter.
+
+    Raises:
+        KeyError: a part is missing.
+        TypeError, ValueError: as `Sketch`.
+    """
+    given: dict[str, Any] = {name: tensors[name] for name in NUMBERS} | {"width_space": rest["width_space"]}
+    given |= {name: part[name] for name in BESIDE for part in (tensors, rest) if name in part}
+    if CHAINS["stroke"] in tensors:
+        given["chains"] = Chains(**{name: tensors[key] for name, key in CHAINS.items()})
+    return Sketch(**given)
 
 
 def _kept(chains: Chains | None, points: Tensor) -> Chains | None:

@@ -68,6 +68,8 @@ def test_members_fill_the_unit_ball_whatever_their_size_place_degree_and_width(t
         color=(1.0, 0.0, 0.0),
         opacity=torch.tensor([0.3, 1.0]),
         width_space="world",
+        fixed=torch.tensor([False, True]),
+        names=["arc", "line"],
     )
     ds.save(tmp_path / "arc.json", circle)
     (found,) = (one.sketch for one in read_sketches(tmp_path).members)
@@ -81,6 +83,8 @@ def test_members_fill_the_unit_ball_whatever_their_size_place_degree_and_width(t
     assert found.opacity.tolist() == pytest.approx([0.3, 1.0])
     assert found.width_space == "image"
     assert not found.color.any()
+    assert found.fixed.tolist() == [False, True]
+    assert found.names == ("arc", "line")
 
 
 def test_strokes_of_several_segments_stay_strokes(tmp_path, monkeypatch):

@@ -26,10 +26,10 @@ import torch
 from diff3ds._files import parse_json, read_json, write_text
 from diff3ds._shapes import Tensor
 from diff3ds.chains import Chains
-from diff3ds.sketch import Sketch, WidthSpace
+from diff3ds.sketch import BESIDE, Sketch, WidthSpace
 
 VERSION, VERSION_OF_CHAINS = 1, 2
-FLAGS = "true or false"
+TOLD = {bool: "true or false", str: "texts"}
 _DTYPES = {"float16": torch.float16, "bfloat16": torch.bfloat16, "float32": torch.float32, "float64": torch.float64}
 
 
@@ -58,10 +58,10 @@ def json_text(sketch: Sketch) -> str:
     if sketch.chains is not None:
         values |= {"segments": sketch.chains.counts.tolist(), "closed": sketch.chains.closed.tolist()}
     values |= {name: value.detach().double().tolist() for name, value in sketch.tensors().items()}
-    if sketch.fixed is not None and bool(sketch.fixed.any()):
-        values["fixed"] = sketch.fixed.tolist()
-    if sketch.names is not None:
-        values["names"] = sketch.names
+    for key in BESIDE:
+        value = getattr(sketch, key)
+        if value is not None and any(value):
+            values[key] = value.tolist() if isinstance(value, Tensor) else value
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -116,13 +116,13 @@ def _sketch_of(data: Any, path: Path) -> Sketch:
         "color": (strokes, (3,)),
         "opacity": (strokes, ()),
     }
-    tensors = {key: _numbers(path, data, key, *shape).to(_DTYPES[name]) for key, shape in shapes.items()}
-    fixed = (
-        torch.tensor(_each(path, data, "fixed", strokes, bool, FLAGS), dtype=torch.bool) if "fixed" in data else None
-    )
-    names = _each(path, data, "names", strokes, str, "texts") if "names" in data else None
+    given: dict[str, Any] = {key: _numbers(path, data, key, *shape).to(_DTYPES[name]) for key, shape in shapes.items()}
+    for key, kind in BESIDE.items():
+        if key in data:
+            values = _each(path, data, key, strokes, kind)
+            given[key] = torch.tensor(values, dtype=torch.bool) if kind is bool else values
     try:
-        return Sketch(**tensors, width_space=space, chains=chains, fixed=fixed, names=names)
+        return Sketch(**given, width_space=space, chains=chains)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from error
 
@@ -134,14 +134,14 @@ def _chains(path: Path, data: dict[str, Any], segments: int) -> Chains:
         raise ValueError(f"{path}: segments must be a list of whole numbers, at least 1, got {reprlib.repr(counts)}")
     if sum(counts) != segments:
         raise ValueError(f"{path}: segments must add up to the {segments} items of points, got {sum(counts)}")
-    return Chains.of(counts, _each(path, data, "closed", len(counts), bool, FLAGS))
+    return Chains.of(counts, _each(path, data, "closed", len(counts), bool))
 
 
-def _each(path: Path, data: dict[str, Any], key: str, count: int, kind: type, told: str) -> list[Any]:
+def _each(path: Path, data: dict[str, Any], key: str, count: int, kind: type) -> list[Any]:
     """The value of a key that has one thing of a kind, a bool or a string, for each stroke."""
     values = data.get(key)
     if not isinstance(values, list) or len(values) != count or not all(type(value) is kind for value in values):
-        raise ValueError(f"{path}: {key} must be a list of {told}, {count}, got {reprlib.repr(values)}")
+        raise ValueError(f"{path}: {key} must be a list of {TOLD[kind]}, {count}, got {reprlib.repr(values)}")
     return values
 
 

@@ -3,22 +3,19 @@
 import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds._tensor_files import write_tensors
-from diff3ds.chains import Chains
 from diff3ds.optimize.strokes import Edit
-from diff3ds.sketch import Sketch, WidthSpace
+from diff3ds.sketch import NUMBERS, Sketch, of_parts, parts_of
 
 VERSION = 1
-FIELDS = ("points", "weights", "width", "color", "opacity")
-CHAIN_STROKE, CHAIN_CLOSED = "sketch.chains.stroke", "sketch.chains.closed"
+SKETCH = "sketch."
 # Before the names of what learns beside the sketch; files have had it from the start.
 STATEFUL = "companion."
-FIXED = "sketch.fixed"
 # 100,000 strokes with their moments take 40 MB.
 MAX_BYTES = 1 << 30
 
@@ -93,33 +90,18 @@ def start(sketch: Sketch, seed: int) -> State:
 
 def write_checkpoint(path: Path, state: State, settings: dict[str, Any]) -> None:
     """Writes a state, whole or not at all; `settings` are what a resumed run must share."""
+    strokes, rest = parts_of(state.sketch)
     tensors = {
-        **{f"sketch.{name}": value for name, value in state.sketch.tensors().items()},
+        **{f"{SKETCH}{name}": value for name, value in strokes.items()},
         **{f"first.{name}": value for name, value in state.first.items()},
         **{f"second.{name}": value for name, value in state.second.items()},
         "age": state.age,
         "random": state.random,
         "losses": torch.tensor(state.all_losses(), dtype=torch.float64),
-        **_optional_tensors(state.sketch),
         **{f"{STATEFUL}{name}": value for name, value in state.stateful.items()},
     }
-    sketch = state.sketch
-    about: dict[str, Any] = {
-        "version": VERSION,
-        "index": state.index,
-        "width_space": sketch.width_space,
-        "settings": settings,
-    }
-    about |= {"names": list(sketch.names)} if sketch.names else {}
+    about = {"version": VERSION, "index": state.index, "settings": settings, **rest}
     write_tensors(path, tensors, {"diff3ds": json.dumps(about)})
-
-
-def _optional_tensors(sketch: Sketch) -> dict[str, Tensor]:
-    chains, fixed = sketch.chains, sketch.fixed
-    return {
-        **({} if chains is None else {CHAIN_STROKE: chains.stroke, CHAIN_CLOSED: chains.closed}),
-        **({} if fixed is None else {FIXED: fixed}),
-    }
 
 
 def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State:
@@ -138,21 +120,22 @@ def read_checkpoint(path: Path, settings: dict[str, Any] | None = None) -> State
         name, (was, now) = next(iter(different.items()))
         raise ValueError(f"{path}: the run to resume had {name}={was}, not {now}: give the same, or start a new run")
     try:
-        fields: dict[str, Any] = {name: tensors[f"sketch.{name}"] for name in FIELDS} | {"names": about.get("names")}
-        chains = Chains(tensors[CHAIN_STROKE], tensors[CHAIN_CLOSED]) if CHAIN_STROKE in tensors else None
-        space = cast(WidthSpace, about["width_space"])
-        sketch = Sketch(**fields, width_space=space, chains=chains, fixed=tensors.get(FIXED))
-        first, second = ({name: tensors[f"{part}.{name}"] for name in FIELDS} for part in ("first", "second"))
+        sketch = of_parts(_under(SKETCH, tensors), about)
+        first, second = ({name: tensors[f"{part}.{name}"] for name in NUMBERS} for part in ("first", "second"))
         for moments in (first, second):
             if any(moments[name].shape != value.shape for name, value in sketch.tensors().items()):
                 raise ValueError("moments and strokes do not fit")
         losses = tuple(tensors["losses"].tolist())
-        beside = {k.removeprefix(STATEFUL): v for k, v in tensors.items() if k.startswith(STATEFUL)}
+        beside = _under(STATEFUL, tensors)
         state = State(int(about["index"]), sketch, first, second, tensors["age"], tensors["random"], losses, beside)
         state.generator()
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ValueError(f"{path}: damaged checkpoint ({error}); delete it to start anew") from error
     return state
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
 def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

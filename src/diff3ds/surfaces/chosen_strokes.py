@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.parts import cut_sketch
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import PLAIN, Sketch
 from diff3ds.surfaces.draw import visible_lines
 from diff3ds.surfaces.line_drawings import LinePoints, points_along, sides_and_corners
 from diff3ds.surfaces.shape.coarse import without_specks
@@ -77,7 +77,7 @@ def choose_strokes(
         contours = without_specks(lines.strokes(True, "contour"), SHORT * mesh.size)
         found.append(contours)
         whose += ["contour"] * len(contours)
-    candidates = Sketch.concatenate([_plain(sketch) for sketch in found])
+    candidates = Sketch.concatenate([sketch.detach().replace(**PLAIN, opacity=1.0) for sketch in found])
     shows, false = [], np.zeros(len(candidates))
     tries = visible_lines(
         candidates, cameras, mesh, contours=False, told=lambda done: report(len(cameras) + done, 2 * len(cameras))
@@ -143,8 +143,3 @@ def _greedy(
         left = np.where(shows[best], 0.0, left)
         share.append(1 - float(left.sum()) / whole)
     return np.array(order, np.int64), np.array(share)
-
-
-def _plain(sketch: Sketch) -> Sketch:
-    """Black strokes of the default width, by their names."""
-    return Sketch(sketch.points.detach(), sketch.weights.detach(), chains=sketch.chains, names=sketch.names)

@@ -10,12 +10,11 @@ from typing import Any
 import torch
 
 from diff3ds.bezier import MAX_DEGREE, elevate
-from diff3ds.chains import Chains
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.formats import load
 from diff3ds.formats.mesh import MESHES
 from diff3ds.library.members import fill_ball
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, PLAIN, Sketch, of_parts, parts_of
 from diff3ds.surfaces.lines.feature_curves import feature_curves, outline_share
 from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.tasks.exact_prior.folder_phrase import Name, listed, named
@@ -55,16 +54,12 @@ class FolderMember:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Hands a member to another process as arrays: torch would open a file a tensor, and a thousand are allowed."""
-        arrays = {name: value.numpy() for name, value in self.sketch.tensors().items()}
-        joined = self.sketch.chains
-        chains = None if joined is None else (joined.stroke.numpy(), joined.closed.numpy())
-        return _unpacked, (arrays, chains, self.name)
+        tensors, rest = parts_of(self.sketch)
+        return _unpacked, ({name: value.numpy() for name, value in tensors.items()}, rest, self.name)
 
 
-def _unpacked(arrays: dict[str, Any], chains: tuple[Any, Any] | None, name: Name) -> FolderMember:
-    tensors: dict[str, Any] = {field: torch.from_numpy(array) for field, array in arrays.items()}
-    joined = None if chains is None else Chains(*map(torch.from_numpy, chains))
-    return FolderMember(Sketch(**tensors, chains=joined), name)
+def _unpacked(arrays: dict[str, Any], rest: dict[str, Any], name: Name) -> FolderMember:
+    return FolderMember(of_parts({part: torch.from_numpy(array) for part, array in arrays.items()}, rest), name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +186,8 @@ def _member(file: Path, up: Up) -> tuple[Sketch, str]:
         filled = fill_ball(torch.cat([points * weights[..., None], weights[..., None]], -1))
     except ValueError as error:
         raise ValueError(f"{file}: its numbers leave the range of float32 ({error})") from error
-    return Sketch(filled.points, filled.weights, opacity=sketch.opacity.float(), chains=sketch.chains), warning
+    shape = {"points": filled.points, "weights": filled.weights, "opacity": sketch.opacity.detach().float()}
+    return sketch.replace(**shape, **PLAIN), warning
 
 
 def _loaded(file: Path) -> Sketch:
