@@ -15,6 +15,8 @@ from diff3ds.edges.cameras.coarse_to_fine import Refined
 from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import Result
 from diff3ds.formats import save_png
+from diff3ds.formats.png import load_reduced
+from diff3ds.pictures.reading import decoded_once
 from diff3ds.pictures.reading.lens import undistorted
 from diff3ds.tasks.views.run_views import run_views
 from diff3ds.tasks.views.views_options import ViewsOptions
@@ -61,7 +63,11 @@ def known(cameras, ridges, report, lens):
 
 def test_pictures_are_read_again_without_the_distortion(scene, monkeypatch):
     """By the run that finds it, by one that goes on, and by one that reads the file of cameras."""
-    seen, said = [], []
+    seen, said, decoded, decode = [], [], [], load_reduced
+
+    def counted(path, least):
+        decoded.append(path.name)
+        return decode(path, least)
 
     def looked_at(cameras, ridges, save, **rest):
         seen.append((cameras, ridges))
@@ -72,7 +78,10 @@ def test_pictures_are_read_again_without_the_distortion(scene, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("diff3ds.tasks.views.edge_fit.edge_sketch.reconstruct", looked_at)
         patch.setattr("diff3ds.tasks.views.edge_fit.refined_views.refined_cameras", known)
+        patch.setattr(decoded_once, "load_reduced", counted)
         run_views(scene, scene / "out", options, say=said.append)
+    # Read twice, decoded once.
+    assert sorted(decoded) == sorted(f"{view}.png" for view in range(12))
     monkeypatch.setattr("diff3ds.tasks.views.edge_fit.edge_sketch.reconstruct", looked_at)
     about = json.loads((scene / "out" / "run.json").read_text())["cameras"]
     assert about["distortion"]["k1"] == K1

@@ -6,10 +6,10 @@ import torch
 
 from diff3ds._shapes import Bool, Float, Tensor
 from diff3ds.formats.orientation import load_of_size
-from diff3ds.formats.png import load_reduced
 from diff3ds.pictures.content.cutout import premultiplied
 from diff3ds.pictures.content.masks import counted, has_left_out, object_fraction
 from diff3ds.pictures.picture_options import Masks
+from diff3ds.pictures.reading.decoded_once import load_once
 from diff3ds.pictures.reading.lens import straightened
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.transforms import View
@@ -62,7 +62,7 @@ def decode(view: View, size: tuple[int, int], masks: Masks = "ignore") -> Decode
     """The files of a view, for pictures of at most this size; arguments and errors as for `read_view`."""
     # Masks are decoded in full, so the picture is as well.
     masked = view.mask is not None or has_left_out(view, masks)
-    image, full, times = load_reduced(view.picture, None if masked else (DECODED * size[0], DECODED * size[1]))
+    image, full, times = load_once(view.picture, None if masked else (DECODED * size[0], DECODED * size[1]))
     if full != view.size:
         image, times = load_of_size(view.picture, view.size, "the cameras say"), 1
     return Decoded(premultiplied(image), times, object_fraction(view, masks), counted(view, masks))

@@ -15,10 +15,11 @@ from typing import Any
 import torch
 
 from diff3ds._shapes import Float, Tensor
-from diff3ds.formats.png import load_reduced, save_png, size_of
+from diff3ds.formats.png import save_png, size_of
 from diff3ds.photogrammetry import colmap_process
 from diff3ds.photogrammetry.picture_files import masks_for
 from diff3ds.photogrammetry.programs import colmap
+from diff3ds.pictures.reading.decoded_once import load_once
 from diff3ds.render.backends import get_num_threads, torch_on_one_thread
 from diff3ds.tasks.cameras.registration_options import RegistrationOptions
 from diff3ds.tasks.progress import Progress, Report
@@ -158,7 +159,7 @@ def _reduced(pictures: list[Path], sizes: list[tuple[int, int]], folder: Path, s
 
 def _gray(picture: Path, size: tuple[int, int]) -> torch.Tensor:
     """A picture over white, in gray, by area means."""
-    image, _, _ = load_reduced(picture, (2 * size[0], 2 * size[1]))
+    image, _, _ = load_once(picture, (2 * size[0], 2 * size[1]))
     clear = 1 - image[..., 3:] if image.shape[2] == 4 else image.new_zeros(())
     gray = image[..., :3].mean(-1, keepdim=True) * (1 - clear) + clear
     small = torch.nn.functional.interpolate(gray.permute(2, 0, 1)[None], size, mode="area")

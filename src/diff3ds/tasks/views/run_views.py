@@ -21,7 +21,9 @@ from diff3ds.pictures.content.clean_plates import CleanPlates, load_clean_plates
 from diff3ds.pictures.content.cutout import is_inverted
 from diff3ds.pictures.content.foreground import require_rembg
 from diff3ds.pictures.dataset import PosedPictures, load_posed
+from diff3ds.pictures.reading.decoded_once import decoded_once
 from diff3ds.pictures.reading.load_views import Told
+from diff3ds.pictures.reading.read_view import DECODED
 from diff3ds.pictures.store import opaque_views, store_of
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
@@ -108,7 +110,7 @@ def run_views(
         times.begin(progress.stage)
         report(progress)
 
-    with output_folder(out), logged(out, timed, say) as (told, said):
+    with output_folder(out), logged(out, timed, say) as (told, said), decoded_once(DECODED * options.size):
         fitted = _run(source, out, options, given, told, said, times)
     if fitted.stopped:
         raise Stopped

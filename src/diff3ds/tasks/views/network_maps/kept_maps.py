@@ -8,11 +8,12 @@ from pathlib import Path
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import save_png
 from diff3ds.formats.orientation import load_of_size
-from diff3ds.formats.png import load_reduced, size_of
+from diff3ds.formats.png import size_of
 from diff3ds.photogrammetry.find_project import present_views
 from diff3ds.pictures.content.cutout import premultiplied
 from diff3ds.pictures.dataset import reduced
 from diff3ds.pictures.picture_options import Target
+from diff3ds.pictures.reading.decoded_once import load_once
 from diff3ds.pictures.reading.read_view import DECODED
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.render.backends import torch_on_one_thread
@@ -83,7 +84,7 @@ def keep_maps(
 
 
 def _over_white(view: View, small: Size) -> Float[Tensor, "h w 3"]:
-    image, stored, times = load_reduced(view.picture, (DECODED * small[0], DECODED * small[1]))
+    image, stored, times = load_once(view.picture, (DECODED * small[0], DECODED * small[1]))
     if stored != view.size:
         image, times = load_of_size(view.picture, view.size, "the cameras say"), 1
     extent = (view.size[0] / times, view.size[1] / times)

@@ -1,0 +1,72 @@
+"""Picture files that are read several times in a run: how often they are decoded, and that they stay as they are."""
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from diff3ds.formats.png import load_reduced
+from diff3ds.pictures.reading import decoded_once as module
+from diff3ds.pictures.reading.decoded_once import decoded_once, load_once
+
+
+@pytest.fixture
+def decodes(monkeypatch):
+    """The files that are decoded, in order."""
+    done = []
+
+    def counted(path, least):
+        done.append(path.name)
+        return load_reduced(path, least)
+
+    monkeypatch.setattr(module, "load_reduced", counted)
+    return done
+
+
+def smooth(height=240, width=320):
+    y, x = np.mgrid[:height, :width]
+    return np.stack([x * 255 // width, y * 255 // height, (x + y) % 256 // 2], -1).astype(np.uint8)
+
+
+def test_files_are_decoded_once_and_come_with_the_same_bits(tmp_path, decodes):
+    Image.fromarray(smooth()).save(tmp_path / "a.jpg")
+    Image.fromarray(smooth()).save(tmp_path / "b.png")
+    Image.fromarray(smooth()[..., 0].astype(np.uint16) * 257 + 3).save(tmp_path / "deep.png")
+    (tmp_path / "deeper").mkdir()
+    for name, least, times in (("a.jpg", (120, 160), 2), ("b.png", None, 1), ("deep.png", (60, 80), 1)):
+        expected, full, _ = load_reduced(tmp_path / name, least)
+        with decoded_once(160):
+            for path in (tmp_path / name, tmp_path / "deeper" / ".." / name):
+                image, size, got = load_once(path, least)
+                assert (size, got) == (full, times)
+                assert torch.equal(image, expected)
+    assert decodes == ["a.jpg", "b.png", "deep.png"]
+    load_once(tmp_path / "b.png", None)
+    load_once(tmp_path / "b.png", None)
+    assert decodes[3:] == ["b.png", "b.png"]
+
+
+def test_a_larger_picture_that_was_read_first_does_for_a_smaller_one(tmp_path, decodes):
+    """Of a JPEG file, by means over blocks: those of the decoder are other numbers, but by little."""
+    Image.fromarray(smooth(237, 320)).save(tmp_path / "a.jpg", quality=95)
+    with decoded_once(80):
+        assert load_once(tmp_path / "a.jpg", (237, 320))[2] == 1
+        image, full, times = load_once(tmp_path / "a.jpg", (59, 80))
+        assert (full, times) == ((237, 320), 4)
+        assert decodes == ["a.jpg"]
+        expected = load_reduced(tmp_path / "a.jpg", (59, 80))[0]
+        assert image.shape == expected.shape == (60, 80, 3)
+        assert (image - expected)[:-1].abs().max() < 0.04
+        # In full, as masks want it, it is decoded again.
+        assert load_once(tmp_path / "a.jpg", None)[2] == 1
+    assert decodes == ["a.jpg", "a.jpg"]
+
+
+def test_what_does_not_fit_is_decoded_again(tmp_path, decodes, monkeypatch):
+    monkeypatch.setattr(module, "MEMORY", smooth().nbytes)
+    for name in ("a.png", "b.png"):
+        Image.fromarray(smooth()).save(tmp_path / name)
+    with decoded_once(320):
+        for name in ("a.png", "b.png", "a.png", "b.png"):
+            load_once(tmp_path / name, None)
+    assert decodes == ["a.png", "b.png", "b.png"]
