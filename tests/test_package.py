@@ -80,7 +80,7 @@ ALLOWED = {
     "pictures": {"distortion", "formats", "photogrammetry", "render", "transforms"} | SCENE,
     "edges": {"curves", "distortion", "optimize", "page", "render", "project", "surfaces"} | SCENE,
     "recognition": {"edges", "library", "pictures", "render"} | SCENE,
-    "surfaces": {"constraints", "curves", "formats", "page", "pictures", "project", "render"} | SCENE,
+    "surfaces": {"constraints", "curves", "formats", "optimize", "page", "pictures", "project", "render"} | SCENE,
     # Sees images and cameras, never strokes: a prior that must draw something is handed a function that draws.
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "notebook", "render",

@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import asdict, dataclass, replace
 
 import torch
@@ -47,6 +47,8 @@ class Step:
 # handed the sketch that was drawn as well, for regularisers.
 Objective = Callable[..., Tensor]
 CameraSampler = Callable[[int, torch.Generator], Cameras]
+# The loss of a sketch in a step, and what was seen of the sketch.
+Look = Callable[[Sketch, int, torch.Generator], tuple[Tensor, Rendering]]
 
 
 def fit(
@@ -89,7 +91,27 @@ def fit(
         state = read_checkpoint(config.checkpoint, _settings(config)).to(sketch.points.device)
         if config.stateful is not None:
             config.stateful.restore(state.stateful)
-    return _run(state, objective, sampler, config)
+    return _run(state, _through_renderer(objective, sampler, config), config)
+
+
+def descend(sketch: Sketch, loss: Callable[[Sketch, int], Tensor], config: FitConfig) -> Iterator[Sketch]:
+    """As `fit`, of a loss of the strokes themselves and the step's index, for which nothing is rendered."""
+    nothing = Rendering(torch.empty(0, 0, 0, 3), *(torch.empty(0, 0, 0),) * 2)
+    return (
+        step.sketch for step in _run(start(sketch.detach(), config.seed), lambda s, i, _: (loss(s, i), nothing), config)
+    )
+
+
+def _through_renderer(objective: Objective, cameras: CameraSampler, config: FitConfig) -> Look:
+    """The loss of what is rendered of a sketch."""
+    of_sketches = _looks_at_sketches(objective)
+
+    def look(sketch: Sketch, index: int, generator: torch.Generator) -> tuple[Tensor, Rendering]:
+        views = _checked(cameras(index, generator), index)
+        rendering = _drawn(sketch, views, index, config, generator)
+        return objective(rendering, views, index, **({"sketch": sketch} if of_sketches else {})), rendering
+
+    return look
 
 
 def _sampler(cameras: Cameras | CameraSampler) -> CameraSampler:
@@ -130,11 +152,11 @@ def _named(rate: Rate) -> object:
     return f"function {getattr(rate, '__qualname__', type(rate).__name__)}" if callable(rate) else rate
 
 
-def _run(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> Generator[Step]:
+def _run(state: State, look: Look, config: FitConfig) -> Generator[Step]:
     try:
         while state.index < config.steps:
             with torch_on_one_thread(), torch.enable_grad():
-                state, step = _advance(state, objective, cameras, config)
+                state, step = _advance(state, look, config)
             if state.index % LOOK_EVERY == 0 or state.index == config.steps:
                 state = _looked_at(state)
             if config.checkpoint is not None and state.index % config.checkpoint_every == 0:
@@ -145,15 +167,12 @@ def _run(state: State, objective: Objective, cameras: CameraSampler, config: Fit
             write_checkpoint(config.checkpoint, state, _settings(config))
 
 
-def _advance(state: State, objective: Objective, cameras: CameraSampler, config: FitConfig) -> tuple[State, Step]:
+def _advance(state: State, look: Look, config: FitConfig) -> tuple[State, Step]:
     """One step. The given state is left as it is, so that an interruption loses this step only."""
     generator = state.generator()
-    views = _checked(cameras(state.index, generator), state.index)
     leaves = leaves_of(state.sketch, config.rates)
     sketch = assembled(state.sketch, leaves, config.constraints)
-    rendering = _drawn(sketch, views, state.index, config, generator)
-    seen = {"sketch": sketch} if _looks_at_sketches(objective) else {}
-    loss = objective(rendering, views, state.index, **seen)
+    loss, rendering = look(sketch, state.index, generator)
     loss, gradients = _gradients(loss, leaves, state.index)
     decay = config.final_rate ** (state.index / config.steps)
     state = descended(state, leaves, gradients, config, decay)

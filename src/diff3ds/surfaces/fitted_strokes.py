@@ -6,8 +6,7 @@ pulls the nearest stroke, and each point of a stroke is pulled to the nearest li
 where pictures that are blurred would have to be very much so. Strokes slide along the surface, and hardly leave it.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -17,9 +16,10 @@ from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.constraints import Constraint, fixed, smooth
+from diff3ds.optimize.config import FitConfig, Rates
+from diff3ds.optimize.fit import descend
 from diff3ds.pictures.frame import Frame
 from diff3ds.project import project
-from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import visible_lines
 from diff3ds.surfaces.line_drawings import MARGIN, SAMPLES, SIZE, all_around, points_along
@@ -68,33 +68,21 @@ def fit_strokes(
         constraints += (fixed(start, range(held)),)
     generator = np.random.default_rng(0)
     surface = _Surface(mesh, frame)
-    leaf = start.points.clone().requires_grad_()
-    optimizer = torch.optim.Adam([leaf], RATE)
-    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, LAST_RATE ** (1 / STEPS))
-    with torch_on_one_thread():
-        for step in range(STEPS):
-            moved = _kept(start, leaf, constraints)
-            some = generator.choice(VIEWS, BATCH, replace=False).tolist()
-            cubics = project(moved, views[some]).cubics
-            loss = torch.stack([drawings[v].distance(cubics[i]) for i, v in enumerate(some)]).mean()
-            loss = loss + OFF * surface.distance(moved)
-            (leaf.grad,) = torch.autograd.grad(loss, [leaf])
-            optimizer.step()
-            schedule.step()
-            report(step + 1, STEPS)
-    moved = _kept(start, leaf.detach(), constraints)
-    points = frame.to_world(moved).points.to(torch.float64)
+
+    def loss(sketch: Sketch, step: int) -> Tensor:
+        some = generator.choice(VIEWS, BATCH, replace=False).tolist()
+        cubics = project(sketch, views[some]).cubics
+        away = torch.stack([drawings[v].distance(cubics[i]) for i, v in enumerate(some)]).mean()
+        return away + OFF * surface.distance(sketch)
+
+    config = FitConfig(STEPS, Rates(RATE), LAST_RATE, constraints=constraints)
+    for step, fitted in enumerate(descend(start, loss, config), 1):
+        start = fitted
+        report(step, STEPS)
+    points = frame.to_world(start).points.to(torch.float64)
     # What is held has been through float32 only on the way.
     kept = (strokes.chains or Chains.plain(len(strokes))).stroke < held
-    return replace(strokes, points=torch.where(kept[:, None, None], strokes.points, points))
-
-
-def _kept(start: Sketch, points: Float[Tensor, "M K 3"], constraints: Sequence[Constraint]) -> Sketch:
-    """The strokes with other control points: joints are one point, and constraints are kept."""
-    moved = replace(start, points=start.chains.joined(points) if start.chains else points)
-    for constrained in constraints:
-        moved = constrained(moved)
-    return moved
+    return strokes.replace(points=torch.where(kept[:, None, None], strokes.points, points))
 
 
 class _Surface:
