@@ -1,6 +1,6 @@
 """What a command says while it works: progress, what it wrote, where to look; to stderr."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sized
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -51,6 +51,15 @@ def viewed(wanted: bool, out: Path, console: Console) -> Iterator[None]:
 
     with shown_meanwhile(out, partial(print, flush=True), sayer(console)):
         yield
+
+
+def run_shown(out: Path, view: bool, quiet: bool, run: Callable[[Report, Callable[[str], None]], Sized]) -> None:
+    """Runs what writes a sketch to a folder, with its progress and what it says on the console, or in a browser too."""
+    console = PlainConsole(stderr=True, quiet=quiet)
+    with viewed(view, out, console):
+        with progress_on(console) as report:
+            sketch = run(report, sayer(console))
+        say_written(console, len(sketch), out)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from rich.console import Console
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from diff3ds.command_line.console import PlainConsole, progress_on, say_written, sayer, viewed
+from diff3ds.command_line.console import PlainConsole, progress_on, run_shown, say_written, sayer, viewed
 from diff3ds.command_line.interrupt import importing
 from diff3ds.tasks.cameras.registration_options import RegistrationOptions
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
@@ -53,11 +53,7 @@ class Views:
         with importing():
             from diff3ds.tasks.views.run_views import run_views
 
-        console = PlainConsole(stderr=True, quiet=self.quiet)
-        with viewed(self.view, self.out, console):
-            with progress_on(console) as report:
-                sketch = run_views(self.source, self.out, self.fit, report, sayer(console))
-            say_written(console, len(sketch), self.out)
+        run_shown(self.out, self.view, self.quiet, lambda *told: run_views(self.source, self.out, self.fit, *told))
 
 
 @dataclass(frozen=True)
@@ -81,16 +77,13 @@ class Doodle:
 
     def run(self) -> None:
         """Runs the command."""
-        if self.source is None:
+        source = self.source
+        if source is None:
             raise ValueError("give a transforms.json of coloured pictures, or a folder with one")
         with importing():
             from diff3ds.tasks.views.color_fit.doodle import run_doodle
 
-        console = PlainConsole(stderr=True, quiet=self.quiet)
-        with viewed(self.view, self.out, console):
-            with progress_on(console) as report:
-                sketch = run_doodle(self.source, self.out, self.fit, report)
-            say_written(console, len(sketch), self.out)
+        run_shown(self.out, self.view, self.quiet, lambda report, say: run_doodle(source, self.out, self.fit, report))
 
 
 @dataclass(frozen=True)
@@ -118,11 +111,7 @@ class Text:
         with importing():
             from diff3ds.tasks.text_image.text import run_text
 
-        console = PlainConsole(stderr=True, quiet=self.quiet)
-        with viewed(self.view, self.out, console):
-            with progress_on(console) as report:
-                sketch = run_text(self.spec, self.out, report, sayer(console))
-            say_written(console, len(sketch), self.out)
+        run_shown(self.out, self.view, self.quiet, lambda *told: run_text(self.spec, self.out, *told))
 
 
 @dataclass(frozen=True)
@@ -217,11 +206,7 @@ class Mesh:
         with importing():
             from diff3ds.tasks.mesh.draw_mesh import run_mesh
 
-        console = PlainConsole(stderr=True, quiet=self.quiet)
-        with viewed(self.view, self.out, console):
-            with progress_on(console) as report:
-                sketch = run_mesh(self.source, self.out, self.mesh, report, sayer(console))
-            say_written(console, len(sketch), self.out)
+        run_shown(self.out, self.view, self.quiet, lambda *told: run_mesh(self.source, self.out, self.mesh, *told))
 
 
 @dataclass(frozen=True)
@@ -247,11 +232,7 @@ class Points:
         with importing():
             from diff3ds.tasks.points.draw_points import run_points
 
-        console = PlainConsole(stderr=True, quiet=self.quiet)
-        with viewed(self.view, self.out, console):
-            with progress_on(console) as report:
-                sketch = run_points(self.source, self.out, self.points, report, sayer(console))
-            say_written(console, len(sketch), self.out)
+        run_shown(self.out, self.view, self.quiet, lambda *told: run_points(self.source, self.out, self.points, *told))
 
 
 @dataclass(frozen=True)

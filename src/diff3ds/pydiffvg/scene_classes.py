@@ -1,5 +1,6 @@
 """What is drawn: DiffVG's classes of shapes, groups and colours, which hold the tensors of their users."""
 
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import torch
@@ -12,10 +13,11 @@ def _one() -> Tensor:
     return torch.tensor(1.0)
 
 
+@dataclass(eq=False, repr=False)
 class Path:
     """Lines and Bézier curves, one after the other.
 
-    Args:
+    Attributes:
         num_control_points: of each segment (S,), between its ends: 0 for a line, 1 for a quadratic, 2 for a cubic.
         points: ends and control points in their order, (P, 2); a closed path does not repeat its first point.
         stroke_width: *half* the width of its stroke, one value or one for each point; 0 draws nothing.
@@ -23,126 +25,82 @@ class Path:
         use_distance_approx: has no effect; strokes are exact.
     """
 
-    def __init__(
-        self,
-        num_control_points: Tensor,
-        points: Tensor,
-        is_closed: bool,
-        stroke_width: Tensor | None = None,
-        id: str = "",
-        use_distance_approx: bool = False,
-    ) -> None:
-        self.num_control_points = num_control_points
-        self.points = points
-        self.is_closed = is_closed
-        self.stroke_width = _one() if stroke_width is None else stroke_width
-        self.id = id
-        self.use_distance_approx = use_distance_approx
+    num_control_points: Tensor
+    points: Tensor
+    is_closed: bool
+    stroke_width: Tensor = field(default_factory=_one)
+    id: str = ""
+    use_distance_approx: bool = False
 
 
+@dataclass(eq=False, repr=False)
 class Polygon:
     """Lines through `points` (P, 2); closed or not."""
 
-    def __init__(
-        self,
-        points: Tensor,
-        is_closed: bool,
-        stroke_width: Tensor | None = None,
-        id: str = "",
-    ) -> None:
-        self.points = points
-        self.is_closed = is_closed
-        self.stroke_width = _one() if stroke_width is None else stroke_width
-        self.id = id
+    points: Tensor
+    is_closed: bool
+    stroke_width: Tensor = field(default_factory=_one)
+    id: str = ""
 
 
+@dataclass(eq=False, repr=False)
 class Circle:
     """A circle with one `radius` and a `center` (2,)."""
 
-    def __init__(
-        self,
-        radius: Tensor,
-        center: Tensor,
-        stroke_width: Tensor | None = None,
-        id: str = "",
-    ) -> None:
-        self.radius = radius
-        self.center = center
-        self.stroke_width = _one() if stroke_width is None else stroke_width
-        self.id = id
+    radius: Tensor
+    center: Tensor
+    stroke_width: Tensor = field(default_factory=_one)
+    id: str = ""
 
 
+@dataclass(eq=False, repr=False)
 class Ellipse:
     """An ellipse with a `radius` (2,) along x and y and a `center` (2,)."""
 
-    def __init__(
-        self,
-        radius: Tensor,
-        center: Tensor,
-        stroke_width: Tensor | None = None,
-        id: str = "",
-    ) -> None:
-        self.radius = radius
-        self.center = center
-        self.stroke_width = _one() if stroke_width is None else stroke_width
-        self.id = id
+    radius: Tensor
+    center: Tensor
+    stroke_width: Tensor = field(default_factory=_one)
+    id: str = ""
 
 
+@dataclass(eq=False, repr=False)
 class Rect:
     """A rectangle between the corners `p_min` and `p_max`, (2,) each."""
 
-    def __init__(
-        self,
-        p_min: Tensor,
-        p_max: Tensor,
-        stroke_width: Tensor | None = None,
-        id: str = "",
-    ) -> None:
-        self.p_min = p_min
-        self.p_max = p_max
-        self.stroke_width = _one() if stroke_width is None else stroke_width
-        self.id = id
+    p_min: Tensor
+    p_max: Tensor
+    stroke_width: Tensor = field(default_factory=_one)
+    id: str = ""
 
 
+@dataclass(eq=False, repr=False)
 class LinearGradient:
     """Colours that change from `begin` to `end`, (2,) each, on the canvas: `stop_colors` (M, 4) at `offsets` (M,)."""
 
-    def __init__(
-        self,
-        begin: Tensor | None = None,
-        end: Tensor | None = None,
-        offsets: Tensor | None = None,
-        stop_colors: Tensor | None = None,
-    ) -> None:
-        self.begin = torch.zeros(2) if begin is None else begin
-        self.end = torch.zeros(2) if end is None else end
-        self.offsets = torch.zeros(1) if offsets is None else offsets
-        self.stop_colors = torch.zeros(1, 4) if stop_colors is None else stop_colors
+    begin: Tensor = field(default_factory=lambda: torch.zeros(2))
+    end: Tensor = field(default_factory=lambda: torch.zeros(2))
+    offsets: Tensor = field(default_factory=lambda: torch.zeros(1))
+    stop_colors: Tensor = field(default_factory=lambda: torch.zeros(1, 4))
 
 
+@dataclass(eq=False, repr=False)
 class RadialGradient:
     """Colours that change from `center` (2,) outwards, the last at `radius` (2,) along x and y; on the canvas."""
 
-    def __init__(
-        self,
-        center: Tensor | None = None,
-        radius: Tensor | None = None,
-        offsets: Tensor | None = None,
-        stop_colors: Tensor | None = None,
-    ) -> None:
-        self.center = torch.zeros(2) if center is None else center
-        self.radius = torch.zeros(2) if radius is None else radius
-        self.offsets = torch.zeros(1) if offsets is None else offsets
-        self.stop_colors = torch.zeros(1, 4) if stop_colors is None else stop_colors
+    center: Tensor = field(default_factory=lambda: torch.zeros(2))
+    radius: Tensor = field(default_factory=lambda: torch.zeros(2))
+    offsets: Tensor = field(default_factory=lambda: torch.zeros(1))
+    stop_colors: Tensor = field(default_factory=lambda: torch.zeros(1, 4))
 
 
 Color = Tensor | LinearGradient | RadialGradient
 
 
+@dataclass(eq=False, repr=False)
 class ShapeGroup:
     """Shapes that are painted as one: their union, first its stroke, then its filling, each once with its alpha.
 
-    Args:
+    Attributes:
         shape_ids: places of the shapes in the list of all.
         fill_color: RGBA (4,), a gradient of colours, or None for no filling.
         use_even_odd_rule: what is filled where outlines overlap: where an odd number of them lies, or (False) where
@@ -152,21 +110,12 @@ class ShapeGroup:
         id: a name, written to SVG files.
     """
 
-    def __init__(
-        self,
-        shape_ids: Tensor,
-        fill_color: Color | None,
-        use_even_odd_rule: bool = True,
-        stroke_color: Color | None = None,
-        shape_to_canvas: Tensor | None = None,
-        id: str = "",
-    ) -> None:
-        self.shape_ids = shape_ids
-        self.fill_color = fill_color
-        self.use_even_odd_rule = use_even_odd_rule
-        self.stroke_color = stroke_color
-        self.shape_to_canvas = torch.eye(3) if shape_to_canvas is None else shape_to_canvas
-        self.id = id
+    shape_ids: Tensor
+    fill_color: Color | None
+    use_even_odd_rule: bool = True
+    stroke_color: Color | None = None
+    shape_to_canvas: Tensor = field(default_factory=lambda: torch.eye(3))
+    id: str = ""
 
 
 class FilterType(IntEnum):
@@ -178,12 +127,12 @@ class FilterType(IntEnum):
     hann = 3
 
 
+@dataclass(eq=False, repr=False)
 class PixelFilter:
     """By what samples are weighed; a box of radius .5, which is a pixel's area, is drawn."""
 
-    def __init__(self, type: FilterType, radius: Tensor | None = None) -> None:
-        self.type = type
-        self.radius = torch.tensor(0.5) if radius is None else radius
+    type: FilterType
+    radius: Tensor = field(default_factory=lambda: torch.tensor(0.5))
 
 
 class OutputType(IntEnum):

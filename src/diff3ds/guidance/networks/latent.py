@@ -97,6 +97,22 @@ class Autoencoder:
         return [self._network.encode(batch).latent_dist for batch in batches]
 
 
+class LatentDenoiser:
+    """What a `Denoiser` of latents has by its autoencoder; `size` is that of the pictures, pixels."""
+
+    def __init__(self, autoencoder: Autoencoder) -> None:
+        self.size = autoencoder.size
+        self._autoencoder = autoencoder
+
+    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
+        """Scaled latents of images in [0, 1], with gradients."""
+        return self._autoencoder.encode(images, generator)
+
+    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
+        """Images in [0, 1], on the CPU."""
+        return self._autoencoder.decode(latents)
+
+
 def load_autoencoder(
     checkpoint: Checkpoint, size: int, dtype: torch.dtype, device: torch.device, work: Work
 ) -> Autoencoder:

@@ -13,6 +13,7 @@ from diff3ds.guidance.networks import prompts
 from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
+    LatentDenoiser,
     check_memory,
     load_autoencoder,
     place_autoencoder,
@@ -59,7 +60,7 @@ def camera_vectors(cameras: Cameras) -> Float[Tensor, "B 16"]:
     return to_world.flatten(1).float()
 
 
-class MVDream:
+class MVDream(LatentDenoiser):
     """A `Denoiser` of four consecutive views of an object.
 
     Attributes:
@@ -79,23 +80,14 @@ class MVDream:
             texts: encodings of the phrase, the empty phrase, and the negative one.
         """
         join_views(unet, VIEWS)
+        super().__init__(autoencoder)
         self.schedule = schedule
-        self.size = autoencoder.size
         self.unet = unet.eval().requires_grad_(False)
-        self._autoencoder = autoencoder
         self._texts: dict[Branch, Tensor] = {
             "conditional": texts[0].to(unet.device),
             "unconditional": texts[1].to(unet.device),
             "negative": texts[2].to(unet.device),
         }
-
-    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
-        """Latents of images in [0, 1]; see `Denoiser`."""
-        return self._autoencoder.encode(images, generator)
-
-    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
-        """Images in [0, 1]; see `Denoiser`."""
-        return self._autoencoder.decode(latents)
 
     def predict(
         self,

@@ -15,6 +15,7 @@ from diff3ds.guidance.networks import prompts
 from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
+    LatentDenoiser,
     Prediction,
     check_memory,
     load_autoencoder,
@@ -33,7 +34,7 @@ from diff3ds.weights.weight_options import Source
 AWAY = 2
 
 
-class StableDiffusion:
+class StableDiffusion(LatentDenoiser):
     """A `Denoiser` made of Stable Diffusion's UNet and autoencoder.
 
     The conditional branch is the phrase with "front view", "side view", "back view" or "overhead view", whichever the
@@ -63,21 +64,12 @@ class StableDiffusion:
             perp_neg: turns the conditional branch away from the directions that the camera does not have, which keeps
                 faces from the back of a head; for twice the time.
         """
+        super().__init__(autoencoder)
         self.schedule = schedule
-        self.size = autoencoder.size
         self.perp_neg = perp_neg
         self.unet = unet.eval().requires_grad_(False)
-        self._autoencoder = autoencoder
         self._texts = texts.to(unet.device)
         self._prediction = prediction
-
-    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
-        """Latents of images in [0, 1]; see `Denoiser`."""
-        return self._autoencoder.encode(images, generator)
-
-    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
-        """Images in [0, 1]; see `Denoiser`."""
-        return self._autoencoder.decode(latents)
 
     def predict(
         self,

@@ -13,6 +13,7 @@ from diff3ds.guidance.device_choice import pick_device, pick_dtype
 from diff3ds.guidance.networks.latent import (
     FACTOR,
     Autoencoder,
+    LatentDenoiser,
     Prediction,
     check_memory,
     place_autoencoder,
@@ -85,7 +86,7 @@ class Condition:
     reference: ReferencePose
 
 
-class Zero123:
+class Zero123(LatentDenoiser):
     """A `Denoiser` that knows one picture of the object. The negative branch is the unconditional one.
 
     Attributes:
@@ -108,22 +109,13 @@ class Zero123:
         pose: RelativePose = relative_pose,
     ) -> None:
         """Takes a diffusers.UNet2DConditionModel with 8 channels, and what goes with it, all on one device."""
+        super().__init__(autoencoder)
         self.schedule = schedule
-        self.size = autoencoder.size
         self.unet = unet
-        self._autoencoder = autoencoder
         self._projection = projection
         self._condition = condition
         self._prediction = prediction
         self._pose = pose
-
-    def encode(self, images: Float[Tensor, "B H W 3"], generator: torch.Generator) -> Float[Tensor, "B 4 h w"]:
-        """Scaled latents of images in [0, 1], with gradients."""
-        return self._autoencoder.encode(images, generator)
-
-    def decode(self, latents: Float[Tensor, "B 4 h w"]) -> Float[Tensor, "B H W 3"]:
-        """Images in [0, 1], on the CPU."""
-        return self._autoencoder.decode(latents)
 
     def predict(
         self,
