@@ -46,15 +46,15 @@ def test_other_programs_files_are_read(tmp_path, order):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("no", "not a PLY file"),
-        ("ply\nformat ascii 1.0\nelement vertex 3\n", "not a PLY file"),
-        ("ply\nformat text 1.0\nelement vertex 1\nend_header\n", "of no format that is known"),
-        ("ply\nformat ascii 1.0\nelement face 1\nend_header\n", "must begin with its vertices"),
-        ("ply\nformat ascii 1.0\nelement vertex\nend_header\n", "must begin with its vertices"),
-        (NERFSTUDIO + "property float x\nend_header\n", "must have x, y and z"),
-        (NERFSTUDIO + XYZ + RGB + "1 2 3 1 1 1\n", "damaged, it ends|damaged, a vertex"),
-        (NERFSTUDIO.replace("ascii", "binary_little_endian") + XYZ + RGB, "damaged, it ends before its 3 vertices"),
-        (NERFSTUDIO + XYZ + RGB + "1 2 x 1 1 1\n" * 3, "damaged, a vertex is not 6 numbers"),
+        ("no", "no header of PLY"),
+        ("ply\nformat ascii 1.0\nelement vertex 3\n", "no header of PLY"),
+        ("ply\nformat text 1.0\nelement vertex 1\nend_header\n", "not understood: 'format text"),
+        ("ply\nformat ascii 1.0\nelement face 1\nend_header\n", "face|vertices must have"),
+        ("ply\nformat ascii 1.0\nelement vertex\nend_header\n", "element"),
+        (NERFSTUDIO + "property float x\nend_header\n" + "1\n" * 3, "must have x, y and z"),
+        (NERFSTUDIO + XYZ + RGB + "1 2 3 1 1 1\n", "cut off or broken: its 3 of vertex are not there"),
+        (NERFSTUDIO.replace("ascii", "binary_little_endian") + XYZ + RGB, "cut off or broken: its 3 of vertex"),
+        (NERFSTUDIO + XYZ + RGB + "1 2 x 1 1 1\n" * 3, "'x' is no number"),
     ],
 )  # fmt: skip
 def test_damaged_files_are_refused(tmp_path, content, message):

@@ -1,6 +1,7 @@
 """Clouds of points from files, with normals where there are some: PLY, XYZ and other texts, NPY, PCD, LAS and LAZ."""
 
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from tokenize import TokenError
@@ -9,7 +10,7 @@ import numpy as np
 
 from diff3ds._files import check_there
 from diff3ds._shapes import Array, Float
-from diff3ds.formats.mesh_files.read_ply import read_ply_points
+from diff3ds.formats.mesh_files.read_ply import ply_columns
 from diff3ds.formats.mesh_files.text_numbers import numbers
 
 TEXTS = (".xyz", ".txt", ".asc", ".pts", ".csv")
@@ -65,7 +66,10 @@ def read_cloud(path: str | Path) -> Cloud:
 def _table(suffix: str, path: Path) -> Float[Array, "N C"]:
     """Three or six numbers a point."""
     if suffix == ".ply":
-        return _columns(read_ply_points(path.read_bytes()), ("nx", "ny", "nz"))
+        columns, faces = ply_columns(path.read_bytes())
+        if faces:
+            warnings.warn("the faces of the file are left out: diff3ds mesh draws the lines of a mesh", stacklevel=2)
+        return _columns(columns, ("nx", "ny", "nz"))
     if suffix == ".pcd":
         return _columns(_pcd(path.read_bytes()), ("normal_x", "normal_y", "normal_z"))
     if suffix == ".npy":

@@ -1,7 +1,6 @@
 """PLY files, text or binary: polygons or strips, with colours of vertices or faces, and textures that comments name."""
 
 import re
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,17 +75,16 @@ def read_ply(content: bytes, beside: FilesBeside | None) -> Polygons:
     return Polygons(vertices, corners, sizes, np.zeros(len(sizes), np.int64), paint)
 
 
-def read_ply_points(content: bytes) -> dict[str, Array]:
-    """The numbers of each vertex of a file by their names, such as x, y, z and nx, ny, nz; that faces are not, is said.
+def ply_columns(content: bytes) -> tuple[dict[str, Array], bool]:
+    """The numbers of each vertex of a file by their names, such as x, y, z and nx, ny, nz; and whether it has faces.
 
     Raises:
         ValueError: broken.
     """
     data = _read(content)[1]
-    if "face" in data and len(_lists(data["face"])[1]):
-        warnings.warn("the faces of the file are left out: diff3ds mesh draws the lines of a mesh", stacklevel=2)
     columns = data.get("vertex", {})
-    return {name: column.astype(np.float64) for name, column in columns.items() if isinstance(column, np.ndarray)}
+    numbers = {name: column.astype(np.float64) for name, column in columns.items() if isinstance(column, np.ndarray)}
+    return numbers, "face" in data and len(_lists(data["face"])[1]) > 0
 
 
 def _read(content: bytes) -> tuple[bytes, dict[str, _Columns]]:

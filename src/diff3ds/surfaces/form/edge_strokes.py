@@ -14,7 +14,7 @@ from diff3ds.surfaces.form.edges import Edge
 from diff3ds.surfaces.form.rounding import TangentLine
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
-from diff3ds.surfaces.lines.feature_curves import _pieces
+from diff3ds.surfaces.lines.feature_curves import few_pieces
 
 # An arc of more than this is drawn as two: see `curves.shapes.primitives.MOST_SWEEP`.
 MOST_ARC = np.deg2rad(200.0)
@@ -69,7 +69,7 @@ def drawn_runs(
         numbers = [run.vertices[0], *range(count, count + len(line) - 2), run.vertices[-1]]
         places.append(line[1:-1])
         count += len(line) - 2
-        for piece, strokes in _pieces(line, list(range(len(line))), tolerance):
+        for piece, strokes in few_pieces(line, list(range(len(line))), tolerance):
             out.append(Run([numbers[k] for k in (piece[0], piece[-1])], strokes, run.edges, line, run.closed))
     return out, np.concatenate(places)
 

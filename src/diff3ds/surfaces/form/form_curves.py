@@ -16,7 +16,7 @@ from diff3ds.surfaces.form.regular import regularised
 from diff3ds.surfaces.form.rounding import tangent_lines, with_roundings
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import found_forms, within
-from diff3ds.surfaces.lines.feature_curves import _curves
+from diff3ds.surfaces.lines.feature_curves import curves_of
 
 Rounded = Literal["edge", "tangents"]
 CREASE, TANGENT = "crease", "tangent"
@@ -77,4 +77,4 @@ def form_curves(samples: Samples, seed: int = 0, rounded: Rounded = "edge") -> F
     pieces = [(run.vertices, run.strokes) for run in runs]
     owner = [run.edges[0] for run in runs for _ in run.strokes]
     kinds = tuple(TANGENT if tangents and edges[k].rounding else CREASE for k in owner)
-    return FormCurves(_curves(places, pieces), kinds, edges, owner, found, forms, label)
+    return FormCurves(curves_of(places, pieces), kinds, edges, owner, found, forms, label)

@@ -68,8 +68,8 @@ def feature_curves(mesh: TriangleMesh, most: int | None = None) -> FeatureCurves
     places = np.concatenate([mesh.vertices, seam.points])
     named: list[tuple[list[int], Feature]] = [(chain, "border" if border else "crease") for chain, border in chains]
     named += [([len(mesh.vertices) + i for i in cut], "intersection") for cut in cuts]
-    found = [(piece, kind) for chain, kind in named for piece in _pieces(places, chain, pixel)]
-    curves = _curves(places, [piece for piece, _ in found])
+    found = [(piece, kind) for chain, kind in named for piece in few_pieces(places, chain, pixel)]
+    curves = curves_of(places, [piece for piece, _ in found])
     kinds = tuple(kind for (_, strokes), kind in found for _ in strokes)
     return FeatureCurves(curves, kinds, len(chains), _loose(mesh, chains))
 
@@ -137,7 +137,7 @@ def _loose(mesh: TriangleMesh, runs: list[Run]) -> int:
 _Piece = tuple[list[int], list[Primitive]]
 
 
-def _pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[_Piece]:
+def few_pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[_Piece]:
     """A chain in as few curves as can be from its start: each goes as far as it fits."""
     while len(chain) > 1:
         count = _longest(vertices[chain], pixel)
@@ -174,7 +174,7 @@ def _fit(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
     return found
 
 
-def _curves(vertices: Float[Array, "V 3"], pieces: list[_Piece]) -> Curves:
+def curves_of(vertices: Float[Array, "V 3"], pieces: list[_Piece]) -> Curves:
     """All curves; those that are not closed meet in the vertices of the mesh."""
     if not pieces:
         none = torch.zeros(0, 2, dtype=torch.int64)
