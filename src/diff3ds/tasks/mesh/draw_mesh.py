@@ -104,7 +104,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     seconds = {"read": time.perf_counter() - begun}
     read = read.by_forms(options, say)
     mesh, colors = read.mesh, read.colors
-    made = sketch_mesh(mesh, options, report, read.edges)
+    made = sketch_mesh(mesh, options, report, read.edges, read.ridges)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE and CONTOUR in made.kinds:
         say(
@@ -165,11 +165,13 @@ def sketch_mesh(
     options: MeshOptions,
     report: Report = lambda progress: None,
     edges: tuple[Sketch, tuple[str, ...]] | None = None,
+    ridges: tuple[Sketch, tuple[str, ...]] | None = None,
 ) -> MeshSketch:
     """The strokes of a mesh that are there from everywhere.
 
     Args:
         edges: its creases and borders, and what each is, where they are known.
+        ridges: its creases at a scale, and what each is.
 
     Raises:
         ValueError: more creases than a drawing has, or nothing to draw.
@@ -180,6 +182,8 @@ def sketch_mesh(
         kinds: tuple[str, ...] = tuple(found.kinds[row] for row in first_curves(features, found.curves))
     else:
         features, kinds = edges
+    if ridges is not None:
+        features, kinds = Sketch.concatenate([features, ridges[0]]), kinds + ridges[1]
     outlines = outline_share(mesh)
     # Solids have their own edges, however round they are.
     smooth = outlines < LEAST_OUTLINE and not (isinstance(mesh, SolidMesh) and len(features))

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diff3ds._shapes import Bool, Mask
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.form.form_curves import Rounded, form_curves
+from diff3ds.surfaces.form.form_curves import FormCurves, Rounded, form_curves
 from diff3ds.surfaces.form.form_mesh import FormMesh, on_forms
 from diff3ds.surfaces.form.samples import Samples, flat_share
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -23,6 +24,8 @@ SMOOTH = 0.01
 # edges, which is so independent from vertex to vertex, that nothing is. Empirical.
 LEAST_FLAT = 0.06
 NOISY, INDEPENDENT = 0.1, 0.78
+# What turns at a scale nearer to an edge of forms than this is that edge; points along these. Longest sides; empirical.
+BESIDE, STEP = 0.03, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +36,14 @@ class FormedMesh:
         mesh: with the forms' normals and edges.
         features: the edges, exact intersections of the forms, or the tangent lines of rounded ones.
         kinds: what each is.
+        free: faces that no edge of a form is near.
         told: what run.json says of the forms.
     """
 
     mesh: FormMesh
     features: Sketch
     kinds: tuple[str, ...]
+    free: Bool[Mask, " F"]
     told: dict[str, object]
 
 
@@ -63,7 +68,17 @@ def formed(mesh: TriangleMesh, rounded: Rounded, say: Callable[[str], None]) -> 
     )
     moved = on_forms(unit, samples, found)
     back = moved.with_vertices(moved.vertices * size + middle)
-    return FormedMesh(back, *form_lines(found, middle, size), told_forms(found, middle, size))
+    free = _away(unit, found)
+    return FormedMesh(back, *form_lines(found, middle, size), free, told_forms(found, middle, size))
+
+
+def _away(mesh: TriangleMesh, found: FormCurves) -> Bool[Mask, " F"]:
+    """Which faces are not beside an edge of forms."""
+    from scipy.spatial import cKDTree
+
+    lines = [edge.path.at(np.linspace(edge.start, edge.stop, int(edge.length / STEP) + 2)) for edge in found.edges]
+    away = cKDTree(np.concatenate(lines)).query(mesh.vertices[mesh.faces].mean(1), workers=-1)[0]
+    return np.asarray(away > BESIDE)
 
 
 def _is_as_meant(mesh: TriangleMesh) -> bool:

@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from diff3ds._shapes import Bool, Mask
+from diff3ds.curves.shapes.smooth_joints import first_curves, sketch_of
 from diff3ds.formats.cad.solids import SOLIDS
-from diff3ds.sketch import Sketch
+from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.form.solid_mesh import load_solid
 from diff3ds.surfaces.lines.feature_curves import crease_length, loose_share, outline_share
+from diff3ds.surfaces.lines.scale_creases import scale_creases
 from diff3ds.surfaces.shape.colors import SurfaceColors
 from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
@@ -25,6 +28,8 @@ MOST_LOOSE = 0.5
 # And where some do, creases of a smooth thing that are shorter than this in the mean, a share of its longest side, are
 # folds and cracks of a scan: those of a machine part are several times as long. Empirical.
 SOME_LOOSE, SHORT = 0.1, 0.08
+# Of fewer faces a crease at a scale has too few rows. Empirical.
+FINE = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,23 +40,30 @@ class Source:
         mesh: what hides.
         colors: of it, where they are wanted.
         edges: its creases and borders, and what each is, where they are known.
+        ridges: its creases at a scale, and what each is.
         told: what run.json says of how it was read.
     """
 
     mesh: TriangleMesh
     colors: SurfaceColors | None = None
     edges: tuple[Sketch, tuple[str, ...]] | None = None
+    ridges: tuple[Sketch, tuple[str, ...]] | None = None
     told: dict[str, object] = field(default_factory=dict)
 
     def by_forms(self, options: MeshOptions, say: Callable[[str], None]) -> "Source":
-        """A mesh by its forms where it is bumpy, rounded or scanned, and without creases that are scraps elsewhere."""
+        """A mesh by its forms where it is bumpy, rounded or scanned, and without creases that are scraps elsewhere.
+
+        Where it has no creases of faces, or is no form, it has those at a scale.
+        """
         if self.edges is not None:
             return self
         found = formed(self.mesh, options.rounded, say) if options.angle is None else None
         if found is None:
-            return replace(self, mesh=creased(self.mesh, options.angle))
+            mesh = creased(self.mesh, options.angle)
+            smooth = options.angle is None and len(mesh) >= FINE and not mesh.is_crease.any()
+            return replace(self, mesh=mesh, ridges=ridges(mesh) if smooth else None)
         edges = with_tangents(found.features, found.kinds, options.tangent)
-        return replace(self, mesh=found.mesh, edges=edges, told=found.told)
+        return replace(self, mesh=found.mesh, edges=edges, ridges=ridges(self.mesh, found.free), told=found.told)
 
 
 def read_source(path: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Source:
@@ -78,7 +90,7 @@ def _solids(path: Path, options: MeshOptions, report: Report) -> Source:
             raise ValueError(f"{path}: --{name} is for meshes, and this is a file of solids: leave it out")
     solid = load_solid(path, options.up, lambda done, of: report(Progress("bodies", done, of, None, 0)))
     edges = with_tangents(solid.edges, solid.kinds, options.tangent)
-    return Source(solid.mesh, None, edges, {"parts": list(solid.mesh.parts)})
+    return Source(solid.mesh, None, edges, told={"parts": list(solid.mesh.parts)})
 
 
 def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
@@ -88,3 +100,10 @@ def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
     loose = loose_share(mesh)
     short = loose > SOME_LOOSE and crease_length(mesh) < SHORT * mesh.size and outline_share(mesh) < LEAST_OUTLINE
     return mesh.with_crease(180.0) if loose > MOST_LOOSE or short else mesh
+
+
+def ridges(mesh: TriangleMesh, where: Bool[Mask, " F"] | None = None) -> tuple[Sketch, tuple[str, ...]]:
+    """The creases at a scale as strokes, and what each is."""
+    curves, kinds = scale_creases(mesh, where)
+    sketch = sketch_of(curves, DEFAULT_WIDTH)
+    return sketch, tuple(kinds[row] for row in first_curves(sketch, curves))
