@@ -25,9 +25,11 @@ HD double exp(double x) { return ::exp(x); }
 HD double cbrt(double x) { return ::cbrt(x); }
 HD double round(double x) { return ::round(x); }
 HD double ceil(double x) { return ::ceil(x); }
+HD double floor(double x) { return ::floor(x); }
 HD double cos(double x) { return ::cos(x); }
 HD double sin(double x) { return ::sin(x); }
 HD float atan2(float y, float x) { return ::atan2f(y, x); }
+HD double atan2(double y, double x) { return ::atan2(y, x); }
 #else
 HD float sqrt(float x) { return __builtin_sqrtf(x); }
 HD double sqrt(double x) { return __builtin_sqrt(x); }
@@ -36,9 +38,11 @@ HD double exp(double x) { return __builtin_exp(x); }
 HD double cbrt(double x) { return __builtin_cbrt(x); }
 HD double round(double x) { return __builtin_round(x); }
 HD double ceil(double x) { return __builtin_ceil(x); }
+HD double floor(double x) { return __builtin_floor(x); }
 HD double cos(double x) { return __builtin_cos(x); }
 HD double sin(double x) { return __builtin_sin(x); }
 HD float atan2(float y, float x) { return __builtin_atan2f(y, x); }
+HD double atan2(double y, double x) { return __builtin_atan2(y, x); }
 #endif
 HD float min(float a, float b) { return a < b ? a : b; }
 HD double min(double a, double b) { return a < b ? a : b; }

@@ -8,6 +8,8 @@ import torch
 from emulated import Emulated, compiler
 from gpu_promise import lack, promised
 
+from diff3ds.render.cuda.sources import AREAS
+
 NO_COMPILER = "no C++ compiler to emulate the CUDA kernels with"
 
 
@@ -21,11 +23,17 @@ def emulated(device: torch.device, dtype: torch.dtype) -> Emulated:
     return Emulated("float" if dtype == torch.float32 else "double")
 
 
+@functools.cache
+def emulated_areas(device: torch.device, dtype: torch.dtype, parts: tuple[str, ...] = AREAS) -> Emulated:
+    return Emulated("float" if dtype == torch.float32 else "double", name="emulate_areas")
+
+
 def use_emulation(monkeypatch, device_for=emulated) -> None:
     """From now on the backend "cuda" draws tensors on the CPU, by emulation."""
     if compiler() is None:
         lack(NO_COMPILER)
     monkeypatch.setattr(import_module("diff3ds.render.cuda.rasterize"), "device_for", device_for)
+    monkeypatch.setattr(import_module("diff3ds.render.areas.on_cuda"), "device_for", emulated_areas)
     _let_cuda_draw(monkeypatch)
 
 
@@ -45,16 +53,33 @@ def use_device(monkeypatch) -> None:
         return tuple(x.cpu() for x in draw(there, kernels))
 
     monkeypatch.setattr(module, "draw", there_and_back)
+    areas = import_module("diff3ds.render.areas.on_cuda")
+    _layers_there_and_back(monkeypatch, areas)
     _let_cuda_draw(monkeypatch)
 
 
+def _layers_there_and_back(monkeypatch, areas) -> None:
+    draw, back = areas.draw, areas.backward
+
+    def draw_there(values, tables, background, size, save):
+        values, tables = (tuple(t.cuda() for t in tensors) for tensors in (values, tables))
+        image, state = draw(values, tables, None if background is None else background.cuda(), size, save)
+        return image.cpu(), state
+
+    def back_there(state, upstream, want_background):
+        return tuple(None if g is None else g.cpu() for g in back(state, upstream.cuda(), want_background))
+
+    monkeypatch.setattr(areas, "draw", draw_there)
+    monkeypatch.setattr(areas, "backward", back_there)
+
+
 def _let_cuda_draw(monkeypatch) -> None:
-    # `diff3ds.render` is the function; its module has to be asked for.
-    module = import_module("diff3ds.render")
-    choose = module.choose_backend
+    # `diff3ds.render` is the function; its modules have to be asked for.
+    for name in ("diff3ds.render", "diff3ds.render.areas"):
+        module = import_module(name)
+        monkeypatch.setattr(module, "choose_backend", functools.partial(_chosen, module.choose_backend))
 
-    def chosen(backend, device, dtype):
-        can = device.type == "cpu" and dtype in (torch.float16, torch.bfloat16, torch.float32, torch.float64)
-        return "cuda" if backend == "cuda" and can else choose(backend, device, dtype)
 
-    monkeypatch.setattr(module, "choose_backend", chosen)
+def _chosen(choose, backend, device, dtype):
+    can = device.type == "cpu" and dtype in (torch.float16, torch.bfloat16, torch.float32, torch.float64)
+    return "cuda" if backend == "cuda" and can else choose(backend, device, dtype)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 
+from diff3ds.render.areas.area_job import AreaJob
 from diff3ds.render.cuda.job import Job
 from diff3ds.render.cuda.sources import kernels, source_folder
 
@@ -26,11 +27,14 @@ def compiler() -> str | None:
     )
 
 
+JOBS: dict[str, type[ctypes.Structure]] = {"emulate": Job, "emulate_areas": AreaJob}
+
+
 @functools.cache
-def library(real: str) -> ctypes.CDLL:
-    """The kernels for pixels in "float" or "double"."""
+def library(real: str, name: str = "emulate") -> ctypes.CDLL:
+    """The kernels for pixels in "float" or "double": of strokes, or of layers ("emulate_areas")."""
     folder = Path(tempfile.mkdtemp(prefix="diff3ds-emulated-"))
-    target, source = folder / f"{real}.so", HERE / "emulation" / "emulate.cpp"
+    target, source = folder / f"{real}.so", HERE / "emulation" / f"{name}.cpp"
     command = [
         compiler(),
         "-std=c++20",
@@ -46,7 +50,7 @@ def library(real: str) -> ctypes.CDLL:
     shutil.rmtree(folder)
     loaded.job_size.restype = ctypes.c_size_t
     loaded.emulate.restype = ctypes.c_char_p
-    assert loaded.job_size() == ctypes.sizeof(Job), "job.py and job.cuh disagree"
+    assert loaded.job_size() == ctypes.sizeof(JOBS[name]), "job.py and job.cuh disagree"
     return loaded
 
 
@@ -55,10 +59,10 @@ class Emulated:
 
     strides = 3
 
-    def __init__(self, real: str, backwards: bool = False):
-        self.library, self.backwards, self.waits, self.recording = library(real), backwards, 0, False
+    def __init__(self, real: str, backwards: bool = False, name: str = "emulate"):
+        self.library, self.backwards, self.waits, self.recording = library(real, name), backwards, 0, False
 
-    def launch(self, launches: Sequence[tuple[str, int]], job: Job) -> None:
+    def launch(self, launches: Sequence[tuple[str, int]], job: ctypes.Structure) -> None:
         for name, blocks in launches:
             error = self.library.emulate(
                 self.library[name], blocks, kernels()[name].threads, ctypes.byref(job), self.backwards

@@ -5,81 +5,13 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
+from area_scenes import NO_CPU, VALUES, box, gradients, layers, rich_scene, whole
 from other_device import NAME, OtherDevice
 
 import diff3ds as ds
-from diff3ds.render.areas import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, draw_layers
-
-BACKENDS = [name for name in ("reference", "cpu") if name in ds.available_backends()]
-VALUES = ("points", "half_widths", "transforms", "axes", "offsets", "colors")
+from diff3ds.render.areas import EVEN_ODD, LINEAR, NONZERO, STROKE, Layers, draw_layers
 
 
-def whole(numbers):
-    return torch.tensor(numbers, dtype=torch.int32)
-
-
-def layers(contours, rules, half_width=1.0, colors=None, dtype=torch.float64):
-    """One layer a list of contours, each of (points, inner, closed), painted in black or in colors."""
-    points, inner, table, rows = [], [], [], []
-    for row, (group, rule) in enumerate(zip(contours, rules, strict=True)):
-        rows.append([len(table), len(group), rule, 0, row])
-        for controls, degrees, closed in group:
-            table.append([len(points), len(controls), len(inner), len(degrees), int(closed)])
-            points += controls
-            inner += degrees
-    count = len(rows)
-    colors = [[0, 0, 0, 1]] * count if colors is None else colors
-    return Layers(
-        points=torch.tensor(points, dtype=dtype).reshape(-1, 2),
-        half_widths=torch.full((len(points),), half_width, dtype=dtype),
-        inner=whole(inner),
-        contours=whole(table).reshape(-1, 5),
-        layers=whole(rows).reshape(-1, 5),
-        transforms=torch.eye(2, 3, dtype=dtype)[None],
-        paints=whole([[PLAIN, row, 1, 0] for row in range(count)]).reshape(-1, 4),
-        axes=torch.zeros(count, 4, dtype=dtype),
-        offsets=torch.zeros(count, dtype=dtype),
-        colors=torch.tensor(colors, dtype=dtype).reshape(-1, 4),
-    )
-
-
-def box(x0, y0, x1, y1):
-    return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], [0, 0, 0, 0], True
-
-
-def gradients(scene, size, seed=0, background=None, backend=None):
-    """The picture, and gradients of a random sum of it."""
-    values = {name: getattr(scene, name).clone().requires_grad_() for name in VALUES}
-    below = None if background is None else background.clone().requires_grad_()
-    image = draw_layers(replace(scene, **values), *size, below, backend=backend)
-    upstream = torch.randn(image.shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-    (image * upstream.to(image)).sum().backward()
-    found = {name: torch.zeros_like(v) if v.grad is None else v.grad for name, v in values.items()}
-    return image.detach(), found if below is None else found | {"background": below.grad}
-
-
-def rich_scene(dtype=torch.float64):
-    """A translucent stroke under a fill with a hole of a joined outline, and gradients of both kinds over them."""
-    g = torch.Generator().manual_seed(3)
-    curve = [[5.1, 5], [20, 2], [28, 20], [10, 28]], [2], False
-    wedge = [[8.2, 20], [15, 30.3], [2, 25.1], [12.3, 9]], [1, 0], False
-    ring = [[3.3, 3.2], [20.1, 3.2], [20.1, 14.7], [3.3, 14.7]], [0, 0, 0, 0], True
-    hole = [[6.2, 5.1], [17, 6.3], [9, 12.2]], [1, 0], True
-    scene = layers([[curve, wedge], [ring, hole], [wedge], [ring]], [STROKE, EVEN_ODD, NONZERO, STROKE], 1.3)
-    matrix = torch.tensor([[[1.0, 0, 0], [0, 1, 0]], [[0.9, 0.2, 3], [-0.2, -0.8, 25]]])
-    return replace(
-        scene,
-        layers=whole([[*row[:3], k % 2, row[4]] for k, row in enumerate(scene.layers.tolist())]),
-        transforms=matrix.to(dtype),
-        paints=whole([[PLAIN, 0, 1, 0], [LINEAR, 0, 3, 1], [RADIAL, 1, 3, 0], [PLAIN, 3, 1, 0]]),
-        axes=torch.tensor([[0, 0, 0, 0], [2, 3, 18, 16], [9, 12, 7, 11], [0, 0, 0, 0]], dtype=dtype),
-        offsets=torch.tensor([0.05, 0.4, 0.9, 1.0], dtype=dtype),
-        colors=torch.rand(4, 4, generator=g, dtype=torch.float64).to(dtype),
-        **{name: getattr(scene, name).to(dtype) for name in ("points", "half_widths")},
-    )
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
 class TestAreas:
     def test_a_box_covers_what_lies_in_each_pixel(self, backend):
         image = draw_layers(layers([[box(1.25, 2.5, 4.5, 3.75)]], [NONZERO]), 6, 5, backend=backend)
@@ -201,15 +133,14 @@ class TestAreas:
             assert torch.allclose(found[name].double(), expected[name], atol=1e-4 * float(expected[name].abs().max()))
 
 
-@pytest.mark.skipif("cpu" not in BACKENDS, reason="no kernels")
 class TestKernels:
     @pytest.mark.parametrize("with_background", [False, True])
-    def test_they_draw_and_differentiate_as_the_reference_does(self, with_background):
+    def test_they_draw_and_differentiate_as_the_reference_does(self, kernels, with_background):
         scene = rich_scene()
         background = (
             torch.rand(30, 32, 4, generator=torch.Generator().manual_seed(5)).double() if with_background else None
         )
-        image, found = gradients(scene, (32, 30), background=background, backend="cpu")
+        image, found = gradients(scene, (32, 30), background=background, backend=kernels)
         expected_image, expected = gradients(scene, (32, 30), background=background, backend="reference")
         # On the inner side of its tight bend the two cut the same tube in different pieces.
         assert torch.allclose(image, expected_image, atol=5e-4)
@@ -217,7 +148,7 @@ class TestKernels:
             assert torch.allclose(found[name], value, atol=1e-3 * (1 + float(value.abs().max()))), name
 
     @pytest.mark.parametrize("seed", range(12))
-    def test_contours_by_chance(self, seed):
+    def test_contours_by_chance(self, kernels, seed):
         """Loops, cusps and corners of all kinds of segments, in both rules and stroked, some far outside."""
         g = torch.Generator().manual_seed(seed)
         groups, rules = [], []
@@ -230,12 +161,13 @@ class TestKernels:
         colors = torch.rand(3, 4, generator=g).tolist()
         scene = layers(groups, rules, 0.3 + 2 * float(torch.rand(1, generator=g)), colors)
         (image, found), (expected_image, expected) = (
-            gradients(scene, (24, 24), backend=b) for b in ("cpu", "reference")
+            gradients(scene, (24, 24), backend=b) for b in (kernels, "reference")
         )
         # On the inner side of tight bends the two cut the same tube in different pieces.
         assert float((image - expected_image).abs().max()) < 3e-3
         assert float((found["points"] - expected["points"]).abs().max()) < 0.02 * float(expected["points"].abs().max())
 
+    @NO_CPU
     def test_layers_on_another_device_are_drawn_on_the_cpu(self):
         expected_image, expected = gradients(rich_scene(torch.float32), (16, 16))
         with OtherDevice():
@@ -246,6 +178,7 @@ class TestKernels:
             assert torch.equal(image.to("cpu"), expected_image)
             assert torch.equal(found["points"].to("cpu"), expected["points"])
 
+    @NO_CPU
     def test_the_number_of_threads_changes_no_bit(self):
         results = []
         try:
@@ -286,3 +219,23 @@ class TestBadInput:
         scene = replace(layers([[box(1, 1, 3, 3)]], [NONZERO]), **{field: value})
         with pytest.raises((TypeError, ValueError), match=match):
             draw_layers(scene, 8, 8)
+
+    def test_what_are_no_layers_is_refused(self):
+        with pytest.raises(TypeError, match="layers must be Layers, the tables of what is painted, got NoneType"):
+            draw_layers(None, 8, 8)
+
+    def test_a_picture_without_pixels_is_refused(self):
+        with pytest.raises(ValueError, match="a picture has one pixel or more, got 0 x 8"):
+            draw_layers(layers([[box(1, 1, 3, 3)]], [NONZERO]), 0, 8)
+
+    @pytest.mark.parametrize(
+        ("background", "match"),
+        [
+            (torch.zeros(8, 9, 4).double(), r"background must have shape \(8, 8, 4\), got \(8, 9, 4\)"),
+            (torch.zeros(8, 8, 4), "background must have the dtype of points"),
+            (torch.zeros(8, 8, 4, device="meta").double(), "background must be where points are, on cpu, got meta"),
+        ],
+    )
+    def test_a_background_that_does_not_fit_is_refused(self, backend, background, match):
+        with pytest.raises((TypeError, ValueError), match=match):
+            draw_layers(layers([[box(1, 1, 3, 3)]], [NONZERO]), 8, 8, background, backend=backend)

@@ -3,8 +3,10 @@
 
 namespace stroke::areas {
 namespace {
-// The exact area of the layer in each pixel: of a border's piece in a pixel, what lies right of it there, and in all pixels to the right its height.
-template <class S> void cover(Layer<S> &layer, int width, int height, bool save, Sweep &sweep, std::vector<double> &sums) {
+template <class T> using Grown = std::vector<T>;
+
+// The exact area of the layer in each pixel.
+template <class S> void cover(Layer<S> &layer, int width, int height, bool save, Sweep<Grown> &sweep, std::vector<double> &sums) {
   Coverage<S> &out = layer.coverage;
   const Rows rows(layer.polygons, height);
   out.first = rows.first;
@@ -13,61 +15,25 @@ template <class S> void cover(Layer<S> &layer, int width, int height, bool save,
   for (int k = 0; k < rows.count; k++) {
     auto &run = out.runs[k];
     run.borders = out.borders.size();
-    sweep.row(layer.polygons, rows, k, layer.rule, [&](const Border &border) {
+    const double top = rows.first + k;
+    sweep.clear();
+    for (int i = rows.begin[k]; i < rows.begin[k + 1]; i++) sweep.chain(layer.polygons.view(), rows.heads[i], top, top + 1);
+    sweep.order(), sweep.slabs();
+    Reach reach;
+    sweep.borders(layer.rule, [&](const Border &border) {
       if (save) out.borders.push_back(border);
-      columns(border, width, [&](int column, double xa, double ya, double xb, double yb) {
-        const double height = border.sign * (yb - ya), right = column < 0 ? 0 : height * ((xa + xb) / 2 - column);
-        sums[std::max(column, 0)] += height - right, sums[column + 1] += right;
-      });
+      reach.add(border), add_area(border, width, 0, sums.data());
     });
-    run.left = int(std::clamp(std::floor(sweep.left), 0.0, double(width)));
-    run.right = std::max(run.left, int(std::clamp(std::floor(sweep.right) + 1, 0.0, double(width))));
+    run.left = reach.left(width), run.right = reach.right(width);
     run.start = out.shares.size();
     double sum = 0;
     for (int x = run.left; x < run.right; x++) {
       sum += sums[x];
-      out.shares.push_back(S(std::clamp(sum, 0.0, 1.0)));
+      out.shares.push_back(S(clamp(sum, 0, 1)));
     }
-    std::fill(sums.begin() + run.left, sums.begin() + std::min(run.right + 2, width + 2), 0.0);
+    std::fill(sums.begin() + run.left, sums.begin() + run.right + 1, 0.0);
   }
 }
-
-// A pixel while layers are painted: straight colour, colour times alpha, alpha, and what anything covers. As painting.py has it.
-struct Pixel {
-  double straight[3], color[3], alpha, all;
-  // Alpha, in what is covered already, of a paint over it.
-  double over(const Color &c) const { return c[3] * all + (1 - c[3]) * alpha; }
-  double mixed(int k, const Color &c, double over) const { return over > 0 ? (c[3] * all * c[k] + (1 - c[3]) * color[k]) / over : 0; }
-  void paint(double share, const Color &c) {
-    const double opaque = share * c[3], weight = over(c);
-    for (int k = 0; k < 3; k++) {
-      straight[k] += share * (all * mixed(k, c, weight) + (c[3] > 0 ? (1 - all) * c[k] : 0) - straight[k]);
-      color[k] += opaque * (c[k] - color[k]);
-    }
-    alpha += opaque * (1 - alpha), all += share * (1 - all);
-  }
-  // Of the share, and of the paint (c), to the gradient of the pixel before from that of the pixel after.
-  double backward(double share, const Color &c, Pixel &g, Color &g_color) const {
-    const double opaque = share * c[3], weight = over(c), rest = c[3] > 0 ? 1 : 0;
-    double g_opaque = g.alpha * (1 - alpha), g_share = g.all * (1 - all), g_all = 0, g_over = 0;
-    g_color[3] = 0;
-    for (int k = 0; k < 3; k++) {
-      const double x = mixed(k, c, weight), up = share * g.straight[k], g_x = weight > 0 ? all * up / weight : 0;
-      g_share += g.straight[k] * (all * x + rest * (1 - all) * c[k] - straight[k]);
-      g_opaque += g.color[k] * (c[k] - color[k]);
-      g_color[k] = opaque * g.color[k] + rest * (1 - all) * up + c[3] * all * g_x;
-      g_color[3] += g_x * (all * c[k] - color[k]);
-      g_all += up * (x - rest * c[k]) + g_x * c[3] * c[k];
-      g_over -= g_x * x;
-      g.straight[k] *= 1 - share;
-      g.color[k] = (1 - opaque) * g.color[k] + (1 - c[3]) * g_x;
-    }
-    g_color[3] += share * g_opaque + g_over * (all - alpha);
-    g.alpha = (1 - opaque) * g.alpha + (1 - c[3]) * g_over;
-    g.all = (1 - share) * g.all + g_all + c[3] * g_over;
-    return g_share + c[3] * g_opaque;
-  }
-};
 
 template <class S> void start(const State<S> &state, int row, std::vector<Pixel> &pixels) {
   pixels.assign(state.width, Pixel{});
@@ -143,26 +109,18 @@ template <class S> struct RowBack {
   }
 };
 
-// The coverage of a pixel changes by what its border there sweeps over: the gradients of a layer's vertices.
+// The gradients of a layer's vertices.
 template <class S> std::vector<double> back_to_vertices(const Layer<S> &layer, int width, const std::vector<S> &g_shares) {
-  const auto &vertices = layer.polygons.vertices;
+  const Polygons polygons = layer.polygons.view();
   const Coverage<S> &coverage = layer.coverage;
-  std::vector<double> g(2 * vertices.size());
+  std::vector<double> g(2 * layer.polygons.vertices.size());
   for (size_t k = 0; k < coverage.runs.size(); k++) {
     const auto &run = coverage.runs[k];
-    const S *g_share = g_shares.data() + run.start - run.left;
     const size_t end = k + 1 < coverage.runs.size() ? coverage.runs[k + 1].borders : coverage.borders.size();
     for (size_t j = run.borders; j < end; j++) {
-      const Border &border = coverage.borders[j];
-      const Edge e = layer.polygons.edges[border.edge];
-      const double top = vertices[e.a].y, length = vertices[e.b].y - top;
-      columns(border, width, [&](int column, double xa, double ya, double xb, double yb) {
-        if (column < 0) return;
-        const double weight = -border.sign * double(g_share[column]), share = ((ya + yb) / 2 - top) / length;
-        const double across = weight * (yb - ya), along = -weight * (xb - xa);
-        g[2 * e.a] += (1 - share) * across, g[2 * e.a + 1] += (1 - share) * along;
-        g[2 * e.b] += share * across, g[2 * e.b + 1] += share * along;
-      });
+      const auto [upper, lower, sign] = polygons.downwards(coverage.borders[j].edge);
+      back_to_ends(coverage.borders[j], polygons.vertices[upper], polygons.vertices[lower], width, run.left, g_shares.data() + run.start,
+                   &g[2 * upper], &g[2 * lower]);
     }
   }
   return g;
@@ -179,10 +137,10 @@ template <class S> Buffer<S> draw(State<S> &state, bool save) {
   const Tables<S> &t = state.tables;
   state.layers.resize(t.layer_count);
   threads().run(t.layer_count, 1, [&](int l, int) {
-    static thread_local Sweep sweep;
+    static thread_local Sweep<Grown> sweep;
     static thread_local std::vector<double> sums;
-    const int32_t *row = t.layers + 5 * l;
-    state.layers[l].reset(new Layer<S>{Polygons<S>(t, row), row[2], Paint<S>(t, row[4]), {}});
+    const int *row = t.layers + 5 * l;
+    state.layers[l].reset(new Layer<S>{LayerPolygons(t, row), row[2], Paint<S>(t, row[4]), {}});
     cover(*state.layers[l], state.width, state.height, save, sweep, sums);
   });
   Buffer<S> image(size_t(state.height) * state.width * 4);

@@ -1,7 +1,7 @@
 // Filled and stroked contours painted over each other, by exact areas of pixels; forward and backward, in double precision, over threads.
 #pragma once
-#include "cpu/areas/paint.h"
-#include "cpu/areas/sweep.h"
+#include "common/areas/paint.h"
+#include "cpu/areas/polygons.h"
 #include "cpu/memory.h"
 #include <memory>
 
@@ -24,7 +24,7 @@ template <class S> struct Coverage {
 };
 
 template <class S> struct Layer {
-  Polygons<S> polygons;
+  LayerPolygons polygons;
   int rule;
   Paint<S> paint;
   Coverage<S> coverage;

@@ -122,7 +122,31 @@ template <class T> T value_of(T x, unsigned lane) {
   std::memcpy(&x, exchange(x) + lane, sizeof x);
   return x;
 }
+
+// Runs a kernel; backwards: threads and blocks in the opposite order. Returns what went wrong, or an empty string.
+template <class Job> const char *run(void (*kernel)(Job), unsigned blocks, unsigned threads, const Job *job, int backwards) {
+  static std::string error;
+  struct Call {
+    void (*kernel)(Job);
+    const Job *job;
+  } call{kernel, job};
+  block_size.x = threads, grid_size.x = blocks;
+  for (unsigned k = 0; k < blocks; k++) {
+    block.x = backwards ? blocks - 1 - k : k;
+    auto body = [](void *p) { static_cast<Call *>(p)->kernel(*static_cast<Call *>(p)->job); };
+    error = Block::current().execute(body, &call, threads, backwards);
+    if (!error.empty()) break;
+  }
+  return error.c_str();
+}
 }  // namespace emulation
+
+// What a library of kernels says of itself, and how it runs one.
+#define EMULATE(Job)                                                                                                                                 \
+  extern "C" size_t job_size() { return sizeof(Job); }                                                                                               \
+  extern "C" const char *emulate(void (*kernel)(Job), unsigned blocks, unsigned threads, const Job *job, int backwards) {                            \
+    return emulation::run(kernel, blocks, threads, job, backwards);                                                                                  \
+  }
 
 #define threadIdx emulation::thread
 #define blockIdx emulation::block

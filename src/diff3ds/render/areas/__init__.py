@@ -3,10 +3,11 @@
 from dataclasses import fields
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds.render.areas import on_cpu, on_cuda
 from diff3ds.render.areas.layer_kernels import drawn
 from diff3ds.render.areas.painted_layers import EVEN_ODD, LINEAR, NONZERO, PLAIN, RADIAL, STROKE, Layers, check_layers
 from diff3ds.render.areas.painting import painted
-from diff3ds.render.backends import Backend, choose_backend
+from diff3ds.render.backends import Backend, available_backends, choose_backend
 
 __all__ = ["EVEN_ODD", "LINEAR", "NONZERO", "PLAIN", "RADIAL", "STROKE", "Layers", "draw_layers"]
 
@@ -22,8 +23,8 @@ def draw_layers(
     """Paints layers over a background, which is empty if there is none.
 
     What a layer covers of a pixel is its exact area there (curves within .01 px of chords). Coverages of several layers
-    in one pixel count as independent of each other. Layers on another device are drawn on the CPU, and the picture and
-    gradients moved back.
+    in one pixel count as independent of each other. On an NVIDIA GPU the CUDA kernels draw; layers on another device
+    are drawn on the CPU, and the picture and gradients moved back.
 
     Returns:
         Straight colour times what is covered, and alpha: what DiffVG's samples are in the mean.
@@ -31,12 +32,17 @@ def draw_layers(
     Raises:
         TypeError, ValueError: tables that do not belong together, or values that cannot be drawn.
     """
+    if not isinstance(layers, Layers):
+        raise TypeError(f"layers must be Layers, the tables of what is painted, got {type(layers).__name__}")
     device = layers.points.device
-    if device.type != "cpu":
-        # There are no kernels for GPUs: control points are few, and one picture a call comes back.
+    if backend is None and device.type == "cuda" and "cuda" in available_backends():
+        backend = "cuda"
+    if device.type != "cpu" and backend != "cuda":
         here = Layers(*(getattr(layers, field.name).cpu() for field in fields(Layers)))
         below = None if background is None else background.cpu()
         return draw_layers(here, width, height, below, backend=backend).to(device)
-    check_layers(layers)
+    check_layers(layers, (width, height), background)
     chosen = choose_backend(backend, device, layers.points.dtype)
-    return (painted if chosen == "reference" else drawn)(layers, width, height, background)
+    if chosen == "reference":
+        return painted(layers, width, height, background)
+    return drawn(on_cuda if chosen == "cuda" else on_cpu, layers, width, height, background)

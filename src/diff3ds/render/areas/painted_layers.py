@@ -56,8 +56,14 @@ class Layers:
         return self.inner, self.contours, self.layers, self.paints
 
 
-def check_layers(layers: Layers) -> None:
+def check_layers(layers: Layers, size: tuple[int, int], background: Tensor | None) -> None:
     """Raises TypeError or ValueError for tables that do not belong together and values that cannot be drawn."""
+    width, height = size
+    if not (width > 0 and height > 0):
+        raise ValueError(f"a picture has one pixel or more, got {width} x {height}")
+    if background is not None:
+        _check_like("background", background, layers.points)
+        _check_shape("background", background, (height, width, 4))
     axes_of: dict[str, tuple[int | None, ...]] = {
         "points": (None, 2),
         "half_widths": (len(layers.points),),
@@ -71,8 +77,7 @@ def check_layers(layers: Layers) -> None:
         raise TypeError(f"points must be float32 or float64, got {dtype}")
     for name, shape in axes_of.items():
         value = getattr(layers, name)
-        if value.dtype != dtype:
-            raise TypeError(f"{name} must have the dtype of points, {dtype}, got {value.dtype}")
+        _check_like(name, value, layers.points)
         _check_shape(name, value, shape)
         if not bool(torch.isfinite(value.detach()).all()):
             raise ValueError(f"{name} must be finite")
@@ -91,6 +96,13 @@ def _check_reach(layers: Layers) -> None:
     moves = layers.transforms.detach().abs()
     if moves.numel() and 2 * float(moves[:, :, :2].max()) * reach + float(moves[:, :, 2].max()) > MAX_COORDINATE:
         raise ValueError(f"points, half widths and transforms must stay within {MAX_COORDINATE:g} pixels")
+
+
+def _check_like(name: str, value: Tensor, points: Tensor) -> None:
+    if value.dtype != points.dtype:
+        raise TypeError(f"{name} must have the dtype of points, {points.dtype}, got {value.dtype}")
+    if value.device != points.device:
+        raise ValueError(f"{name} must be where points are, on {points.device}, got {value.device}")
 
 
 def _check_shape(name: str, value: Tensor, shape: tuple[int | None, ...]) -> None:

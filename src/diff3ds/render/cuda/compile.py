@@ -12,9 +12,9 @@ from diff3ds._files import write_bytes
 from diff3ds.render.cuda.sources import PARTS, source_digest, source_folder
 from diff3ds.render.cuda.versions import compiler_versions
 
-# Strokes are walked through twice, to count and to write, and both must come to the same to the bit: a product is
-# rounded before it is added to, wherever the compiler meets it.
-WALKS = ("pieces", "chords")
+# Strokes and contours are walked through twice, to count and to write, and both must come to the same to the bit: a
+# product is rounded before it is added to, wherever the compiler meets it.
+WALKS = ("pieces", "chords", "areas")
 # What carries no mark is for the device: NVRTC of CUDA 13.0 takes generic lambdas for the host's else.
 OPTIONS = {
     part: {"std": "c++20", "fma": part not in WALKS, "device_as_default_execution_space": True} for part in PARTS

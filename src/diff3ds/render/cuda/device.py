@@ -1,5 +1,6 @@
 """What runs the kernels: a GPU, or in the tests its emulation on the CPU."""
 
+import ctypes
 import functools
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -7,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import torch
 
 from diff3ds._shapes import Int, Tensor
-from diff3ds.render.cuda.job import Job
+from diff3ds.render.cuda.sources import DRAWING
 
 
 @runtime_checkable
@@ -20,7 +21,7 @@ class Device(Protocol):
 
     strides: int
 
-    def launch(self, launches: Sequence[tuple[str, int]], job: Job) -> None:
+    def launch(self, launches: Sequence[tuple[str, int]], job: ctypes.Structure) -> None:
         """Starts kernels, given by name and number of blocks, one after the other; the job is copied."""
         ...
 
@@ -38,8 +39,8 @@ class Device(Protocol):
 
 
 @functools.cache
-def device_for(device: torch.device, dtype: torch.dtype) -> Device:
-    """The runner of kernels for tensors like these."""
+def device_for(device: torch.device, dtype: torch.dtype, parts: tuple[str, ...] = DRAWING) -> Device:
+    """The runner of kernels for tensors like these; parts: those that are compiled at once."""
     from diff3ds.render.cuda.gpu import Gpu
 
-    return Gpu(device, "float" if dtype == torch.float32 else "double")
+    return Gpu(device, "float" if dtype == torch.float32 else "double", parts)

@@ -18,16 +18,16 @@ BLOCKS_PER_PROCESSOR = 8
 class Gpu:
     """Runs kernels of one precision ("float" or "double") on one GPU."""
 
-    def __init__(self, device: torch.device, real: str) -> None:
+    def __init__(self, device: torch.device, real: str, parts: Sequence[str] = DRAWING) -> None:
         self._device = device
         properties = torch.cuda.get_device_properties(device)
         self.strides: int = BLOCKS_PER_PROCESSOR * properties.multi_processor_count
         self._codes = Codes(real, f"sm_{properties.major}{properties.minor}")
-        self._codes.begin(DRAWING)
+        self._codes.begin(parts)
         self._parts: dict[str, Any] = {}
         self._kernels: dict[str, Any] = {}
 
-    def launch(self, launches: Sequence[tuple[str, int]], job: Job) -> None:
+    def launch(self, launches: Sequence[tuple[str, int]], job: ctypes.Structure) -> None:
         """Starts kernels on the current stream.
 
         Raises:
@@ -64,12 +64,12 @@ class Gpu:
         context = self._checked(driver.cuDevicePrimaryCtxRetain(gpu), "context")
         self._checked(driver.cuCtxSetCurrent(context), "context")
 
-    def _load(self, name: str, job: Job) -> Any:
+    def _load(self, name: str, job: ctypes.Structure) -> Any:
         """By the driver itself, not by cuda-core: its import alone takes longer than all of a later process may."""
         from cuda.bindings import driver
 
         part = kernels()[name].part
-        if job.strata and job.save:
+        if isinstance(job, Job) and job.strata and job.save:
             # The backward pass will need them.
             self._codes.begin(MONTE_CARLO)
         # Loading takes memory, which a capture forbids its thread to do unless it says that it knows.

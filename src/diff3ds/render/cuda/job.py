@@ -55,10 +55,8 @@ def _fields() -> Iterator[tuple[str, Any]]:
                 yield field, _C_TYPES[kind]
 
 
-class Job(ctypes.Structure):
-    """Addresses of arrays, bounds of lists, and the options of a drawing."""
-
-    _fields_ = tuple(_fields())
+class Addressed(ctypes.Structure):
+    """A structure whose pointers are set by their names."""
 
     def point(self, arrays: "Arrays | Mapping[str, Tensor | None]") -> None:
         """Sets addresses."""
@@ -68,6 +66,12 @@ class Job(ctypes.Structure):
             return
         for name, array in arrays.items():
             setattr(self, name, None if array is None else array.data_ptr())
+
+
+class Job(Addressed):
+    """Addresses of arrays, bounds of lists, and the options of a drawing."""
+
+    _fields_ = tuple(_fields())
 
     def copy(self) -> "Job":
         """One that can be changed apart from this."""

@@ -6,10 +6,12 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-# Files in csrc/cuda, compiled apart from each other: those that every drawing needs, and those of Monte Carlo alone.
+# Files in csrc/cuda, compiled apart from each other: those that every drawing of strokes needs, those of Monte Carlo
+# alone, and those of filled and stroked layers.
 DRAWING = ("pieces", "chords", "draw", "differentiate")
 MONTE_CARLO = ("samples", "outlines")
-PARTS = DRAWING + MONTE_CARLO
+AREAS = ("areas",)
+PARTS = DRAWING + MONTE_CARLO + AREAS
 SUFFIXES = (".cu", ".cuh", ".h")
 
 
@@ -40,7 +42,7 @@ def source_digest() -> str:
     """A digest of all that the kernels are compiled from."""
     digest = hashlib.sha256()
     folders = [source_folder() / name for name in ("common", "cuda")]
-    for path in sorted(p for folder in folders for p in folder.iterdir() if p.suffix in SUFFIXES):
+    for path in sorted(p for folder in folders for p in folder.rglob("*") if p.suffix in SUFFIXES):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 

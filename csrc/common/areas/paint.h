@@ -1,10 +1,13 @@
 // Colours of a layer: one, or a gradient along a line or from a centre; and gradients back. As painting.py has it.
 #pragma once
-#include "cpu/areas/polygons.h"
-#include <array>
+#include "common/areas/segment.h"
 
 namespace stroke::areas {
-using Color = std::array<double, 4>;  // straight, and alpha
+struct Color {  // straight, and alpha
+  double c[4];
+  double &operator[](int k) { return c[k]; }
+  double operator[](int k) const { return c[k]; }
+};
 
 template <class S> class Paint {
   enum Kind { PLAIN, LINEAR, RADIAL } kind_;
@@ -32,7 +35,7 @@ template <class S> class Paint {
     }
     int stop = -1;
     while (stop + 1 < stops && p.along >= double(offsets_[stop + 1])) stop++;
-    p.before = std::max(stop, 0), p.behind = std::min(stop + 1, stops - 1);
+    p.before = most(stop, 0), p.behind = least(stop + 1, stops - 1);
     p.gap = double(offsets_[p.behind]) - double(offsets_[p.before]);
     const bool between = p.before != p.behind && stop >= 0 && p.gap > 0;
     if (!between) p.behind = p.before;
@@ -44,7 +47,7 @@ public:
   int row, first, stops, transform;
 
   Paint(const Tables<S> &tables, int paint) : row(paint) {
-    const int32_t *p = tables.paints + 4 * paint;
+    const int *p = tables.paints + 4 * paint;
     kind_ = Kind(p[0]), first = p[1], stops = p[2], transform = p[3];
     offsets_ = tables.offsets + first, colors_ = tables.colors + 4 * first, axes_ = tables.axes + 4 * paint;
     if (plain()) return;
@@ -98,10 +101,47 @@ public:
     axes[2] += g_b.x, axes[3] += g_b.y;
     // there = M^-1 (pixel - m): its change is -M^-1 (dM there + dm).
     const Point g_pixel = there_.transposed(g_at);
-    for (int k : {0, 1}) {
+    for (int k = 0; k < 2; k++) {
       const double gk = k ? g_pixel.y : g_pixel.x;
       transform[3 * k] -= gk * p.at.x, transform[3 * k + 1] -= gk * p.at.y, transform[3 * k + 2] -= gk;
     }
+  }
+};
+
+// A pixel while layers are painted: straight colour, colour times alpha, alpha, and what anything covers. As painting.py has it.
+struct Pixel {
+  double straight[3], color[3], alpha, all;
+  // Alpha, in what is covered already, of a paint over it.
+  double over(const Color &c) const { return c[3] * all + (1 - c[3]) * alpha; }
+  double mixed(int k, const Color &c, double over) const { return over > 0 ? (c[3] * all * c[k] + (1 - c[3]) * color[k]) / over : 0; }
+  void paint(double share, const Color &c) {
+    const double opaque = share * c[3], weight = over(c);
+    for (int k = 0; k < 3; k++) {
+      straight[k] += share * (all * mixed(k, c, weight) + (c[3] > 0 ? (1 - all) * c[k] : 0) - straight[k]);
+      color[k] += opaque * (c[k] - color[k]);
+    }
+    alpha += opaque * (1 - alpha), all += share * (1 - all);
+  }
+  // Of the share, and of the paint (c), to the gradient of the pixel before from that of the pixel after.
+  double backward(double share, const Color &c, Pixel &g, Color &g_color) const {
+    const double opaque = share * c[3], weight = over(c), rest = c[3] > 0 ? 1 : 0;
+    double g_opaque = g.alpha * (1 - alpha), g_share = g.all * (1 - all), g_all = 0, g_over = 0;
+    g_color[3] = 0;
+    for (int k = 0; k < 3; k++) {
+      const double x = mixed(k, c, weight), up = share * g.straight[k], g_x = weight > 0 ? all * up / weight : 0;
+      g_share += g.straight[k] * (all * x + rest * (1 - all) * c[k] - straight[k]);
+      g_opaque += g.color[k] * (c[k] - color[k]);
+      g_color[k] = opaque * g.color[k] + rest * (1 - all) * up + c[3] * all * g_x;
+      g_color[3] += g_x * (all * c[k] - color[k]);
+      g_all += up * (x - rest * c[k]) + g_x * c[3] * c[k];
+      g_over -= g_x * x;
+      g.straight[k] *= 1 - share;
+      g.color[k] = (1 - opaque) * g.color[k] + (1 - c[3]) * g_x;
+    }
+    g_color[3] += share * g_opaque + g_over * (all - alpha);
+    g.alpha = (1 - opaque) * g.alpha + (1 - c[3]) * g_over;
+    g.all = (1 - share) * g.all + g_all + c[3] * g_over;
+    return g_share + c[3] * g_opaque;
   }
 };
 }  // namespace stroke::areas

@@ -1,0 +1,35 @@
+"""Layers by the compiled kernels of the CPU."""
+
+from types import ModuleType
+from typing import Any
+
+import torch
+
+from diff3ds._shapes import Float, Tensor
+from diff3ds.render.backends import get_num_threads, kernels
+
+
+def draw(
+    values: tuple[Tensor, ...],
+    tables: tuple[Tensor, ...],
+    background: Float[Tensor, "H W 4"] | None,
+    size: tuple[int, int],
+    save: bool,
+) -> tuple[Float[Tensor, "H W 4"], Any]:
+    """The picture, and what `backward` needs if that is saved."""
+    image, state = _module().areas_draw(values, tables, background, *size, save)
+    return torch.from_numpy(image), state
+
+
+def backward(state: Any, upstream: Float[Tensor, "H W 4"], want_background: bool) -> tuple[Tensor | None, ...]:
+    """Gradients of the values, and of the background."""
+    *gradients, background = _module().areas_backward(state, upstream, want_background)
+    made = [torch.from_numpy(g) for g in gradients]
+    return *made, None if background is None else torch.from_numpy(background)
+
+
+def _module() -> ModuleType:
+    module = kernels()
+    assert module is not None
+    module.set_threads(get_num_threads())
+    return module
