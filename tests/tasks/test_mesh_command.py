@@ -138,7 +138,7 @@ def test_creases_that_are_scraps_are_left_out_unless_an_angle_is_given(tmp_path,
     source = obj(tmp_path / "ball.obj", vertices, mesh.faces)
     creases = []
 
-    def features(surface, options, report, edges, ridges):
+    def features(surface, options, report, edges):
         creases.append(int(surface.is_crease.sum()))
         stroke = ds.Sketch(torch.tensor([[[0.0, 0, -1], [0, 0, 1]]], dtype=torch.float64))
         return MeshSketch(stroke, ("crease",), 0.0)

@@ -34,3 +34,11 @@ def has_corner(before: Float[Array, "N 3"], after: Float[Array, "N 3"]) -> Bool[
     turn = turns(before, after)
     corner: Mask = (turn > SHARP) | ((long > UNEVEN * short) & (turn > STRAIGHT))
     return corner
+
+
+def all_around(count: int) -> Float[Array, "N 3"]:
+    """Directions that are spread evenly over the sphere, on a spiral of the golden angle: unit vectors."""
+    k = np.arange(count) + 0.5
+    height, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    around = np.sqrt(1 - height**2)
+    return np.stack([around * np.cos(turn), around * np.sin(turn), height], 1)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Float
+from diff3ds.curves.directions import all_around
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, Kind, Primitive
 from diff3ds.curves.shapes.simplest import simplest
@@ -106,11 +107,8 @@ def outline_share(mesh: TriangleMesh) -> float:
     one, other = mesh.edge_faces.T
     single = mesh.edge_counts != 2
     sharp = mesh.is_crease | single
-    k = np.arange(DIRECTIONS) + 0.5
-    height, turn = 1 - 2 * k / DIRECTIONS, np.pi * (1 + 5**0.5) * k
-    around = np.sqrt(1 - height**2)
     drawn, whole = 0.0, 0.0
-    for view in np.stack([around * np.cos(turn), around * np.sin(turn), height], 1):
+    for view in all_around(DIRECTIONS):
         facing = mesh.face_normals @ view
         # Edges without a second face are outlines from everywhere.
         outline = single | ~(facing[one] * facing[other] > 0)

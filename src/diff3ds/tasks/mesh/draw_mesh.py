@@ -10,26 +10,26 @@ import torch
 
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
-from diff3ds.curves.shapes.smooth_joints import first_curves, sketch_of
 from diff3ds.formats import save_png, save_svg, tile_images
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
 from diff3ds.losses import lengths
 from diff3ds.render import render
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.sketch import Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.draw import Lines, visible_lines
 from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
 from diff3ds.surfaces.line_drawings import SIZE
-from diff3ds.surfaces.lines.feature_curves import feature_curves, outline_share
+from diff3ds.surfaces.lines.feature_curves import outline_share
 from diff3ds.surfaces.shape.coarse import coarse, without_specks
 from diff3ds.surfaces.shape.colors import SurfaceColors, colored
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.form_lines import thinned
+from diff3ds.tasks.mesh.mesh_lines import FixedLines, feature_lines
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.mesh.solid_lines import layers_of, with_faces
 from diff3ds.tasks.mesh.source import LEAST_OUTLINE, read_source
@@ -38,8 +38,6 @@ from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.transforms import load_transforms
 
-# More runs of creases and borders than this are a mistake: a scan's noise, or an angle that is too small.
-MOST_RUNS = 20_000
 # Pixels of a turntable's frame, and frames a second.
 FRAME, FPS = 384, 12
 # Borders of a smooth thing that are shorter are cracks, no openings. Empirical.
@@ -104,7 +102,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     seconds = {"read": time.perf_counter() - begun}
     read = read.by_forms(options, say)
     mesh, colors = read.mesh, read.colors
-    made = sketch_mesh(mesh, options, report, read.edges, read.ridges)
+    made = sketch_mesh(mesh, options, report, read.edges)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE and CONTOUR in made.kinds:
         say(
@@ -164,26 +162,17 @@ def sketch_mesh(
     mesh: TriangleMesh,
     options: MeshOptions,
     report: Report = lambda progress: None,
-    edges: tuple[Sketch, tuple[str, ...]] | None = None,
-    ridges: tuple[Sketch, tuple[str, ...]] | None = None,
+    edges: FixedLines | None = None,
 ) -> MeshSketch:
     """The strokes of a mesh that are there from everywhere.
 
     Args:
-        edges: its creases and borders, and what each is, where they are known.
-        ridges: its creases at a scale, and what each is.
+        edges: its lines that are there from everywhere, and what each is; by default its creases and borders.
 
     Raises:
         ValueError: more creases than a drawing has, or nothing to draw.
     """
-    if edges is None:
-        found = feature_curves(mesh, MOST_RUNS)
-        features = sketch_of(found.curves, DEFAULT_WIDTH)
-        kinds: tuple[str, ...] = tuple(found.kinds[row] for row in first_curves(features, found.curves))
-    else:
-        features, kinds = edges
-    if ridges is not None:
-        features, kinds = Sketch.concatenate([features, ridges[0]]), kinds + ridges[1]
+    features, kinds = edges or feature_lines(mesh)
     outlines = outline_share(mesh)
     # Solids have their own edges, however round they are.
     smooth = outlines < LEAST_OUTLINE and not (isinstance(mesh, SolidMesh) and len(features))

@@ -4,19 +4,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from diff3ds._shapes import Bool, Mask
-from diff3ds.curves.shapes.smooth_joints import first_curves, sketch_of
 from diff3ds.formats.cad.solids import SOLIDS
-from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.surfaces.form.solid_mesh import load_solid
 from diff3ds.surfaces.lines.feature_curves import crease_length, loose_share, outline_share
-from diff3ds.surfaces.lines.scale_creases import scale_creases
 from diff3ds.surfaces.shape.colors import SurfaceColors
 from diff3ds.surfaces.shape.load_surface import load_colored_surface, load_surface
 from diff3ds.surfaces.shape.triangle_mesh import CREASE as CREASE_ANGLE
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.form_lines import with_tangents
 from diff3ds.tasks.mesh.formed import formed
+from diff3ds.tasks.mesh.mesh_lines import FixedLines, both, feature_lines, from_outside, scale_lines
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report
 
@@ -39,31 +36,35 @@ class Source:
     Attributes:
         mesh: what hides.
         colors: of it, where they are wanted.
-        edges: its creases and borders, and what each is, where they are known.
-        ridges: its creases at a scale, and what each is.
+        edges: its lines that are there from everywhere, and what each is, where they are known.
         told: what run.json says of how it was read.
     """
 
     mesh: TriangleMesh
     colors: SurfaceColors | None = None
-    edges: tuple[Sketch, tuple[str, ...]] | None = None
-    ridges: tuple[Sketch, tuple[str, ...]] | None = None
+    edges: FixedLines | None = None
     told: dict[str, object] = field(default_factory=dict)
 
     def by_forms(self, options: MeshOptions, say: Callable[[str], None]) -> "Source":
         """A mesh by its forms where it is bumpy, rounded or scanned, and without creases that are scraps elsewhere.
 
-        Where it has no creases of faces, or is no form, it has those at a scale.
+        Where it has no creases of faces, or is no form, it has those at a scale. Of what nobody outside sees it has no
+        lines then.
+
+        Raises:
+            ValueError: as `feature_lines`.
         """
         if self.edges is not None:
             return self
         found = formed(self.mesh, options.rounded, say) if options.angle is None else None
-        if found is None:
-            mesh = creased(self.mesh, options.angle)
-            smooth = options.angle is None and len(mesh) >= FINE and not mesh.is_crease.any()
-            return replace(self, mesh=mesh, ridges=ridges(mesh) if smooth else None)
-        edges = with_tangents(found.features, found.kinds, options.tangent)
-        return replace(self, mesh=found.mesh, edges=edges, ridges=ridges(self.mesh, found.free), told=found.told)
+        if found is not None:
+            edges = with_tangents(found.features, found.kinds, options.tangent)
+            lines = from_outside(both(edges, scale_lines(self.mesh, found.free)), self.mesh)
+            return replace(self, mesh=found.mesh, edges=lines, told=found.told)
+        mesh = creased(self.mesh, options.angle)
+        if options.angle is not None or len(mesh) < FINE or mesh.is_crease.any():
+            return replace(self, mesh=mesh, edges=feature_lines(mesh))
+        return replace(self, mesh=mesh, edges=from_outside(both(feature_lines(mesh), scale_lines(mesh)), mesh))
 
 
 def read_source(path: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Source:
@@ -100,10 +101,3 @@ def creased(mesh: TriangleMesh, angle: float | None) -> TriangleMesh:
     loose = loose_share(mesh)
     short = loose > SOME_LOOSE and crease_length(mesh) < SHORT * mesh.size and outline_share(mesh) < LEAST_OUTLINE
     return mesh.with_crease(180.0) if loose > MOST_LOOSE or short else mesh
-
-
-def ridges(mesh: TriangleMesh, where: Bool[Mask, " F"] | None = None) -> tuple[Sketch, tuple[str, ...]]:
-    """The creases at a scale as strokes, and what each is."""
-    curves, kinds = scale_creases(mesh, where)
-    sketch = sketch_of(curves, DEFAULT_WIDTH)
-    return sketch, tuple(kinds[row] for row in first_curves(sketch, curves))
