@@ -25,12 +25,14 @@ MODULES = {
 # "diff3ds" stands for the list of public names. A new part needs a line here.
 HELPERS = {
     "_checks",
+    "_detail",
     "_files",
     "_modes",
     "_settings",
     "_shapes",
     "_svg",
     "_shown",
+    "_sketch_fields",
     "_tensor_files",
     "_units",
     "_version",
@@ -39,11 +41,13 @@ HELPERS = {
 SCENE = {"bezier", "camera", "chains", "sketch"} | HELPERS
 ALLOWED = {
     "_checks": {"_shapes"},
+    "_detail": {"_settings", "_shapes"},
     "_files": set(),
     "_modes": {"_shapes"},
     "_settings": set(),
     "_shapes": set(),
     "_shown": set(),
+    "_sketch_fields": {"_checks", "_modes", "_shapes"},
     "_start": {"cli", "command_line"},
     "_svg": {"_shapes"},
     "_tensor_files": {"_files", "_shapes"},

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     )
     from diff3ds.sketch import Sketch
     from diff3ds.surfaces.draw import contours, draw, visible_lines
+    from diff3ds.surfaces.seen_around import by_importance
     from diff3ds.surfaces.shape.load_surface import load_surface
     from diff3ds.surfaces.shape.quadrics import Quadrics
     from diff3ds.surfaces.shape.smooth_surface import smooth_surface
@@ -67,6 +68,7 @@ __all__ = [
     "__version__",
     "available_backends",
     "bezier",
+    "by_importance",
     "constraints",
     "contours",
     "density",
@@ -131,6 +133,7 @@ _HOMES = {
     "load_surface": "surfaces.shape.load_surface",
     "smooth_surface": "surfaces.shape.smooth_surface",
     **dict.fromkeys(("contours", "draw", "visible_lines"), "surfaces.draw"),
+    "by_importance": "surfaces.seen_around",
     **dict.fromkeys(
         ("image_to_sketch", "mesh_to_sketch", "points_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"),
         "tasks.functions",

@@ -68,3 +68,11 @@ def check_seed(seed: int) -> None:
     """Raises ValueError for what torch's generators do not take."""
     if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 1 << 63:
         raise ValueError(f"seed must be a whole number from 0 to 2^63 - 1, got {seed!r}")
+
+
+def check_level(detail: float, most: int | None) -> None:
+    """Raises ValueError for a detail that is not from 0 to 1, or less than one stroke."""
+    if not (isinstance(detail, int | float) and 0 <= detail <= 1):
+        raise ValueError(f"detail must be from 0 (one stroke) to 1 (all strokes), got {detail!r}")
+    if most is not None and not (isinstance(most, int) and most >= 1):
+        raise ValueError(f"strokes must be a whole number, at least 1, got {most!r}")

@@ -1,17 +1,17 @@
 """The 3D sketch: strokes, each a rational Bézier curve with width, colour and opacity."""
 
 import math
-import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import torch
 
-from diff3ds import _shown, bezier
+from diff3ds import _detail, _shown, bezier
 from diff3ds._checks import as_numbers, check_generator, kind
 from diff3ds._modes import can_look_at, check_plain
 from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._sketch_fields import called, filled, marks, worth
 from diff3ds._with_torch import known_to_torch
 from diff3ds.chains import Chains
 
@@ -26,7 +26,7 @@ PLAIN: dict[str, Any] = {"width": DEFAULT_WIDTH, "color": (0.0, 0.0, 0.0), "widt
 # The fields with numbers; those with one thing of a kind for each stroke, None where no stroke has any; and files' keys
 # of which segments make which stroke.
 NUMBERS = ("points", "weights", "width", "color", "opacity")
-BESIDE: dict[str, type] = {"fixed": bool, "names": str}
+BESIDE: dict[str, type] = {"fixed": bool, "names": str, "importance": float}
 CHAINS = {"stroke": "chains.stroke", "closed": "chains.closed"}
 
 # Gap at a joint that rounding may leave, as a fraction of the extent of the two segments; of widths, of the largest.
@@ -53,6 +53,8 @@ class Sketch:
         chains: which segments make which stroke; None where each is one, also if it was given so.
         fixed: strokes that are marked to stay as they are where others are drawn further; None where none is.
         names: of the strokes, such as the edges of a solid that they draw, "" where one has none; None where all do.
+        importance: how much of what the sketch draws each stroke adds to those before it in that order, a share of it
+            all, not negative; None where nobody has said. `ds.by_importance` finds it, `at_detail` cuts by it.
 
     Raises:
         TypeError, ValueError: a wrong type, shape, dtype, device or value, segments that do not meet at a joint, or
@@ -69,6 +71,7 @@ class Sketch:
     chains: Chains | None
     fixed: Bool[Tensor, " N"] | None
     names: tuple[str, ...] | None
+    importance: Float[Tensor, " N"] | None
 
     def __init__(
         self,
@@ -81,6 +84,7 @@ class Sketch:
         chains: Chains | None = None,
         fixed: Bool[Tensor, " N"] | None = None,
         names: Sequence[str] | None = None,
+        importance: Float[Tensor, " N"] | None = None,
     ) -> None:
         if not isinstance(points, Tensor) or not points.is_floating_point():
             raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
@@ -93,10 +97,10 @@ class Sketch:
         along = isinstance(width, Tensor) and width.ndim == 2
         given = {
             "points": points,
-            "weights": _filled("weights", 1.0 if weights is None else weights, points, (segments, controls), rows),
-            "width": _filled("width", width, points, *(((segments, controls), rows) if along else ((count,),))),
-            "color": _filled("color", color, points, (count, 3)),
-            "opacity": _filled("opacity", opacity, points, (count,)),
+            "weights": filled("weights", 1.0 if weights is None else weights, points, (segments, controls), rows),
+            "width": filled("width", width, points, *(((segments, controls), rows) if along else ((count,),))),
+            "color": filled("color", color, points, (count, 3)),
+            "opacity": filled("opacity", opacity, points, (count,)),
         }
         check_plain(**given)
         if width_space not in get_args(WidthSpace):
@@ -105,8 +109,9 @@ class Sketch:
             object.__setattr__(self, name, value)
         object.__setattr__(self, "width_space", width_space)
         object.__setattr__(self, "chains", chains)
-        object.__setattr__(self, "fixed", _marks(fixed, points, count))
-        object.__setattr__(self, "names", _called(names, count))
+        object.__setattr__(self, "fixed", marks(fixed, points, count))
+        object.__setattr__(self, "names", called(names, count))
+        object.__setattr__(self, "importance", worth(importance, points, count))
         # Where values are not looked at, drawing refuses bad ones.
         if can_look_at(points):
             self.check_values()
@@ -120,6 +125,8 @@ class Sketch:
             "color": ("finite", lambda v: v.isfinite()),
             "opacity": ("in [0, 1]", lambda v: (v >= 0) & (v <= 1)),
         }
+        if self.importance is not None:
+            rules["importance"] = rules["width"]
         for name, (expected, holds) in rules.items():
             value = getattr(self, name).detach()
             good = holds(value)
@@ -187,9 +194,9 @@ class Sketch:
             segments, chains = self.chains.select(rows)
             curves = {name: getattr(self, name)[segments] for name in self.segment_fields} | {"chains": chains}
         looks = {name: value[rows] for name, value in self.tensors().items() if name not in self.segment_fields}
-        fixed = None if self.fixed is None else self.fixed[rows]
+        of_strokes = {n: None if (v := getattr(self, n)) is None else v[rows] for n in ("fixed", "importance")}
         names = None if self.names is None else [self.names[row] for row in every[rows].tolist()]
-        return Sketch(**{**looks, "width_space": self.width_space, "fixed": fixed, "names": names, **curves})
+        return Sketch(**{**looks, "width_space": self.width_space, **of_strokes, "names": names, **curves})
 
     def replace(self, **changes: Any) -> "Sketch":
         """The same sketch with other values of some fields, given as to `Sketch`.
@@ -212,7 +219,22 @@ class Sketch:
         """
         chosen = torch.zeros(len(self), 1, dtype=torch.bool, device=self.color.device)
         chosen[strokes] = True
-        return replace(self, color=torch.where(chosen, _filled("color", color, self.points, (3,)), self.color))
+        return replace(self, color=torch.where(chosen, filled("color", color, self.points, (3,)), self.color))
+
+    def at_detail(self, detail: float = 1.0, *, strokes: int | None = None) -> "Sketch":
+        """The strokes that say most, in the order of this sketch; at a lower level some of those at a higher one.
+
+        Args:
+            detail: from 0, one stroke, to 1, all: the most important strokes, as few as draw together the share
+                1 - (1 - detail)^3 of what all draw, and those that are worth as much as the last of them.
+            strokes: so many at most.
+
+        Raises:
+            ValueError: the sketch has no `importance` (`ds.by_importance` finds it); a detail or a number out of range.
+        """
+        if self.importance is None:
+            raise ValueError("nothing is known of the importance of the strokes: give ds.by_importance(sketch)")
+        return self.select(_detail.kept(self.importance, detail, strokes))
 
     def segments(self) -> "Sketch":
         """Every segment as a stroke of its own, with the appearance of its stroke."""
@@ -236,7 +258,8 @@ class Sketch:
         home = moved["points"].device
         chains = None if self.chains is None else self.chains.to(home)
         fixed = None if self.fixed is None else self.fixed.to(home)
-        return self.replace(**moved, chains=chains, fixed=fixed)
+        importance = None if self.importance is None else self.importance.to(moved["points"])
+        return self.replace(**moved, chains=chains, fixed=fixed, importance=importance)
 
     def detach(self) -> "Sketch":
         """The same sketch without its autograd history."""
@@ -296,10 +319,13 @@ class Sketch:
         joined = {name: torch.cat([p[name] for p in parts]) for name in parts[0]}
         fixed = None
         if any(s.fixed is not None for s in raised):
-            marks = [torch.zeros_like(s.opacity, dtype=torch.bool) if s.fixed is None else s.fixed for s in raised]
-            fixed = torch.cat(marks)
+            flags = [torch.zeros_like(s.opacity, dtype=torch.bool) if s.fixed is None else s.fixed for s in raised]
+            fixed = torch.cat(flags)
         names = [name for s in raised for name in s.names or ("",) * len(s)]
-        return Sketch(**joined, width_space=sketches[0].width_space, chains=chains, fixed=fixed, names=names)
+        known = [s.importance for s in raised if s.importance is not None]
+        importance = torch.cat(known) if len(known) == len(raised) else None
+        space = sketches[0].width_space
+        return Sketch(**joined, width_space=space, chains=chains, fixed=fixed, names=names, importance=importance)
 
     def with_widths_along(self) -> "Sketch":
         """The same sketch with one width a control point."""
@@ -385,48 +411,3 @@ def _kept(chains: Chains | None, points: Tensor) -> Chains | None:
     if chains.stroke.device != points.device:
         raise ValueError(f"chains must be on the device of points, {points.device}, got {chains.stroke.device}")
     return None if chains.is_plain() else chains
-
-
-def _marks(fixed: Tensor | None, points: Tensor, count: int) -> Tensor | None:
-    """The marks of strokes, if they fit and, where that can be seen without waiting, there are any."""
-    if fixed is None:
-        return None
-    if not isinstance(fixed, Tensor) or fixed.dtype != torch.bool:
-        got = f"a tensor of {fixed.dtype}" if isinstance(fixed, Tensor) else kind(fixed)
-        raise TypeError(f"fixed must be a tensor of torch.bool or None, got {got}")
-    if fixed.shape != (count,):
-        raise ValueError(f"fixed must have shape ({count},) for {count} strokes, got {tuple(fixed.shape)}")
-    if fixed.device != points.device:
-        raise ValueError(f"fixed must be on the device of points, {points.device}, got {fixed.device}")
-    return None if can_look_at(fixed) and not bool(fixed.any()) else fixed
-
-
-def _called(names: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
-    """The names of strokes, if they fit and there are any."""
-    if names is None:
-        return None
-    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"names must be strings, one a stroke, or None, got {reprlib.repr(names)}")
-    if len(names) != count:
-        raise ValueError(f"names must be {count}, one a stroke, got {len(names)}")
-    return tuple(names) if any(names) else None
-
-
-def _filled(name: str, value: object, points: Tensor, shape: tuple[int, ...], rows: str = "strokes") -> Tensor:
-    """The value as a tensor of this shape, with a row for each of these, on the dtype and device of `points`."""
-    if isinstance(value, Tensor):
-        if not value.is_floating_point() or value.dtype != points.dtype:
-            raise TypeError(f"{name} must have the dtype of points, {points.dtype}, got {value.dtype}")
-        if value.device != points.device:
-            raise ValueError(f"{name} must be on the device of points, {points.device}, got {value.device}")
-    else:
-        value = as_numbers(name, value, points.dtype, points.device)
-    if (
-        value.ndim < len(shape)
-        and value.shape == shape[len(shape) - value.ndim :]
-        and (value.ndim == 0 or name == "color")
-    ):
-        return value.expand(shape)
-    if value.shape != shape:
-        raise ValueError(f"{name} must have shape {shape} for {shape[0]} {rows}, got {tuple(value.shape)}")
-    return value

@@ -91,6 +91,25 @@ def test_names_are_kept_and_left_out_where_there_are_none(tmp_path):
     assert "names" not in json.loads((tmp_path / "s.json").read_text())
 
 
+def test_importance_is_kept_and_left_out_where_it_is_not_known(tmp_path):
+    file = tmp_path / "s.json"
+    sketch = ds.Sketch(torch.rand(3, 4, 3), importance=torch.tensor([0.7, 0.2, 0.1]))
+    ds.save(file, sketch)
+    assert torch.equal(ds.load(file).importance, sketch.importance)
+    whole = file.read_text()
+    for wrong, message in (
+        ("[0.7, 1]", "importance must be a list with one item a stroke, 3"),
+        ("[-1, 0, 0]", "0 must be"),
+    ):
+        lines = [f'"importance": {wrong}' if "importance" in line else line for line in whole.splitlines()]
+        file.write_text("\n".join(lines))
+        with pytest.raises(ValueError, match=message):
+            ds.load(file)
+    ds.save(file, sketch.replace(importance=None))
+    assert "importance" not in file.read_text()
+    assert ds.load(file).importance is None
+
+
 def test_marks_are_kept_and_left_out_where_there_are_none(tmp_path):
     lines = torch.tensor([[[0.0, 0, 0], [1, 0, 0]], [[1, 0, 0], [2, 0, 0]], [[3, 0, 0], [4, 0, 0]]])
     sketch = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), fixed=torch.tensor([False, True]))

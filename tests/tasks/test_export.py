@@ -39,6 +39,18 @@ def test_scale_and_the_axis_that_points_up(source, tmp_path):
     torch.testing.assert_close(points[0, 1], torch.tensor([10.0, 30.0, -20.0], dtype=torch.float64))
 
 
+def test_so_many_strokes_at_most(tmp_path):
+    """The two longest of three lines, of a file that says nothing of importance; what is written does."""
+    lines = torch.tensor([[[0.0, 0, 0], [1, 0, 0]], [[0, 5, 0], [3, 5, 0]], [[0, 0, 5], [2, 0, 5]]])
+    ds.save(tmp_path / "a.json", ds.Sketch(lines))
+    main(["export", str(tmp_path / "a.json"), str(tmp_path / "b.json"), "--strokes", "2", "--quiet"])
+    few = ds.load(tmp_path / "b.json")
+    assert torch.equal(few.points, lines[[1, 2]])
+    assert few.importance[0] > few.importance[1] > 0
+    main(["export", str(tmp_path / "b.json"), str(tmp_path / "c.json"), "--detail", "0", "--quiet"])
+    assert torch.equal(ds.load(tmp_path / "c.json").points, lines[[1]])
+
+
 def test_world_widths_scale_with_the_sketch(tmp_path):
     sketch = ds.Sketch(SKETCH.points, width=0.25, width_space="world")
     ds.save(tmp_path / "a.json", sketch)

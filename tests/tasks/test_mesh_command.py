@@ -106,6 +106,21 @@ def test_a_cylinder_has_two_circles_and_two_outlines_from_each_side(tmp_path):
     assert paths(tmp_path / "b" / "drawing-1.svg") == 2
 
 
+def test_the_strokes_of_a_run_are_sorted_by_importance(tmp_path):
+    """With their layers: a box's edges, and what the file says is what the function gives."""
+    out = tmp_path / "out"
+    sketch = run_mesh(box(tmp_path / "box.obj", (8, 1, 2)), out, MeshOptions(turntable=0, size=64))
+    found = ds.load(out)
+    assert torch.equal(found.importance, sketch.importance)
+    assert torch.equal(found.points, sketch.points)
+    assert len(found) == 12
+    assert bool((found.importance[1:] <= found.importance[:-1]).all())
+    lengths = (found.points[:, -1] - found.points[:, 0]).norm(dim=1)
+    assert lengths[:4].tolist() == pytest.approx([8] * 4)
+    assert lengths[8:].tolist() == pytest.approx([1] * 4)
+    assert len(found.at_detail(0.2)) == 4
+
+
 def test_a_ball_is_drawn_by_great_circles(tmp_path, capsys):
     main(["mesh", str(ball(tmp_path / "ball.obj")), "-o", str(tmp_path / "out"), *FEW[1:], "--strokes", "3"])
     assert "the mesh is smooth: its creases and borders draw 0% of its outlines" in " ".join(

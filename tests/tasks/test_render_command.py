@@ -46,6 +46,17 @@ def test_the_azimuth_turns_the_sketch(source, tmp_path):
     assert back.min() < 24
 
 
+def test_a_level_of_detail_is_drawn_from_where_all_is_seen(source, tmp_path):
+    """The red stroke is the shorter one, and without it the other one stays where it is."""
+    whole = drawn(source, tmp_path / "a.png")
+    few = drawn(source, tmp_path / "b.png", "--detail", 0)
+    assert len(red_columns(whole))
+    assert not len(red_columns(few))
+    dark = whole.max(-1) < 64
+    assert dark.sum() > 50
+    assert (few.max(-1)[dark] < 64).all()
+
+
 def test_an_orthographic_height_is_the_height_of_the_picture(source, tmp_path):
     """The stroke along z is 2 units long, half of a picture 4 units high: 32 px and its width of 3.2."""
     picture = drawn(source, tmp_path / "a.png", "--height", 4, "--elevation", 0, "--azimuth", -90)
@@ -160,6 +171,8 @@ def test_sizes():
         (["-o", "a.pdf", "--tolerance", "0"], "--tolerance must be positive"),
         (["-o", "a.png", "--elevation", "91"], "--elevation must be from -90 to 90"),
         (["-o", "a.png", "--height", "0"], "--height must be positive"),
+        (["-o", "a.png", "--detail", "2"], "--detail must be from 0 (one stroke) to 1"),
+        (["-o", "a.png", "--strokes", "0"], "--strokes must be a whole number, at least 1"),
         (["-o", "a.png", "--background", "pink"], "--background must be white, black or R,G,B"),
         (["-o", "a.png", "--fov", "30", "--height", "2"], "either --fov or --height"),
         (["-o", "a.png", "--cameras", "x", "--distance", "2"], "give either --cameras or --distance"),

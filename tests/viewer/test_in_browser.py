@@ -348,3 +348,35 @@ def test_a_run_under_way_is_followed(browser, tmp_path):
         assert not browser.errors
         elsewhere = [a for a in browser.requests if not a.startswith(server.address)]
         assert [address for address in elsewhere if not address.endswith("/favicon.ico")] == []
+
+
+# Levels of detail
+
+
+def slide(browser, detail):
+    browser.value(
+        f"{{ const slider = document.getElementById('detail'); slider.value = {detail};"
+        " slider.dispatchEvent(new Event('input')); true }"
+    )
+    browser.settle()
+
+
+def test_the_slider_draws_what_at_detail_keeps(browser, tmp_path):
+    sketch = ds.by_importance(random(20, width=0.03))
+    path = tmp_path / "page.html"
+    assert shown(browser, path, sketch) is not None
+    for detail in (0, 0.2, 0.5, 0.8, 1):
+        slide(browser, detail)
+        kept = sketch.at_detail(detail)
+        image = seen(browser)
+        cameras = framed(sketch, 30.0, 20.0, size=tuple(image.shape[:2]))
+        expected = ds.render(kept.to(torch.float64), cameras).color[0].float()
+        assert difference(image, expected) < CLOSE
+        of = "" if len(kept) == 20 else f"{len(kept)} of "
+        assert browser.value("document.getElementById('count').textContent") == f"Strokes ({of}20)"
+    assert browser.errors == []
+
+
+def test_without_importance_there_is_no_slider(browser, tmp_path):
+    shown(browser, tmp_path / "page.html", random(3))
+    assert browser.value("document.getElementById('level').hidden")

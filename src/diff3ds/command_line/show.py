@@ -9,6 +9,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds.command_line.console import PlainConsole, counted_strokes, progress_on, sayer
 from diff3ds.command_line.interrupt import importing
+from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.export.export_options import ExportOptions
 from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions, SurfaceOptions
 from diff3ds.tasks.style_options import StyleOptions
@@ -23,6 +24,7 @@ class Render:
 
     view: OmitArgPrefixes[OrbitOptions]
     picture: OmitArgPrefixes[PictureOptions]
+    level: OmitArgPrefixes[DetailOptions]
     hiding: OmitArgPrefixes[SurfaceOptions]
     styles: OmitArgPrefixes[StyleOptions]
     # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
@@ -39,7 +41,8 @@ class Render:
 
         console = PlainConsole(stderr=True, quiet=self.quiet)
         with progress_on(console) as report:
-            files = run_render(self.source, self.out, self.view, self.picture, self.hiding, self.styles, report)
+            how = (self.view, self.picture, self.hiding, self.styles)
+            files = run_render(self.source, self.out, *how, report, self.level)
         sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
 
 
@@ -53,6 +56,7 @@ class Export:
     """
 
     export: OmitArgPrefixes[ExportOptions]
+    level: OmitArgPrefixes[DetailOptions]
     styles: OmitArgPrefixes[StyleOptions]
     # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
     source: Positional[Path]
@@ -67,7 +71,7 @@ class Export:
             from diff3ds.tasks.export.export import run_export
 
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
-        sketch = run_export(self.source, self.file, self.export, self.styles, say)
+        sketch = run_export(self.source, self.file, self.export, self.styles, say, self.level)
         say(f"{counted_strokes(len(sketch))}: {self.file}")
 
 

@@ -11,6 +11,8 @@ An object with these keys, for N strokes of M segments with K control points eac
   where all strokes are one open segment.
 * `fixed`: whether each stroke is marked to stay as it is (N); left out where none is.
 * `names`: what each stroke is called, such as the edge of a solid that it draws (N); left out where none has a name.
+* `importance`: how much of what the sketch draws each stroke adds to more important ones, a share of it all (N); left
+  out where it is not known. The strokes of runs are sorted by it.
 
 Numbers are written with as many digits as it takes to read the same bits again. Other keys are ignored.
 """
@@ -119,8 +121,7 @@ def _sketch_of(data: Any, path: Path) -> Sketch:
     given: dict[str, Any] = {key: _numbers(path, data, key, *shape).to(_DTYPES[name]) for key, shape in shapes.items()}
     for key, kind in BESIDE.items():
         if key in data:
-            values = _each(path, data, key, strokes, kind)
-            given[key] = torch.tensor(values, dtype=torch.bool) if kind is bool else values
+            given[key] = _beside(path, data, key, strokes, kind, _DTYPES[name])
     try:
         return Sketch(**given, width_space=space, chains=chains)
     except (TypeError, ValueError) as error:
@@ -135,6 +136,14 @@ def _chains(path: Path, data: dict[str, Any], segments: int) -> Chains:
     if sum(counts) != segments:
         raise ValueError(f"{path}: segments must add up to the {segments} items of points, got {sum(counts)}")
     return Chains.of(counts, _each(path, data, "closed", len(counts), bool))
+
+
+def _beside(path: Path, data: dict[str, Any], key: str, count: int, kind: type, dtype: torch.dtype) -> Any:
+    """The value of a key that has one thing of a kind for each stroke, as a sketch is given it."""
+    if kind is float:
+        return _numbers(path, data, key, count, ()).to(dtype)
+    values = _each(path, data, key, count, kind)
+    return torch.tensor(values, dtype=torch.bool) if kind is bool else values
 
 
 def _each(path: Path, data: dict[str, Any], key: str, count: int, kind: type) -> list[Any]:

@@ -86,7 +86,7 @@ def fit(
         raise ValueError("a stroke of width 0 cannot grow: give all strokes a width to fit widths")
     sampler = _sampler(cameras)
     stateful = config.stateful.state() if config.stateful is not None else {}
-    state = replace(start(sketch.detach(), config.seed), stateful=stateful)
+    state = replace(start(sketch.detach().replace(importance=None), config.seed), stateful=stateful)
     if config.resume and config.checkpoint is not None and config.checkpoint.exists():
         state = read_checkpoint(config.checkpoint, _settings(config)).to(sketch.points.device)
         if config.stateful is not None:

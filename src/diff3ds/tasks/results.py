@@ -20,6 +20,7 @@ from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.mesh import save_surface
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.seen_around import ranked_around
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 SVG_VIEWS = 4
@@ -61,15 +62,24 @@ def write_results(
     info: RunInfo,
     surface: TriangleMesh | None = None,
     layers: Sequence[str] | None = None,
-) -> None:
+    sort: bool = True,
+) -> Sketch:
     """Writes all files of a run, each whole or not at all.
 
     Args:
+        sketch: its strokes are written by their importance, which is found where they have none yet.
         cameras: some of which the SVG file shows.
         preview: the picture in preview.png.
         surface: what hides lines of the sketch; of a run before this one nothing is left.
         layers: of the strokes in sketch.step; by default there is one a colour.
+        sort: whether strokes whose importance is not known yet come in its order, which those of a user do not.
+
+    Returns:
+        The sketch as it was written.
     """
+    if sketch.importance is None:
+        sketch, strokes = ranked_around(sketch, surface, sort=sort)
+        layers = None if layers is None else [layers[stroke] for stroke in strokes]
     if surface is None:
         (out / SURFACE).unlink(missing_ok=True)
     else:
@@ -98,6 +108,7 @@ def write_results(
         "loss": {"every": every, "values": info.losses[::every]},
     }
     write_text(out / "run.json", json.dumps(content, indent=1))
+    return sketch
 
 
 def check_output_folder(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int = ROOM) -> None:

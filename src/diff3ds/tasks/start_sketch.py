@@ -24,7 +24,8 @@ def load_start(source: Path, out: Path) -> Sketch:
     """
     if source.resolve().is_relative_to(out.resolve()):
         raise ValueError(f"{source}: the results in {out} would take its place: give another folder (-o)")
-    sketch = load_sketch(source).detach()
+    # Other curves are worth other shares.
+    sketch = load_sketch(source).detach().replace(importance=None)
     if sketch.fixed is not None and bool(sketch.fixed.all()):
         raise ValueError(f"{source}: all strokes are fixed, so that nothing would move: free some of them")
     return sketch

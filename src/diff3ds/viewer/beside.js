@@ -41,6 +41,7 @@ function paintBeside(from, to, scene) {
   if (second.start !== start) {
     const read = { sketch: readSketch(beside.sketch, start), surface: readSurface(beside.surface, start) };
     Object.assign(second, { ...read, start, madeFor: null });
+    offerDetail(second.sketch);
     second.drawing.setSurface(second.surface);
   }
   if (second.madeFor !== madeFor) {

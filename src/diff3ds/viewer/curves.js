@@ -32,10 +32,12 @@ function readSketch(data, { middle, radius }) {
       fixed: data.fixed?.[stroke] ?? false,
       color: data.color[stroke].map((value) => Math.min(Math.max(value, 0), 1)),
       opacity: data.opacity[stroke],
+      importance: data.importance?.[stroke] ?? null,
       shown: true,
       reach: Math.max(0, ...rows.flatMap((row) => segments[row].map((point) => Math.hypot(...dehomogenized(point))))),
     };
   });
+  setLevels(strokes);
   return { strokes, world: data.width_space === "world" };
 }
 

@@ -34,10 +34,11 @@ function ground() {
 }
 
 // What is about as dark as a dark ground is drawn light there: lightness turned over, hue kept.
-function inkOf({ color, opacity, shown }) {
+function inkOf(stroke) {
+  const { color, opacity } = stroke;
   const turn = 1 - Math.max(...color) - Math.min(...color);
   const visible = ground() === "light" || 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2] > 0.25;
-  return [...(visible ? color : color.map((value) => value + turn)), shown ? opacity : 0];
+  return [...(visible ? color : color.map((value) => value + turn)), isDrawn(stroke) ? opacity : 0];
 }
 
 function refreshInks() {
@@ -161,12 +162,15 @@ function nameOf(index) {
 function listStrokes() {
   const list = document.getElementById("strokes");
   const count = sketch.strokes.length;
-  document.getElementById("count").textContent = `Strokes (${count})`;
+  const drawn = sketch.strokes.filter(isAtLevel).length;
+  document.getElementById("count").textContent = `Strokes (${drawn < count ? `${drawn} of ` : ""}${count})`;
+  offerDetail(sketch);
   while (list.children.length > count) list.lastChild.remove();
   while (list.children.length < count) list.append(listItem(list.children.length));
   sketch.strokes.forEach((stroke, index) => {
     const [box, button, color] = list.children[index].children;
     const isChosen = String(chosen.includes(index));
+    list.children[index].classList.toggle("out", !isAtLevel(stroke));
     if (button.getAttribute("aria-pressed") !== isChosen) button.setAttribute("aria-pressed", isChosen);
     // Nothing else of a stroke changes: another one takes its place.
     if (stroke.button === button) return;
@@ -248,7 +252,7 @@ function strokeAt(x, y) {
   for (let i = 0; i < values.length; i += CHORD) {
     const stroke = values[i + 8];
     const [a, b] = [0, 3].map((j) => projected(camera, axes, size(), Array.from(values.subarray(i + j, i + j + 3))));
-    if (!sketch.strokes[stroke].shown || Math.min(a.depth, b.depth) <= near) continue;
+    if (!isDrawn(sketch.strokes[stroke]) || Math.min(a.depth, b.depth) <= near) continue;
     const place = placeOn([x, y], [a.x, a.y], [b.x, b.y]);
     const away = distance([x, y], mixed([a.x, a.y], [b.x, b.y], place));
     const half = (values[i + 6] + place * (values[i + 7] - values[i + 6])) * (sketch.world ? a.scale : size()[1]);

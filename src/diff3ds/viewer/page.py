@@ -13,7 +13,7 @@ from typing import Any
 _EDIT = ("document", "strokes", "shapes", "handles", "draw", "edit", "save")
 _SCRIPTS = (
     "vectors.js", "curves.js", "camera.js", "surface/surface.js", "surface/contours.js", "surface/depth.js",
-    "drawing.js", "surface/hidden.js", "page.js", *(f"edit/{name}.js" for name in _EDIT),
+    "drawing.js", "surface/hidden.js", "detail.js", "page.js", *(f"edit/{name}.js" for name in _EDIT),
 )  # fmt: skip
 # Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, and on one that shows
 # a run.

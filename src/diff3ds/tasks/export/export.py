@@ -11,10 +11,11 @@ from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.detail_options import WHOLE, DetailOptions
 from diff3ds.tasks.export.export_options import ExportOptions
 from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions
 from diff3ds.tasks.render.render_views import views_of
-from diff3ds.tasks.sketch_input import load_sketch, name_of
+from diff3ds.tasks.sketch_input import at_level, load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 from diff3ds.tasks.surface_input import SurfaceInput
@@ -29,6 +30,7 @@ def run_export(
     options: ExportOptions,
     styles: StyleOptions,
     say: Callable[[str], None] = lambda line: None,
+    level: DetailOptions = WHOLE,
 ) -> Sketch:
     """Writes the sketch of a file, or of the folder of a run, in the format of the suffix of `file`.
 
@@ -39,6 +41,7 @@ def run_export(
         file: what is written.
         options: how.
         styles: of a drawing.
+        level: which strokes.
         say: told what is wrong with the surface of a run, whose page then has none.
 
     Returns:
@@ -49,9 +52,10 @@ def run_export(
             without a style, or another one with one.
     """
     _check(source, file, options, styles)
-    sketch = _placed(load_sketch(source), options)
+    whole = _placed(load_sketch(source), options)
+    sketch = at_level(whole, level)
     if styles.style is not None:
-        write_text(file, Styling(styles).svg(sketch, views_of(sketch, OrbitOptions(), PictureOptions())))
+        write_text(file, Styling(styles).svg(sketch, views_of(whole, OrbitOptions(), PictureOptions())))
     elif file.suffix.lower() == ".html":
         write_text(file, _page(source, file, sketch, options, say))
     elif file.suffix.lower() == ".dxf":

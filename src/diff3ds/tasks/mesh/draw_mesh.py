@@ -139,8 +139,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
     sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh)
-    write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
-    return sketch
+    return write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
 
 
 def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:

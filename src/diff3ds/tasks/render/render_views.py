@@ -20,6 +20,7 @@ from diff3ds.surfaces.draw import visible_lines
 from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.detail_options import WHOLE, DetailOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.render_options import (
@@ -31,7 +32,7 @@ from diff3ds.tasks.render.render_options import (
     parse_size,
 )
 from diff3ds.tasks.results import SURFACE
-from diff3ds.tasks.sketch_input import load_sketch
+from diff3ds.tasks.sketch_input import at_level, load_sketch
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 from diff3ds.transforms import load_transforms
@@ -73,6 +74,7 @@ def run_render(
     hiding: SurfaceOptions,
     styles: StyleOptions,
     report: Report,
+    level: DetailOptions = WHOLE,
 ) -> list[Path]:
     """Draws the sketch of a file, or of the folder of a run.
 
@@ -94,15 +96,17 @@ def run_render(
         warnings.warn("the --background is a filled shape: plotters and cutters draw its edge", stacklevel=2)
     sketch = load_sketch(source).detach()
     surface = _surface(source, hiding)
+    drawn = at_level(sketch, level)
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
             raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
-        draw_in_blender(file, sketch, views_of(sketch, view, picture), view, picture)
+        draw_in_blender(file, drawn, views_of(sketch, view, picture), view, picture)
         return [file]
+    # From where the whole sketch is seen well: between levels nothing moves.
     cameras = views_of(sketch, view, picture)
     if surface is not None:
         surface = smooth_for_pictures(surface, max(cameras.size))
-    scene = _Scene(sketch, surface, hiding, None if styles.style is None else Styling(styles))
+    scene = _Scene(drawn, surface, hiding, None if styles.style is None else Styling(styles))
     if picture.turntable is not None:
         frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)

@@ -95,7 +95,8 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     around = turntable(sketch)
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     surface = None if faces is None else TriangleMesh.of_triangles(faces.numpy())
-    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
+    seen = tile_images(render(sketch, around).color, columns=4)
+    sketch = write_results(out, sketch, around, seen, info, surface, sort=given is None)
     if stopped:
         raise Stopped
     return sketch

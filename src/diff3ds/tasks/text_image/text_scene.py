@@ -80,11 +80,13 @@ def run_scene(
     there = _so_far(scene, len(sketches))
     sketch, faces = arranged_solids(there, sketches, [_faces_in(folder) for folder in folders[: len(sketches)]])
     surface = TriangleMesh.of_triangles(faces.numpy()) if len(faces) else None
+    # Each of them had its own.
+    sketch = sketch.replace(importance=None)
     around = turntable(sketch)
     given = {**spec.subject.record, **spec.options()}
     chosen = {"things": plan["things"], "relations": plan["relations"]}
     info = RunInfo(given, chosen, seconds, [], {}, stopped)
-    write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
+    sketch = write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
     if stopped:
         raise Stopped
     return sketch

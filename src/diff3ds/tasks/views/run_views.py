@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from diff3ds.camera import evenly_spaced
+from diff3ds.curves.importance import ranked
 from diff3ds.detectors.hed import require_hed
 from diff3ds.edges.clean.false_strokes import false_strokes
 from diff3ds.edges.reconstruct import NoEdgesError
@@ -171,10 +172,14 @@ def _run(
         fitted.scores,
         fitted.stopped,
     )
-    write_results(out, fitted.sketch, fitted.pictures.cameras, shown, info, scene.surface)
+    # Lines in pockets, which a hull fills, are seen as well as others.
+    sketch = fitted.sketch
+    if sketch.importance is None:
+        sketch = ranked(sketch, sort=options.start is None).sketch
+    sketch = write_results(out, sketch, fitted.pictures.cameras, shown, info, scene.surface)
     if scene.path is not None and (fitted.refined or scene.placing is not None):
         _write_cameras(out, scene.path, scene, fitted, options)
-    return fitted
+    return dataclasses.replace(fitted, sketch=sketch)
 
 
 def _read(source: Path | None, out: Path, options: ViewsOptions, report: Report, say: Callable[[str], None]) -> _Scene:

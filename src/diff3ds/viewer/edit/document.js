@@ -1,8 +1,8 @@
 // The sketch that is edited: strokes that are never changed in place, read from and written as a sketch.json.
 //
-// A stroke is { id, segments, width, color, opacity, closed, fixed, name }, a segment { points, weights }; `name` may be
-// left out; `width` is a number, or a list of numbers for each segment where the file has them along strokes (`along`).
-// All is in world units.
+// A stroke is { id, segments, width, color, opacity, closed, fixed, name, importance }, a segment { points, weights };
+// `name` and `importance` may be left out; `width` is a number, or a list of numbers for each segment where the file has
+// them along strokes (`along`). All is in world units.
 
 // Undone steps that are kept at most.
 const STEPS_KEPT = 1000;
@@ -23,6 +23,7 @@ function documentOf(data) {
       closed: data.closed?.[id] ?? false,
       fixed: data.fixed?.[id] ?? false,
       name: data.names?.[id] ?? "",
+      importance: data.importance?.[id] ?? null,
     };
   });
   return { dtype: data.dtype ?? "float32", width_space: data.width_space, along, strokes, nextId: strokes.length };
@@ -44,7 +45,16 @@ function dataOf({ dtype, width_space, along, strokes }) {
     opacity: strokes.map((stroke) => stroke.opacity),
     ...(strokes.some((stroke) => stroke.fixed) ? { fixed: strokes.map((stroke) => stroke.fixed) } : {}),
     ...(strokes.some((stroke) => stroke.name) ? { names: strokes.map((stroke) => stroke.name ?? "") } : {}),
+    ...importanceOf(strokes),
   };
+}
+
+// New strokes are worth as much as the most important one: whoever drew them wants them.
+function importanceOf(strokes) {
+  const known = strokes.map(({ importance }) => importance ?? null).filter((worth) => worth !== null);
+  if (!known.length) return {};
+  const most = known.reduce((a, b) => Math.max(a, b));
+  return { importance: strokes.map(({ importance }) => importance ?? most) };
 }
 
 // The text of a sketch.json, byte for byte as the package writes it.

@@ -39,6 +39,7 @@ function showDoc(doc, indices) {
   });
   shownDoc = doc;
   sketch = { ...read, strokes: doc.strokes.map((stroke) => known.get(stroke)) };
+  setLevels(sketch.strokes);
   camera = { ...camera, reach: sketch.strokes.reduce((most, { reach }) => Math.max(most, reach), reachOf(start)) };
   chosen = indices.filter((index) => index < doc.strokes.length);
   selected = chosen.at(-1) ?? null;
@@ -321,7 +322,7 @@ function boxed([from, to = from]) {
     for (const end of [i, i + 3]) {
       const { x, y, depth } = projected(camera, axes, size(), Array.from(values.subarray(end, end + 3)));
       const inside = x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1] && depth > 0;
-      if (inside && sketch.strokes[values[i + 8]].shown) found.add(values[i + 8]);
+      if (inside && isDrawn(sketch.strokes[values[i + 8]])) found.add(values[i + 8]);
     }
   }
   choose([...found].sort((a, b) => a - b));

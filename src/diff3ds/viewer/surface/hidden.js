@@ -22,7 +22,7 @@ function hasSurface() {
 
 // One for each stroke of a sketch, and one for the contours of its surface.
 function inksOf(some) {
-  return [...some.strokes, { color: CONTOUR_COLOR, opacity: 1, shown: contoured }].map(inkOf);
+  return [...some.strokes, { color: CONTOUR_COLOR, opacity: 1, shown: contoured, level: -1 }].map(inkOf);
 }
 
 // Full width of the contours in the unit of the strokes: the middle one of theirs.

@@ -90,7 +90,7 @@ def run_doodle(
     scores = doodle_scores(sketch, plan.pictures, loss)
     about = {"recipe": "3doodle", "source": str(source), **dataclasses.asdict(options)}
     info = RunInfo(about, {"target": "color"}, seconds, list(state.losses), scores, stopped)
-    write_results(out, sketch, plan.pictures.cameras, preview(sketch, plan.pictures), info)
+    sketch = write_results(out, sketch, plan.pictures.cameras, preview(sketch, plan.pictures), info)
     if stopped:
         raise Stopped
     return sketch

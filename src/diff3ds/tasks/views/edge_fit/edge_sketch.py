@@ -8,10 +8,12 @@ from typing import Any
 
 import torch
 
+from diff3ds.curves.importance import ranked
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.edges.cameras.find_again import agreement_of, are_surely_lost
+from diff3ds.edges.evidence.drawn_ink import drawn_in
 from diff3ds.edges.evidence.edge_views import require_perspective
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import reconstruct
@@ -57,6 +59,7 @@ def fit_edges(
     course = EdgeCourse(checkpoint, settings, lambda c: frame.to_world(sketch_of(c, width)), report, say)
     course.begin(options.resume)
     stopped = False
+    ridges: list[Ridges] = []
     refined: RefinedViews | None = None
     about: dict[str, Any] = {} if bound is None else {"bound": bound}
     try:
@@ -84,6 +87,8 @@ def fit_edges(
             raise
         stopped = True
     fitted = _fitted(pictures, course, about, stopped)
+    if ridges:
+        fitted = replace(fitted, sketch=ranked(fitted.sketch, drawn_in(cameras, ridges)).sketch)
     return fitted if refined is None else replace(fitted, refined=refined.which, lens=refined.lens)
 
 
