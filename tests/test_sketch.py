@@ -352,9 +352,11 @@ def test_parts_hold_every_field(tmp_path):
         chains=ds.Chains.of([1, 1, 1], [False, False, False]),
         fixed=torch.tensor([False, True, False]),
         names=["a", "", "b"],
+        importance=torch.rand(3),
     )
     closed = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0]])[None]
-    ring = ds.Sketch(closed, width_space="world", chains=ds.Chains.of([1], [True]), names=["ring"])
+    more = {"names": ["ring"], "importance": torch.rand(1)}
+    ring = ds.Sketch(closed, width_space="world", chains=ds.Chains.of([1], [True]), **more)
     sketch = ds.Sketch.concatenate([sketch, ring])
     given = {field.name: getattr(sketch, field.name) for field in fields(ds.Sketch)}
     assert all(value is not None for value in given.values())
