@@ -21,7 +21,7 @@ def test_every_constant_of_edges_says_its_unit_and_what_it_was_chosen_on():
     assert (near.value, near.unit, near.chosen) == ("2.5", "px", "empirical")
     assert (slant.value, slant.unit, slant.about) == ("0.436", "sine", near.about)
     assert ALL["edges.evidence.bias.CLOSED[2]"].value == "8.0"
-    assert ALL["edges.complete.corners.TURN"].value == "np.cos(np.deg2rad(20.0))"
+    assert ALL["edges.measure.holes.PARALLEL"].value == "np.cos(np.deg2rad(4.0))"
     # What follows from others is none.
     assert "edges.evidence.support.SEGMENT" not in ALL
 
@@ -47,8 +47,8 @@ def test_a_changed_constant_changes_what_follows_from_it():
         exec(compile(changed_source(source, constant, factor), "support", "exec"), inner)
         assert (inner["SAMPLES"], inner["SEGMENT"], inner["PARTS"]) == (samples, 6 * samples, 6)
     # Of the cosine of an angle, the angle.
-    corners = (known.PACKAGE / "edges/complete/corners.py").read_text()
-    assert "TURN = np.cos(np.deg2rad(28.0))" in changed_source(corners, ALL["edges.complete.corners.TURN"], 1.4)
+    holes = (known.PACKAGE / "edges/measure/holes.py").read_text()
+    assert "np.cos(np.deg2rad(5.6))" in changed_source(holes, ALL["edges.measure.holes.PARALLEL"], 1.4)
 
 
 def test_values_stay_what_they_are():

@@ -16,46 +16,46 @@ from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_spurious
 from diff3ds.edges.clean.weld import welded
 from diff3ds.edges.complete.corners import with_corners
+from diff3ds.edges.complete.hypothesis import AGAIN, SHOWN
 from diff3ds.edges.complete.missing_lines import bridged
 from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.complete.whole_circles import closed
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.edges.evidence.support import mean_of_segments, part_support
+from diff3ds.edges.evidence.support import CHORDS, mean_of_segments, part_support
 from diff3ds.edges.evidence.unexplained import unexplained
-from diff3ds.edges.first.carve import carve
+from diff3ds.edges.first.carve import CELL, carve
 from diff3ds.edges.first.circles import find_circles
-from diff3ds.edges.first.ridge_chains import follow_chains
+from diff3ds.edges.first.ridge_chains import APART, follow_chains
 from diff3ds.edges.first.segment import segmented
 from diff3ds.edges.first.triangulate import EdgePoints, thinned, triangulate
 from diff3ds.edges.measure.equal_radii import with_equal_circles
 from diff3ds.edges.measure.fillets import with_fillets
 from diff3ds.edges.measure.fit_ridges import fit_to_ridges
+from diff3ds.edges.measure.offsets import PART_SCATTER
+from diff3ds.edges.measure.planes import LOOKS
 from diff3ds.edges.refine import refined
 from diff3ds.edges.watch import Capped, Report, Tick, no_report, no_tick, not_said
 
 # [units; derived] Half the side of the cube that is carved; the views' frame puts what they show into the unit ball.
 REACH = 1.1
-# [px; empirical] Cells of the carving, distances between points and from the flanks of an edge, shortest chain and
-# shortest curve.
-CELL, APART, FLANK, SHORTEST_CHAIN, SHORTEST = 1.7, 0.57, 1.4, 4.3, 2.8
+# [px; empirical] Distances from the flanks of an edge, shortest chain and shortest curve.
+FLANK, SHORTEST_CHAIN, SHORTEST = 1.4, 4.3, 2.8
 # [px; empirical] Shortest curve of the second look.
 SHORTEST_HIDDEN = 8.0
 # [views, factor, exponent; empirical] Views that have to confirm an edge: 3 of few, 11 of 50. Edges are hidden in most
 # views, and the more views there are, the smaller is the fraction that chance can bring together. From 12, 25 and 50
 # views.
 FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
-# [ratio; empirical] The scores of points are weighted views, and the parts of a curve are shown in fewer views than
-# its best ones. The second look asks for fewer: what the first has explained can no longer come together by chance.
-SCORE, SUPPORT, SECOND = 0.9, 0.7, 0.55
-# [chords; numerical] Chords that curves are measured by.
-CHORDS = 32
-# [px, times; empirical] A bias smaller than this is not worth another start; and so many starts at most.
-BIAS, CALIBRATIONS = 0.07, 3
-# [steps, px, px; empirical] Steps of each refinement, and how far the first step moves control points: in the first
-# refinement, and after joining.
-STEPS, RATE, SECOND_RATE = 120, 0.09, 0.06
+# [ratio; empirical] The scores of points are weighted views.
+SCORE = 0.9
+# A bias smaller than the scatter of ridges is not worth another start; and so many starts at most.
+BIAS, CALIBRATIONS = PART_SCATTER[0], LOOKS
+# [steps, px; empirical] Steps of each refinement, and how far the first step moves control points.
+STEPS, RATE = 120, 0.09
+# After joining curves are nearer to where they belong.
+SECOND_RATE = 2 / 3 * RATE
 # [curves; speed] More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again
 # and again.
 MOST_CURVES = 1500
@@ -197,7 +197,7 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
 
 def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = scene.refined("refine", curves, RATE)
-    curves = pruned(curves, scene.views, SUPPORT * scene.min_views, SHORTEST)
+    curves = pruned(curves, scene.views, SHOWN * scene.min_views, SHORTEST)
     edges = curves[~smooth_outlines(scene.views, curves)]
     return concatenated(edges, second_look(scene, curves)) if carving else edges
 
@@ -207,7 +207,7 @@ def _joined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = closed(curves, scene.views, scene.min_views, scene.outward, scene.ticks("circles", len(curves)))
     curves = joined(curves, pixel, scene.ticks("join", len(curves)))
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
-    return pruned(curves, scene.views, (SECOND if carving else 1.0) * SUPPORT * scene.min_views, SHORTEST)
+    return pruned(curves, scene.views, (AGAIN if carving else 1.0) * SHOWN * scene.min_views, SHORTEST)
 
 
 def _fitted(scene: _Scene, curves: Curves, carving: bool) -> Curves:
@@ -276,12 +276,12 @@ def second_look(scene: _Scene, curves: Curves) -> Curves:
     if room <= 0:
         scene.capped("looks", 1, 2)
         return curves_of([])
-    fewer = max(FEWEST, SECOND * scene.min_views)
+    fewer = max(FEWEST, AGAIN * scene.min_views)
     rest = edge_views(scene.cameras, unexplained(scene.views, scene.ridges, curves))
     found = first_curves(
         rest, fewer, lambda stage: scene.ticks(f"second look: {stage}", len(curves)), scene.capped, most=room
     )
     if not len(found):
         return found
-    found = pruned(scene.refined("second look", found, RATE), rest, SUPPORT * fewer, SHORTEST_HIDDEN)
+    found = pruned(scene.refined("second look", found, RATE), rest, SHOWN * fewer, SHORTEST_HIDDEN)
     return found[~smooth_outlines(rest, found, doubt=True)]

@@ -27,8 +27,6 @@ REACH = 0.8
 BATCH = 10
 # [steps; empirical] Steps after which it is asked again what the views show.
 RECHECK = 25
-# [ratio; empirical] Learning rate of the last step, relative to the first.
-FINAL_RATE = 0.1
 
 
 @dataclass(eq=False)
@@ -88,9 +86,7 @@ def refined(
         target = targets[shown.batch(step)].to(rendering.alpha.dtype) / 255
         return (rendering.alpha - target).square().sum((1, 2)).mean()
 
-    config = FitConfig(
-        steps=steps, rates=Rates(points=rate * views.pixel), final_rate=FINAL_RATE, project=shown.strokes, seed=seed
-    )
+    config = FitConfig(steps=steps, rates=Rates(points=rate * views.pixel), project=shown.strokes, seed=seed)
     sketch = Sketch(curves.points, width=0.0)
     for done in fit(sketch, objective, lambda step, generator: cameras[shown.batch(step)], config):
         sketch = done.sketch

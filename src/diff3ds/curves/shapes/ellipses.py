@@ -10,11 +10,10 @@ from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arc
 
 # [rounds, steps; numerical] Rounds of the geometric fit; each takes two steps towards the closest points.
 ROUNDS, CLOSER = 12, 2
-# [%; empirical] So many of the points have to be near to a circle.
-MOST = 98
-# [px; empirical] A circle that 98 % of the points are this near to is a badly measured circle: a good one is half as
-# far.
-ROUND = 1.0
+# [px, %; empirical] A curve fits points of which so many lie so near to it.
+JOINED, MOST = 0.5, 98
+# A circle that as many of the points are this near to is a badly measured circle: a good one is half as far.
+ROUND = 2 * JOINED
 # [fraction; empirical] Standard error of the half axes, as a fraction of them, with every point off by
 # `POINT_SCATTER`. Half of an ellipse of 30 by 18 pixels has that, a third of one of 150 by 90, but not half of one of
 # 15 by 10.

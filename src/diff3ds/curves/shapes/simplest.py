@@ -3,13 +3,8 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.shapes.ellipses import fit_elliptic_arcs
+from diff3ds.curves.shapes.ellipses import JOINED, MOST, fit_elliptic_arcs
 from diff3ds.curves.shapes.primitives import Primitive, fit_arcs, fit_cubic, fit_line
-
-# [px; empirical] A curve fits points that lie so near to it.
-JOINED = 0.5
-# [%; empirical] So many of the points have to.
-MOST = 98
 
 
 def simplest(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:

@@ -18,19 +18,20 @@ from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import NUMBERS, Posed, rotation_vectors
 from diff3ds.edges.evidence.bias import ACROSS, ALONG
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.evidence.support import crowded, inliers, samples
+from diff3ds.edges.evidence.support import NEAR, crowded, inliers, samples
 
 # [rounds, px, px; empirical] Gauss-Newton steps, and the residuals that count half in the first and the last of them.
 ROUNDS, FIRST_SCATTER, SCATTER = 15, 1.5, 0.3
-# [px; empirical] Ridges so far away may be those of a curve, in the first round and in the last;
-# a view that shows fewer ridges so near than before stays where it was.
-FAR, NEAR, SURE = 5.0, 2.5, 1.0
+# Ridges so far away may be those of a curve in the first round, pixels; in the last those that are inliers.
+FAR = 2 * NEAR
+# [px; empirical] A view that shows fewer ridges so near than before stays where it was.
+SURE = 1.0
 # [samples; speed] Sample points that are looked at, at most: evenly chosen ones, of long curves as of short ones.
 MOST_SAMPLES = 3000
-# [rad, ratio, ratio, px, 1; empirical] Of the pull towards the cameras that were given: so much of a turn, of a move
+# [rad, ratio, px, 1; empirical] Of the pull towards the cameras that were given: so much of a turn, of a move
 # relative to the distance, of the focal length, of outlines and of k1 counts as one sample point that is a pixel off,
 # next to nothing, but where the ridges say nothing.
-TURNED, MOVED, ZOOMED, OUTWARD, BENT = 0.001, 0.002, 0.002, 0.2, 0.1
+TURNED, MOVED, OUTWARD, BENT = 0.001, 0.002, 0.2, 0.1
 # [times; empirical] Cameras so many times as far from what was given are pulled half as much: what is lost by far was
 # not given well.
 DOUBTED = 10.0
@@ -214,6 +215,6 @@ def expected(start: Posed, posed: Posed) -> tuple[Float[Array, " K"], Float[Arra
     believed = 1 / (1 + off.sum(1, keepdims=True) / DOUBTED**2)
     tight = np.concatenate([np.full((len(distance), 3), TURNED**-2), np.tile((MOVED * distance[:, None]) ** -2, 3)], 1)
     tight = believed * tight
-    lens = np.array([ZOOMED, OUTWARD, BENT]) ** -2
+    lens = np.array([MOVED, OUTWARD, BENT]) ** -2
     back = np.concatenate([np.concatenate([turned, aside], 1).ravel(), -posed.lens])
     return np.concatenate([tight.ravel(), lens]), back

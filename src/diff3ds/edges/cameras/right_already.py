@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.curves.shapes.curve_set import Curves
-from diff3ds.edges.cameras.adjust import NEAR, SCATTER, Normal, equations, normal_equations, settled
+from diff3ds.edges.cameras.adjust import SCATTER, Normal, equations, normal_equations, settled
 from diff3ds.edges.cameras.lens_effect import LensEffect
 from diff3ds.edges.cameras.posed import Posed
 from diff3ds.edges.evidence.edge_views import EdgeViews
@@ -42,7 +42,7 @@ def gain_unseen(
     """
     posed, x, tangent, _ = settled(start, start, views, effect, curves)
     seen = posed.views(views, effect)
-    shown = inliers(seen, x, tangent, NEAR) & ~crowded(seen, x, tangent, at=inliers(seen, x, tangent, NEAR))
+    shown = inliers(seen, x, tangent) & ~crowded(seen, x, tangent, at=inliers(seen, x, tangent))
     rows = equations(posed, seen, effect, x, shown, SCATTER)
     # Samples are in the order of their curves.
     half = np.arange(len(x)) * len(curves) // len(x) % 2

@@ -14,26 +14,30 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, Primitive
+from diff3ds.curves.shapes.smooth_joints import TURN
 from diff3ds.curves.shapes.straight_lines import meeting, resampled, tangents_of
-from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import (
+    COVERED,
+    PATH_SPACING,
+    PIECE_FRACTION,
+    SHOWN,
+    Hypothesis,
+    fraction_shown,
+    pieces_of,
+)
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import NEAR, inliers
 from diff3ds.edges.measure.fillets import fillets_of, tangent_arc
+from diff3ds.edges.measure.planes import SAMPLES
 from diff3ds.edges.watch import Tick, no_tick
 
-# [px; empirical] Lines that meet pass each other within this, and one of them ends so far from there at least; they
-# may go so far into the arc; the longest tangents; a line is no longer one if a corner leaves less of it; an arc
-# nearer to where the lines meet is not told from a sharp corner.
-PASS, OPEN, BEYOND, LONGEST, REST, RISE = 1.5, 2.5, 8.0, 45.0, 4.0, 2.5
-# [cosine; empirical] Lines at a smaller angle than this run on as one, or turn back.
-TURN = np.cos(np.deg2rad(20.0))
-# [px; empirical] Steps of the tangents' length, and the distance of a ridge that shows a sample point.
-STEP, SEEN = 0.5, 0.8
-# [points, fraction, ratio; empirical] Sample points of an arc, the fraction of them that enough views have to show,
-# and how many those are, relative to the views that confirm an edge: the lines are known.
-PLACES, COVERED, SHOWN = 16, 0.85, 0.7
-# [fraction; empirical] A curve that stays runs along this fraction of a doubled arc.
-DOUBLED = 0.2
+# [px; empirical] Lines that meet pass each other within this, and one of them ends so far from there at least, as far
+# as an arc lies that is told from a sharp corner; they may go so far into the arc; the longest tangents; a line is no
+# longer one if a corner leaves less of it.
+PASS, OPEN, BEYOND, LONGEST, REST = 1.5, 2.5, 8.0, 45.0, 4.0
+# [px; empirical] A ridge that shows a sample point of an arc lies so near: nearer than other proposals ask for, as the
+# lines beside it do not end there.
+SEEN = 0.8
 # [px; measured] Ridges lie nearer to the arc than to what was there by so much: else it may be a chamfer or sharp. Of
 # corners of 60 reconstructions of generated parts true ones gained .24 to .7, false ones .05 at most. Of several
 # pieces, or where a bent one meets the lines at angles, the arc is the simpler one and must only be no worse.
@@ -171,7 +175,7 @@ def _sides(points: Float[Array, "N 4 3"], one: tuple[int, int], other: tuple[int
         return None
     ways = [unit(f - place) for f in far]
     reach, room = ([float((p - place) @ way) for p, way in zip(ps, ways, strict=True)] for ps in (near, far))
-    if abs(ways[0] @ ways[1]) > TURN or min(reach) < -PASS * pixel or max(reach) < OPEN * pixel:
+    if abs(ways[0] @ ways[1]) > np.cos(TURN) or min(reach) < -PASS * pixel or max(reach) < OPEN * pixel:
         return None
     # The other ends are no sides of a corner here.
     if any(n >= f for n, f in zip(reach, room, strict=True)):
@@ -201,7 +205,7 @@ def _corner(
         return None
     arcs = np.stack([tangent_arc(sides.place, sides.ways, length) for length in lengths])
     candidates = curves_of([Primitive(Kind.ARC, arc, np.zeros(0)) for arc in arcs])
-    x = candidates.at((torch.arange(PLACES) + 0.5) / PLACES).double().numpy()
+    x = candidates.at((torch.arange(SAMPLES) + 0.5) / SAMPLES).double().numpy()
     shown = Hypothesis.through(x).shown(views, SEEN)
     good, mean_views = fraction_shown(shown, min_views), shown.sum(0).mean(1)
     best = int(np.lexsort((mean_views, good))[-1])
@@ -239,9 +243,9 @@ def _before(
 def _lengths(sides: _Sides, pixel: float) -> Float[Array, " L"]:
     """The lengths of tangents to try."""
     half = np.arccos(np.clip(sides.ways[0] @ sides.ways[1], -1, 1)) / 2
-    shortest = RISE * pixel * np.cos(half) / (1 - np.sin(half))
+    shortest = OPEN * pixel * np.cos(half) / (1 - np.sin(half))
     longest = min(min(sides.far) - REST * pixel, max(sides.near) + BEYOND * pixel, LONGEST * pixel)
-    return np.arange(shortest, longest, STEP * pixel)
+    return np.arange(shortest, longest, PATH_SPACING * pixel)
 
 
 def _sharp(sides: _Sides, length: float) -> Float[Array, "3 3"]:
@@ -268,7 +272,7 @@ def _off(lines: list[Array], views: EdgeViews, min_views: float) -> float:
 def _doubled(samples: Float[Array, "N S 3"], gone: set[int], x: Float[Array, "P 3"], pixel: float) -> bool:
     """Whether a curve that stays runs along part of the arc."""
     rest = [resampled(line, PATH_SPACING * pixel) for i, line in enumerate(samples) if i not in gone]
-    return bool(rest) and bool(pieces_of(np.concatenate(rest), x[None], pixel, fraction=DOUBLED)[0])
+    return bool(rest) and bool(pieces_of(np.concatenate(rest), x[None], pixel, fraction=1 - PIECE_FRACTION)[0])
 
 
 def _with(curves: Curves, corner: _Corner) -> Curves:

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Bool, Float
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, sampled
+from diff3ds.edges.complete.hypothesis import SAMPLES
+from diff3ds.edges.measure.planes import WITHIN
 
-# [points; derived] Samples of a curve: chords of a half circle are .2 % of its radius beside it.
-SAMPLES = 25
-# [px; empirical] Curves lie in a plane if none of their points is farther from it; two curves whose points are this
-# near to one line, twice the root of the mean square, span no plane.
-PLANAR, STRAIGHT = 1.0, 2.0
+# Chords of a curve: of a half circle they are .2 % of its radius beside it.
+CHORDS = SAMPLES
+# Curves may lie in a plane if none of their points is farther from it, pixels, before they are measured; two curves
+# whose points are this near to one line, twice the root of the mean square, span no plane.
+PLANAR = 2 * WITHIN
+STRAIGHT = 2 * PLANAR
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +68,12 @@ class Loop:
 
 def find_loops(curves: Curves, pixel: float) -> list[Loop]:
     """The loops in which no more than two of the curves of a plane meet; closed curves are loops of their own."""
-    points = sampled(curves, SAMPLES)
+    points = sampled(curves, CHORDS + 1)
     closed = curves.closed.numpy()
     # Closed curves meet no others.
     vertex = np.where(closed[:, None], -1, curves.vertex.numpy())
     found: dict[frozenset[int], Loop] = {}
-    for i, around in zip(np.nonzero(closed)[0].tolist(), sampled(curves[curves.closed], 2 * SAMPLES - 1), strict=True):
+    for i, around in zip(np.nonzero(closed)[0].tolist(), sampled(curves[curves.closed], 2 * CHORDS + 1), strict=True):
         found[frozenset([i])] = _loop((i,), around[:-1])
     for name in np.unique(vertex[~closed]):
         here = np.nonzero((vertex == name).any(1))[0].tolist()

@@ -15,21 +15,20 @@ from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sam
 from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.curves.shapes.smooth_joints import smooth_joints
 from diff3ds.curves.shapes.straight_lines import resampled
-from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.clean.weld import WITHIN
+from diff3ds.edges.complete.hypothesis import COVERED, SAMPLES, SEEN, SHOWN, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
+from diff3ds.edges.measure.fit_ridges import LEAST_LINE
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-# [points, px, px, px; empirical] Sample points of a line; one farther than this from all curves is open; so near lies
-# a ridge that shows it; the shortest open part.
-SAMPLES, OPEN, SEEN, SHORTEST = 24, 3.0, 1.2, 6.0
-# [ratio, fraction; empirical] So many views, relative to those that confirm an edge, have to show this fraction of the
-# open sample points: the ends are known.
-SHOWN, MOST = 0.7, 0.9
+# A sample point farther from all curves than ends that meet is open. An open part is no shorter than a line that is
+# measured, pixels.
+OPEN, SHORTEST = WITHIN, LEAST_LINE
 # [points; speed] Samples looked at first, to pass over most pairs quickly.
 GLANCE = 4
 # [pairs; speed] Of so many pairs of vertices, the shortest, each is looked at: all those of 630 vertices, while CAD
@@ -192,7 +191,7 @@ def _bridge(
         return None
     shown = line.shown(views if whole else rest, SEEN)[:, 0]
     shown = shown if whole else shown[:, open_]
-    if fraction_shown(shown, min_views) < MOST:
+    if fraction_shown(shown, min_views) < COVERED:
         return None
     return _Bridge(vertices, pieces, float(shown.sum(0).mean()))
 

@@ -15,18 +15,18 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, sampled
 from diff3ds.curves.shapes.straight_lines import resampled
 from diff3ds.edges.clean.weld import WITHIN
-from diff3ds.edges.complete.hypothesis import PATH_SPACING, Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import PATH_SPACING, SEEN, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.complete.loops import Loop, find_loops
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import PARTS, SAMPLES, crowded, samples
-from diff3ds.edges.measure.holes import INSIDE
+from diff3ds.edges.measure.holes import INSIDE, SHALLOWEST
 from diff3ds.edges.measure.offsets import STEP_ALONG, fitted
 from diff3ds.edges.watch import Tick, no_tick
 
 # Places around a rim: a multiple of the samples of a part.
 PLACES = 2 * PARTS * SAMPLES
-# [px; empirical] Depths that are tried: the shallowest, and steps. Ridges this near show a bottom.
-SHALLOWEST, STEP, SEEN = 5.0, 1.0, 1.2
+# [px; empirical] Steps of the depths that are tried.
+STEP = 1.0
 # [fraction, fraction; measured] Of the views that should see the sample points of a bottom this fraction has to show
 # them, all in all, and of the sample points this fraction in half of their views or more, and in two at least. In 60
 # reconstructions of generated parts 48 bottoms have both; of 934 sides of rims without one, each at its best depth,
@@ -34,9 +34,9 @@ SHALLOWEST, STEP, SEEN = 5.0, 1.0, 1.2
 SHOWN, COVERED = 0.55, 0.4
 # [views, fraction; empirical] So many views have to look at a sample point, for this fraction of the sample points.
 FEWEST, LOOKED_AT = 2, 0.6
-# [px, fraction; empirical] A bottom is there already if other curves are this near to this fraction of it: what shows
-# it from outside says better how deep it lies.
-BESIDE, THERE = 3.0, 0.95
+# [fraction; empirical] A bottom is there already if other curves are as near to this fraction of it as ends that meet:
+# what shows it from outside says better how deep it lies.
+THERE = 0.95
 
 
 def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = no_tick) -> Curves:
@@ -60,7 +60,7 @@ def with_pockets(curves: Curves, views: EdgeViews, outward: float, tick: Tick = 
             way = _fitted_way(loop, depth, views, outward)
             rim = drawn[torch.tensor(sorted(loop.members))]
             bottom = replace(rim, points=rim.points + torch.from_numpy(way).to(rim.points.dtype))
-            if _off(bottom, [curves, *bottoms], BESIDE * views.pixel) > 1 - THERE:
+            if _off(bottom, [curves, *bottoms], WITHIN * views.pixel) > 1 - THERE:
                 bottoms.append(bottom)
                 rims += loop.members
     if not bottoms:

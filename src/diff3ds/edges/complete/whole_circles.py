@@ -10,19 +10,25 @@ from diff3ds._shapes import Array, Bool, Float
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Circle, Kind, fit_circle, whole_circle
 from diff3ds.curves.shapes.straight_lines import pairs_by_ends
-from diff3ds.edges.complete.hypothesis import Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import AGAIN, COVERED, SAMPLES, SHOWN, Hypothesis, fraction_shown, pieces_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
-from diff3ds.edges.measure.fit_ridges import STILL, apart, circle_at, circle_residuals, points_on, shown_of, tangents_on
+from diff3ds.edges.measure.fit_ridges import (
+    LEAST_SWEEP,
+    STILL,
+    apart,
+    circle_at,
+    circle_residuals,
+    points_on,
+    shown_of,
+    tangents_on,
+)
+from diff3ds.edges.measure.holes import ALIKE, SHALLOWEST
 from diff3ds.edges.watch import Tick, no_tick
 
-# [points, fraction, ratio; measured] Sample points of a circle; the fraction of them that enough views have to show,
-# and how many views those are, relative to the views that confirm an edge. Of 12 whole circles in parts all had .87 or
-# more, of 25 arcs of generated objects that end where they should all .82 or less.
-SAMPLES, COVERED, SHOWN = 60, 0.85, 0.7
+# [points; empirical] Sample points all around a circle: those of other proposals would lie far apart on a large one.
+FINE = 60
 # [fraction; speed] This fraction of a circle has to be shown before it is fitted to the ridges.
 PROMISING = 0.5
-# [rad; empirical] An arc of less says too little about its circle.
-LEAST_SWEEP = np.deg2rad(75.0)
 # [ratio; measured] All around about as many views pass a circle: so many, relative to the median. Of true circles at
 # .95 of the sample points or more, of squares of 10 to 25 pixels across at .57 to .78.
 EVEN = 0.5
@@ -35,11 +41,9 @@ SEEN_WITHIN = 0.4
 ROUNDS = 4
 # [px; empirical] Pieces of a small circle are at most so long, follow each other within a gap, and lie loosely on it.
 LONGEST_SIDE, GAP, LOOSE = 25.0, 5.0, 2.0
-# [px, points, circles, fraction, px, fraction; empirical] The other end of a hole is looked for along its axis in such
-# steps, by so many sample points, and tried at so many heights; by this fraction of the views that confirm an edge, as
-# its radius and axis are known already. Less deep holes cannot be told from rims seen badly; radii that differ by a
-# larger fraction are no twins'.
-STEP, COARSE, TRIES, FEWER, SHALLOWEST, ALIKE = 2.0, 24, 2, 0.55, 6.0, 0.03
+# [px, circles; empirical] The other end of a hole is looked for along its axis in such steps, and tried at so many
+# heights; its radius and axis are known already.
+STEP, TRIES = 2.0, 2
 
 
 def closed(curves: Curves, views: EdgeViews, min_views: float, outward: float, tick: Tick = no_tick) -> Curves:
@@ -89,7 +93,7 @@ def _starts(curves: Curves, points: Float[Array, "N S 3"], pixel: float) -> Iter
 def _twins(circles: list[Circle], views: EdgeViews, min_views: float, outward: float) -> list[Circle]:
     """Circles of the same radius and axis: the other end of a hole or shaft, which fewer views show."""
     known = list(circles)
-    fewer = FEWER * min_views
+    fewer = AGAIN * min_views
     for circle in circles:
         at = _along_axis(circle, views.pixel)
         fractions = _fractions_shown(at, views, SHOWN * fewer)
@@ -117,7 +121,7 @@ def _fractions_shown(circles: list[Circle], views: EdgeViews, min_views: float) 
     """The fraction of each circle's sample points that enough views show."""
     if not circles:
         return np.zeros(0)
-    return fraction_shown(_around(circles, _angles(COARSE)).shown(views), min_views)
+    return fraction_shown(_around(circles, _angles(SAMPLES)).shown(views), min_views)
 
 
 def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
@@ -128,12 +132,12 @@ def _is_near(one: Circle, other: Circle, pixel: float) -> bool:
 
 def _promising(circle: Circle, views: EdgeViews, min_views: float) -> bool:
     """Whether enough views show something like half of the circle, before it is fitted to the ridges."""
-    return bool(fraction_shown(_around([circle], _angles(SAMPLES)).shown(views), SHOWN * min_views)[0] >= PROMISING)
+    return bool(fraction_shown(_around([circle], _angles(FINE)).shown(views), SHOWN * min_views)[0] >= PROMISING)
 
 
 def _whole(circle: Circle, views: EdgeViews, min_views: float, outward: float) -> Circle | None:
     """The circle fitted to all that the views show of it; None if that is not all around."""
-    angle = _angles(SAMPLES)
+    angle = _angles(FINE)
     for _ in range(ROUNDS):
         moved = circle_at(circle, angle, shown_of(circle, angle, views), views, outward)
         if moved is None or not _promising(moved, views, min_views):

@@ -20,10 +20,11 @@ from diff3ds.edges.evidence.support import crowded, inliers, samples
 # [rounds, px, px; empirical] Rounds of reweighting, and the residuals that count half in the first and the last of
 # them. Few fit at the end: an edge beside an outline, taken for it, always lies on its inner side.
 ROUNDS, FIRST_SCATTER, SCATTER = 25, 1.0, 0.15
-# [px; empirical] Ridges within this distance of the filled drawing's border are outline; they lie BAND within it. What
-# a disc of one of these radii cannot leave without crossing a ridge is inside: outlines have gaps, of up to twice the
-# last.
-OUTLINE, BAND, CLOSED = 7.0, 3.0, (3.0, 5.0, 8.0, 12.0)
+# [px; empirical] Ridges within this distance of the filled drawing's border are outline; they lie BAND within it.
+OUTLINE, BAND = 7.0, 3.0
+# [px; empirical] What a disc of one of these radii cannot leave without crossing a ridge is inside: outlines have gaps,
+# of up to twice the last.
+CLOSED = (BAND, 5.0, 8.0, 12.0)
 # [samples; empirical] Pull of a sample point towards where it is, in units of one view's: along the curve it cannot be
 # seen at all.
 ALONG, ACROSS = 0.1, 0.01

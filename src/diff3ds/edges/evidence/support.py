@@ -18,9 +18,10 @@ SAMPLES, AGREEING = 5, 0.6
 SEGMENT = PARTS * SAMPLES
 # [px, sine; empirical] Inliers are so near to a ridge, and run along it to this angle (25 degrees).
 NEAR, SLANT = 2.5, 0.436
-# [px; empirical] Lines closer than this in the image pull each other's ridges; if they are farther apart in space than
-# that, they are two lines.
-CROWDED, APART = 3.5, 5.0
+# [px; empirical] Lines closer than this in the image pull each other's ridges.
+CROWDED = 3.5
+# Lines farther apart in space share no inliers: they are two.
+APART = 2 * NEAR
 # [fraction; empirical] A part keeps all of its views if leaving out those with another line beside it would leave less
 # than this fraction.
 CLEAR = 0.3

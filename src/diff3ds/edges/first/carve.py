@@ -11,6 +11,8 @@ from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 HALF_DIAGONAL = np.sqrt(3) / 2
 # [times; speed] How often cells are halved: the first are eight times as large as the last.
 HALVINGS = 3
+# [px; empirical] The side of the last cells.
+CELL = 1.7
 # [cells; speed] Cells of which the children are counted at once.
 CHUNK = 4096
 # [ratio; empirical] Large cells say little: of them so many times as many may stay as of the last ones.

@@ -8,9 +8,9 @@ from diff3ds.curves.shapes.straight_lines import polyline_length, resampled, tan
 from diff3ds.edges.first.triangulate import EdgePoints
 
 # [px, px, cosine, px, ratio, cosine; empirical] The next point of a chain is so far away at most and so far ahead at
-# least; at this angle to the direction at most; beside the tangent by at most SIDEWAYS plus SIDEWAYS_SHARE of the way;
-# and runs the same way.
-REACH, NEAREST, AHEAD, SIDEWAYS, SIDEWAYS_SHARE, SAME_WAY = 3.1, 0.3, 0.35, 0.57, 0.15, 0.94
+# least; at this angle to the direction at most; beside the tangent by at most the distance APART that points keep plus
+# SIDEWAYS_SHARE of the way; and runs the same way.
+REACH, NEAREST, AHEAD, APART, SIDEWAYS_SHARE, SAME_WAY = 3.1, 0.3, 0.35, 0.57, 0.15, 0.94
 # [ratio; empirical] Between candidates, a pixel to the side counts as much as so many ahead.
 SIDE_COST = 4.0
 # [fraction; empirical] Weight of the newest point in the direction of a chain.
@@ -80,7 +80,7 @@ def _next(found: EdgePoints, at: int, heading: Array, candidates: NDArray[np.int
     length = np.linalg.norm(step, axis=1)
     ahead = step @ heading
     aside = np.sqrt(np.maximum(length**2 - ahead**2, 0))
-    good = (ahead > AHEAD * length) & (ahead > NEAREST) & (aside < SIDEWAYS + SIDEWAYS_SHARE * ahead)
+    good = (ahead > AHEAD * length) & (ahead > NEAREST) & (aside < APART + SIDEWAYS_SHARE * ahead)
     good &= np.abs(found.directions[candidates] @ heading) > SAME_WAY
     if not good.any():
         return None

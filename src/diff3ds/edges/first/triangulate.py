@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.first.carve import CELL, CHUNK
 from diff3ds.edges.watch import Tick, no_tick
 
 # [rounds; empirical] Rounds of moving points onto the edges.
@@ -26,10 +27,6 @@ DIRECTION_ROUNDS = 3
 DAMPING = 0.02
 # [px; empirical] Points that come together in a cube of this side go on as one.
 MERGED = 0.5
-# [px; derived] A point takes no longer steps than the cells it came from.
-MAX_STEP = 1.7
-# [points; speed] Points that are moved at once.
-CHUNK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +77,8 @@ def triangulate(
 
 
 def _triangulated(views: EdgeViews, x: Float[Array, "M 3"], least_score: float) -> EdgePoints:
-    longest = MAX_STEP * views.pixel
+    # No farther than the cells that they came from.
+    longest = CELL * views.pixel
     directions: Array | None = None
     scores = np.zeros(len(x))
     for turn in range(ROUNDS):

@@ -10,15 +10,16 @@ from diff3ds._shapes import Array, Float
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, sampled
 from diff3ds.curves.shapes.primitives import Kind
+from diff3ds.curves.shapes.smooth_joints import TURN
 from diff3ds.curves.shapes.straight_lines import meeting, outward_tangent, resampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers
 from diff3ds.edges.measure.equal_radii import agreed
 from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints
 
-# [rad, px; empirical] An arc and a line that meet at less than this angle are meant to be tangent; for that, the arc
-# moves to the side by at most so much.
-SMOOTH, MOST_MOVE = np.deg2rad(20.0), 0.7
+# [px; empirical] An arc and a line that go on in each other are meant to be tangent; for that, the arc moves to the
+# side by at most so much.
+MOST_MOVE = 0.7
 # [rounds; empirical] Two fillets share a line, so that each moves the other a little; it settles fast.
 ROUNDS = 12
 # [parts; empirical] Parts of an arc that are measured, each with the samples of a part.
@@ -123,7 +124,7 @@ def fillets_of(curves: Curves, points: Float[Array, "N 4 3"]) -> list[Fillet]:
             if len(others) == 1 and int(curves.kind[others[0][0]]) == Kind.LINE:
                 out = outward_tangent(points[others[0][0]], others[0][1])
                 into = -outward_tangent(points[arc], end)
-                if out @ into > np.cos(SMOOTH):
+                if out @ into > np.cos(TURN):
                     met.append(others[0])
         if len(met) == 2 and met[0][0] != met[1][0]:
             found.append(Fillet(int(arc), (met[0][0], met[1][0]), (met[0][1], met[1][1])))

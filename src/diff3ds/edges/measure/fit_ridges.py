@@ -13,20 +13,18 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import crowded, inliers, owners, samples
 from diff3ds.edges.measure.holes import other_ends, seen_through
 from diff3ds.edges.measure.offsets import STEP_ALONG, Shape, fitted, near_joints, residuals
-from diff3ds.edges.measure.planes import shared_planes
-from diff3ds.edges.measure.vertices import met
+from diff3ds.edges.measure.planes import LOOKS, shared_planes
+from diff3ds.edges.measure.vertices import FARTHEST, met
 from diff3ds.edges.watch import Tick, no_tick
 
-# [rad, px; empirical] Less of an arc does not fix its circle; a circle that moves farther was another one.
-LEAST_SWEEP, MOST_MOVE = np.deg2rad(80.0), 1.5
+# [rad; empirical] Less of an arc does not fix its circle.
+LEAST_SWEEP = np.deg2rad(80.0)
 # [px; empirical] Shorter lines turn too freely.
 LEAST_LINE = 6.0
 # [px, fraction; measured] Lines of the usual widths pull each other's ridges by .06 to .2 pixels 3.5 pixels apart, and
 # by .01 this far apart (drawn). Seen aslant, the two sides of a circle do so, always inwards: small ones came out .3 %
 # small. Fraction of its views that a sample point of a circle keeps at least without those.
 PULLED, ENOUGH = 5.0, 0.5
-# [times; empirical] How often it is asked again which views show an arc, as it moves.
-LOOKS = 3
 # [px; numerical] What moves by less need not be asked about again.
 STILL = 0.01
 
@@ -114,7 +112,7 @@ def _fit_line(
     # Both sides of a line are alike: which one an outline was pushed to, it does not say.
     value = fitted(moved, 4, old[0], shown, views, 0.0)
     moves = np.stack([value[:2] @ across, value[2:] @ across])
-    if np.linalg.norm(moves, axis=1).max() > MOST_MOVE * views.pixel:
+    if np.linalg.norm(moves, axis=1).max() > FARTHEST * views.pixel:
         return None
     return line_control(old[0] + moves[0], old[3] + moves[1])
 
@@ -151,7 +149,7 @@ def _fit_arc(
         rim = None if end is None else seen_through(circle, end, angle, views)
         shown = clear & shown_of(circle, angle, views)
         circle = circle_at(circle, angle, shown, views, outward, rim, joints, flat=flat)
-        if circle is None or apart(points_on(circle, angle), points_on(start, angle)) > MOST_MOVE * views.pixel:
+        if circle is None or apart(points_on(circle, angle), points_on(start, angle)) > FARTHEST * views.pixel:
             return None
         if apart(points_on(circle, angle), before) < STILL * views.pixel:
             break

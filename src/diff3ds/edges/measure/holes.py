@@ -10,6 +10,8 @@ from diff3ds.edges.evidence.edge_views import EdgeViews
 # [fraction, cosine, px; empirical] The two ends of a hole: radii to this fraction, axes to this angle, centres so far
 # beside the axis.
 ALIKE, PARALLEL, BESIDE = 0.03, np.cos(np.deg2rad(4.0)), 2.0
+# [px; empirical] Less deep holes and pockets cannot be told from rims that are seen badly.
+SHALLOWEST = 5.0
 # [px; empirical] What lies beside an edge in the picture is looked at so far from it.
 INSIDE = 2.0
 

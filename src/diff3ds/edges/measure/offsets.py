@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
+from diff3ds.edges.evidence.bias import SCATTER
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.ridges import AROUND
-from diff3ds.edges.evidence.support import SAMPLES
+from diff3ds.edges.evidence.support import NEAR, SAMPLES
 
-# [rounds, px, px; empirical] Rounds of reweighting; residuals that count half, in the first and the last of them.
-ROUNDS, FIRST_SCATTER, SCATTER = 12, 0.5, 0.15
+# [rounds, px; empirical] Rounds of reweighting; residuals that count half in the first of them, in the last as those of
+# the bias.
+ROUNDS, FIRST_SCATTER = 12, 0.5
 # [samples; empirical] Pull of every parameter towards where it was, in units of one view's sample: decides what the
 # views leave open.
 PULL = 0.05
@@ -25,19 +27,18 @@ PART_SCATTER = (0.07, 0.3)
 # [fraction; empirical] The fractions of parts taken for pushed at the start: few, or half of them. Most is no start:
 # rims pushed everywhere look like a larger circle.
 FIRST_PUSHED = (0.1, 0.5)
-# [fraction; numerical] Least and largest fraction of pushed parts that is found.
-PUSHED = (0.02, 0.98)
+# [fraction; numerical] Least fraction of pushed parts that is found, and of others.
+LEAST_PUSHED = 0.02
+PUSHED = (LEAST_PUSHED, 1 - LEAST_PUSHED)
 # [ratio; derived] The standard deviation of a normal distribution by its median absolute deviation.
 FROM_MEDIAN = 1.48
 # [px; numerical] So far before and after each sample point lie the points that say how a curve bends there.
 STEP_ALONG = 0.5
-# [px; derived] Least radius of curvature in the picture: about `ridges.AROUND`. Small circles came out .3 % small
-# without it.
-TIGHTEST = 4.0
-# [fraction, px; empirical] Fraction of parts that show something else, and the range in which they lie.
-STRAYS, STRAY_RANGE = 0.1, 5.0
-# [px; empirical] A smaller offset of outlines cannot be told from the ridges' scatter.
-LEAST_OUTWARD = 0.1
+# [fraction; empirical] Fraction of parts that show something else, evenly over the range of inliers to both sides.
+STRAYS = 0.1
+STRAY_RANGE = 2 * NEAR
+# A smaller offset of outlines cannot be told from the ridges' scatter.
+LEAST_OUTWARD = PART_SCATTER[0]
 
 # From parameters, world units, all zero at the start, to points of the curve in between: three rows, a little before,
 # at, and after each of its S sample points.
@@ -84,7 +85,7 @@ def _tight(places: Float[Array, "3 S 3"], views: EdgeViews) -> Bool[NDArray[np.b
     before, x, after = (views.project(p)[0] for p in places)
     first, second = (after - before) / 2, after + before - 2 * x
     turn = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
-    return np.asarray(turn * TIGHTEST > np.linalg.norm(first, axis=-1) ** 3)
+    return np.asarray(turn * AROUND > np.linalg.norm(first, axis=-1) ** 3)
 
 
 def residuals(shape: Shape, count: int, inside: Float[Array, " 3"], views: EdgeViews, outward: float) -> Array:

@@ -12,8 +12,8 @@ from diff3ds.curves.shapes.primitives import Kind
 
 # [px; empirical] Curves lie in a plane if none of their points is farther from it.
 WITHIN = 0.5
-# [rounds; empirical] A plane is found anew so many times from the curves that lie in it.
-ROUNDS = 3
+# [times; empirical] What is found by curves, which are chosen by what was found, is found anew so many times.
+LOOKS = 3
 # [points; numerical] Sample points of a curve.
 SAMPLES = 16
 
@@ -75,7 +75,7 @@ def _coplanar(
     found: list[Flags] = []
     for seed in seeds:
         members = np.isin(np.arange(len(x)), seed)
-        for _ in range(ROUNDS):
+        for _ in range(LOOKS):
             near = _fitted(x[members], length[members]).distances(x).max(1) < WITHIN * pixel
             if not (sure & near).any():
                 break

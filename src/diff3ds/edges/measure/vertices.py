@@ -14,7 +14,7 @@ from diff3ds.curves.shapes.straight_lines import nearest_to_lines, outward_tange
 # [ratio; numerical] Pull of a vertex towards where it was, against each curve that was fitted: decides along curves
 # that meet smoothly.
 OWN = 1e-3
-# [px; empirical] A vertex moves by at most so much.
+# [px; empirical] Vertices and curves move by at most so much: what moves farther was another one.
 FARTHEST = 2.0
 
 
