@@ -75,7 +75,7 @@ ALLOWED = {
     "optimize": {"constraints", "render", "project", "losses"} | SCENE,
     "viewer": set(),
     "page": {"curves", "render", "project"} | SCENE,
-    "formats": {"page", "render", "project", "svg", "viewer"} | SCENE,
+    "formats": {"curves", "page", "render", "project", "svg", "viewer"} | SCENE,
     "with_surface": {"formats", "render", "surfaces"} | SCENE,
     "notebook": {"formats", "render", "surfaces", "viewer"} | SCENE,
     "svg": HELPERS,

@@ -9,7 +9,7 @@ from needs import needs
 
 import diff3ds as ds
 from diff3ds.formats.cad.arcs import Arc
-from diff3ds.formats.cad.curve_kinds import Line, Spline, curves_of
+from diff3ds.formats.cad.strokes_as_curves import Line, Spline, curves_of
 
 pytestmark = needs("ezdxf")
 

@@ -12,9 +12,9 @@ from diff3ds.formats import save_png
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.content.visual_hull import visual_hull
 from diff3ds.pictures.dataset import load_posed
+from diff3ds.tasks.views.beside_targets import UNKNOWN, preview
 from diff3ds.tasks.views.color_fit.color_sketch import plan_color, view_scores
 from diff3ds.tasks.views.edge_fit.edges_of_pictures import ridges_of
-from diff3ds.tasks.views.preview import UNKNOWN, preview
 from diff3ds.tasks.views.run_views import run_views
 from diff3ds.tasks.views.views_options import ViewsOptions
 

@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import torch
@@ -88,7 +87,6 @@ def load_posed(
     told: Told = lambda done, total: None,
     edges: Path | None = None,
     cut: Sequence[Path] | None = None,
-    change: LensChange = UNCHANGED,
 ) -> PosedPictures:
     """The pictures and cameras of a project; those whose pictures are missing are left out with a warning.
 
@@ -105,7 +103,6 @@ def load_posed(
         told: called with the number of pictures that have been read, and of all.
         edges: folder with edge maps of the pictures (`with_edge_maps`), which take their place: the target is edges.
         cut: a mask of each picture, white where the object is, in place of its own; `masks` is object then.
-        change: how the lenses differ from what the project says.
 
     Raises:
         FileNotFoundError, ValueError: a missing or unreadable file; cameras that look at nothing in common, before any
@@ -113,36 +110,61 @@ def load_posed(
             nothing.
         OSError: no room in the folder.
     """
-    again = partial(load_posed, path, target, size, scratch, masks, told, edges, cut)
-    views = [change.of(view) for view in present_views(path, "color" if edges else target)]
-    if cut is not None:
-        views, masks = [replace(view, mask=mask) for view, mask in zip(views, cut, strict=True)], "object"
-    if edges:
-        views, target = with_edge_maps(views, edges), "edges"
-    require_files(path, [view.mask for view in views if view.mask], "masks")
-    sizes = [reduced(view.size, size) for view in views]
-    check_sight(path, _cameras(path, views, sizes), sizes)
-    views = of_picture_sizes(path, views)
-    sizes = [reduced(view.size, size) for view in views]
-    cameras = _cameras(path, views, sizes)
-    background, first = None, None
-    if target not in ("color", "color-edges"):
-        some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
-        looks = _Looks()
-        first = load_some(views, sizes, some, looks, scratch, masks, told)
-        background = _background([views[i] for i in some], looks, target == "edges", masks)
-        if edges and not _is_gray(torch.cat(looks.pixels)):
-            raise ValueError(f"{edges}: the pictures are coloured, and edge maps are gray, such as white on black")
-    store = load_views(views, sizes, background, scratch, masks, told, first)
-    if not _shows(store):
-        raise ValueError(f"{path}: the pictures show nothing: {_nothing(store, views, masks)}")
-    if background is not None:
-        _require_one_polarity(store, views, background)
-    found: Target = target or ("color" if background is None else "edges")
-    names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
-    points = None if found == "color" else sparse_points(path)
-    points = points if points is not None and len(points) else None
-    return PosedPictures(cameras, found, store, names, masked, points, shared_lens(views), again)
+    return _Order(path, target, size, scratch, masks, told, edges, cut).read()
+
+
+@dataclass(frozen=True)
+class _Order:
+    """What is to be read; arguments as of `load_posed`."""
+
+    path: Path
+    target: Target | None
+    size: int
+    scratch: Path | None
+    masks: Masks
+    told: Told
+    edges: Path | None
+    cut: Sequence[Path] | None
+
+    def read(self, change: LensChange = UNCHANGED) -> PosedPictures:
+        """The pictures, with lenses that differ so from what the project says."""
+        views, sizes = self._views(change)
+        cameras = _cameras(self.path, views, sizes)
+        masks: Masks = self.masks if self.cut is None else "object"
+        drawn = self.edges is not None or self.target == "edges"
+        background, first = None, None
+        if drawn or self.target is None:
+            some = [i * len(views) // min(len(views), LOOKED_AT) for i in range(min(len(views), LOOKED_AT))]
+            looks = _Looks()
+            first = load_some(views, sizes, some, looks, self.scratch, masks, self.told)
+            background = _background([views[i] for i in some], looks, drawn, masks)
+            if self.edges and not _is_gray(torch.cat(looks.pixels)):
+                raise ValueError(
+                    f"{self.edges}: the pictures are coloured, and edge maps are gray, such as white on black"
+                )
+        store = load_views(views, sizes, background, self.scratch, masks, self.told, first)
+        if not _shows(store):
+            raise ValueError(f"{self.path}: the pictures show nothing: {_nothing(store, views, masks)}")
+        if background is not None:
+            _require_one_polarity(store, views, background)
+        found: Target = "edges" if self.edges else self.target or ("color" if background is None else "edges")
+        names, masked = tuple(view.picture.name for view in views), sum(view.mask is not None for view in views)
+        points = None if found == "color" else sparse_points(self.path)
+        points = points if points is not None and len(points) else None
+        return PosedPictures(cameras, found, store, names, masked, points, shared_lens(views), self.read)
+
+    def _views(self, change: LensChange) -> tuple[list[View], list[tuple[int, int]]]:
+        """The views, and the (height, width) of their reduced pictures."""
+        views = [change.of(view) for view in present_views(self.path, "color" if self.edges else self.target)]
+        if self.cut is not None:
+            views = [replace(view, mask=mask) for view, mask in zip(views, self.cut, strict=True)]
+        if self.edges:
+            views = with_edge_maps(views, self.edges)
+        require_files(self.path, [view.mask for view in views if view.mask], "masks")
+        sizes = [reduced(view.size, self.size) for view in views]
+        check_sight(self.path, _cameras(self.path, views, sizes), sizes)
+        views = of_picture_sizes(self.path, views)
+        return views, [reduced(view.size, self.size) for view in views]
 
 
 def reduced(full: tuple[int, int], size: int) -> tuple[int, int]:

@@ -19,8 +19,8 @@ from diff3ds.render.antialiasing import antialiasing_from
 from diff3ds.render.checks import Background, canvas_from, check_scene
 from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
-from diff3ds.surfaces.hidden.mesh_seen import Drawn, MeshSeen, prepare
-from diff3ds.surfaces.hidden.quadrics_seen import QuadricsSeen
+from diff3ds.surfaces.hidden.lines_of_mesh import Drawn, MeshSeen, prepare
+from diff3ds.surfaces.hidden.lines_of_quadrics import QuadricsSeen
 from diff3ds.surfaces.shape.quadrics import Quadrics
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 

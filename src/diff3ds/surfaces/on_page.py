@@ -9,7 +9,7 @@ import numpy as np
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.hidden.mesh_seen import RINGS, creases_along, least_run
+from diff3ds.surfaces.hidden.lines_of_mesh import RINGS, creases_along, least_run
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Triangles that a page takes: 4 MB, and in software rendering some frames a second. Empirical.

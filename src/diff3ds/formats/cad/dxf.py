@@ -22,8 +22,8 @@ from diff3ds._units import MILLIMETRES, DxfVersion, Unit, check_tolerance
 from diff3ds.bezier import bounding_box
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.cad.arcs import Arc, Vector
-from diff3ds.formats.cad.curve_kinds import Curve, Line, curves_of, resolution
 from diff3ds.formats.cad.layers import checked_layers, color_layers
+from diff3ds.formats.cad.strokes_as_curves import Curve, Line, curves_of, resolution
 from diff3ds.formats.framing import ball_of
 from diff3ds.formats.opening import check_writable
 from diff3ds.formats.scenes.polylines import TOLERANCE, polylines_of
@@ -59,7 +59,7 @@ def save_dxf(
         polylines: all strokes as polylines, off by the tolerance at most, by default 1e-4 of the sketch's radius.
         layers: the layer of each stroke, by name; by default there is one a colour.
         tolerance: how far what stands for a curve may lie off it, world units; by default as well as the coordinates
-            are known (`curve_kinds.resolution`).
+            are known (`strokes_as_curves.resolution`).
         version: of AutoCAD. Files of R12, for old cutters, have polylines.
 
     Raises:

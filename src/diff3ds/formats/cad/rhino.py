@@ -20,7 +20,7 @@ from diff3ds._units import Unit, check_tolerance
 from diff3ds.bezier import ellipse, to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.cad.arcs import Arc
-from diff3ds.formats.cad.curve_kinds import Curve, Line, Spline, curves_of
+from diff3ds.formats.cad.strokes_as_curves import Curve, Line, Spline, curves_of
 from diff3ds.formats.opening import check_writable
 from diff3ds.sketch import Sketch
 
@@ -34,7 +34,7 @@ def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", tolerance: 
     Args:
         unit: what a world unit is.
         tolerance: how far what stands for a curve may lie off it, world units; by default as well as the coordinates
-            are known (`curve_kinds.resolution`).
+            are known (`strokes_as_curves.resolution`).
 
     Raises:
         ImportError: the extra `cad` is not installed.

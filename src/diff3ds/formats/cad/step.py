@@ -20,9 +20,9 @@ from diff3ds._files import write_text
 from diff3ds._units import MILLIMETRES, Unit, check_tolerance, check_unit
 from diff3ds.formats.apart import check_size, strokes_apart
 from diff3ds.formats.assembly import ReadStroke, sketch_of
-from diff3ds.formats.cad.curve_kinds import curves_of
 from diff3ds.formats.cad.layers import checked_layers, color_layers
 from diff3ds.formats.cad.step_entities import Entities, reals, string, stroke_entity
+from diff3ds.formats.cad.strokes_as_curves import curves_of
 from diff3ds.formats.opening import check_sketch
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch, WidthSpace
 
@@ -88,7 +88,7 @@ def save_step(
         unit: what a world unit is.
         layers: the layer of each stroke, by name; by default there is one a colour.
         tolerance: how far what stands for a curve may lie off it, world units; by default as well as the coordinates
-            are known (`curve_kinds.resolution`).
+            are known (`strokes_as_curves.resolution`).
 
     Raises:
         ValueError: no strokes, layers that are not one a stroke, a unit that is not known, a tolerance that is negative

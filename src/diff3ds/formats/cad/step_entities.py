@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from diff3ds.formats.cad.arcs import Arc, Vector
-from diff3ds.formats.cad.curve_kinds import Curve, Line, Spline
+from diff3ds.formats.cad.strokes_as_curves import Curve, Line, Spline
 
 
 class Entities:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Float, Int
 from diff3ds.bezier import evaluate, tessellate
 from diff3ds.bezier.curves import bernstein
+from diff3ds.curves.directions import turns
 from diff3ds.formats.framing import FILLED, ball_of
 from diff3ds.sketch import Sketch
 
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 # Of the largest radius of a stroke: how far the surface may be off the tube.
 TOLERANCE = 0.05
 # Where a line of chords turns by more, the tube ends and another begins, both with round ends: a mitre would be thin.
-SHARP = math.cos(math.radians(45))
+SHARP = math.radians(45)
 
 
 class Tube(NamedTuple):
@@ -111,17 +112,15 @@ def _smooth_parts(line: Array, thick: Array, closed: bool) -> list[tuple[Array, 
     if len(line) < 3:
         return [(line, thick, False)]
     ahead = np.diff(line, axis=0)
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-300)
-    corners = np.flatnonzero((ahead[1:] * ahead[:-1]).sum(1) < SHARP) + 1
-    if closed and len(line) > 3:
-        if not len(corners) and ahead[-1] @ ahead[0] >= SHARP:
+    corners = np.flatnonzero(turns(ahead[:-1], ahead[1:]) > SHARP) + 1
+    if closed and len(line) > 3 and turns(ahead[-1], ahead[0]) <= SHARP:
+        if not len(corners):
             return [(line[:-1], thick[:-1], True)]
-        if len(corners) and ahead[-1] @ ahead[0] >= SHARP:
-            # From one corner all round to it.
-            turn = corners[0]
-            line = np.concatenate([line[turn:-1], line[: turn + 1]])
-            thick = np.concatenate([thick[turn:-1], thick[: turn + 1]])
-            corners = corners[1:] - turn
+        # From one corner all round to it.
+        turn = corners[0]
+        line = np.concatenate([line[turn:-1], line[: turn + 1]])
+        thick = np.concatenate([thick[turn:-1], thick[: turn + 1]])
+        corners = corners[1:] - turn
     ends = [0, *corners.tolist(), len(line) - 1]
     return [(line[a : b + 1], thick[a : b + 1], False) for a, b in itertools.pairwise(ends)]
 
@@ -196,7 +195,7 @@ def _turned(vector: Array, before: Array, after: Array) -> Array:
 
 
 def _unit(vectors: Array) -> Array:
-    """Vectors of length 1; of length 0, those of the next that have one, or up."""
+    """Vectors of length 1; those of length 0 stay, and where none has a length all point up."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     good = lengths[:, 0] > 0
     if not good.any():

@@ -38,6 +38,7 @@ from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.start_sketch import load_start
+from diff3ds.tasks.views.beside_targets import PREVIEWS, after_targets, preview
 from diff3ds.tasks.views.descents import (
     CHECKPOINT,
     EDGES_CHECKPOINT,
@@ -52,7 +53,6 @@ from diff3ds.tasks.views.network_maps.cut_out import INSTEAD, cut_out
 from diff3ds.tasks.views.network_maps.detected_edges import detect_edges
 from diff3ds.tasks.views.placed import PLACED, Placing, along_lines, placing_of
 from diff3ds.tasks.views.plan import Fitted
-from diff3ds.tasks.views.preview import PREVIEWS, after_targets, preview
 from diff3ds.tasks.views.views_options import ViewsOptions
 
 # Where cameras of photographs are kept.

@@ -31,10 +31,10 @@ from diff3ds.sketch import Sketch
 from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
+from diff3ds.tasks.views.beside_targets import after_targets, preview
 from diff3ds.tasks.views.color_fit.color_sketch import HULL_SIZE, HULL_VIEWS
 from diff3ds.tasks.views.descents import CHECKPOINT
 from diff3ds.tasks.views.plan import Plan
-from diff3ds.tasks.views.preview import after_targets, preview
 from diff3ds.tasks.views.views_options import DoodleOptions
 from diff3ds.weights.judge_files import find_file, read_network
 

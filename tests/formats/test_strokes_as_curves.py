@@ -9,7 +9,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.formats.cad.arcs import Arc
-from diff3ds.formats.cad.curve_kinds import MOST, Line, Spline, curves_of, resolution
+from diff3ds.formats.cad.strokes_as_curves import MOST, Line, Spline, curves_of, resolution
 
 
 def turned(sketch, far, dtype, rng):
