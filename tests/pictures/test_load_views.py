@@ -12,7 +12,7 @@ from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.pictures.content.clean_plates import load_clean_plates
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.pictures.reading import read_view as reading
+from diff3ds.pictures.reading import decoded_once as reading
 from diff3ds.pictures.reading.lens import straightened, undistorted
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.views.run_views import run_views
