@@ -12,8 +12,9 @@ from diff3ds.distortion import Distortion
 from diff3ds.formats import save_png
 from diff3ds.pictures.content.clean_plates import load_clean_plates
 from diff3ds.pictures.dataset import load_posed
-from diff3ds.pictures.reading import decoded_once as reading
+from diff3ds.pictures.reading import decoded_once
 from diff3ds.pictures.reading.lens import straightened, undistorted
+from diff3ds.pictures.reading.read_view import read_view
 from diff3ds.pictures.reading.resample import area_means
 from diff3ds.tasks.views.run_views import run_views
 from diff3ds.tasks.views.views_options import ViewsOptions
@@ -40,14 +41,14 @@ def noise(generator):
 @pytest.fixture
 def decoded(monkeypatch):
     """How often each picture has been decoded, and on how many threads."""
-    times, threads, decode = collections.Counter(), set(), reading.load_reduced
+    times, threads, decode = collections.Counter(), set(), decoded_once.load_reduced
 
     def counted(path, least):
         times[path.name] += 1
         threads.add(threading.get_ident())
         return decode(path, least)
 
-    monkeypatch.setattr(reading, "load_reduced", counted)
+    monkeypatch.setattr(decoded_once, "load_reduced", counted)
     return times, threads
 
 
@@ -67,7 +68,7 @@ def test_each_picture_is_decoded_once(noise, decoded, tmp_path, size, drawn):
     assert {total for _, total in told} == {20}
     # As each view is read by itself, with 8 bits.
     for view, picture in zip(read_views(path), pictures.store.pixels, strict=True):
-        rgba, _ = reading.read_view(view, pictures.cameras.size)
+        rgba, _ = read_view(view, pictures.cameras.size)
         expected = 1 - rgba[..., :1] if drawn else rgba
         torch.testing.assert_close(picture / 255, expected, rtol=0, atol=1.01 / 255)
 
