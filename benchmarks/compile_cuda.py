@@ -13,7 +13,7 @@ from pathlib import Path
 from report import environment, say, show, write_json
 
 from diff3ds.render.cuda.compile import compile_part
-from diff3ds.render.cuda.sources import DRAWING, MONTE_CARLO
+from diff3ds.render.cuda.sources import DRAWING, MONTE_CARLO, PARTS
 
 ARCHITECTURES = ("sm_75", "sm_80", "sm_90", "sm_100")
 ROUNDS = 3
@@ -36,8 +36,7 @@ def main() -> None:
     # The first one loads NVRTC.
     seconds("draw", ARCHITECTURES[0])
     figures = {
-        arch: {part: min(seconds(part, arch) for _ in range(ROUNDS)) for part in DRAWING + MONTE_CARLO}
-        for arch in ARCHITECTURES
+        arch: {part: min(seconds(part, arch) for _ in range(ROUNDS)) for part in PARTS} for arch in ARCHITECTURES
     }
     for times in figures.values():
         times["longest, every drawing"] = max(times[part] for part in DRAWING)

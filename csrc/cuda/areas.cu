@@ -14,14 +14,14 @@ template <class Visit> __device__ void each_row(const Job &J, Visit visit) {
 KERNEL(begin_layers, 128) {
   each_thread(COUNTERS, [&](u32 k) { J.counters[k] = 0; });
   each_thread(u32(J.limit[VERTICES]), [&](u32 v) { J.links[v] = {-1, -1}; });
-  each_thread(u32(J.part_count), [&](u32 j) { count_vertices(J, int(j)); });
+  each_warp(u32(J.part_count), [&](u32 j) { count_vertices(J, int(j)); });
 }
 KERNEL(place_vertices, 1024) {
   const u64 sum = add_up(J.vertex_first, u32(J.part_count));
   if (threadIdx.x == 0) J.counters[VERTICES] = sum;
 }
 KERNEL(write_vertices, 128) {
-  if (vertex_count(J)) each_thread(u32(J.part_count), [&](u32 j) { write_vertices(J, int(j)); });
+  if (vertex_count(J)) each_warp(u32(J.part_count), [&](u32 j) { write_vertices(J, int(j)); });
 }
 KERNEL(span_edges, 128) {
   each_thread(vertex_count(J), [&](u32 e) { span_edge(J, int(e)); });

@@ -1,6 +1,7 @@
 """SVG files read as shapes and groups, and written so that they read back to the same scene."""
 
 import math
+import xml.etree.ElementTree as ET
 
 import pytest
 import torch
@@ -276,6 +277,16 @@ def test_what_is_written_reads_back_to_the_same_scene(tmp_path, group):
         torch.testing.assert_close(one.fill_color, groups[0].fill_color)
     expected = drawn(48, 40, shapes, groups[group : group + 1])
     torch.testing.assert_close(drawn(width, height, again, groups_again), expected, atol=2e-3, rtol=0)
+
+
+def test_fillings_are_written_over_their_strokes(tmp_path):
+    """As DiffVG paints them; SVG paints strokes last unless told otherwise."""
+    circle, colors = pydiffvg.Circle(torch.tensor(9.0), torch.tensor([20.0, 20.0])), torch.rand(2, 4)
+    for fill, expected in ((colors[0], "stroke"), (None, None)):
+        group = pydiffvg.ShapeGroup(torch.tensor([0]), fill, stroke_color=colors[1])
+        pydiffvg.save_svg(tmp_path / "out.svg", 40, 40, [circle], [group])
+        (element,) = ET.parse(tmp_path / "out.svg").iter("{http://www.w3.org/2000/svg}circle")
+        assert element.get("paint-order") == expected
 
 
 def test_widths_that_svg_does_not_know(tmp_path):

@@ -9,10 +9,11 @@ import pytest
 import torch
 from gpu_promise import need
 
+from diff3ds.render.areas.area_job import AreaJob
 from diff3ds.render.cuda import compile as compiling
 from diff3ds.render.cuda import gpu
 from diff3ds.render.cuda.job import Job
-from diff3ds.render.cuda.sources import DRAWING, MONTE_CARLO, PARTS, kernels
+from diff3ds.render.cuda.sources import AREAS, DRAWING, MONTE_CARLO, PARTS, kernels
 
 need("cuda.bindings.driver")
 driver = import_module("cuda.bindings.driver")
@@ -63,6 +64,15 @@ def test_what_only_monte_carlo_needs_is_compiled_for_its_gradients_alone(device,
     settle()
     assert sorted(compiled) == sorted(DRAWING + MONTE_CARLO)
     assert kernels()["differentiate_samples"].part in MONTE_CARLO
+
+
+def test_layers_compile_nothing_of_strokes(device, compiled):
+    settle()
+    compiled.clear()
+    layers = gpu.Gpu(torch.device("cuda"), "float", AREAS)
+    layers.launch([(name, 1) for name, kernel in kernels().items() if kernel.part in AREAS], AreaJob())
+    settle()
+    assert compiled == list(AREAS)
 
 
 def test_a_kernel_that_nothing_announced_is_compiled(device, compiled):

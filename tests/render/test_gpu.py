@@ -4,10 +4,12 @@ import math
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 import torch
+from area_scenes import VALUES, gradients, rich_scene
 from gpu_promise import lack, promised
 from scenes import seeded
 
@@ -244,3 +246,17 @@ def test_a_prior_on_the_device_has_its_strokes_drawn_there(gpu, tmp_path, monkey
     assert seen == ["cuda"] * 4 + ["cpu"] * 4
     assert there.points.device.type == "cpu"
     torch.testing.assert_close(there.points, here.points, rtol=0, atol=1e-3)
+
+
+def test_layers_are_drawn_on_the_device(gpu, monkeypatch):
+    """Their whole numbers may be on the CPU; the same bytes twice, and on the CPU the same to rounding."""
+    scene, background = rich_scene(torch.float32), torch.rand(30, 32, 4)
+    expected = gradients(scene, (32, 30), background=background, backend="cpu")
+    monkeypatch.setattr("diff3ds.render.areas.on_cpu.draw", lambda *_: pytest.fail("the CPU draws"))
+    there = replace(scene, **{name: getattr(scene, name).to(gpu) for name in VALUES})
+    (image, found), (again, found_again) = (gradients(there, (32, 30), background=background.to(gpu)) for _ in range(2))
+    assert image.device.type == found["points"].device.type == "cuda"
+    assert_same([image, *found.values()], [again, *found_again.values()])
+    torch.testing.assert_close(image.cpu(), expected[0], rtol=0, atol=1e-5)
+    for name, value in expected[1].items():
+        assert (found[name].cpu() - value).norm() <= 1e-4 * value.norm(), name

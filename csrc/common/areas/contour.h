@@ -35,46 +35,41 @@ struct Along {
   APART double bend(int k) const { return between(tangent(k), tangent(k + 1)); }
 };
 
-// Writes the polygons of a layer's segments: add(vertex) gives its index, edge(a, b) joins two. Those of strokes all wind the same way, so that
+// Writes the polygons of a layer's segments to a sink: reserve(n) gives the index of the first of n vertices, each(n, f) does f(k) for all k below n
+// in any order, any(n, f) says whether one is true, put(index, vertex) and edge(a, b) write. Polygons of strokes all wind the same way, so that
 // nonzero winding numbers give their union.
 template <class Sink> class Outliner {
   Matrix matrix_;
   double scale_;
   Sink &sink_;
 
-  APART int add(int segment, double t, Point center, double width, Point u, bool turns) {
+  APART void put(int v, int segment, double t, Point center, double width, Point u, bool turns) {
     const Point q = matrix_(center + width * u);
-    return sink_.add({q.x, q.y + SHEAR * q.x, t, u, segment, turns});
+    sink_.put(v, {q.x, q.y + SHEAR * q.x, t, u, segment, turns});
   }
-  template <class A> int add(const A &a, int k, double width, Point u) { return add(a.segment, a.t(k), a.center(k), width, u, a.turns(k)); }
-  template <class A> int add_center(const A &a, int k) { return add(a.segment, a.t(k), a.center(k), 0, {0, 0}, false); }
+  template <class A> void put(int v, const A &a, int k, double width, Point u) { put(v, a.segment, a.t(k), a.center(k), width, u, a.turns(k)); }
+  template <class A> void put_center(int v, const A &a, int k) { put(v, a.segment, a.t(k), a.center(k), 0, {0, 0}, false); }
   void edge(int a, int b) { sink_.edge(a, b); }
 
   // An arc around chord end k, from an angle against the direction there on; with the centre if it is no half circle.
   template <class A> APART void arc(const A &a, int k, double from, double sweep, bool pie) {
     const Point tangent = a.tangent(k);
     const double width = a.width(k);
-    const int n = least(int(ceil(sweep / chord_angle(width * scale_))), MOST_CHORDS);
-    int first = 0;
-    for (int j = 0; j <= n; j++) {
-      const int v = add(a, k, width, rotated(tangent, from + sweep * j / n));
-      if (j) edge(v - 1, v);
-      else first = v;
-    }
-    if (!pie) return edge(first + n, first);
-    const int center = add_center(a, k);
-    edge(first + n, center), edge(center, first);
+    const int n = least(int(ceil(sweep / chord_angle(width * scale_))), MOST_CHORDS), first = sink_.reserve(n + 1 + pie), last = first + n + pie;
+    sink_.each(n + 1, [&](int j) {
+      put(first + j, a, k, width, rotated(tangent, from + sweep * j / n));
+      if (j) edge(first + j - 1, first + j);
+      else edge(last, first);
+      if (j == n && pie) put_center(last, a, k), edge(first + n, last);
+    });
   }
   APART void disc(int segment, double t, Point center, double width) {
     if (width <= 0) return;
-    const int n = least(int(ceil(2 * PI / chord_angle(width * scale_))), MOST_CHORDS);
-    int first = 0;
-    for (int j = 0; j < n; j++) {
-      const int v = add(segment, t, center, width, {cos(2 * PI * j / n), sin(2 * PI * j / n)}, false);
-      if (j) edge(v - 1, v);
-      else first = v;
-    }
-    edge(first + n - 1, first);
+    const int n = least(int(ceil(2 * PI / chord_angle(width * scale_))), MOST_CHORDS), first = sink_.reserve(n);
+    sink_.each(n, [&](int j) {
+      put(first + j, segment, t, center, width, {cos(2 * PI * j / n), sin(2 * PI * j / n)}, false);
+      edge(first + j, first + (j + 1) % n);
+    });
   }
   template <class A> APART void capsule(const A &a, int k) {
     const Point chord = a.center(k + 1) - a.center(k);
@@ -82,14 +77,12 @@ template <class Sink> class Outliner {
     for (int end = k; end < k + 2; end++) disc(a.segment, a.t(end), a.center(end), a.width(end));
     if (length <= 0) return;
     const Point u = (1 / length) * Point{-chord.y, chord.x};
-    int first = 0;
-    for (int i = 0; i < 4; i++) {
+    const int first = sink_.reserve(4);
+    sink_.each(4, [&](int i) {
       const int end = i == 1 || i == 2 ? k + 1 : k;
-      const int v = add(a.segment, a.t(end), a.center(end), a.width(end), (i < 2 ? -1 : 1) * u, false);
-      if (i) edge(v - 1, v);
-      else first = v;
-    }
-    edge(first + 3, first);
+      put(first + i, a.segment, a.t(end), a.center(end), a.width(end), (i < 2 ? -1 : 1) * u, false);
+      edge(first + i, first + (i + 1) % 4);
+    });
   }
 
   // On each side of each chord a quadrilateral between the normals at its ends; edges that two share are left out, the centre line first of all.
@@ -98,36 +91,37 @@ template <class Sink> class Outliner {
   template <class A> void strip(const A &a) {
     const int n = a.count;
     const double limit = 2 * chord_angle(a.s.widest() * scale_);
+    const bool whole = !sink_.any(n, [&](int k) { return a.bend(k) > limit; });
     // Chord k - 1; in front of the first one and behind the last there is none.
-    auto broken = [&](int k) { return k < 1 || k > n || a.bend(k - 1) > limit; };
+    auto broken = [&](int k) { return k < 1 || k > n || (!whole && a.bend(k - 1) > limit); };
     for (int k = 0; k < n; k++)
       if (broken(k + 1)) capsule(a, k);
     for (int side = 0; side < 2; side++) {
       auto normal = [&](int k) { return (side ? -1 : 1) * Point{-a.tangent(k).y, a.tangent(k).x}; };
       auto directed = [&](int p, int q) { side ? edge(q, p) : edge(p, q); };
-      int outer = 0;
-      double reach = a.width(0);
-      Point here = normal(0);
-      for (int k = 0; k <= n; k++) {
+      // How long the normals at the ends of chord k are where they meet, of which the one at its end or its begin is asked.
+      auto meet = [&](int k, Point p, Point q, bool end) {
+        const Point chord = a.center(k + 1) - a.center(k);
+        const double det = cross(p, q), s = cross(chord, q) / det, r = cross(chord, p) / det;
+        return det != 0 && s >= 0 && r >= 0 ? end ? r : s : 1e300;
+      };
+      const int outer = sink_.reserve(n + 1);
+      sink_.each(n + 1, [&](int k) {
         const double width = a.width(k);
-        double next_reach = 0;
-        Point next = here;
-        if (k < n) {
-          next_reach = a.width(k + 1), next = normal(k + 1);
-          const Point chord = a.center(k + 1) - a.center(k);
-          const double det = cross(here, next), s = cross(chord, next) / det, r = cross(chord, here) / det;
-          if (!broken(k + 1) && det != 0 && s >= 0 && r >= 0) reach = min(reach, s), next_reach = min(next_reach, r);
-        }
-        const int v = add(a, k, width, (width > 0 ? reach / width : 1) * here);
-        if (!k) outer = v;
-        reach = next_reach, here = next;
-      }
-      for (int k = 0; k < n; k++)
-        if (!broken(k + 1)) directed(outer + k + 1, outer + k);
+        const Point here = normal(k);
+        double reach = width;
+        if (!broken(k)) reach = min(reach, meet(k - 1, normal(k - 1), here, true));
+        if (!broken(k + 1)) reach = min(reach, meet(k, here, normal(k + 1), false)), directed(outer + k + 1, outer + k);
+        put(outer + k, a, k, width, (width > 0 ? reach / width : 1) * here);
+      });
       for (int k = 0; k <= n; k++) {
-        if (broken(k) == broken(k + 1)) continue;
-        const int center = add_center(a, k);
-        broken(k) ? directed(outer + k, center) : directed(center, outer + k);
+        const bool after = broken(k);
+        if (after == broken(k + 1)) continue;
+        const int center = sink_.reserve(1);
+        sink_.each(1, [&](int) {
+          put_center(center, a, k);
+          after ? directed(outer + k, center) : directed(center, outer + k);
+        });
       }
     }
   }
@@ -138,13 +132,13 @@ public:
   // Of segment j, which is one of `count` from `first` on. begin: the vertex that the contour begins with; vertices follow each other.
   void fill(const Segment &s, int j, int first, int count, int begin) {
     if (!s.degree) return;
-    const int n = chord_count(s, scale_, false), last = j + 1 == first + count;
-    for (int k = 0; k < n + last; k++) {
+    const int n = chord_count(s, scale_, false), last = j + 1 == first + count, v = sink_.reserve(n + last);
+    sink_.each(n + last, [&](int k) {
       const double t = double(k) / n;
-      const int v = add(j, t, k < n ? s.at(t) : s.p[s.degree], 0, {0, 0}, false);
-      if (j > first || k) edge(v - 1, v);
-      if (k == n) edge(v, begin);
-    }
+      put(v + k, j, t, k < n ? s.at(t) : s.p[s.degree], 0, {0, 0}, false);
+      if (j > first || k) edge(v + k - 1, v + k);
+      if (k == n) edge(v + k, begin);
+    });
   }
   // The same of a stroke: its strip, and the joint or cap in front of it. segments(i): segment i; places(s, i, scale): its places, as of Along.
   template <class Segments, class Places> void outline(int j, int first, int count, bool closed, const Segments &segments, const Places &places) {

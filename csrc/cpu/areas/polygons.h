@@ -13,10 +13,10 @@ struct KeptAlong {
   std::vector<double> widths, bends;
   std::vector<char> turning;
 
-  explicit KeptAlong(const Along &a) : s(a.s), segment(a.segment), count(a.count) {
-    for (int k = 0; k <= count; k++)
-      centers.push_back(a.center(k)), tangents.push_back(a.tangent(k)), widths.push_back(a.width(k)), turning.push_back(a.turns(k));
-    for (int k = 0; k < count; k++) bends.push_back(between(tangents[k], tangents[k + 1]));
+  explicit KeptAlong(const Along &a)
+      : s(a.s), segment(a.segment), count(a.count), centers(count + 1), tangents(count + 1), widths(count + 1), bends(count), turning(count + 1) {
+    for (int k = 0; k <= count; k++) centers[k] = a.center(k), tangents[k] = a.tangent(k), widths[k] = a.width(k), turning[k] = a.turns(k);
+    for (int k = 0; k < count; k++) bends[k] = between(tangents[k], tangents[k + 1]);
   }
   double t(int k) const { return double(k) / count; }
   Point center(int k) const { return centers[k]; }
@@ -44,10 +44,20 @@ public:
   std::vector<Vertex> vertices;
   std::vector<Link> links;
 
-  int add(const Vertex &vertex) {
-    vertices.push_back(vertex), links.push_back({-1, -1});
-    return int(vertices.size()) - 1;
+  int reserve(int n) {
+    const std::size_t first = vertices.size();
+    vertices.resize(first + n), links.resize(first + n, {-1, -1});
+    return int(first);
   }
+  template <class F> void each(int n, F f) {
+    for (int k = 0; k < n; k++) f(k);
+  }
+  template <class F> bool any(int n, F f) {
+    for (int k = 0; k < n; k++)
+      if (f(k)) return true;
+    return false;
+  }
+  void put(int i, const Vertex &vertex) { vertices[i] = vertex; }
   void edge(int a, int b) { links[a].next = b, links[b].previous = a; }
   Polygons view() const { return {vertices.data(), links.data()}; }
 

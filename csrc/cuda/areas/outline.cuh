@@ -1,20 +1,32 @@
-// Segments to the vertices of polygons, each by one thread: counted first, then written.
+// Segments to the vertices of polygons, each by one warp: counted first, then written.
 #pragma once
 #include "cuda/areas/job.cuh"
 
 namespace stroke::areas {
-struct Counting {
-  int count;
-  __device__ int add(const Vertex &) { return count++; }
+// What both do alike.
+struct Reserving {
+  int next;
+  __device__ int reserve(int n) {
+    next += n;
+    return next - n;
+  }
+  template <class F> __device__ bool any(int n, F f) {
+    bool found = false;
+    for (int k = int(lane()); k < n && !found; k += WARP) found = f(k);
+    return __ballot_sync(ALL, found);
+  }
+};
+struct Counting : Reserving {
+  template <class F> __device__ void each(int, F) {}
+  __device__ void put(int, const Vertex &) {}
   __device__ void edge(int, int) {}
 };
-struct Writing {
+struct Writing : Reserving {
   const Job &J;
-  int next;
-  __device__ int add(const Vertex &vertex) {
-    J.vertices[next] = vertex;
-    return next++;
+  template <class F> __device__ void each(int n, F f) {
+    for (int k = int(lane()); k < n; k += WARP) f(k);
   }
+  __device__ void put(int i, const Vertex &vertex) { J.vertices[i] = vertex; }
   __device__ void edge(int a, int b) { J.links[a].next = b, J.links[b].previous = a; }
 };
 
@@ -27,12 +39,12 @@ template <class Sink> __device__ void outline_part(const Job &J, int j, int begi
   else outliner.fill(segments(j), j, part.first, part.count, begin);
 }
 __device__ inline void count_vertices(const Job &J, int j) {
-  Counting sink = {0};
+  Counting sink = {{0}};
   outline_part(J, j, 0, sink);
-  J.vertex_first[j] = u32(sink.count);
+  if (lane() == 0) J.vertex_first[j] = u32(sink.next);
 }
 __device__ inline void write_vertices(const Job &J, int j) {
-  Writing sink = {J, int(J.vertex_first[j])};
+  Writing sink = {{int(J.vertex_first[j])}, J};
   outline_part(J, j, int(J.vertex_first[J.parts[j].first]), sink);
 }
 

@@ -41,19 +41,19 @@ def layers_of(scene: Scene, width: int, height: int, device: torch.device) -> La
     return Layers(
         points=points,
         half_widths=half_widths,
-        inner=_table(outlines.inner, device),
-        contours=_table(scene.contours, device),
-        layers=_table(scene.layers, device),
+        inner=_table(outlines.inner),
+        contours=_table(scene.contours),
+        layers=_table(scene.layers),
         transforms=_transforms(scene.transforms, to_pixels),
-        paints=_table(np.stack([kinds, np.cumsum(stops) - stops, stops, canvas], 1), device),
+        paints=_table(np.stack([kinds, np.cumsum(stops) - stops, stops, canvas], 1)),
         axes=_axes(paints, points),
         offsets=offsets,
         colors=colors,
     )
 
 
-def _table(values: Index, device: torch.device) -> Tensor:
-    return torch.from_numpy(values.astype(np.int32)).to(device)
+def _table(values: Index) -> Tensor:
+    return torch.from_numpy(values.astype(np.int32))
 
 
 def _flat(tensors: Sequence[Tensor]) -> Tensor:

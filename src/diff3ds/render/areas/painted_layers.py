@@ -19,7 +19,8 @@ class Layers:
     """Filled and stroked contours as tables, each layer painted once over those before it.
 
     Pixel (0, 0) covers [0, 1] x [0, 1] and y points down. A layer is the union of what its contours fill or stroke;
-    open contours are filled as if a straight line closed them, as SVG has it.
+    open contours are filled as if a straight line closed them, as SVG has it. Tables of whole numbers are read on the
+    CPU, and are best there.
 
     Attributes:
         points: control points, float32 or float64, before the transform of a layer.
