@@ -140,7 +140,7 @@ def test_where_no_edges_agree_the_surface_is_drawn(tmp_path, monkeypatch):
         )
 
     monkeypatch.setattr("diff3ds.tasks.views.run_views.sketch_mesh", axes)
-    monkeypatch.setattr("diff3ds.tasks.views.run_views.hull_surface", functools.partial(hull_surface, side=24))
+    monkeypatch.setattr("diff3ds.tasks.views.read_scene.hull_surface", functools.partial(hull_surface, side=24))
     picture_a_ball(tmp_path, cameras())
     said: list[str] = []
     sketch = run_views(tmp_path, tmp_path / "out", ViewsOptions(contours=True), say=said.append)
