@@ -41,6 +41,14 @@ class TestAreas:
         pair = [box(1, 1, 4.5, 3), box(2, 1.5, 5, 4.5)]
         assert draw_layers(layers([pair], [rule]), 8, 8, backend=backend)[..., 3].sum() == pytest.approx(area)
 
+    def test_an_edge_that_two_share_is_a_seam_between_layers_only(self, backend):
+        """Within a layer the area is that of the union; of two opaque layers coverages count as independent."""
+        pair = [box(0, 0, 2.5, 4), box(2.5, 0, 5, 4)]
+        together, apart = layers([pair], [NONZERO]), layers([[each] for each in pair], [NONZERO] * 2)
+        beneath = layers([[box(0, 0, 4, 4)], pair[1:]], [NONZERO] * 2)
+        seams = [float(draw_layers(s, 5, 4, backend=backend)[1, 2, 3]) for s in (together, apart, beneath)]
+        assert seams == pytest.approx([1, 0.75, 1])
+
     def test_boxes_wound_against_each_other_cancel_where_they_overlap(self, backend):
         turned = box(2, 1.5, 5, 4.5)[0][::-1], [0, 0, 0, 0], True
         image = draw_layers(layers([[box(1, 1, 4.5, 3), turned]], [NONZERO]), 8, 8, backend=backend)
