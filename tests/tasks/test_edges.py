@@ -38,8 +38,8 @@ def test_drawings_without_lines_are_refused(clouds, capsys, init):
 
 
 def test_options_that_change_nothing_are_named(clouds, capsys):
-    refused(clouds, "--strokes", "9", "--background", "white")
-    assert "--background white, --strokes 9: no effect with --target edges --init carve" in capsys.readouterr().err
+    refused(clouds, "--steps", "9", "--background", "white")
+    assert "--background white, --steps 9: no effect with --target edges --init carve" in capsys.readouterr().err
     assert ViewsOptions(init="random", steps=9, batch=2).unused("edges") == []
     assert ViewsOptions(init="random", steps=9, background="white").unused("color") == ["--init random"]
     assert ViewsOptions(steps=9, batch=2).unused("color-edges") == ["--steps 9", "--batch 2"]

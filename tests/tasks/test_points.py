@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import torch
 
 import diff3ds as ds
 
@@ -28,6 +29,9 @@ def test_a_box_far_from_the_origin_has_twelve_edges_where_it_is(tmp_path):
     assert told["explained"] > 0.95
     for name in ("sketch.json", "sketch.step", "sketch.svg", "preview.png"):
         assert (tmp_path / "run" / name).is_file()
+    assert bool((sketch.importance[1:] <= sketch.importance[:-1]).all())
+    few = ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "few", strokes=4)
+    assert torch.equal(few.points, sketch.points[:4])
     with pytest.raises(ValueError, match="holds a run"):
         ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "run")
 
@@ -63,5 +67,7 @@ def test_a_cloud_without_edges_says_what_it_is(tmp_path):
 def test_options_out_of_range_are_refused(tmp_path):
     with pytest.raises(ValueError, match="seed must not be negative"):
         ds.points_to_sketch(tmp_path / "a.npy", seed=-1)
+    with pytest.raises(ValueError, match="strokes must be at least 1"):
+        ds.points_to_sketch(tmp_path / "a.npy", strokes=0)
     with pytest.raises(ValueError, match="size must be from 1"):
         ds.points_to_sketch(tmp_path / "a.npy", size=0)

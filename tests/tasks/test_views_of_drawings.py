@@ -116,6 +116,20 @@ def test_resume_refuses_another_run(drawings, capsys):
     assert (folder / "out" / "sketch.json").read_bytes() == before
 
 
+def test_the_most_important_strokes_come_first_and_others_can_be_left_out(drawings, finished, capsys):
+    """The circle, whose line is the longest, and of it as much is in the drawings."""
+    folder, _ = drawings
+    found = ds.load(finished)
+    assert found.chains.counts.tolist() == [2, 1, 1]
+    assert found.importance[0] > 0.45
+    assert bool((found.importance[1:] <= found.importance[:-1]).all())
+    shutil.copytree(finished, folder / "out")
+    main(["views", str(folder), "-o", str(folder / "out"), "--resume", "--strokes", "1"])
+    few = ds.load(folder / "out")
+    assert torch.equal(few.points, found[0].points)
+    assert "1 of 3 strokes are kept, the most important ones" in capsys.readouterr().err
+
+
 def test_a_run_is_not_overwritten_unasked(drawings, finished, capsys):
     """Neither one that ended, nor one that was killed and left its checkpoint alone, of edges or of colours."""
     folder, _ = drawings

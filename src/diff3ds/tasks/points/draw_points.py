@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from diff3ds.curves.importance import ranked
 from diff3ds.formats import tile_images
 from diff3ds.formats.clouds.read_cloud import Cloud, read_cloud
 from diff3ds.formats.framing import framed
@@ -72,7 +73,8 @@ def _drawn_points(
         raise ValueError(
             f"{source}: all its {len(found.edges)} edges are rounded, and --tangent hidden leaves them out"
         )
-    sketch = thinned(sketch, kinds, options.tangent)
+    sketch, order = ranked(thinned(sketch, kinds, options.tangent))
+    sketch, kinds = sketch[: options.strokes], tuple(kinds[stroke] for stroke in order[: options.strokes])
     seconds["edges"] = time.perf_counter() - begun - sum(seconds.values())
     report(Progress("edges", 1, 1, None, len(sketch), sketch=sketch.detach))
     view = options.view

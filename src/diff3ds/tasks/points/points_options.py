@@ -17,6 +17,7 @@ class PointsOptions:
         rounded: whether a rounded edge is one line, where its sides would meet, or the two tangent lines at which it
             begins.
         tangent: what becomes of tangent lines: drawn, thin (half as wide as other lines) or hidden.
+        strokes: so many strokes at most, the most important ones; by default all.
         seed: of what is drawn by chance.
         size: of a view of the preview, pixels.
         overwrite: the folder's run may be lost.
@@ -26,6 +27,7 @@ class PointsOptions:
     up: Literal["z", "y"] = "z"
     rounded: Literal["edge", "tangents"] = "edge"
     tangent: Literal["drawn", "thin", "hidden"] = "thin"
+    strokes: int | None = None
     seed: int = 0
     size: int = 512
     overwrite: bool = False
@@ -33,5 +35,7 @@ class PointsOptions:
     def __post_init__(self) -> None:
         if not 1 <= self.size <= MAX_SIZE:
             raise ValueError(f"size must be from 1 to {MAX_SIZE} pixels, got {self.size}")
+        if self.strokes is not None and self.strokes < 1:
+            raise ValueError(f"strokes must be at least 1, got {self.strokes}")
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")

@@ -124,6 +124,8 @@ def _run(
         scene = dataclasses.replace(scene, surface=_surface_again(scene, fitted, options, report, say))
     if scene.surface is not None and scene.pictures.target != "color" and OUTLINES not in fitted.chosen:
         fitted = _without_outlines(fitted, scene.surface, report, say)
+    if options.strokes is not None and scene.pictures.target != "color" and options.init == "carve":
+        fitted = _at_most(fitted, options.strokes, say)
     fitted, scene = _placed(fitted, scene, options, say)
     # Outlines of its surface are drawn exactly, each view's own.
     strokes = fitted.sketch[:0] if OUTLINES in fitted.chosen else fitted.sketch
@@ -166,6 +168,14 @@ def _without_outlines(fitted: Fitted, surface: TriangleMesh, report: Report, say
     say(f"{count} of {len(false)} strokes are outlines of smooth parts, which contours draw: they are left out")
     chosen = {**fitted.chosen, "outlines_left_out": count}
     return dataclasses.replace(fitted, sketch=fitted.sketch[~false], chosen=chosen)
+
+
+def _at_most(fitted: Fitted, count: int, say: Callable[[str], None]) -> Fitted:
+    """The sketch with its most important strokes alone, where it has more than so many."""
+    sketch = fitted.sketch if fitted.sketch.importance is not None else ranked(fitted.sketch).sketch
+    if len(sketch) > count:
+        say(f"{count} of {len(sketch)} strokes are kept, the most important ones")
+    return dataclasses.replace(fitted, sketch=sketch.at_detail(strokes=count))
 
 
 def _placed(fitted: Fitted, scene: Scene, options: ViewsOptions, say: Callable[[str], None]) -> tuple[Fitted, Scene]:

@@ -33,8 +33,8 @@ class ViewsOptions:
         detector: what finds edges in coloured pictures: the gradients of their colours, or hed, a network that draws as
             people do, whose maps are kept in the folder edges_hed of the results.
         init: where edges start: carve (curves through 3D points on which the views agree), or random curves.
-        strokes: strokes of a coloured sketch, by default as many, from 64 to 1024, as its details need; random curves
-            for edges, by default 128.
+        strokes: so many strokes at most. Of a coloured sketch by default as many, from 64 to 1024, as its details need;
+            of edges the most important ones, by default all; random curves for edges, by default 128.
         steps: gradient steps from random curves or for colour; by default 1200.
         batch: views of such a step; by default 10 for edges, 5 for colour.
         background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1; a
@@ -139,7 +139,7 @@ class ViewsOptions:
             given = {"--init random": self.init == "random", "--refine-cameras": unmoved}
             return [option for option, chosen in given.items() if chosen]
         descends = self.init == "random" or self.start is not None
-        without = ["background", *([] if descends else ["strokes", "steps", "batch"])]
+        without = ["background", *([] if descends else ["steps", "batch"])]
         unused = [f"--{name} {getattr(self, name)}" for name in without if getattr(self, name) is not None]
         return [*unused, "--refine-cameras"] if self.refine_cameras and descends else unused
 
