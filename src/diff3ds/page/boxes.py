@@ -80,30 +80,35 @@ class BoxIndex:
 
     def around(self, points: Float[Array, "Q D"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
         """Pairs of a point and a box that may hold it; all that do are among them."""
-        queries, boxes = [], []
+        return self._pairs(self._cells(points), slice(0, len(points)))
+
+    def batches(self, points: Float[Array, "Q D"]) -> Iterator[tuple[Int[Index, " P"], Int[Index, " P"]]]:
+        """The pairs of `around` for run after run of points that have at most `MOST_PAIRS` of them, or are one."""
+        cells = self._cells(points)
+        total = np.zeros(len(points), np.int64)
+        for query, start, stop in cells:
+            total[query] += stop - start
+        batch = np.cumsum(total) // MOST_PAIRS
+        bounds = [0, *(np.flatnonzero(np.diff(batch)) + 1).tolist(), len(points)]
+        yield from (self._pairs(cells, slice(*ends)) for ends in pairwise(bounds))
+
+    def _cells(self, points: Float[Array, "Q D"]) -> list[tuple[Index, Index, Index]]:
+        """In each grid the points that lie in it, in order, and where the entries of their cells start and stop."""
+        cells = []
         for level in self.levels:
             place = np.floor((points - self.origin) / (self.cell * 2.0**level))
             query = np.flatnonzero(_in_grid(place))
-            found = self._entries(query, _keys(level, place[query].astype(np.int64).T))
-            queries.append(found[0])
-            boxes.append(found[1])
-        return _joined(queries), _joined(boxes)
+            keys = _keys(level, place[query].astype(np.int64).T)
+            cells.append((query, *self._range(keys)))
+        return cells
 
-    def counts(self, points: Float[Array, "Q D"]) -> Int[Index, " Q"]:
-        """How many pairs `around` gives for each point."""
-        total = np.zeros(len(points), np.int64)
-        for level in self.levels:
-            place = np.floor((points - self.origin) / (self.cell * 2.0**level))
-            inside = np.flatnonzero(_in_grid(place))
-            keys = _keys(level, place[inside].astype(np.int64).T)
-            total[inside] += np.searchsorted(self.keys, keys, "right") - np.searchsorted(self.keys, keys, "left")
-        return total
-
-    def batches(self, points: Float[Array, "Q D"]) -> Iterator[slice]:
-        """Runs of points that have at most `MOST_PAIRS` pairs each, or are one."""
-        batch = np.cumsum(self.counts(points)) // MOST_PAIRS
-        bounds = [0, *(np.flatnonzero(np.diff(batch)) + 1).tolist(), len(points)]
-        yield from (slice(*ends) for ends in pairwise(bounds))
+    def _pairs(self, cells: list[tuple[Index, Index, Index]], some: slice) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
+        """The pairs of a run of points."""
+        found = []
+        for query, start, stop in cells:
+            rows = slice(*np.searchsorted(query, [some.start, some.stop]))
+            found.append(self._entries(query[rows], start[rows], stop[rows]))
+        return _joined([query for query, _ in found]), _joined([boxes for _, boxes in found])
 
     def meeting(self, low: Float[Array, "Q D"], high: Float[Array, "Q D"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
         """Pairs of a given box and one of the index that may meet; all that do are among them, some twice.
@@ -124,13 +129,18 @@ class BoxIndex:
                 number, rest = np.divmod(number, counts[query, axis])
                 place[:, axis] = first[query, axis] + rest
             real = _in_grid(place)
-            found = self._entries(query[real], _keys(level, place[real].T))
+            keys = _keys(level, place[real].T)
+            found = self._entries(query[real], *self._range(keys))
             queries.append(found[0])
             boxes.append(found[1])
         return _joined(queries), _joined(boxes)
 
-    def _entries(self, query: Int[Index, " Q"], keys: Int[Index, " Q"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
-        start, stop = np.searchsorted(self.keys, keys, "left"), np.searchsorted(self.keys, keys, "right")
+    def _range(self, keys: Int[Index, " Q"]) -> tuple[Int[Index, " Q"], Int[Index, " Q"]]:
+        return np.searchsorted(self.keys, keys, "left"), np.searchsorted(self.keys, keys, "right")
+
+    def _entries(
+        self, query: Int[Index, " Q"], start: Int[Index, " Q"], stop: Int[Index, " Q"]
+    ) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
         counts = stop - start
         entry = np.repeat(start - (np.cumsum(counts) - counts), counts) + np.arange(int(counts.sum()))
         return np.repeat(query, counts), self.boxes[entry]

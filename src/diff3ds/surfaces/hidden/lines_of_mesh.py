@@ -67,7 +67,8 @@ class MeshSeen:
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
         own = [part for c in found for part in _parts_of(c, self._picture.seen(c.points)[1] > self._picture.near)]
         if mesh.beside > 0:
-            own = [part for c in own for part in _parts_of(c, ~drawn.run_along(c, mesh.beside))]
+            along = drawn.run_along(own, mesh.beside)
+            own = [part for c, on in zip(own, along, strict=True) for part in _parts_of(c, ~on)]
             own = [c for c in own if c.closed or c.length > mesh.beside]
         self._fit_contours(own, tolerance or 1.0)
         self._seams = _fitted_seams(Seams.of(mesh), ~drawn.seams, self._picture, tolerance)
@@ -217,11 +218,18 @@ class Drawn:
         seams = along_chords(seam.points[seam.steps].mean(1), chords, mesh.near)
         return Drawn(creases_along(mesh, sketch), seams, chords)
 
-    def run_along(self, chain: Chain, distance: float) -> Bool[Mask, " M"]:
-        """Which points of a contour lie within a distance of strokes that go its way, but for short runs of others."""
-        ways = unit(np.gradient(chain.points, axis=0)) if len(chain.points) > 1 else np.zeros_like(chain.points)
-        along = along_chords(chain.points, self.chords, distance, ways)
-        return evened(along, np.ones(len(along)), LEAST_RUN, np.zeros(len(along), np.int64))
+    def run_along(self, chains: list[Chain], distance: float) -> list[Bool[Mask, " M"]]:
+        """Which points of contours lie within a distance of strokes that go their way, but for short runs of others."""
+        if not chains:
+            return []
+        points = np.concatenate([c.points for c in chains])
+        ways = np.concatenate(
+            [unit(np.gradient(c.points, axis=0)) if len(c.points) > 1 else np.zeros_like(c.points) for c in chains]
+        )
+        along = along_chords(points, self.chords, distance, ways)
+        counts = np.array([len(c.points) for c in chains])
+        even = evened(along, np.ones(len(along)), LEAST_RUN, np.repeat(np.arange(len(chains)), counts))
+        return np.split(even, np.cumsum(counts)[:-1])
 
 
 def prepare(mesh: TriangleMesh, with_strokes: bool) -> None:

@@ -45,11 +45,12 @@ class MeshView:
                 touch such faces do not; of a `SmoothMesh`, rings of its patches around that of the point.
         """
         hidden = np.zeros(len(points), bool)
-        for batch in self._index.batches(self.picture.seen(points)[0]):
-            query, _, face = self.crossed(points[batch])
+        seen = self.picture.seen(points)
+        for pairs in self._index.batches(seen[0]):
+            query, _, face = self._crossed(*seen, *pairs)
             if own is not None and len(query):
-                query = query[~self._own(own[batch][query], face, rings)]
-            hidden[batch.start + query] = True
+                query = query[~self._own(own[query], face, rings)]
+            hidden[query] = True
         return hidden
 
     def _own(self, own: Int[Index, "P 3"], face: Int[Index, " P"], rings: int) -> Bool[Mask, " P"]:
@@ -71,7 +72,12 @@ class MeshView:
     def crossed(self, points: Float[Array, "Q 3"]) -> tuple[Int[Index, " P"], Float[Array, " P"], Int[Index, " P"]]:
         """All triangles between points and the camera, some twice: numbers of the points, depths and faces there."""
         pixels, depths = self.picture.seen(points)
-        query, box = self._index.around(pixels)
+        return self._crossed(pixels, depths, *self._index.around(pixels))
+
+    def _crossed(
+        self, pixels: Float[Array, "Q 2"], depths: Float[Array, " Q"], query: Int[Index, " C"], box: Int[Index, " C"]
+    ) -> tuple[Int[Index, " P"], Float[Array, " P"], Int[Index, " P"]]:
+        """As `crossed`, of these pairs of points and boxes."""
         box = self._triangle[box]
         # A cell of the index holds many triangles that are not around the point: most pairs end here.
         for x, low, high in zip(pixels.T.copy(), self._low, self._high, strict=True):

@@ -56,15 +56,12 @@ class Nearest:
         Points that are farther away than the tolerance stay where they are, with -1.
         """
         moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
-        for batch in self._edges.batches(points):
-            query, line = self._edges.around(points[batch])
-            query = batch.start + query
+        for query, line in self._edges.batches(points):
             found, share = _on_segments(points[query], self._lines[line])
             self._take(points, query, found, self._of_line(line, share), moved, own)
         rest = np.flatnonzero(own[:, 0] < 0)
-        for batch in self._faces.batches(points[rest]):
-            query, box = self._faces.around(points[rest[batch]])
-            query, face = rest[batch.start + query], self._triangle[box]
+        for row, box in self._faces.batches(points[rest]):
+            query, face = rest[row], self._triangle[box]
             corners = self.mesh.vertices.take(self.mesh.faces.take(face, 0), 0)
             found, shares = closest_on_triangles(points.take(query, 0), corners)
             self._take(points, query, found, _of_triangle(self.mesh.faces[face], shares), moved, own)
@@ -128,9 +125,7 @@ def along_chords(
     """Which points lie on straight chords of curves, within the tolerance, that go the ways of these, unit vectors."""
     along = np.zeros(len(middles), bool)
     index = _index(chords.min(1), chords.max(1), tolerance)
-    for batch in index.batches(middles):
-        query, chord = index.around(middles[batch])
-        query = batch.start + query
+    for query, chord in index.batches(middles):
         found, _ = _on_segments(middles[query], chords[chord])
         near = np.linalg.norm(found - middles[query], axis=1) <= tolerance
         if ways is not None:
