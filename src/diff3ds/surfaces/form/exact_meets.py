@@ -15,8 +15,8 @@ Surface = Form | FreeForm
 
 # Newton steps towards two or three forms at once, and where free ones are among them, which are dear.
 STEPS, FREE_STEPS = 12, 4
-# And from a point of a path to the next.
-MARCHED = 4
+# And from a point of a path to the next, and for all of them once they are there.
+MARCHED, AFTERWARDS = 2, 3
 # Axes that are nearer to parallel (sine) and to each other (world units over the size of what they belong to) than
 # rounding count as one; a form is regularised before. Numerical.
 SAME = 1e-6
@@ -289,10 +289,14 @@ def marched(a: Surface, b: Surface, start: Float[Array, " 3"], step: float, stop
             last = t
             x = onto([a, b], (x + step * t)[None], MARCHED)[0]
             if len(points) > 3 and np.linalg.norm(x - start) < 0.75 * step:
-                return Path(Kind.FREE, start, np.zeros(3), np.zeros(3), np.array([*points, start]), True)
+                return _marched_path(a, b, np.array([*points, start]), True)
             points.append(x)
             if stops(x):
                 break
         sides.append(points)
-    line = np.array(sides[1][:0:-1] + sides[0])
-    return Path(Kind.FREE, start, np.zeros(3), np.zeros(3), line)
+    return _marched_path(a, b, np.array(sides[1][:0:-1] + sides[0]), False)
+
+
+def _marched_path(a: Surface, b: Surface, line: Float[Array, "M 3"], closed: bool) -> Path:
+    line = onto([a, b], line, AFTERWARDS)
+    return Path(Kind.FREE, line[0], np.zeros(3), np.zeros(3), line, closed)

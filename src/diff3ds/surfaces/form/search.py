@@ -23,8 +23,8 @@ DEVIATIONS, SLACK, ALIKE = 3.0, 0.0012, 0.35
 LEAST, LEAST_SHARE = 12, 0.0012
 # A round is over when so many patches in a row, nearly, gave nothing. Empirical.
 FAILURES = 60
-# Times a form is refitted while it grows, and the samples that its fit looks at.
-GROWN, REFITTED = 6, 1500
+# Times a form is refitted while it grows, and the samples that a fit looks at then, and once it has grown.
+GROWN, GROWING, REFITTED = 6, 500, 1500
 # A kind with more numbers is taken where it makes the mean square distance so much smaller. Empirical.
 BETTER = 1.12
 # A form rounder than this, in longest sides, is flat. Empirical.
@@ -158,7 +158,7 @@ class _Search:
         return rows[piece == np.bincount(piece).argmax()]
 
     def _refitted(self, form: Form, members: Index, other_kinds: bool) -> Form:
-        some = members[np.unique(np.linspace(0, len(members) - 1, REFITTED).astype(int))]
+        some = members[np.unique(np.linspace(0, len(members) - 1, GROWING).astype(int))]
         points, normals = self.samples.points[some], self.samples.normals[some]
         scale = self.reach / 2
         own = form.fitted(points, scale)

@@ -18,7 +18,7 @@ from diff3ds.project import project
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.hidden.crossings import Outlines, crossings
 from diff3ds.surfaces.hidden.mesh_view import MeshView
-from diff3ds.surfaces.hidden.visibility import Ask, parts_of
+from diff3ds.surfaces.hidden.visibility import HALVINGS, Ask, parts_of
 from diff3ds.surfaces.lines.contour_gradients import contours_of
 from diff3ds.surfaces.lines.contours import Chain, contour_chains
 from diff3ds.surfaces.lines.edge_runs import seam_runs
@@ -50,7 +50,13 @@ class MeshSeen:
     """
 
     def __init__(
-        self, mesh: TriangleMesh, cameras: Cameras, view: int, tolerance: float | None, drawn: "Drawn"
+        self,
+        mesh: TriangleMesh,
+        cameras: Cameras,
+        view: int,
+        tolerance: float | None,
+        drawn: "Drawn",
+        halvings: int = HALVINGS,
     ) -> None:
         """Finds the lines.
 
@@ -61,7 +67,9 @@ class MeshSeen:
             tolerance: largest distance between lines and the strokes that are fitted to them, pixels; None where no
                 lines are wanted.
             drawn: what strokes draw already.
+            halvings: as of `parts_of`.
         """
+        self._halvings = halvings
         self._mesh, self._cameras, self._picture = mesh, cameras[view], Picture.of(cameras, view)
         self._kept: tuple[MeshView, Outlines] | None = None
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
@@ -194,7 +202,7 @@ class MeshSeen:
         cuts = crossings(cubics, chords, self._hiding()[1], self._picture, behind)
         if more is not None:
             cuts = np.concatenate([cuts[0], more[0]]), np.concatenate([cuts[1], more[1]])
-        return parts_of(chords, cuts, hidden, stray)
+        return parts_of(chords, cuts, hidden, stray, self._halvings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,16 @@ Ask = Callable[[Index, Array], Mask]
 
 # A part is asked about at points so far apart, pixels, at so many at least and at most. Empirical.
 SPACING, LEAST, MOST = 4.0, 3, 200
-# Halvings of the interval in which something changes that no outline has foretold: 2^-30 of it are left.
-HALVINGS = 30
+# Halvings of the interval in which something changes that no outline has foretold: 2^-30 of it are left; or, for
+# pictures of pixels, a 128th of a pixel.
+HALVINGS, FOR_PIXELS = 30, 9
 # Parts shorter than this are what the part beside them is, pixels.
 SHORTEST = 1.0
 
 
-def parts_of(chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], ask: Ask, stray: float) -> Parts:
+def parts_of(
+    chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], ask: Ask, stray: float, halvings: int = HALVINGS
+) -> Parts:
     """Strokes in parts that are seen, or hidden, as a whole.
 
     Args:
@@ -28,12 +31,13 @@ def parts_of(chords: Chords, cuts: tuple[Int[Index, " X"], Float[Array, " X"]], 
         cuts: segments and parameters where something may change.
         ask: which of some points are hidden.
         stray: so large a share of a part's points that answer otherwise than the others is noise.
+        halvings: of intervals in which something changes that no cut has foretold.
     """
     if not len(chords.segment):
         return Parts.none()
     segment, start, stop = _between(chords, *cuts)
     ruler = Ruler(chords)
-    hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray)
+    hidden, segment, start, stop = _decided(segment, start, stop, ruler, ask, stray, halvings)
     length = ruler.length(segment, start, stop)
     return _merged(segment, start, stop, hidden, length)
 
@@ -65,6 +69,7 @@ def _decided(
     ruler: Ruler,
     ask: Ask,
     stray: float,
+    halvings: int,
 ) -> tuple[Bool[Mask, " R"], Int[Index, " R"], Float[Array, " R"], Float[Array, " R"]]:
     """Parts with their answers, cut once more where points within one disagree for good."""
     count = np.clip(np.ceil(ruler.length(segment, start, stop) / SPACING), LEAST, MOST).astype(np.int64)
@@ -85,7 +90,7 @@ def _decided(
     hidden = np.where(mixed[part], evened(hidden, each, 2, part), most[part])
     flips = np.flatnonzero((hidden[1:] != hidden[:-1]) & (part[1:] == part[:-1]))
     low, high, was = t[flips], t[flips + 1], hidden[flips]
-    for _ in range(HALVINGS if len(flips) else 0):
+    for _ in range(halvings if len(flips) else 0):
         middle = (low + high) / 2
         same = ask(segment[part[flips]], middle) == was
         low, high = np.where(same, middle, low), np.where(same, high, middle)

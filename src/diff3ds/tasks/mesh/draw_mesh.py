@@ -18,7 +18,7 @@ from diff3ds.losses import lengths
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
-from diff3ds.surfaces.draw import Lines, visible_lines
+from diff3ds.surfaces.draw import Lines, lines_for_pixels, visible_lines
 from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
@@ -244,7 +244,7 @@ def _frames(
     def told(done: int) -> None:
         report(Progress("turntable", done, count, None, len(features)))
 
-    for i, lines in enumerate(visible_lines(features, cameras, shown, contours=options.contours, told=told)):
+    for i, lines in enumerate(lines_for_pixels(features, cameras, shown, options.contours, told)):
         strokes = _drawn(lines, options, mesh, colors)
         if len(shown) < len(mesh):
             strokes = without_specks(strokes, 3 * mesh.size / FINE_CELLS)
