@@ -20,7 +20,9 @@ from diff3ds.edges.complete.hypothesis import AGAIN, SHOWN
 from diff3ds.edges.complete.missing_lines import bridged
 from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.complete.whole_circles import closed
+from diff3ds.edges.drawn.whole_lines import likely, whole_lines
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
+from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.support import CHORDS, mean_of_segments, part_support
@@ -61,7 +63,7 @@ SECOND_RATE = 2 / 3 * RATE
 MOST_CURVES = 1500
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
-CALIBRATED, REFINED, JOINED, FITTED, DONE = (CALIBRATIONS + k for k in range(2, 7))
+CALIBRATED, REFINED, JOINED, FITTED, COMPLETED, DONE = (CALIBRATIONS + k for k in range(2, 8))
 
 
 def confirming(views: int) -> float:
@@ -75,7 +77,7 @@ class Result:
 
     Attributes:
         stage: 0 for nothing; 1 the first curves, one more after each calibration; `CALIBRATED`, the bias is known;
-            `REFINED`; `JOINED`; `FITTED`; `DONE`.
+            `REFINED`; `JOINED`; `FITTED`; `COMPLETED`; `DONE`.
         curves: so far.
         bias: of the ridges, as far as it is known.
     """
@@ -104,6 +106,7 @@ def reconstruct(
     report: Report = no_report,
     capped: Capped = not_said,
     seed: int = 0,
+    textured: bool = False,
 ) -> Result:
     """The curves that the views show, and the bias found in their ridges.
 
@@ -115,6 +118,8 @@ def reconstruct(
         save: called with the result of every stage.
         report: told how far it is; see `watch`.
         capped: told of what there was too much; see `watch`.
+        textured: the views are photographs, whose texture makes up curves: those that may have come together by chance
+            go, and the rest are drawn as people draw, see `drawn`.
 
     Raises:
         NoEdgesError: the views show no edges that agree.
@@ -124,13 +129,19 @@ def reconstruct(
     if not showing:
         raise NoEdgesError(NOTHING)
     sides = [outline_sides(ridge, cameras.size) for ridge in ridges]
-    scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped)
+    scene = _Scene(cameras, ridges, confirming(showing), seed, report, capped, textured)
     reached = reached or nothing_yet()
     while reached.stage < CALIBRATED:
         reached = _calibrated(scene, sides, start, reached)
         save(reached)
     scene = replace(scene, ridges=corrected(ridges, sides, reached.bias), outward=reached.bias.outward)
-    for after, stage in ((CALIBRATED, _refined), (REFINED, _joined), (JOINED, _fitted), (FITTED, _completed)):
+    for after, stage in (
+        (CALIBRATED, _refined),
+        (REFINED, _joined),
+        (JOINED, _fitted),
+        (FITTED, _completed),
+        (COMPLETED, _drawn),
+    ):
         if reached.stage == after:
             curves = stage(scene, reached.curves, carving=start is None)
             if not len(curves):
@@ -150,11 +161,20 @@ class _Scene:
     seed: int
     report: Report
     capped: Capped
+    textured: bool = False
     outward: float = 0.0
 
     @cached_property
     def views(self) -> EdgeViews:
         return edge_views(self.cameras, self.ridges)
+
+    @cached_property
+    def chance(self) -> Chance:
+        return Chance.of(self.views)
+
+    def likely(self, curves: Curves) -> Curves:
+        """The curves, of photographs those that have not come together by chance."""
+        return likely(curves, self.chance) if self.textured else curves
 
     def ticks(self, stage: str, curves: int = 0) -> Tick:
         """What reports how far this stage is."""
@@ -199,7 +219,7 @@ def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = scene.refined("refine", curves, RATE)
     curves = pruned(curves, scene.views, SHOWN * scene.min_views, SHORTEST)
     edges = curves[~smooth_outlines(scene.views, curves)]
-    return concatenated(edges, second_look(scene, curves)) if carving else edges
+    return scene.likely(concatenated(edges, second_look(scene, curves)) if carving else edges)
 
 
 def _joined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
@@ -207,7 +227,7 @@ def _joined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = closed(curves, scene.views, scene.min_views, scene.outward, scene.ticks("circles", len(curves)))
     curves = joined(curves, pixel, scene.ticks("join", len(curves)))
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
-    return pruned(curves, scene.views, (AGAIN if carving else 1.0) * SHOWN * scene.min_views, SHORTEST)
+    return scene.likely(pruned(curves, scene.views, (AGAIN if carving else 1.0) * SHOWN * scene.min_views, SHORTEST))
 
 
 def _fitted(scene: _Scene, curves: Curves, carving: bool) -> Curves:
@@ -222,6 +242,12 @@ def _completed(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     curves = with_corners(curves, scene.views, scene.min_views, scene.ticks("rounded corners", len(curves)))
     curves = with_fillets(curves, scene.views, scene.outward)
     return with_pockets(curves, scene.views, scene.outward, scene.ticks("pockets", len(curves)))
+
+
+def _drawn(scene: _Scene, curves: Curves, carving: bool) -> Curves:
+    if not scene.textured:
+        return curves
+    return whole_lines(curves, scene.chance, lambda found: scene.refined("whole lines", found, SECOND_RATE))
 
 
 def first_curves(

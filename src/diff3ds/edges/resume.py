@@ -17,7 +17,7 @@ from diff3ds.edges.evidence.bias import Bias
 from diff3ds.edges.reconstruct import DONE, Result
 
 # [version; derived] Of the layout of the file: one with another is refused.
-VERSION = 6
+VERSION = 7
 MAX_BYTES = 1 << 28
 FIELDS = ("points", "kind", "vertex")
 # Of refined cameras, if there are any.

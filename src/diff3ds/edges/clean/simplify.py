@@ -1,5 +1,6 @@
 """Fewer, longer, fairer curves: weak and doubled ones dropped, neighbours that are one curve joined."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, curves_of, sampled
 from diff3ds.curves.shapes.ellipses import fit_elliptic_arcs
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, FREEDOM, Kind, Primitive
-from diff3ds.curves.shapes.simplest import near_enough, simplest
+from diff3ds.curves.shapes.simplest import JOINED, near_enough, simplest
 from diff3ds.curves.shapes.straight_lines import pairs_by_ends, resampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import mean_of_segments, part_support
@@ -29,12 +30,13 @@ CORNER = np.deg2rad(60.0)
 TIP = 0.0
 
 
-def pruned(curves: Curves, views: EdgeViews, min_views: float, shortest: float) -> Curves:
+def pruned(curves: Curves, views: EdgeViews, min_views: float, shortest: float, doubled: float = DOUBLED) -> Curves:
     """Without curves that too few views show, that are too short, or that lie along longer ones.
 
     Args:
         min_views: so many views have to show a curve, mean over its parts.
         shortest: pixels.
+        doubled: so near lies what lies along a curve, pixels.
     """
     support = mean_of_segments(curves, part_support(views, curves).double().sum(0).mean(1)).numpy()
     samples = sampled(curves)
@@ -51,9 +53,9 @@ def pruned(curves: Curves, views: EdgeViews, min_views: float, shortest: float) 
     # Of longer curves those that stay: what doubles another goes, and doubles nothing itself.
     longer = np.zeros(len(order), bool)
     for place, i in enumerate(order):
-        near = tree.query_ball_point(samples[i], DOUBLED * views.pixel)
-        doubled = [longer[rank[np.asarray(places, np.int64)]].any() for places in near]
-        keep[i] = longer[place] = np.mean(doubled) < DOUBLED_SHARE
+        near = tree.query_ball_point(samples[i], doubled * views.pixel)
+        along = [longer[rank[np.asarray(places, np.int64)]].any() for places in near]
+        keep[i] = longer[place] = np.mean(along) < DOUBLED_SHARE
     return curves[torch.from_numpy(keep)]
 
 
@@ -84,11 +86,30 @@ class _Joint:
     piece: _Piece
 
 
-def joined(curves: Curves, pixel: float, tick: Tick = no_tick) -> Curves:
+@dataclass(frozen=True)
+class Gaps:
+    """Which gaps are closed.
+
+    Attributes:
+        most: how far ends may be apart, pixels.
+        within: so near to the one curve lie nearly all points of both, pixels.
+        closed: called with both ends of a gap.
+    """
+
+    most: float = GAP
+    within: float = JOINED
+    closed: Callable[[Float[Array, " 3"], Float[Array, " 3"]], bool] = lambda one, other: True
+
+
+SHORT = Gaps()
+
+
+def joined(curves: Curves, pixel: float, tick: Tick = no_tick, gaps: Gaps = SHORT) -> Curves:
     """Curves that continue each other become one, best fits first, until none does; arcs may close to circles."""
     pieces = _pieces(curves, pixel)
     alive = set(range(len(pieces)))
-    joints = [j for k, i in _neighbours(pieces, sorted(alive), pixel) if (j := _joint(pieces, i, k, pixel)) is not None]
+    near = _neighbours(pieces, sorted(alive), gaps.most * pixel)
+    joints = [j for k, i in near if (j := _joint(pieces, i, k, pixel, gaps)) is not None]
     tried: dict[tuple[int, ...], _Joint | None] = {}
     while joints or (joints := _elliptic_joints(pieces, sorted(alive), pixel, tried)):
         tick(len(pieces) - len(curves), len(curves))
@@ -97,8 +118,8 @@ def joined(curves: Curves, pixel: float, tick: Tick = no_tick) -> Curves:
         joints = [j for j in joints if alive.issuperset(j.members)]
         pieces.append(best.piece)
         new = len(pieces) - 1
-        near = _near_ends(pieces, best.piece.points, sorted(alive), pixel)
-        joints += [j for k in near if (j := _joint(pieces, new, k, pixel)) is not None]
+        near_ends = _near_ends(pieces, best.piece.points, sorted(alive), gaps.most * pixel)
+        joints += [j for k in near_ends if (j := _joint(pieces, new, k, pixel, gaps)) is not None]
         alive.add(new)
     return curves_of([curve for i in sorted(alive) for curve in pieces[i].curves])
 
@@ -108,15 +129,15 @@ def _ends(pieces: list[_Piece], rows: list[int]) -> Float[Array, "M 2 3"]:
     return np.array([pieces[i].points[[0, -1]] for i in rows]).reshape(-1, 2, 3)
 
 
-def _neighbours(pieces: list[_Piece], rows: list[int], pixel: float) -> list[tuple[int, int]]:
+def _neighbours(pieces: list[_Piece], rows: list[int], gap: float) -> list[tuple[int, int]]:
     """Pairs of pieces with ends so near that one may continue the other, the smaller number first."""
-    return [(rows[i], rows[k]) for i, k in pairs_by_ends(_ends(pieces, rows), GAP * pixel)]
+    return [(rows[i], rows[k]) for i, k in pairs_by_ends(_ends(pieces, rows), gap)]
 
 
-def _near_ends(pieces: list[_Piece], points: Float[Array, "M 3"], rows: list[int], pixel: float) -> list[int]:
+def _near_ends(pieces: list[_Piece], points: Float[Array, "M 3"], rows: list[int], gap: float) -> list[int]:
     """Pieces that end so near to an end of these points that one may continue the other."""
     off = np.linalg.norm(_ends(pieces, rows)[:, :, None] - points[[0, -1]], axis=3).min((1, 2))
-    return [rows[i] for i in np.nonzero(off <= GAP * pixel)[0]]
+    return [rows[i] for i in np.nonzero(off <= gap)[0]]
 
 
 def _elliptic_joints(
@@ -131,14 +152,14 @@ def _elliptic_joints(
     """
     kind = {i: pieces[i].curves[0].kind for i in alive}
     rows: list[tuple[tuple[int, ...], Array]] = []
-    for i, k in _neighbours(pieces, alive, pixel):
+    for i, k in _neighbours(pieces, alive, GAP * pixel):
         half = Kind.ELLIPTIC_ARC in (kind[i], kind[k])
         two = _continued(pieces[i], pieces[k], pixel, TIP if half else STRAIGHT_ON)
         if two is None:
             continue
         if half:
             rows.append(((i, k), two))
-        near = [m for m in _near_ends(pieces, two, alive, pixel) if m not in (i, k)]
+        near = [m for m in _near_ends(pieces, two, alive, GAP * pixel) if m not in (i, k)]
         third = ((m, _continued(_Piece([], two), pieces[m], pixel)) for m in near)
         rows += [((i, k, m), three) for m, three in third if three is not None]
     for members, points in rows:
@@ -161,11 +182,15 @@ def _pieces(curves: Curves, pixel: float) -> list[_Piece]:
     return pieces
 
 
-def _joint(pieces: list[_Piece], i: int, k: int, pixel: float) -> _Joint | None:
+def _joint(pieces: list[_Piece], i: int, k: int, pixel: float, gaps: Gaps) -> _Joint | None:
     """The joint of two pieces, if there is one."""
-    points = _continued(pieces[i], pieces[k], pixel)
-    strokes = None if points is None else simplest(points, pixel)
+    points = _continued(pieces[i], pieces[k], pixel, gap=gaps.most)
+    strokes = None if points is None else simplest(points, pixel, gaps.within)
     if points is None or strokes is None:
+        return None
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    widest = int(steps.argmax())
+    if steps[widest] > GAP * pixel and not gaps.closed(points[widest], points[widest + 1]):
         return None
     if strokes[0].kind == Kind.FREE and _are_line_and_corner(pieces[i], pieces[k]):
         return None
@@ -187,11 +212,14 @@ def _joint_of(pieces: list[_Piece], members: tuple[int, ...], piece: _Piece, pix
     return _Joint(float(np.mean(piece.curves[0].distances)) / pixel - saved, members, piece)
 
 
-def _continued(one: _Piece, other: _Piece, pixel: float, straight: float = STRAIGHT_ON) -> Float[Array, "M 3"] | None:
+def _continued(
+    one: _Piece, other: _Piece, pixel: float, straight: float = STRAIGHT_ON, gap: float = GAP
+) -> Float[Array, "M 3"] | None:
     """The points along two pieces that continue each other at their nearest ends; None if they do not.
 
     Args:
-        straight: least cosine between them.
+        straight: least cosine between them, and between them and what is between them, where that is wide.
+        gap: how far they may be apart, pixels.
     """
     if one.closed or other.closed:
         return None
@@ -199,10 +227,11 @@ def _continued(one: _Piece, other: _Piece, pixel: float, straight: float = STRAI
     flips = [(x, y) for x in (a, a[::-1]) for y in (b, b[::-1])]
     gaps = [np.linalg.norm(x[-1] - y[0]) for x, y in flips]
     first, second = flips[int(np.argmin(gaps))]
-    if min(gaps) > GAP * pixel:
+    if min(gaps) > gap * pixel:
         return None
     heading, onwards = -_end_tangent(first[::-1]), _end_tangent(second)
-    if heading @ onwards < straight:
+    between = unit(second[0] - first[-1]) if min(gaps) > GAP * pixel else heading
+    if min(heading @ onwards, heading @ between) < straight:
         return None
     # Where ends overlap, the second must not turn back.
     beyond = (second - first[-1]) @ heading > 0

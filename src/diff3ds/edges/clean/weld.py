@@ -28,7 +28,7 @@ def welded(curves: Curves, pixel: float) -> Curves:
     ends = np.stack([samples[:, 0], samples[:, -1]], 1).reshape(-1, 3)
     tangents = unit(np.stack([samples[:, 2] - samples[:, 0], samples[:, -3] - samples[:, -1]], 1).reshape(-1, 3))
     names, vertex = np.unique(group, return_inverse=True)
-    places = np.stack([_vertex(ends[group == n], tangents[group == n], pixel) for n in names])
+    places = np.stack([place_of_vertex(ends[group == n], tangents[group == n], pixel) for n in names])
     target = torch.from_numpy(places[vertex.reshape(-1, 2)]).to(curves.points.dtype)
     moved = curves.points.clone()
     shift = (target - moved[:, [0, 3]]).masked_fill(curves.closed[:, None, None], 0.0)
@@ -57,7 +57,7 @@ def _groups(curves: Curves, samples: Array, pixel: float) -> NDArray[np.int64]:
     return group
 
 
-def _vertex(ends: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: float) -> Float[Array, " 3"]:
+def place_of_vertex(ends: Float[Array, "M 3"], tangents: Float[Array, "M 3"], pixel: float) -> Float[Array, " 3"]:
     """Where the tangents through these ends meet; the ends' mean if that is far."""
     middle = ends.mean(0)
     if len(ends) == 1:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
+from diff3ds.edges.evidence.chance import crowding, told
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
@@ -17,6 +18,8 @@ CELL = 1.7
 CHUNK = 4096
 # [ratio; empirical] Large cells say little: of them so many times as many may stay as of the last ones.
 LARGE = 8
+# [probability; empirical] So often a view sees a place.
+SEEN = 0.35
 # [cells; measured] Each ridge point belongs to one edge, and each point of an edge has one in every view that confirms
 # it, so that there are no more of these, a pixel apart, than ridge points over confirming views; around each are some
 # cells. In CAD models' edge maps 3.2 to 4.0 cells stay for each of them; where chance confirms far more, the rest is
@@ -47,16 +50,15 @@ def carve(
     side = cell * 2**HALVINGS
     axis = side * (np.arange(np.ceil(2 * half_side / side)) + 0.5) - half_side
     cells = _grid(axis)
-    count = _count(views, cells, side)
+    cells = cells[_count(views, cells, side) >= least_views]
     for turn in range(HALVINGS):
-        cells = cells[count >= least_views]
         side /= 2
         last = turn == HALVINGS - 1
-        cells, count = _divided(views, cells, side, least_views, tick if last else no_tick)
+        cells = _divided(views, cells, side, least_views, tick if last else no_tick)
     most = most_cells(views, least_views)
     if len(cells) > most:
         capped("cells of space", most, len(cells))
-    return _best(cells, count, most)[0]
+    return _likeliest(views, cells, side, most)
 
 
 def most_cells(views: EdgeViews, least_views: float) -> int:
@@ -64,18 +66,22 @@ def most_cells(views: EdgeViews, least_views: float) -> int:
     return int(CELLS_A_PLACE * len(views.points) / least_views)
 
 
-def _best(
-    cells: Float[Array, "M 3"], count: Int[NDArray[np.int64], " M"], most: int
-) -> tuple[Float[Array, "K 3"], Int[NDArray[np.int64], " K"]]:
-    """So many cells that most views confirm, and how many do; of equals some from everywhere."""
+def _likeliest(views: EdgeViews, cells: Float[Array, "M 3"], side: float, most: int) -> Float[Array, "K 3"]:
+    """So many cells of which what the views show is least likely chance, in their order.
+
+    Where pictures are full of texture chance confirms everything, and more views confirm what is nothing than confirm
+    a faint edge before a plain wall.
+    """
     if len(cells) <= most:
-        return cells, count
-    # The fewest views that confirm no more than so many.
-    fewest = int((np.cumsum(np.bincount(count)[::-1])[::-1] > most).sum())
-    equal = np.nonzero(count == fewest - 1)[0]
-    room = most - int((count >= fewest).sum())
-    stay = np.sort(np.concatenate([np.nonzero(count >= fewest)[0], equal[np.arange(room) * len(equal) // room]]))
-    return cells[stay], count[stay]
+        return cells
+    radius = HALF_DIAGONAL * side
+    odds = np.zeros(len(cells))
+    for view in range(len(views)):
+        off, depth = views.nearby(view, cells)
+        passed = off * np.maximum(depth, 1e-9) ** 2 < (radius * views.focal[view]) ** 2
+        chance = crowding(views, view, radius / views.pixel, cells)
+        odds += told(passed[None], chance[None], SEEN, np.isfinite(off)[None])
+    return cells[np.sort(np.argsort(-odds, kind="stable")[:most])]
 
 
 def _grid(axis: Float[Array, " N"]) -> Float[Array, "M 3"]:
@@ -84,22 +90,18 @@ def _grid(axis: Float[Array, " N"]) -> Float[Array, "M 3"]:
 
 def _divided(
     views: EdgeViews, cells: Float[Array, "M 3"], side: float, least_views: float, tick: Tick
-) -> tuple[Float[Array, "K 3"], Int[NDArray[np.int64], " K"]]:
-    """The eighths of cells that enough views confirm, and how many do; part by part, so that memory is bounded."""
+) -> Float[Array, "K 3"]:
+    """The eighths of cells that enough views confirm; part by part, so that memory is bounded."""
     corners = side * _grid(np.array([-0.5, 0.5]))
     most = LARGE * most_cells(views, least_views)
-    kept, counts = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+    kept = [np.zeros((0, 3))]
     for i in range(0, len(cells), CHUNK):
         tick(i, len(cells))
         parts = (cells[i : i + CHUNK, None] + corners).reshape(-1, 3)
-        count = _count(views, parts, side)
-        stay = count >= least_views
-        kept.append(parts[stay])
-        counts.append(count[stay])
-        if sum(map(len, counts)) > 2 * most:
-            best = _best(np.concatenate(kept), np.concatenate(counts), most)
-            kept, counts = [best[0]], [best[1]]
-    return _best(np.concatenate(kept), np.concatenate(counts), most)
+        kept.append(parts[_count(views, parts, side) >= least_views])
+        if sum(map(len, kept)) > 2 * most:
+            kept = [_likeliest(views, np.concatenate(kept), side, most)]
+    return _likeliest(views, np.concatenate(kept), side, most)
 
 
 def _count(views: EdgeViews, cells: Float[Array, "M 3"], side: float) -> Int[NDArray[np.int64], " M"]:

@@ -56,7 +56,8 @@ def fit_edges(
     bound = None if frame is whole else {"center": frame.center.tolist(), "radius": frame.radius}
     width = line_width(pictures.store) if pictures.target == "edges" else DEFAULT_WIDTH
     settings = {**_settings(pictures, options), "bound": bound}
-    course = EdgeCourse(checkpoint, settings, lambda c: frame.to_world(sketch_of(c, width)), report, say)
+    textured = pictures.target == "color-edges"
+    course = EdgeCourse(checkpoint, settings, lambda c: frame.to_world(sketch_of(c, width, textured)), report, say)
     course.begin(options.resume)
     stopped = False
     ridges: list[Ridges] = []
@@ -79,6 +80,7 @@ def fit_edges(
             report=course.tell,
             capped=course.cap,
             seed=options.seed,
+            textured=textured,
         )
         if refined is None and start is None:
             about["disagreeing"] = _disagreeing(pictures.chosen(views), frame, ridges, course, say)

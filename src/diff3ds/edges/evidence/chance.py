@@ -1,0 +1,137 @@
+"""What a view would show of a line by chance: how often lines of its direction lie on ridges thereabouts.
+
+Texture is full of ridges, and whatever one draws there lies on some of them: that a view shows a line there says
+little. A line in front of a plain wall is shown by its own ridge or not at all. Evidence is the logarithm of the ratio
+of two probabilities, that of what a view shows if there is an edge, and that of the same by chance; of several views it
+adds up, and views that do not show a line where it may be seen count against it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diff3ds._shapes import Array, Bool, Float
+from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
+from diff3ds.edges.evidence.support import NEAR, SLANT, headings
+
+# [1; numerical] Directions of lines that are told apart. A ridge confirms lines up to 25 degrees from it: two of these
+# to either side.
+DIRECTIONS, TO_EITHER_SIDE = 14, 2
+# [px, px; empirical] Cells of the map of chances, and the side of the square that it is the mean over: wider than what
+# lies on both sides of a line, narrower than things.
+CELL, AROUND = 4, 52
+# [probability; empirical] Chances are at least and at most so.
+LEAST, MOST = 0.02, 0.95
+# [probability; empirical] A view that shows a place on an edge has a ridge there so often.
+SHOWN = 0.85
+# [probability; numerical] Things hide their far sides and hollows, and nothing says where: the share of the views that
+# see a place is that of these which explains best what they show.
+SEEN = (0.2, 0.35, 0.5, 0.7)
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """The share of places around, in V views, whose ridge would confirm a line of each of K directions."""
+
+    views: EdgeViews
+    shares: Float[NDArray[np.float32], "V K R C"]
+
+    @staticmethod
+    def of(views: EdgeViews) -> "Chance":
+        """The chances of all views."""
+        return Chance(views, np.stack([_shares(views, view) for view in range(len(views))]))
+
+    def at(self, pixel: Float[Array, "V M 2"], heading: Float[Array, "V M 2"]) -> Float[Array, "V M"]:
+        """The chance at pixels of lines with these directions, unit vectors."""
+        rows, columns = self.shares.shape[2:]
+        place = np.clip(np.nan_to_num(pixel) // CELL, 0, [columns - 1, rows - 1]).astype(np.int64)
+        view = np.arange(len(pixel))[:, None]
+        return np.clip(self.shares[view, _direction(heading), place[..., 1], place[..., 0]], LEAST, MOST)
+
+    def evidence(
+        self,
+        x: Float[Array, "M 3"],
+        tangents: Float[Array, "M 3"],
+        seen: Sequence[float] = SEEN,
+        asked: Bool[NDArray[np.bool_], "V M"] | None = None,
+    ) -> Float[Array, " M"]:
+        """For an edge at points with unit tangents, against chance: natural logarithms, summed over the views.
+
+        Args:
+            seen: what share of the views may see them.
+            asked: which views are asked about which points; default all.
+        """
+        match = self.views.match(x)
+        heading = headings(self.views, x, tangents, match.pixel)
+        across = np.abs((heading * self.views.normals[match.ridge]).sum(-1))
+        inside = match.distance < OUTSIDE
+        asked = inside if asked is None else inside & asked
+        shown = (match.distance < NEAR) & (across < SLANT)
+        chance = self.at(match.pixel, heading)
+        return np.asarray(np.max([told(shown, chance, share, asked) for share in seen], axis=0))
+
+
+def told(
+    shown: Bool[NDArray[np.bool_], "V M"],
+    chance: Float[Array, "V M"],
+    seen: float,
+    asked: Bool[NDArray[np.bool_], "V M"],
+) -> Float[Array, " M"]:
+    """The logarithm of the odds of an edge against chance.
+
+    Args:
+        shown: which views show it.
+        chance: how likely they would by chance.
+        seen: share of the views that see its place.
+        asked: the views whose pictures hold it.
+    """
+    edge = seen * SHOWN + (1 - seen) * chance
+    odds = np.where(shown, np.log(edge / chance), np.log((1 - edge) / (1 - chance)))
+    return np.asarray(np.where(asked, odds, 0.0).sum(0))
+
+
+def _direction(heading: Float[Array, "*N 2"]) -> NDArray[np.int64]:
+    """The number of a direction, whichever way it goes."""
+    angle = np.arctan2(heading[..., 1], heading[..., 0]) % np.pi
+    return (angle * (DIRECTIONS / np.pi)).astype(np.int64) % DIRECTIONS
+
+
+def crowding(views: EdgeViews, view: int, within: float, x: Float[Array, "M 3"]) -> Float[Array, " M"]:
+    """The chance that a ridge of a view passes points so near, pixels: the share of places around where one does."""
+    from scipy.ndimage import uniform_filter
+
+    share = uniform_filter((_distances(views, view) < within).astype(np.float32), AROUND, mode="nearest")
+    seen = x @ views.projection[view, :, :3].T + views.projection[view, :, 3]
+    pixel = np.nan_to_num(seen[:, :2] / np.where(seen[:, 2:] == 0, np.inf, seen[:, 2:]))
+    row, column = (np.clip(pixel[:, 1 - axis], 0, share.shape[axis] - 1).astype(np.int64) for axis in (0, 1))
+    return np.clip(share[row, column].astype(np.float64), LEAST, MOST)
+
+
+def _distances(views: EdgeViews, view: int) -> Float[Array, "H W"]:
+    """Of the centre of each pixel from the nearest ridge, pixels; infinite where there is none."""
+    nearest = views.nearest[view]
+    if not (nearest >= 0).any():
+        return np.full(nearest.shape, np.inf)
+    row, column = np.mgrid[: nearest.shape[0], : nearest.shape[1]] + 0.5
+    return np.asarray(np.hypot(*(views.points[nearest] - np.stack([column, row], -1)).transpose(2, 0, 1)))
+
+
+def _shares(views: EdgeViews, view: int) -> Float[NDArray[np.float32], "K R C"]:
+    from scipy.ndimage import uniform_filter
+
+    height, width = views.size
+    rows, columns = -(-height // CELL), -(-width // CELL)
+    near = _distances(views, view) < NEAR
+    row, column = np.nonzero(near)
+    cell = row // CELL * columns + column // CELL
+    normal = views.normals[views.nearest[view][near]]
+    direction = _direction(np.stack([-normal[:, 1], normal[:, 0]], 1))
+    counts = np.bincount(direction * rows * columns + cell, minlength=DIRECTIONS * rows * columns)
+    shares = counts.reshape(DIRECTIONS, rows, columns).astype(np.float32) / CELL**2
+    # The outermost of the directions are half within the angle.
+    turns = range(-TO_EITHER_SIDE, TO_EITHER_SIDE + 1)
+    weights = [0.5 if abs(k) == TO_EITHER_SIDE else 1.0 for k in turns]
+    within = np.sum([weight * np.roll(shares, k, 0) for weight, k in zip(weights, turns, strict=True)], axis=0)
+    return uniform_filter(within, (0, AROUND // CELL, AROUND // CELL), mode="nearest")
