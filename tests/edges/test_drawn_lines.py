@@ -13,7 +13,7 @@ from diff3ds.edges.clean.simplify import Gaps, joined
 from diff3ds.edges.drawn.gaps import contradicted
 from diff3ds.edges.drawn.junctions import with_junctions
 from diff3ds.edges.drawn.whole_lines import likely, without_scraps
-from diff3ds.edges.evidence.chance import LEAST, Chance, crowding, told
+from diff3ds.edges.evidence.chance import LEAST, Chance, chance_near, told
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges, color_ridges, scale_of
 
@@ -55,7 +55,7 @@ def test_the_chance_is_the_share_of_places_whose_ridges_run_that_way():
     assert chance.at(middle, np.array([[[-1.0, 0.0]]])).item() == pytest.approx(0.25, abs=0.06)
     assert chance.at(middle, np.array([[[0.0, 1.0]]])).item() == pytest.approx(LEAST)
     # So near, whatever the direction.
-    assert crowding(views, 0, 2.5, np.zeros((1, 3))).item() == pytest.approx(0.25, abs=0.06)
+    assert chance_near(views, 0, 2.5)[64, 64] == pytest.approx(0.25, abs=0.06)
 
 
 def test_what_chance_shows_as_often_is_evidence_of_nothing():
@@ -121,12 +121,12 @@ def test_ends_meet_the_lines_that_they_nearly_meet():
 
 
 def test_short_lines_that_hang_free_go_and_what_they_held_as_well():
-    views = views_of(CAMERAS, [segment((-0.6, 0, 0), (0.6, 0, 0))])
+    chance = Chance.of(views_of(CAMERAS, [segment((-0.6, 0, 0), (0.6, 0, 0))]))
     bar = ((-0.6, 0, 0), (0.6, 0, 0))
     held = ((0.6, 0, 0), (0.6, 0.04, 0))
     scrap, twig = ((0, 0.5, 0), (0.06, 0.5, 0)), ((0.06, 0.5, 0), (0.06, 0.53, 0))
     curves = lines_between(bar, held, scrap, twig)
-    found = without_scraps(curves, views.pixel)
+    found = without_scraps(curves, chance)
     assert torch.equal(found.points, curves.points[:2])
 
 

@@ -52,6 +52,9 @@ SHORTEST_HIDDEN = 8.0
 FEWEST, FACTOR, POWER = 3.0, 1.06, 0.6
 # [ratio; empirical] The scores of points are weighted views.
 SCORE = 0.9
+# [natural logarithms; empirical] Points of photographs are so much likelier to lie on an edge than to have come
+# together by chance: less than curves have to be, in the mean.
+LIKELY_POINT = 6.0
 # A bias smaller than the scatter of ridges is not worth another start; and so many starts at most.
 BIAS, CALIBRATIONS = PART_SCATTER[0], LOOKS
 # [steps, px; empirical] Steps of each refinement, and how far the first step moves control points.
@@ -209,7 +212,7 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
         if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
             return Result(CALIBRATED, curves, bias)
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
-    curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped)
+    curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped, textured=scene.textured)
     if not len(curves):
         raise NoEdgesError(NOTHING)
     return Result(reached.stage + 1, curves, bias)
@@ -257,6 +260,7 @@ def first_curves(
     capped: Capped = not_said,
     *,
     most: int = MOST_CURVES,
+    textured: bool = False,
 ) -> Curves:
     """Lines, arcs and cubics through triangulated points, as they come.
 
@@ -265,10 +269,13 @@ def first_curves(
         ticks: gives for the name of a stage what is told how far it is.
         capped: see `watch`.
         most: so many curves, those that the views show most of.
+        textured: points that may have come together by chance go.
     """
     cells = carve(views, REACH, CELL * views.pixel, min_views, ticks("carve"), capped)
     found = triangulate(views, cells, SCORE * min_views, ticks("points on edges"))
     found = thinned(found, APART * views.pixel, FLANK * views.pixel)
+    if textured:
+        found = found[Chance.of(views).evidence(found.points, found.directions) > LIKELY_POINT]
     tick = ticks("first curves")
     known: dict[bytes, list[Primitive]] = {}
 
@@ -305,7 +312,12 @@ def second_look(scene: _Scene, curves: Curves) -> Curves:
     fewer = max(FEWEST, AGAIN * scene.min_views)
     rest = edge_views(scene.cameras, unexplained(scene.views, scene.ridges, curves))
     found = first_curves(
-        rest, fewer, lambda stage: scene.ticks(f"second look: {stage}", len(curves)), scene.capped, most=room
+        rest,
+        fewer,
+        lambda stage: scene.ticks(f"second look: {stage}", len(curves)),
+        scene.capped,
+        most=room,
+        textured=scene.textured,
     )
     if not len(found):
         return found

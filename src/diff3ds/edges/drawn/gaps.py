@@ -10,7 +10,7 @@ from diff3ds.edges.evidence.chance import Chance
 UNASKED = 6.0
 # [px; numerical] Spacing of the points that are asked about.
 SPACING = 1.5
-# [probability; empirical] So often a view sees a place beside what others see.
+# [probability; empirical] So often a view sees the gap between what others show.
 SEEN = 0.5
 # [views; empirical] So many views say enough.
 FEWEST = 3
@@ -33,5 +33,5 @@ def contradicted(chance: Chance, start: Float[Array, " 3"], stop: Float[Array, "
     count = int(asked.sum())
     if count < FEWEST * len(points):
         return False
-    told = chance.evidence(points, np.broadcast_to(unit(way), points.shape), (SEEN,), asked)
+    told = chance.evidence(points, np.broadcast_to(unit(way), points.shape), asked, SEEN)
     return float(told.sum()) < CONTRADICTED * count

@@ -1,11 +1,13 @@
 """From curves that views agree on to lines as a person draws them: the steps in their order."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Bool, Float, Mask
+from diff3ds._shapes import Array, Float, Int
 from diff3ds.curves.shapes.curve_set import Curves, sampled
 from diff3ds.edges.clean.simplify import Gaps, joined, pruned
 from diff3ds.edges.clean.weld import welded
@@ -16,7 +18,7 @@ from diff3ds.edges.evidence.support import owners, samples
 
 # [natural logarithms; empirical] A curve is there if what all views show of it is so much likelier than by chance, in
 # the mean over its points.
-LIKELY = 4.5
+LIKELY = 10.0
 # [px, px; empirical] Gaps in a line, and how far from one curve the points of its pieces may lie.
 GAP, WITHIN = 24.0, 1.2
 # [px; empirical] Lines so near to each other, such as both edges of a thin plate or of a groove, are one: the pen draws
@@ -24,9 +26,12 @@ GAP, WITHIN = 24.0, 1.2
 DOUBLED = 4.0
 # [px; empirical] Ends that have something so near are not free.
 MEETS = 1.0
-# [fraction, fraction; empirical] Of the drawing's box: lines that are free at both ends are longer, and those that are
-# free at one.
+# [fraction, fraction; empirical] Of the drawing's box: lines that hold on to no others are longer together, and those
+# with one loose end.
 SCRAP, TWIG = 0.08, 0.03
+# [natural logarithms times px; empirical] The evidence of lines that hold on to no others, times their lengths: chance
+# makes short ones everywhere.
+ALONE = 480.0
 
 
 def whole_lines(curves: Curves, chance: Chance, refined: Callable[[Curves], Curves]) -> Curves:
@@ -41,41 +46,59 @@ def whole_lines(curves: Curves, chance: Chance, refined: Callable[[Curves], Curv
     curves = likely(curves, chance)
     gaps = Gaps(GAP, WITHIN, lambda start, stop: not contradicted(chance, start, stop))
     curves = with_junctions(welded(joined(curves, pixel, gaps=gaps), pixel), chance)
-    curves = likely(refined(without_scraps(curves, pixel)), chance)
+    curves = likely(refined(without_scraps(curves, chance)), chance)
     curves = pruned(curves, views, 0.0, 0.0, DOUBLED)
-    return without_scraps(with_junctions(without_scraps(curves, pixel), chance), pixel)
+    return without_scraps(with_junctions(without_scraps(curves, chance), chance), chance)
 
 
 def likely(curves: Curves, chance: Chance) -> Curves:
     """The curves that are likelier to be there than to have come together by chance; all, if none is."""
-    x, tangents = samples(curves)
-    owner = owners(curves)
-    told = np.bincount(owner, chance.evidence(x, tangents), len(curves)) / np.bincount(owner, minlength=len(curves))
-    kept = told > LIKELY
+    kept = _evidence(curves, chance) > LIKELY
     return curves[torch.from_numpy(kept)] if kept.any() else curves
 
 
-def without_scraps(curves: Curves, pixel: float) -> Curves:
-    """Without short lines that hang free; those that these had held go as well."""
+def _evidence(curves: Curves, chance: Chance) -> Float[Array, " N"]:
+    """Of each curve the mean over its points, natural logarithms."""
+    x, tangents = samples(curves)
+    owner, count = owners(curves), len(curves)
+    return np.bincount(owner, chance.evidence(x, tangents), count) / np.bincount(owner, minlength=count)
+
+
+def without_scraps(curves: Curves, chance: Chance) -> Curves:
+    """Without short loose ends, and without lines that hold on to no others, unless these are sure, or long.
+
+    What such lines had held goes as well.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    pixel, told = chance.views.pixel, _evidence(curves, chance)
     while len(curves):
         fine = sampled(curves, POINTS)
         length = np.linalg.norm(np.diff(fine, axis=1), axis=2).sum(1)
-        free = free_ends(curves, fine, MEETS * pixel).sum(1)
+        meeting, loose = _meeting(curves, fine, MEETS * pixel)
         box = float(np.ptp(fine.reshape(-1, 3), axis=0).max())
-        short = length < np.choose(free, [0.0, TWIG * box, SCRAP * box])
+        group = connected_components(meeting, directed=False)[1]
+        whole, sure = (np.bincount(group, value)[group] for value in (length, told * length / pixel))
+        short = (whole < SCRAP * box) | (sure < ALONE) | ((loose == 1) & (length < TWIG * box))
         if not short.any() or short.all():
             break
-        curves = curves[torch.from_numpy(~short)]
+        curves, told = curves[torch.from_numpy(~short)], told[~short]
     return curves
 
 
-def free_ends(curves: Curves, fine: Float[Array, "N P 3"], near: float) -> Bool[Mask, "N 2"]:
-    """Which ends (start, stop) have no other curve near them; closed curves have none."""
+def _meeting(curves: Curves, fine: Float[Array, "N P 3"], near: float) -> tuple[Any, Int[NDArray[np.int64], " N"]]:
+    """Which curves meet others with an end, as a sparse matrix, and how many loose ends each has."""
+    from scipy.sparse import coo_array
     from scipy.spatial import cKDTree
 
-    count = fine.shape[1]
-    steps = np.linalg.norm(np.diff(fine, axis=1), axis=2).max() if len(fine) else 0.0
-    tree = cKDTree(fine.reshape(-1, 3))
-    found = tree.query_ball_point(fine[:, [0, -1]], max(near, 0.6 * steps))
-    free = np.array([[all(k // count == i for k in end) for end in ends] for i, ends in enumerate(found)])
-    return free.reshape(-1, 2) & ~curves.closed.numpy()[:, None]
+    number, count = fine.shape[:2]
+    steps = float(np.linalg.norm(np.diff(fine, axis=1), axis=2).max())
+    found = cKDTree(fine.reshape(-1, 3)).query_ball_point(fine[:, [0, -1]], max(near, 0.6 * steps))
+    pairs, loose = [], np.zeros(number, np.int64)
+    for curve in np.nonzero(~curves.closed.numpy())[0].tolist():
+        for end in found[curve]:
+            others = {place // count for place in end} - {curve}
+            pairs += [(curve, other) for other in others]
+            loose[curve] += not others
+    one, other = np.array(pairs, np.int64).reshape(-1, 2).T
+    return coo_array((np.ones(len(one)), (one, other)), shape=(number, number)), loose

@@ -3,16 +3,18 @@
 Texture is full of ridges, and whatever one draws there lies on some of them: that a view shows a line there says
 little. A line in front of a plain wall is shown by its own ridge or not at all. Evidence is the logarithm of the ratio
 of two probabilities, that of what a view shows if there is an edge, and that of the same by chance; of several views it
-adds up, and views that do not show a line where it may be seen count against it.
+adds up. Views that do not show a line count against it where it may be seen: things hide their far sides and hollows,
+and nothing says where, but what is seen from here is mostly seen from beside here. So whether a view sees a place is
+judged by the views beside it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Bool, Float
+from diff3ds._shapes import Array, Bool, Float, Int
+from diff3ds.curves.directions import unit
 from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
 from diff3ds.edges.evidence.support import NEAR, SLANT, headings
 
@@ -26,22 +28,31 @@ CELL, AROUND = 4, 52
 LEAST, MOST = 0.02, 0.95
 # [probability; empirical] A view that shows a place on an edge has a ridge there so often.
 SHOWN = 0.85
-# [probability; numerical] Things hide their far sides and hollows, and nothing says where: the share of the views that
-# see a place is that of these which explains best what they show.
-SEEN = (0.2, 0.35, 0.5, 0.7)
+# [views; empirical] So many views beside a view say whether it sees a place. [probability; empirical] It does at least
+# and at most so likely.
+BESIDE, UNSEEN, SURELY = 6, 0.02, 0.95
 
 
 @dataclass(frozen=True, eq=False)
 class Chance:
-    """The share of places around, in V views, whose ridge would confirm a line of each of K directions."""
+    """What V views show by chance.
+
+    Attributes:
+        views: these.
+        shares: of the places around, those whose ridge would confirm a line of each of K directions.
+        beside: for each view, the next ones by the directions that they look from.
+    """
 
     views: EdgeViews
     shares: Float[NDArray[np.float32], "V K R C"]
+    beside: Int[NDArray[np.int64], "V B"]
 
     @staticmethod
     def of(views: EdgeViews) -> "Chance":
         """The chances of all views."""
-        return Chance(views, np.stack([_shares(views, view) for view in range(len(views))]))
+        towards = unit(views.centers)
+        beside = np.argsort(-(towards @ towards.T), axis=1, kind="stable")[:, 1 : BESIDE + 1]
+        return Chance(views, np.stack([_shares(views, view) for view in range(len(views))]), beside)
 
     def at(self, pixel: Float[Array, "V M 2"], heading: Float[Array, "V M 2"]) -> Float[Array, "V M"]:
         """The chance at pixels of lines with these directions, unit vectors."""
@@ -54,14 +65,14 @@ class Chance:
         self,
         x: Float[Array, "M 3"],
         tangents: Float[Array, "M 3"],
-        seen: Sequence[float] = SEEN,
         asked: Bool[NDArray[np.bool_], "V M"] | None = None,
+        seen: float | None = None,
     ) -> Float[Array, " M"]:
         """For an edge at points with unit tangents, against chance: natural logarithms, summed over the views.
 
         Args:
-            seen: what share of the views may see them.
             asked: which views are asked about which points; default all.
+            seen: how likely they see them; default as the views beside them say.
         """
         match = self.views.match(x)
         heading = headings(self.views, x, tangents, match.pixel)
@@ -70,13 +81,19 @@ class Chance:
         asked = inside if asked is None else inside & asked
         shown = (match.distance < NEAR) & (across < SLANT)
         chance = self.at(match.pixel, heading)
-        return np.asarray(np.max([told(shown, chance, share, asked) for share in seen], axis=0))
+        return told(shown, chance, self._seen(shown, chance) if seen is None else seen, asked)
+
+    def _seen(self, shown: Bool[NDArray[np.bool_], "V M"], chance: Float[Array, "V M"]) -> Float[Array, "V M"]:
+        """How likely each view sees each point, by what the views beside it show more often than by chance."""
+        beside = self.beside
+        often = [np.mean([values[beside[:, k]] for k in range(beside.shape[1])], axis=0) for values in (shown, chance)]
+        return np.asarray(np.clip((often[0] - often[1]) / (1 - often[1]) / SHOWN, UNSEEN, SURELY))
 
 
 def told(
     shown: Bool[NDArray[np.bool_], "V M"],
     chance: Float[Array, "V M"],
-    seen: float,
+    seen: Float[Array, "V M"] | float,
     asked: Bool[NDArray[np.bool_], "V M"],
 ) -> Float[Array, " M"]:
     """The logarithm of the odds of an edge against chance.
@@ -84,7 +101,7 @@ def told(
     Args:
         shown: which views show it.
         chance: how likely they would by chance.
-        seen: share of the views that see its place.
+        seen: how likely they see its place.
         asked: the views whose pictures hold it.
     """
     edge = seen * SHOWN + (1 - seen) * chance
@@ -98,15 +115,12 @@ def _direction(heading: Float[Array, "*N 2"]) -> NDArray[np.int64]:
     return (angle * (DIRECTIONS / np.pi)).astype(np.int64) % DIRECTIONS
 
 
-def crowding(views: EdgeViews, view: int, within: float, x: Float[Array, "M 3"]) -> Float[Array, " M"]:
-    """The chance that a ridge of a view passes points so near, pixels: the share of places around where one does."""
+def chance_near(views: EdgeViews, view: int, within: float) -> Float[Array, "H W"]:
+    """The chance that a ridge passes a pixel of a view so near, pixels: the share of places around where one does."""
     from scipy.ndimage import uniform_filter
 
     share = uniform_filter((_distances(views, view) < within).astype(np.float32), AROUND, mode="nearest")
-    seen = x @ views.projection[view, :, :3].T + views.projection[view, :, 3]
-    pixel = np.nan_to_num(seen[:, :2] / np.where(seen[:, 2:] == 0, np.inf, seen[:, 2:]))
-    row, column = (np.clip(pixel[:, 1 - axis], 0, share.shape[axis] - 1).astype(np.int64) for axis in (0, 1))
-    return np.clip(share[row, column].astype(np.float64), LEAST, MOST)
+    return np.clip(share.astype(np.float64), LEAST, MOST)
 
 
 def _distances(views: EdgeViews, view: int) -> Float[Array, "H W"]:

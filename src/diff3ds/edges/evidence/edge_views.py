@@ -95,10 +95,10 @@ class EdgeViews:
 
     def nearby(
         self, view: int, x: Float[Array, "M 3"]
-    ) -> tuple[Float[NDArray[np.float32], " M"], Float[NDArray[np.float32], " M"]]:
-        """Squared distances to the nearest ridge point in one view, pixels, and depths; in single precision.
+    ) -> tuple[Float[NDArray[np.float32], " M"], Float[NDArray[np.float32], " M"], Int[NDArray[np.int32], " M"]]:
+        """Squared distances to the nearest ridge point in one view, pixels, depths, and pixels; in single precision.
 
-        Infinite where the view does not contain the point.
+        Infinite where the view does not contain the point. Pixels are numbered row by row.
         """
         matrix = self.projection[view].astype(np.float32)
         homogeneous = x.astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
@@ -110,10 +110,11 @@ class EdgeViews:
         ridge = self.nearest[view].reshape(-1).take(place)
         inside &= ridge >= 0
         if not inside.any():
-            return np.full(len(x), np.inf, np.float32), depth
+            return np.full(len(x), np.inf, np.float32), depth, place
         points = self.points[self.start[view] : self.start[view + 1]].astype(np.float32)
         apart = points.take(np.where(inside, ridge - self.start[view], 0), 0)
-        return np.where(inside, (apart[:, 0] - column) ** 2 + (apart[:, 1] - row) ** 2, np.float32(np.inf)), depth
+        off = (apart[:, 0] - column) ** 2 + (apart[:, 1] - row) ** 2
+        return np.where(inside, off, np.float32(np.inf)), depth, place
 
 
 def require_perspective(cameras: Cameras) -> None:

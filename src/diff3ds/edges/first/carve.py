@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Float, Int
-from diff3ds.edges.evidence.chance import crowding, told
+from diff3ds.edges.evidence.chance import chance_near, told
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
 
@@ -75,12 +75,14 @@ def _likeliest(views: EdgeViews, cells: Float[Array, "M 3"], side: float, most: 
     if len(cells) <= most:
         return cells
     radius = HALF_DIAGONAL * side
-    odds = np.zeros(len(cells))
+    odds = np.zeros(len(cells), np.float32)
     for view in range(len(views)):
-        off, depth = views.nearby(view, cells)
-        passed = off * np.maximum(depth, 1e-9) ** 2 < (radius * views.focal[view]) ** 2
-        chance = crowding(views, view, radius / views.pixel, cells)
-        odds += told(passed[None], chance[None], SEEN, np.isfinite(off)[None])
+        chance = chance_near(views, view, radius / views.pixel).ravel()
+        one = np.ones_like(chance, bool)
+        passed, missed = (told(shown[None], chance[None], SEEN, one[None]).astype(np.float32) for shown in (one, ~one))
+        off, depth, place = views.nearby(view, cells)
+        near = off * np.maximum(depth, 1e-9) ** 2 < (radius * views.focal[view]) ** 2
+        odds += np.where(np.isfinite(off), np.where(near, passed.take(place), missed.take(place)), 0)
     return cells[np.sort(np.argsort(-odds, kind="stable")[:most])]
 
 
@@ -110,6 +112,6 @@ def _count(views: EdgeViews, cells: Float[Array, "M 3"], side: float) -> Int[NDA
     count = np.zeros(len(cells), np.int64)
     # View by view, in single precision: no array leaves the processor's cache.
     for view in range(len(views)):
-        off, depth = views.nearby(view, cells)
+        off, depth, _ = views.nearby(view, cells)
         count += off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2
     return count
