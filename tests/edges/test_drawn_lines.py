@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from edge_scenes import around, image_line, lines_between, ridges_along, segment, views_of
+from edge_scenes import around, distance_to_segment, image_line, lines_between, ridges_along, segment, views_of
 
 from diff3ds.curves.shapes.curve_set import concatenated, sampled
 from diff3ds.curves.shapes.smooth_joints import sketch_of, smooth_joints
@@ -15,7 +15,8 @@ from diff3ds.edges.drawn.junctions import with_junctions
 from diff3ds.edges.drawn.whole_lines import likely, without_scraps
 from diff3ds.edges.evidence.chance import LEAST, Chance, chance_near, told
 from diff3ds.edges.evidence.edge_views import edge_views
-from diff3ds.edges.evidence.ridges import Ridges, color_ridges, scale_of
+from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.edges.first import carve as carve_module
 
 CAMERAS = around()
 
@@ -139,23 +140,13 @@ def test_a_line_goes_on_through_a_junction_where_it_is_straight():
     assert len(sketch_of(curves, 0.01, through=True)) == 2
 
 
-def test_blurred_pictures_are_looked_at_more_coarsely():
-    """A dark disc in focus on a plain ground; and the same out of focus, on a ground that ripples."""
-    row, column = np.mgrid[:160, :160]
-    off = np.hypot(row - 80, column - 80) - 50
-    rng = np.random.default_rng(0)
-    sharp, soft = np.ones((2, 160, 160, 4), np.float32)
-    sharp[..., :3] = (0.2 + 0.6 * (off > 0))[..., None]
-    from scipy.ndimage import gaussian_filter
-
-    ripples = gaussian_filter(rng.normal(size=(160, 160)), 6)
-    soft[..., :3] = (0.3 + 0.3 / (1 + np.exp(-off / 1.5)) + 0.08 * ripples / ripples.std())[..., None]
-    soft[..., :3] += rng.normal(size=(160, 160, 3)) * 0.004
-    assert scale_of([sharp]) == 1.0
-    assert scale_of([soft]) > 1.0
-    # Most of what is found then lies on the disc's border, a seventh of it before.
+def test_of_too_many_cells_those_stay_that_are_least_likely_chance(monkeypatch):
+    """A line before texture: more views confirm cells of nothing than of the line, but no more than chance would."""
+    real = segment((-0.5, 0.1, 0.0), (0.5, 0.1, 0.1))
+    views = edge_views(CAMERAS, both(texture(0, 90), ridges_along(CAMERAS, [real])))
     shares = []
-    for scale in (1.0, scale_of([soft])):
-        points = color_ridges(soft, scale).points
-        shares.append((np.abs(np.hypot(*(points - 80.5).T) - 50) < 2).mean())
-    assert shares[1] > 2 * shares[0]
+    for bound in (1e9, 1.5):
+        monkeypatch.setattr(carve_module, "CELLS_A_PLACE", bound)
+        cells = carve_module.carve(views, 1.0, 1.7 * views.pixel, 5.0)
+        shares.append((distance_to_segment(cells, real[0], real[-1]) < 2 * views.pixel).mean())
+    assert shares[1] > 4 * shares[0]

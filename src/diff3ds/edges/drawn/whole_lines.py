@@ -31,7 +31,7 @@ MEETS = 1.0
 SCRAP, TWIG = 0.08, 0.03
 # [natural logarithms times px; empirical] The evidence of lines that hold on to no others, times their lengths: chance
 # makes short ones everywhere.
-ALONE = 480.0
+ALONE = 220.0
 
 
 def whole_lines(curves: Curves, chance: Chance, refined: Callable[[Curves], Curves]) -> Curves:
@@ -48,7 +48,8 @@ def whole_lines(curves: Curves, chance: Chance, refined: Callable[[Curves], Curv
     curves = with_junctions(welded(joined(curves, pixel, gaps=gaps), pixel), chance)
     curves = likely(refined(without_scraps(curves, chance)), chance)
     curves = pruned(curves, views, 0.0, 0.0, DOUBLED)
-    return without_scraps(with_junctions(without_scraps(curves, chance), chance), chance)
+    curves = with_junctions(without_scraps(curves, chance), chance)
+    return without_scraps(likely(curves, chance), chance)
 
 
 def likely(curves: Curves, chance: Chance) -> Curves:

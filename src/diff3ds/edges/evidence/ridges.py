@@ -20,11 +20,6 @@ GRADIENT_SIGMA, GRADIENT_NOISE = 1.0, 0.02
 # [px, log ratio; empirical] Colour: standard deviation of the derivatives that find ridges of the gradient, and least
 # value of a ridge.
 COLOR_SIGMA, COLOR_VALUE = 0.6, 0.35
-# [ratio; numerical] Both standard deviations are so many times as large where the pictures are blurred or noisy.
-SCALES = (1.0, 1.4, 2.0)
-# [fraction; derived] Ridge points as a fraction of all pixels: lines 10 pixels apart all over the picture. Where there
-# are more, most are ripples of what is smooth.
-RIPPLES = 0.1
 # [fraction; empirical] A ridge is faint below this fraction of the median value: between the borders of rounded edges
 # and real ones.
 FAINT = 0.4
@@ -113,29 +108,12 @@ def strongest(ridges: Sequence[Ridges], most: int) -> list[Ridges]:
     return [r[r.values >= least] for r in ridges]
 
 
-def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"], scale: float = 1.0) -> Ridges:
-    """Where colour or transparency changes fastest; colours times alpha, and alpha, in [0, 1].
-
-    Args:
-        scale: see `scale_of`.
-    """
-    return find_ridges(color_gradient(rgba, scale), scale * COLOR_SIGMA, COLOR_VALUE)
+def color_ridges(rgba: Float[NDArray[np.float32], "H W 4"]) -> Ridges:
+    """Where colour or transparency changes fastest; colours times alpha, and alpha, in [0, 1]."""
+    return find_ridges(color_gradient(rgba), COLOR_SIGMA, COLOR_VALUE)
 
 
-def scale_of(pictures: Sequence[Float[NDArray[np.float32], "H W 4"]]) -> float:
-    """How many times as coarse as usual the edges of pictures are looked for: of `SCALES` the first that is enough.
-
-    Pictures without blur and noise have the lines that they show. What is out of focus, and the grain of a sensor or of
-    a compression, ripples everywhere: there are no lines so close together as such ridges are.
-    """
-    for scale in SCALES[:-1]:
-        shares = [len(color_ridges(rgba, scale)) / rgba[..., 0].size for rgba in pictures]
-        if np.median(shares) <= RIPPLES:
-            return scale
-    return SCALES[-1]
-
-
-def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"], scale: float = 1.0) -> Float[NDArray[np.float32], "H W"]:
+def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"]) -> Float[NDArray[np.float32], "H W"]:
     """log(1 + gradient / noise) of colours times alpha and of alpha."""
     from scipy.ndimage import gaussian_filter
 
@@ -143,7 +121,7 @@ def color_gradient(rgba: Float[NDArray[np.float32], "H W 4"], scale: float = 1.0
     # Three channels of colour count as much as the outline.
     for channel, weight in zip(np.moveaxis(rgba, -1, 0), (1 / 3, 1 / 3, 1 / 3, 1.0), strict=True):
         for order in ((0, 1), (1, 0)):
-            square += weight * gaussian_filter(channel, scale * GRADIENT_SIGMA, order=order) ** 2
+            square += weight * gaussian_filter(channel, GRADIENT_SIGMA, order=order) ** 2
     return np.log1p(np.sqrt(square) / GRADIENT_NOISE)
 
 

@@ -10,7 +10,6 @@ from diff3ds.edges.evidence.ridges import (
     color_ridges,
     map_ridges,
     narrowed,
-    scale_of,
     strongest,
     within,
     without_faint,
@@ -24,8 +23,6 @@ from diff3ds.pictures.store import is_all_known
 # Beyond so many views, evenly chosen ones do: the rest would cost memory and say the same. Of large pictures fewer are
 # kept, 48 of 3840 x 2160: each pixel takes up to eight bytes.
 MOST_VIEWS, MOST_PIXELS, FEWEST_VIEWS = 200, 400_000_000, 3
-# So many views say how coarse the edges of all are.
-SCALE_VIEWS = 7
 # Where the pictures are full of edges, fewer views do: as many as have so many ridge points together, or FEW_VIEWS. The
 # cost of all that follows is linear in them. 50 pictures of 400 x 400 with `MOST_INK` have so many, CAD models 50,000.
 FEW_VIEWS, MOST_RIDGES = 50, 400_000
@@ -86,20 +83,14 @@ def ridges_of(
     known = {} if known is None else known
     drawn = pictures.store.pixels.shape[3] == 1
     width = line_width(pictures.store) * pictures.cameras.size[0] if drawn else 0.0
-    scale = 1.0 if drawn else _scale(pictures)
     for done, view in enumerate(views.tolist()):
         tell("edges of the pictures", done, len(views), None, 0)
         if view in known:
             continue
         batch = pictures.batch([view])
         pixels = batch.pixels[0].numpy()
-        ridges = map_ridges(narrowed(pixels[..., 0], width)) if drawn else color_ridges(pixels, scale)
+        ridges = map_ridges(narrowed(pixels[..., 0], width)) if drawn else color_ridges(pixels)
         known[view] = ridges if is_all_known(pictures.store.known) else within(ridges, batch.known[0].numpy())
     found = [known[view] for view in views.tolist()]
     # The logarithm of a gradient says nothing about doubt.
     return without_faint(found) if pictures.target == "edges" else found
-
-
-def _scale(pictures: PosedPictures) -> float:
-    views = evenly_spaced(len(pictures), SCALE_VIEWS)
-    return scale_of([pictures.batch([view]).pixels[0].numpy() for view in views.tolist()])
