@@ -9,9 +9,9 @@ import torch
 from diff3ds._shapes import Array, Float
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, curves_of, sampled
-from diff3ds.curves.shapes.ellipses import fit_elliptic_arcs
+from diff3ds.curves.shapes.ellipses import JOINED, fit_elliptic_arcs
 from diff3ds.curves.shapes.primitives import CLOSED_KINDS, FREEDOM, Kind, Primitive
-from diff3ds.curves.shapes.simplest import JOINED, near_enough, simplest
+from diff3ds.curves.shapes.simplest import near_enough, simplest
 from diff3ds.curves.shapes.straight_lines import pairs_by_ends, resampled
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.evidence.support import mean_of_segments, part_support
