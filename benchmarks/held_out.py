@@ -152,7 +152,7 @@ def judge(
     points = sketch.points.reshape(-1, 3).double()
     bound = np.median([r.values.size and np.median(r.values) for r in ridges])
     for view, (lines, ridge) in enumerate(zip(drawn, ridges, strict=True)):
-        if not len(ridge):
+        if not len(ridge) or not len(lines):
             continue
         edges = cKDTree(ridge.points)
         hit += (edges.query(lines[:, :2])[0] < NEAR).sum()
@@ -161,7 +161,7 @@ def judge(
             for far in ELSEWHERE
             for a in np.arange(8) * np.pi / 4
         ]
-        chance += float(np.mean(moved)) * len(lines) if len(lines) else 0.0
+        chance += float(np.mean(moved)) * len(lines)
         length += len(lines)
         # Strong edges that lie where the sketch is.
         matrix = cameras.projection[view].double()

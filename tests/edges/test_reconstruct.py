@@ -14,6 +14,7 @@ from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import (
     CALIBRATED,
+    COMPLETED,
     DONE,
     FITTED,
     JOINED,
@@ -33,7 +34,7 @@ LINES = [*box_edges(HALF, ROTATION), arc(CENTER, *CIRCLE)]
 RIDGES = ridges_along(CAMERAS, LINES)
 VIEWS = views_of(CAMERAS, LINES)
 # These ridges have no bias: the first curves are the last.
-STAGES = [1, CALIBRATED, REFINED, JOINED, FITTED, DONE]
+STAGES = [1, CALIBRATED, REFINED, JOINED, FITTED, COMPLETED, DONE]
 
 
 def distances(points, lines):
