@@ -70,9 +70,7 @@ struct Work {
 struct Candidates {
   real *from, *tau, *d2, *rate, *z, *qx, *qy;
 };
-SIMD Candidates candidates(const Work &k) {
-  return {.from = k.t, .tau = k.spare, .d2 = k.a, .rate = k.z, .z = k.z, .qx = k.T, .qy = k.g};
-}
+SIMD Candidates candidates(const Work &k) { return {.from = k.t, .tau = k.spare, .d2 = k.a, .rate = k.z, .z = k.z, .qx = k.T, .qy = k.g}; }
 
 SIMD Work &work(Scratch &S) {
   Work *k = (Work *)work_memory(S, sizeof(Work));
