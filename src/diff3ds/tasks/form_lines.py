@@ -25,7 +25,8 @@ def form_lines(found: FormCurves, middle: Float[Array, " 3"], size: float) -> tu
 
     Args:
         found: of samples that were shifted and scaled.
-        middle, size: by which.
+        middle: by which they were shifted.
+        size: by which they were divided.
     """
     curves = found.curves
     moved = Curves(curves.points * size + torch.from_numpy(middle), curves.kind, curves.vertex)
@@ -58,7 +59,8 @@ def told_forms(found: FormCurves, middle: Float[Array, " 3"], size: float) -> di
 
     Args:
         found: of samples that were shifted and scaled.
-        middle, size: by which.
+        middle: by which they were shifted.
+        size: by which they were divided.
     """
     label = found.found.label
     return {
