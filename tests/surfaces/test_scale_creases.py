@@ -51,6 +51,8 @@ def test_what_turns_alike_everywhere_has_none(kind: str) -> None:
 def test_a_smooth_bumpy_mesh_has_them_unless_an_angle_is_given() -> None:
     source = Source(body("two", 0.001))
     found = source.by_forms(MeshOptions(), lambda line: None)
-    assert found.ridges is not None
-    assert set(found.ridges[1]) == {"valley"}
-    assert source.by_forms(MeshOptions(angle=40.0), lambda line: None).ridges is None
+    assert found.edges is not None
+    assert set(found.edges[1]) == {"valley"}
+    with_angle = source.by_forms(MeshOptions(angle=40.0), lambda line: None)
+    assert with_angle.edges is not None
+    assert len(with_angle.edges[0]) == 0
