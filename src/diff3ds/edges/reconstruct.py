@@ -209,8 +209,7 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
         edges = curves[~smooth_outlines(views, curves)]
         left = estimate_bias(views, np.concatenate(sides), edges)
         bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
-        # Gradients of colours have no detector's bias, and outlines little of theirs: the first curves do to start from.
-        if scene.textured or max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
+        if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
             return Result(CALIBRATED, curves, bias)
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
     curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped, textured=scene.textured)
