@@ -181,7 +181,7 @@ def _is_rounding(samples: Samples, one: Form, points: Float[Array, "M 3"], two: 
     normals = [other.normal(corner) for other in two]
     meet = np.abs((normals[0] * normals[1]).sum(1)) < np.cos(MEET)
     near = np.linalg.norm(corner - points, axis=1) < max(
-        min(BAND * samples.spacing, 0.05 * samples.size), ROUNDED * samples.size
+        min(BAND * samples.spacing, WIDEST * samples.size), ROUNDED * samples.size
     )
     return bool((meet & near).mean() > RIM)
 

@@ -22,7 +22,6 @@ WORSE, CHANCE = 1.01, 12.0
 ROUNDING = 2e-5
 # The numbers of a fit, as of `form_kinds.FREE`.
 CENTER, ALONG, AXIS, RADIUS = (0, 1), (2,), (3, 4), (5,)
-ROUND_KINDS = (FormKind.CYLINDER, FormKind.CONE, FormKind.TORUS)
 
 
 class _Regular:
