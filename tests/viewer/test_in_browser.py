@@ -1,8 +1,8 @@
 """The page in a real browser: its picture is that of `render`, and mouse, keys and list do what they say."""
 
+import dataclasses
 import io
 import json
-import threading
 
 import pytest
 import torch
@@ -15,7 +15,8 @@ import diff3ds as ds
 from diff3ds.formats import save_png
 from diff3ds.formats.framing import framed
 from diff3ds.tasks.progress import Progress
-from diff3ds.tasks.view_sketch.serve import server_of
+from diff3ds.tasks.serving.serve import serving
+from diff3ds.tasks.view_sketch.view import server_of
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),
@@ -249,9 +250,7 @@ def test_a_served_page_follows_its_file_and_says_when_the_server_is_gone(browser
     path = tmp_path / "sketch.json"
     ds.save(path, random(3))
     server = server_of(path, 0, print)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-    thread.start()
-    try:
+    with serving(server):
         browser.open(server.address)
         browser.key("ArrowLeft")
         browser.settle("document.getElementById('said').textContent !== ''")
@@ -266,22 +265,12 @@ def test_a_served_page_follows_its_file_and_says_when_the_server_is_gone(browser
         browser.key("+")
         browser.key("-")
         browser.settle(f"document.getElementById('said').textContent === {json.dumps(azimuth)}")
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
     browser.settle("!document.getElementById('fault').hidden")
     assert "does not answer" in browser.value("document.getElementById('fault').textContent")
     again = server_of(path, server.server_port, print)
-    again.secret = server.secret
-    thread = threading.Thread(target=again.serve_forever, kwargs={"poll_interval": 0.02})
-    thread.start()
-    try:
+    again.door = dataclasses.replace(again.door, secret=server.secret)
+    with serving(again):
         browser.settle("document.getElementById('fault').hidden")
-    finally:
-        again.shutdown()
-        thread.join()
-        again.server_close()
 
 
 def test_two_sketches_are_seen_by_one_camera(browser, tmp_path):

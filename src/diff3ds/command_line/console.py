@@ -47,7 +47,7 @@ def viewed(wanted: bool, out: Path, console: Console) -> Iterator[None]:
         yield
         return
     with importing():
-        from diff3ds.tasks.view_sketch.serve import shown_meanwhile
+        from diff3ds.tasks.view_sketch.view import shown_meanwhile
 
     with shown_meanwhile(out, partial(print, flush=True), sayer(console)):
         yield

@@ -107,7 +107,7 @@ class View:
     def run(self) -> None:
         """Runs the command."""
         with importing():
-            from diff3ds.tasks.view_sketch.serve import run_view
+            from diff3ds.tasks.view_sketch.view import run_view
 
         show = partial(print, flush=True)
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))

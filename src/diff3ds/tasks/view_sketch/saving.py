@@ -8,8 +8,6 @@ from pathlib import Path
 from diff3ds._files import write_text
 from diff3ds.formats.sketch_json import json_text, sketch_of_text
 
-# A sketch of 100,000 strokes takes 50 MB.
-MOST_BYTES = 1 << 26
 # Names that pages give themselves, and how many of them may keep edits beside one file.
 PAGE_NAME = re.compile(r"[0-9a-f]{16}")
 MOST_KEPT = 100
