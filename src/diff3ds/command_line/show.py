@@ -42,7 +42,7 @@ class Render:
         console = PlainConsole(stderr=True, quiet=self.quiet)
         with progress_on(console) as report:
             how = (self.view, self.picture, self.hiding, self.styles)
-            files = run_render(self.source, self.out, *how, report, self.level)
+            files = run_render(self.source, self.out, *how, report, self.level, sayer(console))
         sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
 
 

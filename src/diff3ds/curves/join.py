@@ -62,7 +62,7 @@ def join_ends(sketch: Sketch, pairs: Int[Index, "P 2"]) -> Joined:
     rows: list[int] = []
     turned: list[bool] = []
     counts, closed, strokes = [], [], []
-    for entries, round_ in _walks(len(sketch), pairs, chains.closed.tolist()):
+    for entries, round_ in walks(len(sketch), pairs, chains.closed.tolist()):
         before = len(rows)
         for entry in entries:
             segments = list(range(first[entry // 2], first[entry // 2 + 1]))
@@ -81,8 +81,14 @@ def join_ends(sketch: Sketch, pairs: Int[Index, "P 2"]) -> Joined:
     return Joined(sketch.select([row[0] for row in strokes], **curves, chains=joined), strokes)
 
 
-def _walks(count: int, pairs: Int[Index, "P 2"], closed: Sequence[bool]) -> list[tuple[list[int], bool]]:
-    """The new strokes: the end at which each enters the strokes that it goes along, and whether it closes."""
+def walks(count: int, pairs: Int[Index, "P 2"], closed: Sequence[bool]) -> list[tuple[list[int], bool]]:
+    """What strokes become that are joined at pairs of ends: the end at which each is entered, and whether it closes.
+
+    Args:
+        count: of the strokes.
+        pairs: as of `join_ends`.
+        closed: whether each stroke is closed by itself; such a one is in no pair.
+    """
     mates = {int(a): int(b) for pair in pairs for a, b in (pair, pair[::-1])}
     found: list[tuple[list[int], bool]] = []
     done: set[int] = set()
@@ -124,13 +130,18 @@ def _smooth_pairs(sketch: Sketch, turn: float, gap: float | None) -> Int[Index, 
     opened = ~chains.closed.numpy()
     fits = meet & (turned < turn) & ~speck & opened[a // 2] & opened[b // 2] & _alike(sketch, rows, a, b)
     order = np.flatnonzero(fits)[np.argsort(turned[fits], kind="stable")]
+    return first_pairs(np.stack([a, b], 1)[order])
+
+
+def first_pairs(pairs: Int[Index, "P 2"]) -> Int[Index, "Q 2"]:
+    """Of pairs of ends, the best first, those whose ends are in no pair before them."""
     taken: set[int] = set()
-    pairs = []
-    for pair in zip(a[order].tolist(), b[order].tolist(), strict=True):
+    found = []
+    for pair in pairs.tolist():
         if not taken & set(pair):
             taken |= set(pair)
-            pairs.append(pair)
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+            found.append(pair)
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
 def _from_ends(sketch: Sketch, rows: Int[Tensor, "N 2"]) -> Float[Array, "E K 3"]:

@@ -29,20 +29,29 @@ class DrawnPath(NamedTuple):
     """A path to stroke with round ends, or to fill by the rule "nonzero".
 
     Attributes:
-        name: "stroke-7" of stroke 7; of its further parts "stroke-7-part-2" and so on.
+        strokes: the number of its stroke; of several that a pen joins theirs, in their order along it.
         curves: cubics that follow on each other, in pixels: the start, then three control points each.
         closed: whether each of the curves ends where it begins.
         width: to stroke with, pixels; None to fill.
         color: RGB in [0, 1].
         opacity: in [0, 1].
+        part: of its stroke: the first, the second and so on.
     """
 
-    name: str
+    strokes: tuple[int, ...]
     curves: list[Path]
     closed: bool
     width: float | None
     color: tuple[float, float, float]
     opacity: float
+    part: int = 1
+
+    @property
+    def name(self) -> str:
+        """Of stroke 7 "stroke-7", of its further parts "stroke-7-part-2" and so on, of two together "strokes-7-9"."""
+        numbers = "-".join(map(str, self.strokes))
+        further = f"-part-{self.part}" if self.part > 1 else ""
+        return f"{'strokes' if len(self.strokes) > 1 else 'stroke'}-{numbers}{further}"
 
 
 def drawn_paths(
@@ -88,12 +97,12 @@ def drawn_paths(
     for (pieces, _), line in zip(parts, lined, strict=True):
         stroke = int(pieces.stroke[0])
         count[stroke] += 1
-        name = f"stroke-{stroke}" + (f"-part-{count[stroke]}" if count[stroke] > 1 else "")
         width = 2 * float(pieces.points[..., 2].mean()) * page.scale if line else None
         opacity = 1.0 if centerline else opacities[stroke]
         r, g, b = colors[stroke]
         curves = [page.place(curve) for curve in (_centre_line(pieces) if line else next(filled))]
-        found.append(DrawnPath(name, curves, not line or _closes(strokes, pieces), width, (r, g, b), opacity))
+        closed = not line or _closes(strokes, pieces)
+        found.append(DrawnPath((stroke,), curves, closed, width, (r, g, b), opacity, count[stroke]))
     return found
 
 

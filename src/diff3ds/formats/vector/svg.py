@@ -2,7 +2,7 @@
 
 import html
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -10,15 +10,17 @@ import numpy as np
 
 from diff3ds._files import write_text
 from diff3ds.camera import Cameras
+from diff3ds.formats.vector.page_layers import Group, Layers, check_layers, check_pen, layered, outermost
 from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
+from diff3ds.page.pens.pen_paths import Travel, travel
 from diff3ds.page.stroke_outlines import Path as Curve
 from diff3ds.page.stroke_outlines import straight
 from diff3ds.page.views_grid import check_page, corner, hexadecimal, page_size
 from diff3ds.sketch import Sketch
 
-Layers = Literal["color"]
 Background = Sequence[float] | Literal["auto"] | None
 INKSCAPE = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
+ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
 
 
 def save_svg(
@@ -28,10 +30,11 @@ def save_svg(
     *,
     background: Background = "auto",
     width_mm: float | None = None,
-    layers: Layers | Sequence[str] | None = None,
+    layers: Layers | Sequence[str | Group] | None = None,
     centerline: bool = False,
+    pen_mm: float | None = None,
     tolerance: float = TOLERANCE,
-) -> None:
+) -> Travel | None:
     """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
 
     Every stroke is one path with round ends and the id "stroke-0", "stroke-1" and so on, by its number in the sketch;
@@ -48,37 +51,48 @@ def save_svg(
         background: RGB in [0, 1], or None for a transparent one; by default white, and with `centerline` none, as
             plotters would draw its edge.
         width_mm: of the page on paper, millimetres; without it a pixel is what the program takes for one.
-        layers: "color" for an Inkscape layer a colour, or the name of the layer of each stroke; far ones come first,
-            and strokes of different layers then lie over each other as the layers do.
-        centerline: for plotters: each stroke is one plain path, nothing is filled, hidden or translucent, and there
-            is a layer a colour.
+        layers: "color" for an Inkscape layer a colour, or the name of the layer of each stroke, or names of layers
+            within layers from the outermost on; far ones come first, and strokes of different layers then lie over each
+            other as the layers do.
+        centerline: for plotters: nothing is filled, hidden or translucent, and each layer is what one pen draws, by
+            default one a colour. Strokes that meet within the pen's width are one path, with the id "strokes-3-7" of
+            strokes 3 and 7, what lies on ink that is there already is left out, and paths are in an order of short ways
+            for the pen.
+        pen_mm: how wide the lines of pens are, millimetres on paper; by default as those of most paths.
         tolerance: pixels.
+
+    Returns:
+        With `centerline` what the pens travel, in millimetres where the page has a size on paper, else in pixels.
 
     Raises:
         ValueError: no cameras, sketch and cameras on different devices, a background that is no colour, a width or
-            tolerance that is not positive; another number of layers than of strokes.
+            tolerance that is not positive; another number of layers than of strokes; a pen's width without centre lines
+            or without a page on paper.
         OSError: the file cannot be written.
     """
     background = ground_of(background, centerline)
     sketch = check_page(sketch, cameras, background, width_mm, tolerance)
-    named = None if layers is None or isinstance(layers, str) else list(layers)
-    if named is not None and len(named) != len(sketch):
-        raise ValueError(f"layers must name one for each of the {len(sketch)} strokes, got {len(named)}")
+    check_layers(layers, len(sketch))
+    check_pen(pen_mm, centerline, width_mm)
     width, height = page_size(cameras)
     unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / width)
     size = f'width="{width * scale:.6g}{unit}" height="{height * scale:.6g}{unit}" viewBox="0 0 {width} {height}"'
-    by_color = layers == "color" or centerline
-    size += f" {INKSCAPE}" if by_color or named or sketch.names else ""
+    size += f" {INKSCAPE}" if layers is not None or centerline or sketch.names else ""
     ground = ""
     if background is not None:
         ground = f'<rect width="{width}" height="{height}" fill="{hexadecimal(background)}"/>\n'
+    pen = None if pen_mm is None else pen_mm / scale
     lines: list[str] = []
+    drawn: list[list[DrawnPath]] = []
     for view in range(len(cameras)):
         paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
-        lines += _view(layered(paths, named) if by_color or named else {"": paths}, cameras, view, sketch.names)
+        groups = layered(paths, layers, centerline, pen)
+        drawn += groups.values()
+        lines += _view(groups, cameras, view, sketch.names)
     write_text(
         Path(path), f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{ground}' + "\n".join(lines) + "\n</svg>\n"
     )
+    return travel(drawn, scale) if centerline else None
 
 
 def ground_of(background: Background, centerline: bool) -> Sequence[float] | None:
@@ -88,22 +102,8 @@ def ground_of(background: Background, centerline: bool) -> Sequence[float] | Non
     return background
 
 
-def layered(paths: Sequence[DrawnPath], named: Sequence[str] | None = None) -> dict[str, list[DrawnPath]]:
-    """Paths by their colour as "#rrggbb", or by the name of their stroke's layer, in the order of the first of each."""
-    groups: dict[str, list[DrawnPath]] = {}
-    for path in paths:
-        name = named[_stroke(path)] if named else hexadecimal(path.color)
-        groups.setdefault(name, []).append(path)
-    return groups
-
-
-def _stroke(path: DrawnPath) -> int:
-    """The number of its stroke."""
-    return int(path.name.split("-")[1])
-
-
 def _view(
-    groups: Mapping[str, Sequence[DrawnPath]], cameras: Cameras, view: int, names: Sequence[str] | None
+    groups: dict[Group, list[DrawnPath]], cameras: Cameras, view: int, names: Sequence[str] | None
 ) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
     several = len(cameras) > 1
@@ -112,15 +112,34 @@ def _view(
         place = f'x="{x}" y="{y}" width="{cameras.size[1]}" height="{cameras.size[0]}"'
         yield f'<clipPath id="page-{view}"><rect {place}/></clipPath>'
         yield f'<g id="view-{view}" clip-path="url(#page-{view})">'
-    for label, some in groups.items():
-        known = re.sub(r"[^A-Za-z0-9]+", "-", label).strip("-")
-        said = html.escape(prefix + label)
-        name = f'id="{prefix}layer-{known}" inkscape:groupmode="layer" inkscape:label="{said}" ' if label else ""
-        yield f'<g {name}stroke-linecap="round" stroke-linejoin="round">'
-        yield from (_element(path, prefix, (x, y), names[_stroke(path)] if names else "") for path in some)
-        yield "</g>"
+    yield from _layers(groups, prefix, (x, y), names)
     if several:
         yield "</g>"
+
+
+def _layers(
+    groups: dict[Group, list[DrawnPath]],
+    prefix: str,
+    at: tuple[float, float],
+    names: Sequence[str] | None,
+    outer: str = "layer",
+) -> Iterator[str]:
+    """The elements of layers, and of those within them; `outer` is what the id of the one that holds them ends with."""
+    for label, inner in outermost(groups).items():
+        if not label:
+            elements = (_element(path, prefix, at, _label(path, names)) for path in inner[()])
+            yield from elements if outer != "layer" else (f"<g {ROUND}>", *elements, "</g>")
+            continue
+        known = f"{outer}-{re.sub(r'[^A-Za-z0-9]+', '-', label).strip('-')}"
+        said = html.escape(prefix + label)
+        yield f'<g id="{prefix}{known}" inkscape:groupmode="layer" inkscape:label="{said}" {ROUND}>'
+        yield from _layers(inner, prefix, at, names, known)
+        yield "</g>"
+
+
+def _label(path: DrawnPath, names: Sequence[str] | None) -> str:
+    """What a path is called: by its strokes, each name once."""
+    return ", ".join(dict.fromkeys(names[stroke] for stroke in path.strokes if names[stroke])) if names else ""
 
 
 def _element(path: DrawnPath, prefix: str, at: tuple[float, float], name: str) -> str:

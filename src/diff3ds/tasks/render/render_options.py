@@ -68,7 +68,11 @@ class PictureOptions:
         width_mm: of the page of an SVG or PDF file, millimetres.
         layers: in SVG and PDF, color makes a layer a colour; strokes of different layers lie over each other as the
             layers do.
-        centerline: SVG and PDF for plotters: each stroke one plain path, a layer a colour; nothing is filled or hidden.
+        centerline: SVG and PDF for plotters: nothing is filled or hidden; strokes that meet are one path, nothing is
+            drawn twice, and the pen's ways are short; by default a layer a colour is what one pen draws. How often it
+            is lifted and how far it goes is said.
+        pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline and --width-mm.
+        speed: millimetres a second of the pen, for how long it takes, with these too.
         tolerance: of SVG and PDF: how far paths may be off the strokes, pixels; by default
             .05. More makes smaller files.
         engine: kernels, which draw the strokes as everywhere here, or blender: the Blender of this machine renders them
@@ -83,6 +87,8 @@ class PictureOptions:
     width_mm: float | None = None
     layers: Literal["none", "color"] = "none"
     centerline: bool = False
+    pen_mm: float | None = None
+    speed: float | None = None
     tolerance: float | None = None
     engine: Literal["kernels", "blender"] = "kernels"
 
@@ -94,10 +100,12 @@ class PictureOptions:
         if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
             raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
         require_finite(self)
-        for name in ("width_mm", "tolerance"):
+        for name in ("width_mm", "tolerance", "pen_mm", "speed"):
             value = getattr(self, name)
             if value is not None and value <= 0:
                 raise ValueError(f"{name} must be positive, got {value:g}")
+            if name in ("pen_mm", "speed") and value is not None and not (self.centerline and self.width_mm):
+                raise ValueError(f"--{name.replace('_', '-')} is of a pen on paper: give --centerline and --width-mm")
         if not 1 <= self.fps <= 100:
             raise ValueError(f"fps must be from 1 to 100, got {self.fps}")
         if self.turntable is not None and self.sheet:

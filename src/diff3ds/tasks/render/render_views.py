@@ -1,7 +1,7 @@
 """Pictures of a sketch: the views that are asked for, a sheet of them, or a turntable."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,8 +75,9 @@ def run_render(
     styles: StyleOptions,
     report: Report,
     level: DetailOptions = WHOLE,
+    say: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
-    """Draws the sketch of a file, or of the folder of a run.
+    """Draws the sketch of a file, or of the folder of a run; says how far a pen goes that draws it.
 
     Returns:
         The files that were written: of several views that make no sheet, one a view, numbered from 1.
@@ -112,12 +113,12 @@ def run_render(
         save_movie(file, frames, picture.turntable, picture.fps)
         return [file]
     if picture.sheet or len(cameras) == 1:
-        _save(file, scene, cameras, picture, report)
+        _save(file, scene, cameras, picture, report, say)
         return [file]
     digits = len(str(len(cameras)))
     files = [file.with_stem(f"{file.stem}-{i + 1:0{digits}}") for i in range(len(cameras))]
     for i, name in enumerate(files):
-        _save(name, scene, cameras[i], picture, lambda _: None)
+        _save(name, scene, cameras[i], picture, lambda _: None, say)
         report(Progress("views", i + 1, len(files), None, 0))
     return files
 
@@ -160,12 +161,19 @@ def views_of(sketch: Sketch, view: OrbitOptions, picture: PictureOptions) -> Cam
     )
 
 
-def _save(file: Path, scene: _Scene, cameras: Cameras, picture: PictureOptions, report: Report) -> None:
+def _save(
+    file: Path,
+    scene: _Scene,
+    cameras: Cameras,
+    picture: PictureOptions,
+    report: Report,
+    say: Callable[[str], None],
+) -> None:
     """One file of one view or a sheet."""
     if scene.styling is not None and file.suffix.lower() == ".svg":
         write_text(file, scene.styling.svg(scene.strokes(cameras), cameras, picture.color, picture.width_mm))
     elif _is_vector(file):
-        (save_pdf if file.suffix.lower() == ".pdf" else save_svg)(
+        travel = (save_pdf if file.suffix.lower() == ".pdf" else save_svg)(
             file,
             scene.strokes(cameras),
             cameras,
@@ -173,8 +181,11 @@ def _save(file: Path, scene: _Scene, cameras: Cameras, picture: PictureOptions, 
             width_mm=picture.width_mm,
             layers=None if picture.layers == "none" else picture.layers,
             centerline=picture.centerline,
+            pen_mm=picture.pen_mm,
             tolerance=picture.tolerance or TOLERANCE,
         )
+        if travel is not None:
+            say(travel.told("pixels" if picture.width_mm is None else "mm", picture.speed))
     else:
         views = torch.stack(list(_drawn(scene, cameras, picture, report)))
         save_png(file, tile_images(views))
