@@ -352,10 +352,11 @@ def test_parts_hold_every_field(tmp_path):
         chains=ds.Chains.of([1, 1, 1], [False, False, False]),
         fixed=torch.tensor([False, True, False]),
         names=["a", "", "b"],
+        kinds=["crease", "", "border"],
         importance=torch.rand(3),
     )
     closed = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0]])[None]
-    more = {"names": ["ring"], "importance": torch.rand(1)}
+    more = {"names": ["ring"], "kinds": ["contour"], "importance": torch.rand(1)}
     ring = ds.Sketch(closed, width_space="world", chains=ds.Chains.of([1], [True]), **more)
     sketch = ds.Sketch.concatenate([sketch, ring])
     given = {field.name: getattr(sketch, field.name) for field in fields(ds.Sketch)}
@@ -394,6 +395,14 @@ def test_names_of_strokes_are_kept():
     chained = ds.Sketch(lines, chains=ds.Chains.of([2, 1]), names=["a", "b"])
     assert chained.segments().names == ("a", "a", "b")
     assert chained[[1, 0]].names == ("b", "a")
+    kinds = ("crease", "contour")
+    assert replace(chained, kinds=kinds)[[1]].kinds == ("contour",)
+    assert ds.Sketch.concatenate([_sketch(1), replace(chained, kinds=kinds).segments()]).kinds == (
+        "",
+        "crease",
+        "crease",
+        "contour",
+    )
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -24,15 +24,15 @@ def marks(fixed: Tensor | None, points: Tensor, count: int) -> Tensor | None:
     return None if can_look_at(fixed) and not bool(fixed.any()) else fixed
 
 
-def called(names: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
-    """The names of strokes, if they fit and there are any."""
-    if names is None:
+def called(field: str, texts: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
+    """A text of each stroke, if they fit and there are any."""
+    if texts is None:
         return None
-    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"names must be strings, one a stroke, or None, got {reprlib.repr(names)}")
-    if len(names) != count:
-        raise ValueError(f"names must be {count}, one a stroke, got {len(names)}")
-    return tuple(names) if any(names) else None
+    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
+        raise TypeError(f"{field} must be strings, one a stroke, or None, got {reprlib.repr(texts)}")
+    if len(texts) != count:
+        raise ValueError(f"{field} must be {count}, one a stroke, got {len(texts)}")
+    return tuple(texts) if any(texts) else None
 
 
 def worth(importance: Tensor | None, points: Tensor, count: int) -> Tensor | None:

@@ -26,7 +26,9 @@ PLAIN: dict[str, Any] = {"width": DEFAULT_WIDTH, "color": (0.0, 0.0, 0.0), "widt
 # The fields with numbers; those with one thing of a kind for each stroke, None where no stroke has any; and files' keys
 # of which segments make which stroke.
 NUMBERS = ("points", "weights", "width", "color", "opacity")
-BESIDE: dict[str, type] = {"fixed": bool, "names": str, "importance": float}
+BESIDE: dict[str, type] = {"fixed": bool, "names": str, "kinds": str, "importance": float}
+# Of these the texts.
+TEXTS = ("names", "kinds")
 CHAINS = {"stroke": "chains.stroke", "closed": "chains.closed"}
 
 # Gap at a joint that rounding may leave, as a fraction of the extent of the two segments; of widths, of the largest.
@@ -53,6 +55,9 @@ class Sketch:
         chains: which segments make which stroke; None where each is one, also if it was given so.
         fixed: strokes that are marked to stay as they are where others are drawn further; None where none is.
         names: of the strokes, such as the edges of a solid that they draw, "" where one has none; None where all do.
+            What comes before the last "/" is the thing that a stroke is part of: "lamp/stroke 3", "engine/rod/edge 7".
+        kinds: what the strokes are, such as "crease", "border" or "contour" (an outline that is fitted, and another one
+            from each side), "" where that is not known; None where it is of none.
         importance: how much of what the sketch draws each stroke adds to those before it in that order, a share of it
             all, not negative; None where nobody has said. `ds.by_importance` finds it, `at_detail` cuts by it.
 
@@ -71,6 +76,7 @@ class Sketch:
     chains: Chains | None
     fixed: Bool[Tensor, " N"] | None
     names: tuple[str, ...] | None
+    kinds: tuple[str, ...] | None
     importance: Float[Tensor, " N"] | None
 
     def __init__(
@@ -85,6 +91,7 @@ class Sketch:
         fixed: Bool[Tensor, " N"] | None = None,
         names: Sequence[str] | None = None,
         importance: Float[Tensor, " N"] | None = None,
+        kinds: Sequence[str] | None = None,
     ) -> None:
         if not isinstance(points, Tensor) or not points.is_floating_point():
             raise TypeError(f"points must be a floating point tensor, got {kind(points)}")
@@ -110,7 +117,8 @@ class Sketch:
         object.__setattr__(self, "width_space", width_space)
         object.__setattr__(self, "chains", chains)
         object.__setattr__(self, "fixed", marks(fixed, points, count))
-        object.__setattr__(self, "names", called(names, count))
+        object.__setattr__(self, "names", called("names", names, count))
+        object.__setattr__(self, "kinds", called("kinds", kinds, count))
         object.__setattr__(self, "importance", worth(importance, points, count))
         # Where values are not looked at, drawing refuses bad ones.
         if can_look_at(points):
@@ -195,8 +203,9 @@ class Sketch:
             curves = {name: getattr(self, name)[segments] for name in self.segment_fields} | {"chains": chains}
         looks = {name: value[rows] for name, value in self.tensors().items() if name not in self.segment_fields}
         of_strokes = {n: None if (v := getattr(self, n)) is None else v[rows] for n in ("fixed", "importance")}
-        names = None if self.names is None else [self.names[row] for row in every[rows].tolist()]
-        return Sketch(**{**looks, "width_space": self.width_space, **of_strokes, "names": names, **curves})
+        chosen = every[rows].tolist()
+        texts = {name: [v[row] for row in chosen] for name in TEXTS if (v := getattr(self, name)) is not None}
+        return Sketch(**{**looks, "width_space": self.width_space, **of_strokes, **texts, **curves})
 
     def replace(self, **changes: Any) -> "Sketch":
         """The same sketch with other values of some fields, given as to `Sketch`.
@@ -321,11 +330,11 @@ class Sketch:
         if any(s.fixed is not None for s in raised):
             flags = [torch.zeros_like(s.opacity, dtype=torch.bool) if s.fixed is None else s.fixed for s in raised]
             fixed = torch.cat(flags)
-        names = [name for s in raised for name in s.names or ("",) * len(s)]
+        texts = {name: [text for s in raised for text in getattr(s, name) or ("",) * len(s)] for name in TEXTS}
         known = [s.importance for s in raised if s.importance is not None]
         importance = torch.cat(known) if len(known) == len(raised) else None
         space = sketches[0].width_space
-        return Sketch(**joined, width_space=space, chains=chains, fixed=fixed, names=names, importance=importance)
+        return Sketch(**joined, **texts, width_space=space, chains=chains, fixed=fixed, importance=importance)
 
     def with_widths_along(self) -> "Sketch":
         """The same sketch with one width a control point."""

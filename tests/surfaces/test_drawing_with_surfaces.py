@@ -7,7 +7,7 @@ from solids import box, icosphere, torus
 
 import diff3ds as ds
 from diff3ds.render.backends import set_num_threads
-from diff3ds.surfaces.draw import Lines
+from diff3ds.surfaces.draw import Lines, visible_lines
 
 BEHIND = torch.tensor([[[-3.0, 3, 0.2], [3, 3, 0.2]]], dtype=torch.float64)
 
@@ -160,3 +160,22 @@ def test_what_draw_takes():
 def test_kinds_are_one_a_stroke():
     with pytest.raises(ValueError, match="kinds must be one a stroke, 1, got 2"):
         ds.visible_lines(ds.Sketch(BEHIND), front(), ds.TriangleMesh(*box()), kinds=["a", "b"])
+
+
+def test_outlines_fitted_for_all_sides_give_way_to_those_of_the_view():
+    """A ball with a ring around it, drawn for some other side, and a line that is there from everywhere."""
+    ring, weights = ds.bezier.circle((0.0, 0.0, 0.0), 1.0, (1.0, 0.4, 0.2))
+    line = torch.tensor([[[0.0, 0.0, 1.2], [0, 0, 1.4], [0, 0, 1.6], [0, 0, 1.8]]], dtype=torch.float64)
+    fitted = ds.Sketch(ring, weights, chains=ds.Chains.of([len(ring)], True), kinds=["contour"])
+    sketch = ds.Sketch.concatenate([fitted, ds.Sketch(line, kinds=["crease"])])
+    ball, camera = ds.TriangleMesh(*icosphere(4)), ds.orbit(30.0, 20.0)
+    [lines] = visible_lines(sketch, camera, ball)
+    [alone] = visible_lines(sketch[1], camera, ball)
+    assert lines.kinds == alone.kinds == ("crease", "contour")
+    assert torch.equal(lines.drawn("drop").points, alone.drawn("drop").points)
+    assert lines.layers("drop") == ["crease", "contour"]
+    # Where the view has none of its own, these are what there is.
+    [without] = visible_lines(sketch, camera, ball, contours=False)
+    assert without.kinds == ("contour", "crease")
+    assert without.seen("faint") == [kind.endswith("hidden") is False for kind in without.layers("faint")]
+    assert without.seen("faint").count(False) >= 1

@@ -25,7 +25,10 @@ def line(first, last, controls=4):
 
 
 SQUARE = ds.Sketch(
-    torch.stack([line("a", "b"), line("b", "c"), line("c", "d")]), width=0.02, names=["side ø", "", "\\ 3"]
+    torch.stack([line("a", "b"), line("b", "c"), line("c", "d")]),
+    width=0.02,
+    names=["side ø", "", "\\ 3"],
+    kinds=["crease", "", "contour"],
 )
 ARC = ds.Sketch(*ds.bezier.circle((0.0, 0.0, 0.0), 1.0, normal=(1.0, 0.0, 0.0), dtype=torch.float32), width=0.02)
 CIRCLE = ds.Sketch(ARC.points, ARC.weights, width=0.02, chains=ds.Chains.of([len(ARC.points)], True))

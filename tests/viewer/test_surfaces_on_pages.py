@@ -184,6 +184,21 @@ def test_the_picture_is_that_of_the_renderer_by_keys_too(browser, tmp_path):
 
 
 @in_browser
+def test_outlines_of_other_views_give_way_to_those_of_this_one(browser, tmp_path):
+    loose, surface = SCENES["torus"]
+    sketch = loose.replace(kinds=["contour", "crease"] * 10)
+    ds.save(tmp_path / "a.html", sketch, surface=surface)
+    browser.open(with_lines_told(tmp_path / "a.html"))
+    image = seen(browser)
+    assert difference(image, drawn(sketch, surface, image)) < CLOSE / 4
+    assert difference(image, drawn(loose, surface, image)) > CLOSE / 4
+    browser.key("w")
+    bare = seen(browser)
+    assert difference(bare, drawn(loose, surface, bare, contours=False)) < CLOSE
+    assert not browser.errors
+
+
+@in_browser
 @pytest.mark.slow
 def test_faint_and_shown_lines(browser, tmp_path):
     """By keys backwards, and by the list."""

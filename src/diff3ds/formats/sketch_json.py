@@ -11,6 +11,7 @@ An object with these keys, for N strokes of M segments with K control points eac
   where all strokes are one open segment.
 * `fixed`: whether each stroke is marked to stay as it is (N); left out where none is.
 * `names`: what each stroke is called, such as the edge of a solid that it draws (N); left out where none has a name.
+* `kinds`: what each stroke is, such as "crease" or "contour" (N); left out where it is not known.
 * `importance`: how much of what the sketch draws each stroke adds to more important ones, a share of it all (N); left
   out where it is not known. The strokes of runs are sorted by it.
 

@@ -37,8 +37,8 @@ FAINT = 0.25
 LARGE = 20_000
 # Bytes that views take which are looked at side by side, and what each triangle takes then, as measured.
 LOOKING, PER_FACE = 3 << 29, 350
-# What the strokes of a sketch are called where nobody says.
-STROKE = "stroke"
+# What the strokes of a sketch are called where nobody says, and what outlines are called that depend on the view.
+STROKE, CONTOUR = "stroke", "contour"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +75,15 @@ class Lines:
 
     def layers(self, hidden: Hidden) -> list[str]:
         """What each stroke of `drawn` is: "crease", "contour, hidden" and the like."""
-        if hidden == "show":
-            return list(self.kinds)
-        seen = [self.kinds[i] for i in cut_sketch(self.sketch, *self._chosen(True, None))[1]]
-        if hidden == "drop":
-            return seen
-        cut = self._dash_parts() if hidden == "dashed" else self._chosen(False, None)
-        return [f"{self.kinds[i]}, hidden" for i in cut_sketch(self.sketch, *cut)[1]] + seen
+        drawn = self.drawn(hidden)
+        kinds = drawn.kinds or (STROKE,) * len(drawn)
+        return [kind if seen else f"{kind}, hidden" for kind, seen in zip(kinds, self.seen(hidden), strict=True)]
+
+    def seen(self, hidden: Hidden) -> list[bool]:
+        """Whether each stroke of `drawn` is a visible one; where all are drawn whole, each."""
+        count = len(self.drawn(hidden))
+        first = 0 if hidden in ("show", "drop") else count - len(self.strokes(True))
+        return [number >= first for number in range(count)]
 
     def _dashes(self) -> Sketch:
         return cut_sketch(self.sketch, *self._dash_parts())[0]
@@ -181,7 +183,8 @@ def visible_lines(
         sketch: strokes; they may be none.
         cameras: V views.
         surface: what hides.
-        kinds: what each stroke is, such as "crease"; "stroke" where it is left out.
+        kinds: what each stroke is, such as "crease"; by default the sketch's own kinds, of which "contour" is left out
+            where the surface's contours are drawn, and "stroke" where it has none.
         contours: whether the surface's own contours are among the lines, and where solids or pieces of a mesh meet:
             along creases and there only where no stroke draws them.
         told: told how many views are done.
@@ -212,9 +215,13 @@ def _lines(
     halvings: int = HALVINGS,
 ) -> list[Lines]:
     _check(surface)
-    named = (STROKE,) * len(sketch) if kinds is None else tuple(kinds)
+    named = tuple(kind or STROKE for kind in sketch.kinds or ("",) * len(sketch)) if kinds is None else tuple(kinds)
     if len(named) != len(sketch):
         raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
+    if contours and kinds is None and CONTOUR in named:
+        # Outlines that were fitted for all sides: each view has its own.
+        rows = [i for i, kind in enumerate(named) if kind != CONTOUR]
+        sketch, named = sketch[rows], tuple(named[i] for i in rows)
 
     def look(seen: MeshSeen | QuadricsSeen) -> tuple[Parts, Sketch, tuple[str, ...], Parts | None]:
         own = seen.line_parts() if contours and len(seen.lines) else None
@@ -228,7 +235,7 @@ def _lines(
             whole = Sketch.concatenate([sketch, _drawn_like(own_lines, sketch)])
             parts = Parts.concatenate(parts, own_parts, len(sketch.points))
             all_kinds = (*named, *own_kinds)
-        lines.append(Lines(whole, all_kinds, parts, cameras[view]))
+        lines.append(Lines(whole.replace(kinds=all_kinds), all_kinds, parts, cameras[view]))
     return lines
 
 

@@ -51,7 +51,7 @@ function paintBeside(from, to, scene) {
   }
   const own = { ...scene, chosen: [], world: second.sketch.world };
   if (from === 0) {
-    second.drawing.setInks(inksOf(second.sketch));
+    second.drawing.setInks(inksOf(second.sketch, second.surface));
     setSurfaceView(second.drawing, second.sketch, second.surface, own);
   }
   second.drawing.show(from, to, own);

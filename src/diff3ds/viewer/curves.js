@@ -33,6 +33,7 @@ function readSketch(data, { middle, radius }) {
       color: data.color[stroke].map((value) => Math.min(Math.max(value, 0), 1)),
       opacity: data.opacity[stroke],
       importance: data.importance?.[stroke] ?? null,
+      kind: data.kinds?.[stroke] ?? "",
       shown: true,
       reach: Math.max(0, ...rows.flatMap((row) => segments[row].map((point) => Math.hypot(...dehomogenized(point))))),
     };

@@ -42,7 +42,7 @@ function inkOf(stroke) {
 }
 
 function refreshInks() {
-  drawing.setInks(inksOf(sketch));
+  drawing.setInks(inksOf(sketch, surface));
   refresh();
 }
 

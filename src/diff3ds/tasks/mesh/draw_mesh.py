@@ -18,7 +18,7 @@ from diff3ds.losses import lengths
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
-from diff3ds.surfaces.draw import Lines, lines_for_pixels, visible_lines
+from diff3ds.surfaces.draw import CONTOUR, Lines, lines_for_pixels, visible_lines
 from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
@@ -45,7 +45,6 @@ CRACK = 0.05
 # Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
 # that strokes are fitted to and in a turntable. Of the finer one features are nearer than what counts as on a surface.
 FIT_CELLS, FINE_CELLS = 128, 256
-CONTOUR = "contour"
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +137,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
         save_movie(out / "turntable.webp", frames, options.turntable, FPS)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
-    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh)
+    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh).replace(kinds=made.kinds)
     return write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
 
 

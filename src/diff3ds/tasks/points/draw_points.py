@@ -88,7 +88,7 @@ def _drawn_points(
         {"source": str(source), **told.pop("view"), **told}, told_forms(found, middle, size), seconds, [], {}, False
     )
     preview = tile_images(pictures, columns=min(len(pictures), 2))
-    return write_results(out, sketch, cameras, preview, info, layers=kinds)
+    return write_results(out, sketch.replace(kinds=kinds), cameras, preview, info, layers=kinds)
 
 
 def _read(source: Path, options: PointsOptions, say: Callable[[str], None]) -> Cloud:

@@ -1,8 +1,8 @@
 // The sketch that is edited: strokes that are never changed in place, read from and written as a sketch.json.
 //
-// A stroke is { id, segments, width, color, opacity, closed, fixed, name, importance }, a segment { points, weights };
-// `name` and `importance` may be left out; `width` is a number, or a list of numbers for each segment where the file has
-// them along strokes (`along`). All is in world units.
+// A stroke is { id, segments, width, color, opacity, closed, fixed, name, kind, importance }, a segment
+// { points, weights }; `name`, `kind` and `importance` may be left out; `width` is a number, or a list of numbers for
+// each segment where the file has them along strokes (`along`). All is in world units.
 
 // Undone steps that are kept at most.
 const STEPS_KEPT = 1000;
@@ -23,6 +23,7 @@ function documentOf(data) {
       closed: data.closed?.[id] ?? false,
       fixed: data.fixed?.[id] ?? false,
       name: data.names?.[id] ?? "",
+      kind: data.kinds?.[id] ?? "",
       importance: data.importance?.[id] ?? null,
     };
   });
@@ -44,9 +45,15 @@ function dataOf({ dtype, width_space, along, strokes }) {
     color: strokes.map((stroke) => stroke.color),
     opacity: strokes.map((stroke) => stroke.opacity),
     ...(strokes.some((stroke) => stroke.fixed) ? { fixed: strokes.map((stroke) => stroke.fixed) } : {}),
-    ...(strokes.some((stroke) => stroke.name) ? { names: strokes.map((stroke) => stroke.name ?? "") } : {}),
+    ...textsOf(strokes, "names", "name"),
+    ...textsOf(strokes, "kinds", "kind"),
     ...importanceOf(strokes),
   };
+}
+
+// A text of each stroke, where one has any.
+function textsOf(strokes, key, field) {
+  return strokes.some((stroke) => stroke[field]) ? { [key]: strokes.map((stroke) => stroke[field] ?? "") } : {};
 }
 
 // New strokes are worth as much as the most important one: whoever drew them wants them.

@@ -20,9 +20,12 @@ function hasSurface() {
   return !document.getElementById("hiding").hidden;
 }
 
-// One for each stroke of a sketch, and one for the contours of its surface.
-function inksOf(some) {
-  return [...some.strokes, { color: CONTOUR_COLOR, opacity: 1, shown: contoured, level: -1 }].map(inkOf);
+// One for each stroke of a sketch, and one for the contours of its surface, which are drawn in place of those that were
+// fitted for all sides.
+function inksOf(some, solid) {
+  const drawn = contoured && solid;
+  const strokes = some.strokes.map((stroke) => (drawn && stroke.kind === "contour" ? { ...stroke, shown: false } : stroke));
+  return [...strokes, { color: CONTOUR_COLOR, opacity: 1, shown: contoured, level: -1 }].map(inkOf);
 }
 
 // Full width of the contours in the unit of the strokes: the middle one of theirs.
