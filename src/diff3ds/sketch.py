@@ -325,12 +325,12 @@ class Sketch:
         if any(s.width.ndim == 2 for s in raised):
             raised = [s.with_widths_along() for s in raised]
         parts = [s.tensors() for s in raised]
-        joined = {name: torch.cat([p[name] for p in parts]) for name in parts[0]}
+        joined: Any = {name: torch.cat([p[name] for p in parts]) for name in parts[0]}
         fixed = None
         if any(s.fixed is not None for s in raised):
             flags = [torch.zeros_like(s.opacity, dtype=torch.bool) if s.fixed is None else s.fixed for s in raised]
             fixed = torch.cat(flags)
-        texts = {name: [text for s in raised for text in getattr(s, name) or ("",) * len(s)] for name in TEXTS}
+        texts: Any = {name: [text for s in raised for text in getattr(s, name) or ("",) * len(s)] for name in TEXTS}
         known = [s.importance for s in raised if s.importance is not None]
         importance = torch.cat(known) if len(known) == len(raised) else None
         space = sketches[0].width_space
