@@ -11,6 +11,7 @@ from diff3ds._shapes import Array
 from diff3ds.camera import Cameras
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of
 from diff3ds.curves.shapes.primitives import Primitive
+from diff3ds.edges.clean.own_ridges import with_own_ridges
 from diff3ds.edges.clean.silhouettes import smooth_outlines
 from diff3ds.edges.clean.simplify import joined, pruned
 from diff3ds.edges.clean.spurious import without_spurious
@@ -20,7 +21,7 @@ from diff3ds.edges.complete.hypothesis import AGAIN, SHOWN
 from diff3ds.edges.complete.missing_lines import bridged
 from diff3ds.edges.complete.pockets import with_pockets
 from diff3ds.edges.complete.whole_circles import closed
-from diff3ds.edges.drawn.whole_lines import likely, whole_lines
+from diff3ds.edges.drawn.whole_lines import likelier, likely, whole_lines
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
@@ -64,6 +65,8 @@ SECOND_RATE = 2 / 3 * RATE
 # [curves; speed] More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again
 # and again.
 MOST_CURVES = 1500
+# [curves; speed] Of photographs fewer, each with ridges of its own: a drawing has no more lines.
+MOST_OF_PHOTOGRAPHS = 500
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
 CALIBRATED, REFINED, JOINED, FITTED, COMPLETED, DONE = (CALIBRATIONS + k for k in range(2, 8))
@@ -185,8 +188,9 @@ class _Scene:
         return lambda done, total: self.report(stage, done, total, None, curves)
 
     def refined(self, name: str, curves: Curves, rate: float) -> Curves:
+        """The curves moved to their ridges; of photographs those that this does not make less likely."""
         self.report(name, 0, STEPS, None, len(curves))
-        return refined(
+        found = refined(
             curves,
             self.cameras,
             self.views,
@@ -195,6 +199,7 @@ class _Scene:
             self.seed,
             lambda s, loss: self.report(name, s, STEPS, loss, len(curves)),
         )
+        return likelier(curves, found, self.chance) if self.textured else found
 
 
 def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, reached: Result) -> Result:
@@ -211,6 +216,9 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
         bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
         if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
             return Result(CALIBRATED, curves, bias)
+        # Of photographs the first curves are as good as others would be: they are refined to where ridges are now.
+        if scene.textured:
+            return Result(reached.stage + 1, curves, bias)
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
     curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped, textured=scene.textured)
     if not len(curves):
@@ -274,8 +282,9 @@ def first_curves(
     cells = carve(views, REACH, CELL * views.pixel, min_views, ticks("carve"), capped)
     found = triangulate(views, cells, SCORE * min_views, ticks("points on edges"))
     found = thinned(found, APART * views.pixel, FLANK * views.pixel)
-    if textured:
-        found = found[Chance.of(views).evidence(found.points, found.directions) > LIKELY_POINT]
+    chance = Chance.of(views) if textured else None
+    if chance is not None:
+        found = found[chance.evidence(found.points, found.directions) > LIKELY_POINT]
     tick = ticks("first curves")
     known: dict[bytes, list[Primitive]] = {}
 
@@ -289,7 +298,10 @@ def first_curves(
         return [piece for chain in chains for piece in known[chain.tobytes()]]
 
     circles, rest = find_circles(found, pieces(found), views.pixel)
-    return _best_shown(curves_of([*pieces(rest), *circles]), views, most, capped)
+    curves = curves_of([*pieces(rest), *circles])
+    if chance is not None:
+        return with_own_ridges(likely(curves, chance), views, min(most, MOST_OF_PHOTOGRAPHS), capped)
+    return _best_shown(curves, views, most, capped)
 
 
 def _best_shown(curves: Curves, views: EdgeViews, most: int, capped: Capped) -> Curves:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Tensor
 from diff3ds.camera import Cameras
+from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.distortion import Distortion
 from diff3ds.edges.cameras.adjust import adjusted
 from diff3ds.edges.cameras.find_again import LEAST_AGREEMENT, agreement, are_lost, are_surely_lost, found_again
@@ -18,7 +19,7 @@ from diff3ds.edges.evidence.bias import outline_sides
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import confirming, first_curves
-from diff3ds.edges.watch import Report, no_report
+from diff3ds.edges.watch import Report, Tick, no_report
 
 # [px; empirical] Sides of the pixels that are looked at in turn, the last ones again. The edges of cameras that are off
 # by 5 pixels still meet in pixels of 4; of 50 photographs of a part, off by 5 in the mean and 10 at most, a start with
@@ -60,7 +61,12 @@ class Refined:
 
 
 def refined_cameras(
-    cameras: Cameras, ridges: Sequence[Ridges], report: Report = no_report, lens: Distortion | None = None
+    cameras: Cameras,
+    ridges: Sequence[Ridges],
+    report: Report = no_report,
+    lens: Distortion | None = None,
+    *,
+    textured: bool = False,
 ) -> Refined:
     """The cameras with which the ridges of all views agree best; their mean place, direction and spread stay.
 
@@ -75,17 +81,25 @@ def refined_cameras(
         ridges: of every view.
         report: told how far it is; see `watch`.
         lens: that was taken out of all pictures; None if they have several, whose distortion stays.
+        textured: the views are photographs: whether cameras are right already is asked of curves that have hardly come
+            together by chance.
     """
     start = posed = Posed.of(cameras)
     least = confirming(sum(len(ridge) > 0 for ridge in ridges))
     agrees = np.full(len(ridges), np.nan)
-    if (kept := _as_given(cameras, start, ridges, least, lens)) is not None:
+
+    def ticks(stage: str) -> Tick:
+        return lambda done, total: report(f"cameras: {stage}", done, total, None, 0)
+
+    views, effect = _views(cameras, start, ridges, 1, lens)
+    curves = first_curves(views, least, ticks, textured=textured)
+    if (kept := _as_given(cameras, start, views, effect, curves)) is not None:
         return kept
     for turn, side in enumerate(SIDES):
         report("cameras", turn, len(SIDES), None, 0)
         now = coarser(posed, side)
         views, effect = _views(cameras, posed, ridges, side, lens if side == 1 else None)
-        curves = first_curves(views, least * (EARLY if side > 1 else 1.0))
+        curves = first_curves(views, least * (EARLY if side > 1 else 1.0), ticks)
         if len(curves):
             if side == 1:
                 now = found_again(start, now, views, effect, curves)
@@ -104,12 +118,8 @@ def refined_cameras(
     return Refined(found.world_to_camera, found.intrinsics, agrees, float(posed.lens[2]))
 
 
-def _as_given(
-    cameras: Cameras, start: Posed, ridges: Sequence[Ridges], least: float, lens: Distortion | None
-) -> Refined | None:
+def _as_given(cameras: Cameras, start: Posed, views: EdgeViews, effect: LensEffect, curves: Curves) -> Refined | None:
     """The cameras that were given, but lost ones found again, if they are right; else None."""
-    views, effect = _views(cameras, start, ridges, 1, lens)
-    curves = first_curves(views, least)
     if len(curves) < 2:
         return None
     agrees = agreement(start, views, effect, curves)

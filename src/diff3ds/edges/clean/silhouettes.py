@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Bool, Float, Tensor
+from diff3ds._shapes import Array, Bool, Float, Index, Int, Tensor
 from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.straight_lines import polyline_length
-from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
 from diff3ds.edges.evidence.support import SAMPLES, crowded, inliers, owners, samples
 
 # [px, standard deviations; measured] The section's radius that tells an outline, pixels, and how many standard
@@ -28,6 +28,8 @@ SHARP = 2.5
 # where a part of those views is blocked. Short pieces of less come together by chance; long ones, in pixels, hardly
 # do.
 SPREAD, LEAST_SPREAD, CHANCE = 0.13, 0.07, 15.0
+# [ratio; derived] That of a quarter turn. Where the cameras themselves are spread less, it says nothing.
+QUARTER_TURN = (np.pi - 2) / (np.pi + 2)
 # [views, px, rounds; empirical] Views of a part that say anything, residual in pixels that counts half, rounds of
 # reweighting.
 FEWEST, SCATTER, ROUNDS = 10, 0.5, 8
@@ -41,7 +43,8 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     """
     x, tangents = samples(curves)
     shown = inliers(views, x, tangents)
-    planes = views.planes[views.match(x).ridge]
+    match = views.match(x)
+    planes = views.planes[match.ridge]
     normals = unit(planes[..., :3] - (planes[..., :3] * tangents).sum(-1, keepdims=True) * tangents)
     offsets = -((planes[..., :3] * x).sum(-1) + planes[..., 3]) / views.pixel
     owner = owners(curves)
@@ -49,10 +52,13 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     found = np.array([_wanders(shown[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
     # Where an edge beside it disturbs the ridges, an edge may look like an outline.
     clear = shown & ~crowded(views, x, tangents, by=~found[owner], at=shown)
-    found &= np.array([_wanders(clear[:, i], normals[:, i], offsets[:, i], doubt) for i in each], bool)
+    for i in np.nonzero(found)[0].tolist():
+        found[i] = _wanders(clear[:, each[i]], normals[:, each[i]], offsets[:, each[i]], doubt)
     length = np.array([polyline_length(x[i]) for i in each]) / views.pixel
-    narrow = [_spread(shown[:, i], normals[:, i]) for i in each]
-    return torch.from_numpy(found | (np.array(narrow) < np.where(length < CHANCE, SPREAD, LEAST_SPREAD)))
+    least = np.where(length < CHANCE, SPREAD, LEAST_SPREAD)
+    possible = _spread(match.distance < OUTSIDE, unit(np.cross(x - views.centers[:, None], tangents)), owner)
+    narrow = (_spread(shown, normals, owner) < least) & (possible > QUARTER_TURN)
+    return torch.from_numpy(found | narrow)
 
 
 def _parts(shown: Bool[NDArray[np.bool_], "V S"]) -> list[tuple[slice, Bool[NDArray[np.bool_], "V P"]]]:
@@ -61,14 +67,17 @@ def _parts(shown: Bool[NDArray[np.bool_], "V S"]) -> list[tuple[slice, Bool[NDAr
     return [(p, shown[:, p]) for p in parts if shown[:, p].sum() >= FEWEST]
 
 
-def _spread(shown: Bool[NDArray[np.bool_], "V S"], normals: Float[Array, "V S 3"]) -> float:
-    """Ratio of the normals' scatter in two directions, mean over the parts; 1 if nothing is known."""
-    spreads = []
-    for part, views in _parts(shown):
-        seen = normals[:, part][views]
-        values = np.linalg.eigvalsh(seen.T @ seen)
-        spreads.append(values[1] / values[2])
-    return float(np.mean(spreads)) if spreads else 1.0
+def _spread(
+    shown: Bool[NDArray[np.bool_], "V M"], normals: Float[Array, "V M 3"], owner: Int[Index, " M"]
+) -> Float[Array, " N"]:
+    """Ratio of the normals' scatter in two directions of each curve, mean over its parts; 1 if nothing is known."""
+    scatter = np.einsum("vmi,vmj->mij", normals * shown[..., None], normals).reshape(-1, SAMPLES, 3, 3).sum(1)
+    enough = shown.sum(0).reshape(-1, SAMPLES).sum(1) >= FEWEST
+    values = np.linalg.eigvalsh(scatter)
+    ratio = values[:, 1] / np.where(enough, values[:, 2], 1.0)
+    of, count = owner[::SAMPLES], int(owner.max(initial=-1)) + 1
+    parts = np.bincount(of, enough, count)
+    return np.where(parts > 0, np.bincount(of, ratio * enough, count) / np.maximum(parts, 1), 1.0)
 
 
 def _wanders(

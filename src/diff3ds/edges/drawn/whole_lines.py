@@ -58,6 +58,12 @@ def likely(curves: Curves, chance: Chance) -> Curves:
     return curves[torch.from_numpy(kept)] if kept.any() else curves
 
 
+def likelier(before: Curves, after: Curves, chance: Chance) -> Curves:
+    """The curves after they were moved, and those before of which that is less likely: texture draws them aside."""
+    worse = torch.from_numpy(_evidence(after, chance) < _evidence(before, chance))
+    return after.moved(torch.where(worse[:, None, None], before.points, after.points))
+
+
 def _evidence(curves: Curves, chance: Chance) -> Float[Array, " N"]:
     """Of each curve the mean over its points, natural logarithms."""
     x, tangents = samples(curves)

@@ -63,7 +63,7 @@ def refine(
     lens = pictures.lens if pictures.again else None
     found = course.kept.refined
     if found is None:
-        found = refined_cameras(given, ridges, course.tell, lens)
+        found = refined_cameras(given, ridges, course.tell, lens, textured=pictures.target != "edges")
         course.save_cameras(found)
     after = in_world(frame, found.cameras(given), pictures.cameras)
     moved = moves(frame, pictures.cameras, after, pictures.names, found, lens)
