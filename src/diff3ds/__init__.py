@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     )
     from diff3ds.sketch import Sketch
     from diff3ds.surfaces.draw import contours, draw, visible_lines
+    from diff3ds.surfaces.hatching.tones import Hatch
     from diff3ds.surfaces.seen_around import by_importance
     from diff3ds.surfaces.shape.load_surface import load_surface
     from diff3ds.surfaces.shape.quadrics import Quadrics
@@ -56,6 +57,7 @@ __all__ = [
     "Cameras",
     "Chains",
     "FitConfig",
+    "Hatch",
     "MonteCarlo",
     "NoiseDeletion",
     "Quadrics",
@@ -133,6 +135,7 @@ _HOMES = {
     "load_surface": "surfaces.shape.load_surface",
     "smooth_surface": "surfaces.shape.smooth_surface",
     **dict.fromkeys(("contours", "draw", "visible_lines"), "surfaces.draw"),
+    "Hatch": "surfaces.hatching.tones",
     "by_importance": "surfaces.seen_around",
     **dict.fromkeys(
         ("image_to_sketch", "mesh_to_sketch", "points_to_sketch", "recognise", "text_to_sketch", "views_to_sketch"),

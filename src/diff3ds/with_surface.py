@@ -10,6 +10,7 @@ from diff3ds.render import render as render_sketch
 from diff3ds.render.checks import Background, check_scene
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import Hidden, Surface, draw
+from diff3ds.surfaces.hatching.tones import By, Hatch
 from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -24,6 +25,7 @@ def render(
     surface: Surface | None = None,
     hidden: Hidden = "drop",
     contours: bool = True,
+    hatch: Hatch | By | None = None,
 ) -> Rendering:
     """Draws a sketch as all cameras see it.
 
@@ -53,6 +55,7 @@ def render(
             them with a quarter of their opacity, "dashed" in dashes, and "show" as if they were visible.
         contours: whether the surface's contours are drawn, and the lines where its solids or pieces meet, black and as
             wide as the sketch's strokes.
+        hatch: lines that make the surface darker: `Hatch(...)`, or "light" or "depth", short for it.
 
     Raises:
         TypeError, ValueError: arguments that do not fit each other, or values out of range; the message names the
@@ -69,6 +72,7 @@ def render(
         surface,
         hidden=hidden,
         contours=contours,
+        hatch=hatch,
         background=background,
         antialiasing=antialiasing,
         backend=backend,

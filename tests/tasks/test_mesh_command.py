@@ -244,6 +244,17 @@ def labels(file: Path) -> set[str]:
     return set(found)
 
 
+def test_hatching_is_a_layer_of_its_own(tmp_path):
+    source = cylinder(tmp_path / "can.obj")
+    how = ["--azimuth", "40", "--hatch", "light", "--spacing", "8"]
+    main(["mesh", str(source), "-o", str(tmp_path / "out"), *FEW, *how])
+    assert labels(tmp_path / "out" / "drawing-1.svg") == {"crease", "contour", "hatching"}
+    told = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert told["options"]["hatch"] == "light"
+    # The sketch itself, which is seen from everywhere, has none.
+    assert len(ds.load(tmp_path / "out" / "sketch.json")) == 2
+
+
 def test_layers_say_what_lines_are(tmp_path):
     source = cylinder(tmp_path / "can.obj")
     for hidden, wanted in (

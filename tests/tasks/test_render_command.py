@@ -264,11 +264,32 @@ def test_the_surface_of_a_run_hides_lines_when_asked(source, tmp_path, capsys):
     assert behind > 0.8 * whole
 
 
+def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path):
+    """Lines on a wall that is seen from the front: so many millimetres apart as asked, on a page so wide."""
+    corners = np.array([[-0.5, -2, -2], [-0.5, 2, -2], [-0.5, 2, 2], [-0.5, -2, 2]])
+    save_surface(tmp_path / "surface.glb", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    view = ("--azimuth", 0, "--elevation", 0, "--height", 3, "--hatch", "light", "--tones", 1, "--size", 200)
+
+    def count(name: str, *options) -> int:
+        main(["render", str(tmp_path), "-o", str(tmp_path / name), "--quiet", *map(str, (*view, *options))])
+        return sum("<path" in line for line in (tmp_path / name).read_text().splitlines())
+
+    few, many = count("a.svg", "--spacing", 10), count("b.svg", "--spacing", "2mm", "--width-mm", 80)
+    # Twice as many lines, beside the two strokes.
+    assert 20 < few < 40
+    assert abs((many - 2) / (few - 2) - 2) < 0.1
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (["--hidden", "faint"], "give a --surface with --hidden"),
-        (["--no-contours"], "give a --surface, or --hidden for that of a run, with --no-contours"),
+        (["--no-contours"], "give a --surface, or --hidden or --hatch for that of a run, with --no-contours"),
+        (["--hatch", "light"], "give a --surface with --hidden or --hatch"),
+        (["--tones", "2"], "give --hatch light or --hatch depth too"),
+        (["--hatch", "light", "--tones", "5"], "must be from 1 to 4, got 5"),
+        (["--hatch", "light", "--spacing", "wide"], "as 5, 5px or .8mm, got 'wide'"),
+        (["--hatch", "light", "--spacing", ".1mm"], "got '.1mm', 0.378 pixels here"),
         (["--surface-up", "y"], "give a --surface with --surface-up"),
         (["--surface", "none.obj", "--engine", "blender"], "in pictures by the kernels"),
     ],

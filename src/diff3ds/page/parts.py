@@ -31,10 +31,20 @@ class Parts:
         """Some of the parts."""
         return Parts(self.segment[rows], self.start[rows], self.stop[rows], self.visible[rows])
 
+    def seen_of(self, sketch: Sketch) -> Sketch:
+        """The visible parts of a sketch's strokes."""
+        seen = self[self.visible]
+        return cut_sketch(sketch, seen.segment, seen.start, seen.stop)[0]
+
     @staticmethod
     def none() -> "Parts":
         """Those of no segments."""
         return Parts(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, bool))
+
+    @staticmethod
+    def whole(segments: int) -> "Parts":
+        """So many segments, all seen."""
+        return Parts(np.arange(segments), np.zeros(segments), np.ones(segments), np.ones(segments, bool))
 
     @staticmethod
     def concatenate(first: "Parts", second: "Parts", segments: int) -> "Parts":

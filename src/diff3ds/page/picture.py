@@ -36,6 +36,12 @@ class Picture:
         center = cameras.centers[view].detach().double().cpu().numpy()
         return Picture(projection, center, pose[2, :3], cameras.near, cameras.size, cameras.orthographic)
 
+    @property
+    def focal(self) -> float:
+        """Pixels of what is a world unit long, at depth 1 with perspective: the mean of both axes."""
+        axes = self.projection[:2, :3]
+        return float(np.linalg.norm(axes - np.outer(axes @ self.forward, self.forward)) / 2**0.5)
+
     def seen(self, points: Float[Array, "*P 3"]) -> tuple[Float[Array, "*P 2"], Float[Array, "*P"]]:
         """Pixels and depths of points; those of points behind the near plane mean nothing."""
         projected = points @ self.projection[:, :3].T + self.projection[:, 3]

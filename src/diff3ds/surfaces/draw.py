@@ -19,6 +19,7 @@ from diff3ds.render.antialiasing import antialiasing_from
 from diff3ds.render.checks import Background, canvas_from, check_scene
 from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
+from diff3ds.surfaces.hatching.tones import By, Hatch
 from diff3ds.surfaces.hidden.lines_of_mesh import Drawn, MeshSeen, prepare
 from diff3ds.surfaces.hidden.lines_of_quadrics import QuadricsSeen
 from diff3ds.surfaces.hidden.visibility import FOR_PIXELS, HALVINGS
@@ -37,8 +38,9 @@ FAINT = 0.25
 LARGE = 20_000
 # Bytes that views take which are looked at side by side, and what each triangle takes then, as measured.
 LOOKING, PER_FACE = 3 << 29, 350
-# What the strokes of a sketch are called where nobody says, and what outlines are called that depend on the view.
-STROKE, CONTOUR = "stroke", "contour"
+# What the strokes of a sketch are called where nobody says, what outlines are called that depend on the view, and what
+# lines of tone.
+STROKE, CONTOUR, HATCHING = "stroke", "contour", "hatching"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,8 @@ class Lines:
     Attributes:
         sketch: all strokes, hidden ones too: those of a sketch, then the surface's own lines.
         kinds: what each stroke is: what the caller has called it, then "contour" (a line that depends on the view) or
-            "crease" (the end of a cylinder or cone), or "intersection" (where solids or pieces of a mesh meet).
+            "crease" (the end of a cylinder or cone), "intersection" (where solids or pieces of a mesh meet), and last
+            "hatching".
         parts: which parts of the segments are seen and which hidden.
         cameras: the view.
     """
@@ -170,6 +173,7 @@ def visible_lines(
     *,
     kinds: Sequence[str] | None = None,
     contours: bool = True,
+    hatch: Hatch | By | None = None,
     told: Callable[[int], None] = lambda done: None,
 ) -> list[Lines]:
     """The strokes of a sketch and the contours of a surface, with the parts that the surface hides from each camera.
@@ -187,6 +191,8 @@ def visible_lines(
             where the surface's contours are drawn, and "stroke" where it has none.
         contours: whether the surface's own contours are among the lines, and where solids or pieces of a mesh meet:
             along creases and there only where no stroke draws them.
+        hatch: lines that make the surface darker, on what of it is turned to the camera: `Hatch(...)`, or "light" or
+            "depth", short for it. Those of a mesh are on its faces, and have their width along them.
         told: told how many views are done.
 
     Returns:
@@ -195,14 +201,19 @@ def visible_lines(
     Raises:
         TypeError, ValueError: another surface, or kinds that are not one a stroke.
     """
-    return _lines(sketch, cameras, surface, kinds, contours, told)
+    return _lines(sketch, cameras, surface, kinds, contours, _hatch_from(hatch), told)
 
 
 def lines_for_pixels(
-    sketch: Sketch, cameras: Cameras, surface: Surface, contours: bool, told: Callable[[int], None]
+    sketch: Sketch,
+    cameras: Cameras,
+    surface: Surface,
+    contours: bool,
+    told: Callable[[int], None],
+    hatch: Hatch | None = None,
 ) -> list[Lines]:
     """As `visible_lines`, cut to a 128th of a pixel: for films."""
-    return _lines(sketch, cameras, surface, None, contours, told, FOR_PIXELS)
+    return _lines(sketch, cameras, surface, None, contours, hatch, told, FOR_PIXELS)
 
 
 def _lines(
@@ -211,6 +222,7 @@ def _lines(
     surface: Surface,
     kinds: Sequence[str] | None,
     contours: bool,
+    hatch: Hatch | None,
     told: Callable[[int], None],
     halvings: int = HALVINGS,
 ) -> list[Lines]:
@@ -223,18 +235,22 @@ def _lines(
         rows = [i for i, kind in enumerate(named) if kind != CONTOUR]
         sketch, named = sketch[rows], tuple(named[i] for i in rows)
 
-    def look(seen: MeshSeen | QuadricsSeen) -> tuple[Parts, Sketch, tuple[str, ...], Parts | None]:
+    def look(seen: MeshSeen | QuadricsSeen) -> tuple[Parts, Sketch, tuple[str, ...], Parts | None, Sketch | None]:
         own = seen.line_parts() if contours and len(seen.lines) else None
-        return seen.parts(sketch), seen.lines, seen.kinds, own
+        return seen.parts(sketch), seen.lines, seen.kinds, own, None if hatch is None else seen.hatching(hatch)
 
     lines = []
     found = _each_view(surface, cameras, sketch, contours, look, told=told, halvings=halvings)
-    for view, (parts, own_lines, own_kinds, own_parts) in enumerate(found):
+    for view, (parts, own_lines, own_kinds, own_parts, tone) in enumerate(found):
         whole, all_kinds = sketch, named
         if own_parts is not None:
             whole = Sketch.concatenate([sketch, _drawn_like(own_lines, sketch)])
             parts = Parts.concatenate(parts, own_parts, len(sketch.points))
             all_kinds = (*named, *own_kinds)
+        if tone is not None and len(tone):
+            parts = Parts.concatenate(parts, Parts.whole(len(tone.points)), len(whole.points))
+            whole = Sketch.concatenate([whole, _as_wide(tone, sketch, cameras[view])])
+            all_kinds = (*all_kinds, *(HATCHING,) * len(tone))
         lines.append(Lines(whole.replace(kinds=all_kinds), all_kinds, parts, cameras[view]))
     return lines
 
@@ -246,6 +262,7 @@ def draw(
     *,
     hidden: Hidden = "drop",
     contours: bool = True,
+    hatch: Hatch | By | None = None,
     background: Background = 1.0,
     antialiasing: Antialiasing = "analytic",
     backend: Backend | None = None,
@@ -263,6 +280,7 @@ def draw(
             their opacity, "dashed" in dashes, and "show" as if they were visible.
         contours: whether the surface's contours are drawn, and the lines where its solids or pieces meet, black and as
             wide as the sketch's strokes.
+        hatch: as of `visible_lines`: what is hidden of these lines is never drawn.
         background: as of `render`.
         antialiasing: the same.
         backend: the same.
@@ -280,7 +298,7 @@ def draw(
     ground = canvas_from(background, sketch.color, (len(cameras), *cameras.size, 3)).expand(len(cameras), -1, -1, -1)
     views = [
         render(lines.drawn(hidden), cameras[v], background=ground[v : v + 1], antialiasing=how, backend=backend)
-        for v, lines in enumerate(visible_lines(sketch, cameras, surface, contours=contours))
+        for v, lines in enumerate(visible_lines(sketch, cameras, surface, contours=contours, hatch=hatch))
     ]
     return Rendering(*(torch.cat([getattr(view, name) for view in views]) for name in ("color", "alpha", "depth")))
 
@@ -295,3 +313,22 @@ def _drawn_like(strokes: Sketch, sketch: Sketch) -> Sketch:
     width = sketch.width.detach().median() if len(sketch) else torch.tensor(DEFAULT_WIDTH).to(sketch.points)
     like = strokes.to(sketch.points.dtype).to(sketch.points.device)
     return replace(like, width=width.expand(len(like)), width_space=sketch.width_space)
+
+
+def _hatch_from(given: Hatch | By | None) -> Hatch | None:
+    if given is None or isinstance(given, Hatch):
+        return given
+    if not isinstance(given, str):
+        raise TypeError(f"hatch must be Hatch(...), {' or '.join(map(repr, get_args(By)))}, got {given!r}")
+    return Hatch(given)
+
+
+def _as_wide(strokes: Sketch, sketch: Sketch, camera: Cameras) -> Sketch:
+    """Strokes with widths in image heights in a sketch's dtype, on its device, with widths in the space of its own."""
+    width = strokes.width
+    if sketch.width_space == "world":
+        picture = Picture.of(camera, 0)
+        depth = 1.0 if picture.orthographic else torch.from_numpy(picture.seen(strokes.points.numpy())[1])
+        width = width * picture.size[0] * depth / picture.focal
+    made = replace(strokes, width=width, width_space=sketch.width_space)
+    return made.to(sketch.points.dtype).to(sketch.points.device)

@@ -16,6 +16,9 @@ from diff3ds.page.parts import Parts
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.hatching.hatch_lines import hatch_chains
+from diff3ds.surfaces.hatching.hatch_strokes import hatch_strokes
+from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.hidden.crossings import Outlines, crossings
 from diff3ds.surfaces.hidden.mesh_view import MeshView
 from diff3ds.surfaces.hidden.visibility import HALVINGS, Ask, parts_of
@@ -143,19 +146,34 @@ class MeshSeen:
 
     def line_parts(self) -> Parts:
         """Which parts of the lines are seen."""
-        axis, place = _places_along(self._fitted)
         inside = ~self._convex & self._mesh.is_closed
+        behind = self._behind(self._fitted, self._points, self._own, RINGS)
 
         def hidden(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
-            along = np.interp(segment + t, axis, place)
-            before = np.minimum(along.astype(np.int64), len(self._points) - 2)
-            share = self._in_perspective(before, along - before, 1)[:, None]
-            points = self._points[before] * (1 - share) + self._points[before + 1] * share
-            own = self._own[np.rint(along).astype(np.int64)]
-            return self._hiding()[0].in_front(points, own, RINGS) | inside[segment]
+            return behind(segment, t) | inside[segment]
 
-        contours = self._parts(self._contours, hidden, 0.0, STRAY, self._through_seams(axis, place))
+        contours = self._parts(self._contours, hidden, 0.0, STRAY, self._through_seams(*self._fitted.places))
         return Parts.concatenate(contours, self.parts(self._seams), len(self._contours.points))
+
+    def hatching(self, hatch: Hatch) -> Sketch:
+        """What is seen of lines that make the mesh as dark as is asked."""
+        found = hatch_chains(self._mesh, self._cameras, hatch)
+        strokes, fitted = hatch_strokes(found, self._picture)
+        behind = self._behind(fitted, found.points, self._mesh.faces[found.face], 0)
+        return self._parts(strokes, behind, 0.0, 0.0).seen_of(strokes)
+
+    def _behind(self, fitted: FittedChains, points: Float[Array, "M 3"], own: Int[Index, "M 3"], rings: int) -> Ask:
+        """What asks whether something of the mesh lies in front of chains on it; as `MeshView.in_front`."""
+        axis, place = fitted.places
+
+        def behind(segment: Int[Index, " Q"], t: Float[Array, " Q"]) -> Bool[Mask, " Q"]:
+            along = np.interp(segment + t, axis, place)
+            before = np.minimum(along.astype(np.int64), len(points) - 2)
+            share = self._in_perspective(points, before, along - before, 1)[:, None]
+            asked = points[before] * (1 - share) + points[before + 1] * share
+            return self._hiding()[0].in_front(asked, own[np.rint(along).astype(np.int64)], rings)
+
+        return behind
 
     def parts(self, sketch: Sketch) -> Parts:
         """Which parts of a sketch's segments are seen; those that are near the mesh lie on it."""
@@ -183,17 +201,20 @@ class MeshSeen:
             return np.zeros(0, np.int64), axis
         seam = Seams.of(self._mesh)
         before, share = places_on_seams(self._points, seam, APART * self._mesh.size)
-        segment, t = np.divmod(np.interp(before + self._in_perspective(before, share, -1), place, axis), 1)
+        along = before + self._in_perspective(self._points, before, share, -1)
+        segment, t = np.divmod(np.interp(along, place, axis), 1)
         return segment.astype(np.int64), t
 
-    def _in_perspective(self, before: Int[Index, " Q"], share: Float[Array, " Q"], power: int) -> Float[Array, " Q"]:
+    def _in_perspective(
+        self, points: Float[Array, "M 3"], before: Int[Index, " Q"], share: Float[Array, " Q"], power: int
+    ) -> Float[Array, " Q"]:
         """Shares of the way from one point of a contour to the next, in the picture (power 1), in space, or back (-1).
 
         Strokes that are fitted in the picture go along it evenly, and faster in space where it is farther away.
         """
         if self._picture.orthographic:
             return share
-        near, far = (self._picture.seen(self._points[row])[1] ** power for row in (before, before + 1))
+        near, far = (self._picture.seen(points[row])[1] ** power for row in (before, before + 1))
         return share * near / ((1 - share) * far + share * near)
 
     def _parts(self, sketch: Sketch, hidden: Ask, behind: float, stray: float, more: Cuts | None = None) -> Parts:
@@ -281,17 +302,6 @@ def _homogeneous(sketch: Sketch) -> Float[Array, "M 4 4"]:
     raised = sketch.detach().to(torch.float64).elevate()
     control: Tensor = torch.cat([raised.points * raised.weights[..., None], raised.weights[..., None]], -1)
     return control.cpu().numpy()
-
-
-def _places_along(fitted: FittedChains) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
-    """Numbers of cubics plus parameters, rising, and the points of chains that lie there."""
-    counts = fitted.stop - fitted.start + 1
-    offset = np.cumsum(counts) - counts
-    cubic = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(len(cubic)) - offset[cubic] + fitted.start[cubic]
-    t = fitted.t[place]
-    t[offset], t[offset + counts - 1] = 0, 1
-    return np.maximum.accumulate(cubic + t), place.astype(np.float64)
 
 
 def least_run(mesh: TriangleMesh) -> int:

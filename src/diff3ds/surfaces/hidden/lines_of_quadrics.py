@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 import torch
@@ -16,11 +17,15 @@ from diff3ds.page.parts import Parts, cut_sketch
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.hatching.hatch_lines import hatch_chains
+from diff3ds.surfaces.hatching.hatch_strokes import hatch_strokes
+from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.hidden.visibility import Ask, parts_of
 from diff3ds.surfaces.lines.fit_picture import fit_chains
-from diff3ds.surfaces.lines.quadric_meets import bounds, meeting_chains, onto_both
+from diff3ds.surfaces.lines.quadric_meets import bounds, meeting_chains, onto_both, triangles_of
 from diff3ds.surfaces.shape.quadric_forms import Forms
 from diff3ds.surfaces.shape.quadrics import ARCS, Quadrics, conics
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # What lies so deep in a solid, as a share of its radius, is inside: rounding; and strokes that lie on it, which float32
 # and fits leave a little inside.
@@ -204,6 +209,24 @@ class QuadricsSeen:
 
         meets = self._parts(self._meets, 10 * ROUNDING, exact)
         return Parts.concatenate(conics, meets, len(self._conics.points))
+
+    def hatching(self, hatch: Hatch) -> Sketch:
+        """What is seen of lines that make the solids as dark as is asked."""
+        strokes, _ = hatch_strokes(hatch_chains(self._mesh, self._cameras, hatch), self._picture)
+        return self.parts(strokes).seen_of(strokes)
+
+    @property
+    def _mesh(self) -> TriangleMesh:
+        """The solids as triangles, which they keep."""
+        kept = self._solids.__dict__.get("_mesh")
+        if kept is None:
+            taper = self._solids.taper.detach().double().numpy()
+            solids = [triangles_of(self._forms, taper, solid) for solid in range(len(self._solids))]
+            first = np.cumsum([0, *(len(points) for points, _ in solids)])
+            faces = np.concatenate([faces + start for (_, faces), start in zip(solids, first, strict=False)])
+            kept = TriangleMesh(np.concatenate([points[:, :3] for points, _ in solids]), faces)
+            self._solids.__dict__["_mesh"] = kept
+        return cast(TriangleMesh, kept)
 
     def parts(self, sketch: Sketch) -> Parts:
         """Which parts of a sketch's segments are seen."""

@@ -35,6 +35,17 @@ class FittedChains:
     stop: Int[Index, " C"]
     t: Float[Array, " M"]
 
+    @property
+    def places(self) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
+        """Numbers of cubics plus parameters, rising, and the points of chains that lie there."""
+        counts = self.stop - self.start + 1
+        offset = np.cumsum(counts) - counts
+        cubic = np.repeat(np.arange(len(counts)), counts)
+        place = np.arange(len(cubic)) - offset[cubic] + self.start[cubic]
+        t = self.t[place]
+        t[offset], t[offset + counts - 1] = 0, 1
+        return np.maximum.accumulate(cubic + t), place.astype(np.float64)
+
 
 def fit_chains(
     points: Float[Array, "M 3"], first: Int[Index, " F"], cuts: Int[Index, " U"], picture: Picture, tolerance: float

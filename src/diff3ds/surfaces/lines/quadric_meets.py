@@ -30,13 +30,18 @@ def meeting_chains(
     size = np.abs(np.linalg.det(axes))
     for one, other in pairs.tolist():
         small, large = (one, other) if size[one] <= size[other] else (other, one)
-        vertices, faces = _triangles(bool(forms.is_round[small]), float(taper[small]))
-        local = np.column_stack([vertices, np.ones(len(vertices))])
-        points = local @ np.linalg.inv(forms.local[small]).T
+        points, faces = triangles_of(forms, taper, small)
         inside = _depths(forms, large, points)[0]
         for chain, closed in _zero_set(points[:, :3], faces, inside):
             found.append((onto_both(forms, small, large, chain), closed, (small, large)))
     return found
+
+
+def triangles_of(forms: Forms, taper: Float[Array, " N"], solid: int) -> tuple[Float[Array, "V 4"], Int[Index, "F 3"]]:
+    """One of the solids as triangles: points of weight 1 on it, and three of them a face."""
+    vertices, faces = _triangles(bool(forms.is_round[solid]), float(taper[solid]))
+    local = np.column_stack([vertices, np.ones(len(vertices))])
+    return local @ np.linalg.inv(forms.local[solid]).T, faces
 
 
 @cache

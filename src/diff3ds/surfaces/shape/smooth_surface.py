@@ -97,6 +97,26 @@ def smooth_for_pictures(mesh: TriangleMesh, size: int) -> TriangleMesh:
     return smooth_surface(mesh, IN_PICTURES * mesh.size / size)
 
 
+def finer(mesh: TriangleMesh, longest: float) -> tuple[TriangleMesh, Int[Index, " F"]]:
+    """The mesh with its longer edges halved until none is longer, and the face of it that each face is a part of.
+
+    Args:
+        mesh: any; its surface stays the same.
+        longest: world units.
+    """
+    fine, source = mesh, np.arange(len(mesh))
+    while len(fine) < MOST_FACES:
+        ends = fine.vertices[fine.edges]
+        halved = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > longest
+        if not halved.any():
+            break
+        points, faces, part = _halved(fine, np.zeros((len(fine.edges), 3)), halved)
+        source = source[part]
+        made = TriangleMesh(points, faces, mesh.part[source], mesh.crease, mesh.polygon[source])
+        fine, source = made, source[made.source]
+    return fine, source
+
+
 def _sagittas(mesh: TriangleMesh) -> Float[Array, "E 3"]:
     """How far the middle of each edge moves."""
     ends = mesh.vertices[mesh.edges]

@@ -115,7 +115,8 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     def told(done: int) -> None:
         report(Progress("drawings", done, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
 
-    views = visible_lines(features, cameras, shown, kinds=kinds, contours=options.contours, told=told)
+    hatch = options.tone.made()
+    views = visible_lines(features, cameras, shown, kinds=kinds, contours=options.contours, hatch=hatch, told=told)
     views = [replace(lines, sketch=with_faces(lines.sketch, mesh)) for lines in views]
     drawings = [_drawn(lines, options, mesh, colors) for lines in views]
     pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
@@ -243,7 +244,7 @@ def _frames(
     def told(done: int) -> None:
         report(Progress("turntable", done, count, None, len(features)))
 
-    for i, lines in enumerate(lines_for_pixels(features, cameras, shown, options.contours, told)):
+    for i, lines in enumerate(lines_for_pixels(features, cameras, shown, options.contours, told, options.tone.made())):
         strokes = _drawn(lines, options, mesh, colors)
         if len(shown) < len(mesh):
             strokes = without_specks(strokes, 3 * mesh.size / FINE_CELLS)
@@ -265,4 +266,4 @@ def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: Surfa
 def _told(options: MeshOptions) -> dict[str, object]:
     """The options for run.json."""
     told = asdict(replace(options))
-    return {**told.pop("view"), **told}
+    return {**told.pop("view"), **told.pop("tone"), **told}

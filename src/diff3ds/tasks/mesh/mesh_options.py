@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE
+from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.render_options import MOST_FRAMES, OrbitOptions
 
 # A smooth thing's strokes where nobody says how many.
@@ -29,6 +30,7 @@ class MeshOptions:
             lines of a mesh: drawn, thin (half as wide as other lines) or hidden.
         contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
+        tone: whether the drawings are hatched.
         color: draw each stroke in the colour of the surface along it: of vertices, faces, materials or textures.
         size: of the drawings, pixels.
         turntable: frames of turntable.webp, once round; 0 leaves it out.
@@ -43,6 +45,7 @@ class MeshOptions:
     tangent: Literal["drawn", "thin", "hidden"] = "thin"
     contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
+    tone: HatchOptions = field(default_factory=HatchOptions)
     color: bool = False
     size: int = 512
     turntable: int = 24

@@ -2,12 +2,13 @@
 
 import math
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
 from diff3ds._settings import MAX_SIZE, require_finite
 from diff3ds.pictures.picture_options import parse_color
+from diff3ds.tasks.hatch_options import HatchOptions
 
 # Each suffix by what it holds: views, or the frames of a turntable.
 STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
@@ -121,32 +122,34 @@ class PictureOptions:
 
 @dataclass(frozen=True)
 class SurfaceOptions:
-    """What hides lines.
+    """What hides lines, and is hatched.
 
     Attributes:
         surface: a mesh, in the sketch's frame, that hides what lies behind it: .obj, .stl, .ply, .off, .glb or .gltf;
-            with --hidden the surface.glb of the run by default.
+            with --hidden or --hatch the surface.glb of the run by default.
         surface_up: the axis that points up in its file, y or z; a .glb file says it itself.
         hidden: what becomes of hidden lines: drop (the default with a surface), faint (a quarter of the opacity),
             dashed, or show.
         contours: the outlines of the mesh's smooth parts, which depend on the view, are drawn as well.
+        tone: whether it is hatched.
     """
 
     surface: Path | None = None
     surface_up: Literal["z", "y"] = "z"
     hidden: Literal["drop", "faint", "dashed", "show"] | None = None
     contours: bool = True
+    tone: HatchOptions = field(default_factory=HatchOptions)
 
     def __post_init__(self) -> None:
         if self.surface is None and self.surface_up != SurfaceOptions.surface_up:
             raise ValueError("give a --surface with --surface-up")
         if not self.hides and not self.contours:
-            raise ValueError("give a --surface, or --hidden for that of a run, with --no-contours")
+            raise ValueError("give a --surface, or --hidden or --hatch for that of a run, with --no-contours")
 
     @property
     def hides(self) -> bool:
         """Whether there is a surface: a file that is named, or that of the run."""
-        return self.surface is not None or self.hidden is not None
+        return self.surface is not None or self.hidden is not None or self.tone.hatch is not None
 
 
 def parse_size(text: str) -> tuple[int, int]:

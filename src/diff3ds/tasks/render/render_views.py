@@ -17,10 +17,12 @@ from diff3ds.page.drawn_paths import TOLERANCE
 from diff3ds.render import Rendering
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import visible_lines
+from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.detail_options import WHOLE, DetailOptions
+from diff3ds.tasks.hatch_options import PIXELS
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.render_options import (
@@ -44,25 +46,31 @@ PIXELS_AT_ONCE = 1 << 22
 
 @dataclass(frozen=True)
 class _Scene:
-    """A sketch, what hides it, and the style that it is drawn in."""
+    """A sketch, what hides it, how that is hatched, and the style that it is drawn in."""
 
     sketch: Sketch
     surface: TriangleMesh | None
     hiding: SurfaceOptions
     styling: Styling | None
+    hatch: Hatch | None
 
     def render(self, cameras: Cameras, background: Tensor) -> Rendering:
         """Pictures of it."""
-        hidden, contours = self.hiding.hidden or "drop", self.hiding.contours
         return render(
-            self.sketch, cameras, background=background, surface=self.surface, hidden=hidden, contours=contours
+            self.sketch,
+            cameras,
+            background=background,
+            surface=self.surface,
+            hidden=self.hiding.hidden or "drop",
+            contours=self.hiding.contours,
+            hatch=self.hatch,
         )
 
     def strokes(self, cameras: Cameras) -> Sketch:
         """What is drawn in all views, or with a surface in the one view."""
         if self.surface is None:
             return self.sketch
-        (lines,) = visible_lines(self.sketch, cameras, self.surface, contours=self.hiding.contours)
+        (lines,) = visible_lines(self.sketch, cameras, self.surface, contours=self.hiding.contours, hatch=self.hatch)
         return lines.drawn(self.hiding.hidden or "drop")
 
 
@@ -107,7 +115,8 @@ def run_render(
     cameras = views_of(sketch, view, picture)
     if surface is not None:
         surface = smooth_for_pictures(surface, max(cameras.size))
-    scene = _Scene(drawn, surface, hiding, None if styles.style is None else Styling(styles))
+    per_mm = PIXELS if picture.width_mm is None else cameras.size[1] / picture.width_mm
+    scene = _Scene(drawn, surface, hiding, None if styles.style is None else Styling(styles), hiding.tone.made(per_mm))
     if picture.turntable is not None:
         frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)
@@ -134,7 +143,9 @@ def _surface(source: Path, hiding: SurfaceOptions) -> TriangleMesh | None:
     if hiding.surface is not None:
         return load_surface(hiding.surface, up=hiding.surface_up)
     if not source.is_dir():
-        raise ValueError(f"{source} is no folder of a run, which has a surface: give a --surface with --hidden")
+        raise ValueError(
+            f"{source} is no folder of a run, which has a surface: give a --surface with --hidden or --hatch"
+        )
     if not (source / SURFACE).exists():
         raise ValueError(
             f"{source} has no {SURFACE}: nothing is known that hides lines of this run; give a --surface with --hidden"

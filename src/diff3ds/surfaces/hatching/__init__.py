@@ -1,0 +1,1 @@
+"""Tone by lines on a surface: hatching."""

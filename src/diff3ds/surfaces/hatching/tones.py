@@ -1,0 +1,86 @@
+"""How dark a surface is to be in a view, and how wide the lines of each direction are that make it so."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float
+from diff3ds.page.picture import Picture
+
+By = Literal["light", "depth"]
+
+# The most that lines cover of what lies between them, and the least: thinner ones are left out below half of it, and
+# drawn so wide above. Shares; empirical.
+FULL, THIN = 0.4, 0.08
+# From the upper left and from beside who looks: x right, y down, z forward.
+LIGHT = np.array([-0.5, -0.62, -0.6]) / np.linalg.norm([-0.5, -0.62, -0.6])
+# The direction of the lines that each tone adds, and by how many spacings they are shifted: lines, others across them,
+# then lines between both.
+ADDED = ((0, 0.0), (1, 0.0), (0, 0.5), (1, 0.5))
+MOST_TONES = len(ADDED)
+
+
+@dataclass(frozen=True)
+class Hatch:
+    """Tone by lines on a surface.
+
+    Attributes:
+        by: light, where lines are for what is turned away from a light at the upper left; or depth, for what is near.
+        tones: 1 to 4: lines, others across them, and lines between both, each for what is darker than the ones before
+            can make it.
+        spacing: from line to line on the page, pixels; by default a hundredth of the picture's height.
+
+    Raises:
+        ValueError: values out of range.
+    """
+
+    by: By = "light"
+    tones: int = 3
+    spacing: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.by not in get_args(By):
+            raise ValueError(f"hatch must be by {' or '.join(map(repr, get_args(By)))}, got {self.by!r}")
+        if not 1 <= self.tones <= MOST_TONES:
+            raise ValueError(f"tones must be from 1 to {MOST_TONES}, got {self.tones}")
+        if self.spacing is not None and not 1 <= self.spacing < float("inf"):
+            raise ValueError(f"spacing must be at least 1 pixel, got {self.spacing:g}")
+
+
+def darkest(tones: int) -> float:
+    """What so many tones can cover of a picture, a share: the tone of what no light reaches."""
+    return 1 - _open(tones, 0) * _open(tones, 1)
+
+
+def covered(tone: Float[Array, "..."], number: int) -> Float[Array, "..."]:
+    """The share that the lines of one tone cover of their surroundings, from 0 to `FULL`.
+
+    Lines of one direction leave open what they do not cover; of this, those of the other direction leave a share.
+    """
+    own = ADDED[number][0]
+    return np.clip(_open(number, own) - (1 - tone) / _open(number, 1 - own), 0, FULL)
+
+
+def _open(tones: int, direction: int) -> float:
+    """The share that the lines of one direction leave open where so many tones are full."""
+    return 1 - FULL * sum(way == direction for way, _ in ADDED[:tones])
+
+
+def tone_of(
+    points: Float[Array, "N 3"], normals: Float[Array, "N 3"], hatch: Hatch, picture: Picture, right: Float[Array, " 3"]
+) -> Float[Array, " N"]:
+    """How dark points of a surface are to be: the share of the page that is covered there.
+
+    Args:
+        right: the camera's x axis, a unit vector of the world.
+    """
+    if hatch.by == "light":
+        down = np.cross(picture.forward, right)
+        light = LIGHT @ np.stack([right, down, picture.forward])
+        dark = 1 - np.clip(normals @ light, 0, 1)
+    else:
+        depths = picture.seen(points)[1]
+        near, far = (float(d) for d in (depths.min(), depths.max()))
+        dark = (far - depths) / max(far - near, 1e-12)
+    return darkest(hatch.tones) * dark

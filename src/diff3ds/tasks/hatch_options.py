@@ -1,0 +1,62 @@
+"""Options of hatching, for the commands that draw sketches with their surfaces."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from diff3ds.surfaces.hatching.tones import Hatch
+
+# Pixels of a millimetre where nothing says how wide the page is: SVG's, 96 to an inch.
+PIXELS = 96 / 25.4
+
+
+@dataclass(frozen=True)
+class HatchOptions:
+    """Tone by lines on the surface.
+
+    Attributes:
+        hatch: lines that make the surface darker where it is turned away from a light at the upper left (light), or
+            where it is near (depth). They go around what is round.
+        tones: 1 to 4: lines, others across them, then lines between both, each where it is darker.
+        spacing: from line to line on the page: 5 or 5px, pixels, or .8mm; by default a hundredth of the picture's
+            height.
+    """
+
+    hatch: Literal["light", "depth"] | None = None
+    tones: int = 3
+    spacing: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.hatch is None and (self.tones, self.spacing) != (3, None):
+            raise ValueError("--tones and --spacing are for hatching: give --hatch light or --hatch depth too")
+        if not 1 <= self.tones <= 4:
+            raise ValueError(f"tones must be from 1 to 4, got {self.tones}")
+        self.pixels(PIXELS)
+
+    def pixels(self, per_mm: float) -> float | None:
+        """The spacing, None for the default.
+
+        Raises:
+            ValueError: it is no length, or less than a pixel.
+        """
+        if self.spacing is None:
+            return None
+        found = re.fullmatch(r"(\d+\.?\d*|\.\d+)(mm|px)?", self.spacing.strip())
+        length = float(found[1]) * (per_mm if found[2] == "mm" else 1.0) if found else math.nan
+        if not 1 <= length < math.inf:
+            told = "a length of at least a pixel, as 5, 5px or .8mm"
+            got = f"{self.spacing!r}" + ("" if math.isnan(length) else f", {length:.3g} pixels here")
+            raise ValueError(f"spacing must be {told}, got {got}")
+        return length
+
+    def made(self, per_mm: float = PIXELS) -> "Hatch | None":
+        """What drawing takes, where so many pixels are a millimetre; None where nothing is hatched.
+
+        Raises:
+            ValueError: as `pixels`.
+        """
+        from diff3ds.surfaces.hatching.tones import Hatch
+
+        return None if self.hatch is None else Hatch(self.hatch, self.tones, self.pixels(per_mm))

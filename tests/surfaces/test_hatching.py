@@ -1,0 +1,224 @@
+"""Hatching against what was asked: its spacing, its tone, what hides it, and that a small turn leaves it in place."""
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
+
+import diff3ds as ds
+from diff3ds.bezier import evaluate
+from diff3ds.page.picture import Picture
+from diff3ds.surfaces.hatching.fans import Fans
+from diff3ds.surfaces.hatching.hatch_ways import hatch_ways
+from diff3ds.surfaces.hatching.tones import FULL, LIGHT, covered, darkest
+
+SIZE = 320
+NOTHING = ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
+
+
+def camera(azimuth: float = 30.0, elevation: float = 25.0) -> ds.Cameras:
+    return ds.orbit([azimuth], [elevation], 3.2, fov=40.0, size=SIZE).to(torch.float64)
+
+
+def mesh(found: trimesh.Trimesh) -> ds.TriangleMesh:
+    return ds.TriangleMesh(found.vertices, found.faces)
+
+
+def ball() -> ds.TriangleMesh:
+    return mesh(trimesh.creation.icosphere(3))
+
+
+def plane() -> ds.TriangleMesh:
+    return ds.TriangleMesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+
+
+def part() -> ds.TriangleMesh:
+    """A round peg through a plate, as two pieces that go through each other."""
+    plate, peg = trimesh.creation.box((1.8, 1.2, 0.3)), trimesh.creation.cylinder(0.4, 1.4, 48)
+    return mesh(trimesh.util.concatenate([plate, peg]))
+
+
+def hatching(surface: ds.TriangleMesh | ds.Quadrics, view: ds.Cameras, **how) -> ds.Sketch:
+    (lines,) = ds.visible_lines(NOTHING, view, surface, contours=False, hatch=ds.Hatch(**how))
+    return lines.strokes(True, "hatching")
+
+
+def points_on(strokes: ds.Sketch, view: ds.Cameras) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points every half a pixel or less along strokes, their pixels, and the directions there in the picture."""
+    picture = Picture.of(view, 0)
+    hull = picture.seen(strokes.points.numpy())[0]
+    count = int(np.linalg.norm(np.diff(hull, axis=1), axis=2).sum(1).max() * 2) + 2
+    points = evaluate(strokes.points, strokes.weights, torch.linspace(0, 1, count, dtype=torch.float64)).numpy()
+    pixels = picture.seen(points)[0]
+    length = np.linalg.norm(np.diff(pixels, axis=1), axis=2).sum(1)
+    # As many of each segment as it is long.
+    step = np.maximum(count // np.maximum(length * 2, 1).astype(int), 1)
+    kept = (np.arange(count) % step[:, None]) == 0
+    way = np.gradient(pixels, axis=1)
+    way /= np.linalg.norm(way, axis=2, keepdims=True).clip(1e-12)
+    return points[kept], pixels[kept], way[kept]
+
+
+@pytest.mark.parametrize("surface", [plane, ball, part])
+def test_lines_are_as_far_apart_as_asked(surface):
+    view, spacing = camera(), 5.0
+    _, pixels, way = points_on(hatching(surface(), view, tones=1, spacing=spacing), view)
+    tree = cKDTree(pixels)
+    gaps = []
+    for row in np.random.default_rng(0).choice(len(pixels), 1000):
+        near = pixels[tree.query_ball_point(pixels[row], 2 * spacing)] - pixels[row]
+        across, along = np.abs(near @ [-way[row, 1], way[row, 0]]), near @ way[row]
+        beside = across[(np.abs(along) < 0.6) & (across > 0.3 * spacing)]
+        # At an edge of the surface there is a line on one side only, and behind it other lines.
+        if len(beside):
+            gaps.append(beside.min() / spacing)
+    gaps = np.array(gaps)
+    assert len(gaps) > 500
+    assert abs(gaps.mean() - 1) < 0.15
+    assert (np.abs(gaps - 1) < 0.15).mean() > 0.8
+
+
+@pytest.mark.parametrize("tones", [1, 3, 4])
+def test_a_ball_is_as_dark_as_the_light_says(tones):
+    view = camera()
+    strokes = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=tones, spacing=4.0)
+    drawn = 1 - ds.render(strokes, view).color[0, ..., 0].numpy()
+    pose = view.world_to_camera[0].numpy()
+    x, y = np.meshgrid(np.arange(SIZE) + 0.5, np.arange(SIZE) + 0.5)
+    inverse = np.linalg.inv(view.intrinsics[0].numpy())
+    rays = np.stack([x, y, np.ones_like(x)], -1) @ inverse.T
+    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+    # Where a ray meets the unit ball around the origin: in the camera's axes its middle is the shift of the pose.
+    middle = pose[:3, 3]
+    half = rays @ middle
+    square = half**2 - middle @ middle + 1
+    inside = square > 0
+    normals = (half - np.sqrt(np.maximum(square, 0)))[..., None] * rays - middle
+    asked = darkest(tones) * (1 - np.clip(normals @ LIGHT, 0, 1))
+    weight = gaussian_filter(inside * 1.0, 6)
+    got, want = (gaussian_filter(image * inside, 6) / weight.clip(1e-9) for image in (drawn, asked))
+    assert want[inside].max() > 0.35
+    assert np.abs(got - want)[inside].mean() < 0.02
+    assert np.corrcoef(got[inside], want[inside])[0, 1] > 0.98
+
+
+def test_a_plane_across_the_light_is_dark_and_one_towards_it_is_bare():
+    view = camera()
+    light = LIGHT @ view.world_to_camera[0, :3, :3].numpy()
+    aside = np.cross(light, [0.3, 0.5, 0.8])
+    aside /= np.linalg.norm(aside)
+    other = np.cross(light, aside)
+    corners = [-aside - other, aside - other, aside + other, other - aside]
+    assert len(hatching(ds.TriangleMesh(corners, [[0, 1, 2], [0, 2, 3]]), view)) == 0
+
+
+def test_an_open_surface_has_two_sides_and_a_closed_one_none_within():
+    square = plane()
+    above, below = camera(30.0, 40.0), camera(30.0, -40.0)
+    assert len(hatching(square, above)) > 20
+    assert len(hatching(square, below)) > 20
+    # A ball seen from inside of it.
+    inside = ds.look_at(torch.zeros(1, 3), (1.0, 0.0, 0.0), fov=60.0, size=SIZE).to(torch.float64)
+    assert len(hatching(ball(), inside)) == 0
+
+
+def hidden_by_rays(points: np.ndarray, eye: np.ndarray, surface: ds.TriangleMesh, margin: float) -> np.ndarray:
+    """Whether rays from points to the eye meet a triangle farther away than a margin (Möller and Trumbore 1997)."""
+    a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
+    one, other = b - a, c - a
+    found = np.zeros(len(points), bool)
+    for row, point in enumerate(points):
+        way = (eye - point) / np.linalg.norm(eye - point)
+        across = np.cross(way, other)
+        area = (one * across).sum(1)
+        area = np.where(np.abs(area) < 1e-12, np.inf, area)
+        u = ((point - a) * across).sum(1) / area
+        beside = np.cross(point - a, one)
+        v = (way * beside).sum(1) / area
+        far = (other * beside).sum(1) / area
+        found[row] = ((u > 1e-6) & (v > 1e-6) & (u + v < 1 - 1e-6) & (far > margin) & np.isfinite(area)).any()
+    return found
+
+
+def test_no_line_runs_through_what_hides_it():
+    view, surface = camera(), part()
+    strokes = hatching(surface, view, spacing=5.0)
+    points, _, _ = points_on(strokes, view)
+    points = points[np.random.default_rng(1).choice(len(points), 2000)]
+    eye = view.centers[0].numpy()
+    # Half a pixel, as strokes are fitted: 1/200 of the size.
+    assert hidden_by_rays(points, eye, surface, 0.01).mean() < 0.002
+    # And the test sees hidden lines: those of the plate go on under the peg.
+    turned = np.array([0.1, 0.1, 0.149])
+    assert hidden_by_rays(turned[None], eye, surface, 0.01).all()
+
+
+@pytest.mark.parametrize(("surface", "share"), [(part, 0.99), (ball, 0.9)])
+def test_a_small_turn_leaves_lines_where_they_are(surface, share):
+    solid, views = surface(), [camera(30.0), camera(30.1)]
+    drawn = [points_on(hatching(solid, view, tones=1, spacing=5.0), view) for view in views]
+    moved = Picture.of(views[1], 0).seen(drawn[0][0])[0]
+    away = cKDTree(drawn[1][1]).query(moved)[0]
+    assert (away < 1).mean() > share
+    assert np.median(away) < 0.3
+
+
+def test_lines_go_around_a_cylinder_and_slant_on_its_ends():
+    found = mesh(trimesh.creation.cylinder(0.5, 2.0, 48))
+    fans = Fans.of(found)
+    ways = hatch_ways(found, fans)
+    side = np.abs(fans.normals[:, 2]) < 0.1
+    assert np.abs(ways[side, 2]).max() < 0.05
+    ends = ways[~side]
+    assert np.abs(ends @ ends[0]).min() > 0.99
+
+
+def test_coverages_of_all_tones_make_the_tone():
+    tone = np.linspace(0, darkest(4), 101)
+    lines, across, between, both = (covered(tone, number) for number in range(4))
+    np.testing.assert_allclose(1 - (1 - lines - between) * (1 - across - both), tone, atol=1e-12)
+    assert lines.max() == across.max() == FULL
+
+
+def test_depth_hatches_what_is_near():
+    view = camera(0.0, 30.0)
+    _, pixels, _ = points_on(hatching(plane(), view, by="depth"), view)
+    # The lower half of the plane's picture is its near half.
+    middle = Picture.of(view, 0).seen(np.zeros(3))[0][1]
+    low, high = (pixels[:, 1] > middle).sum(), (pixels[:, 1] < middle).sum()
+    assert low > 2 * high
+
+
+def test_solids_are_hatched_as_their_meshes():
+    view = camera()
+    exact = hatching(ds.Quadrics.ellipsoids([[0.0, 0, 0]], 1.0), view, tones=1)
+    close = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=1)
+    length = [len(points_on(strokes, view)[1]) for strokes in (exact, close)]
+    assert abs(length[0] / length[1] - 1) < 0.1
+
+
+def test_hidden_parts_of_hatching_are_never_drawn():
+    view, solid = camera(), part()
+    edges = ds.Sketch(torch.tensor([[[-2.0, 0, 0], [2, 0, 0]]], dtype=torch.float64), width=0.01, width_space="world")
+    (lines,) = ds.visible_lines(edges, view, solid, hatch="light")
+    shown, kept = lines.drawn("show"), lines.drawn("drop")
+    assert len([k for k in lines.layers("show") if k == "hatching"]) == lines.layers("drop").count("hatching") > 20
+    assert "hatching, hidden" not in lines.layers("faint")
+    assert shown.width_space == kept.width_space == "world"
+    # In both spaces lines are as wide on the page.
+    (flat,) = ds.visible_lines(NOTHING, view, solid, hatch="light")
+    pictures = [ds.render(found.strokes(True, "hatching"), view).color for found in (lines, flat)]
+    assert (pictures[0] - pictures[1]).abs().mean() < 2e-3
+
+
+def test_what_is_no_hatching_is_refused(unchecked):
+    with pytest.raises(ValueError, match=r"'light' or 'depth', got 'dark'"):
+        ds.render(NOTHING, camera(), surface=plane(), hatch="dark")
+    with pytest.raises(TypeError, match="hatch must be"):
+        ds.render(NOTHING, camera(), surface=plane(), hatch=3)
+    with pytest.raises(ValueError, match="from 1 to 4, got 5"):
+        ds.Hatch("light", 5)
+    with pytest.raises(ValueError, match=r"at least 1 pixel, got 0\.5"):
+        ds.Hatch("light", spacing=0.5)
