@@ -135,7 +135,7 @@ def test_patterns_are_a_job_a_file_unless_they_are_a_file(tmp_path):
 
 
 REFUSED = {
-    "command must be one of text, image, views, mesh, got 'paint'": {"command": "paint"},
+    "command must be one of text, image, views, mesh, points, got 'paint'": {"command": "paint"},
     "text needs a phrase, got None": {"command": "text"},
     "text has no option 'stepz'": {"command": "text", "phrase": "a chair", "stepz": 3},
     "steps must be": {"command": "text", "phrase": "a chair", "steps": 0},
@@ -147,7 +147,7 @@ REFUSED = {
     "no file fits": {"command": "mesh", "source": "*.stl"},
     "seed is both given and swept": {"command": "text", "phrase": "a chair", "seed": 1, "sweep": {"seed": [1]}},
     "a list of values": {"command": "text", "phrase": "a chair", "sweep": {"seed": 4}},
-    "command must be one of text, image, views, mesh, got ['text']": {"command": ["text"]},
+    "command must be one of text, image, views, mesh, points, got ['text']": {"command": ["text"]},
     "final_rate is given twice, with - and with _": {"command": "text", "final-rate": 0.1, "final_rate": 0.2},
     "t_low is given twice": {"command": "text", "phrase": "a chair", "sweep": {"t-low": [0.1], "t_low": [0.2]}},
     "method 'attempts' is what the batch writes": {"command": "text", "phrase": "a chair", "method": "attempts"},
@@ -247,3 +247,20 @@ def test_the_times_of_all_tries_count_and_what_is_nearly_empty_is_marked(tmp_pat
     assert [state.message for state in states[:2]] == ["", "nearly empty: 3 strokes"]
     write_summary(tmp_path, states)
     assert "nearly empty: 3 strokes" in (tmp_path / "summary.md").read_text()
+
+
+def test_points_are_a_command_of_jobs(tmp_path):
+    """Done as `diff3ds points` does them: a cube's cloud has its twelve edges."""
+    import numpy as np
+
+    import diff3ds as ds
+    from diff3ds.tasks.batch.commands import run_command
+
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, 24), np.linspace(-1, 1, 24)), -1).reshape(-1, 2)
+    faces = [np.insert(grid, axis, side, axis=1) for axis in range(3) for side in (-1.0, 1.0)]
+    np.savetxt(tmp_path / "cube.xyz", np.concatenate(faces))
+    (job,) = read_jobs(lines(tmp_path, {"command": "points", "source": "cube.xyz", "size": 64}))
+    run_command(job.command, job.options, job.base, tmp_path / "out", lambda _: None, lambda _: None)
+    assert len(ds.load(tmp_path / "out")) == 12
+    with pytest.raises(ValueError, match="size must be from 1"):
+        read_jobs(lines(tmp_path, {"command": "points", "source": "cube.xyz", "size": 0}))

@@ -17,7 +17,7 @@ from diff3ds.tasks.evaluate.evaluate_options import EvaluateOptions, JudgeOption
 
 @dataclass(frozen=True)
 class Batch:
-    """Do many jobs of text, image, views and mesh: each once, several at a time, on one machine or many.
+    """Do many jobs of text, image, views, mesh and points: each once, several at a time, on one machine or many.
 
     JOBS is a TOML, JSON lines or CSV file with the options of a command for each job; docs/howto/batch.md shows them.
     Each has a folder in OUT, and summary.csv, summary.md and sheet.png say what became of all. A job that fails stops

@@ -1,4 +1,4 @@
-"""The commands that show a sketch: `render`, `export` and `view`."""
+"""The commands that show sketches: `render`, `export`, `view` and `studio`."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -113,3 +113,36 @@ class View:
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
         solid = (self.surface, self.surface_up)
         run_view(self.source, self.port, self.open, show, say, self.beside, *solid, self.host, self.allow_host)
+
+
+@dataclass(frozen=True)
+class Studio:
+    """Say, draw or drop what becomes a 3D sketch, in a browser: a page from this machine, for this machine alone.
+
+    Says the address, with its secret, and opens it. Phrases, drawings, pictures, meshes, clouds, solids and photographs
+    are made into sketches one after the other; they can be stopped, and go on with the next studio of the folder. Each
+    is shown to turn, edit and save. Ctrl-C ends it.
+    """
+
+    # Folder of what is made.
+    out: Annotated[Path, arg(aliases=["-o"])] = Path("studio")
+    # Of the address; by default any that is free.
+    port: int = 0
+    # The address of this machine that it listens on; 0.0.0.0 is all of them, as a container needs: then whoever has
+    # the address of the page makes, sees and deletes sketches.
+    host: str = "127.0.0.1"
+    # Other names by which your browser reaches this machine, such as that of a JupyterHub or a codespace; localhost
+    # with any port, as through an SSH tunnel, needs none.
+    allow_host: tuple[str, ...] = ()
+    # Open the address in the browser of this machine (--no-open: leave that to you).
+    open: bool = True
+    # Say the address alone.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.studio.run_studio import run_studio
+
+        say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
+        run_studio(self.out, self.port, self.open, partial(print, flush=True), say, self.host, self.allow_host)

@@ -15,9 +15,9 @@ _SCRIPTS = (
     "vectors.js", "curves.js", "camera.js", "surface/surface.js", "surface/contours.js", "surface/depth.js",
     "drawing.js", "surface/hidden.js", "detail.js", "page.js", *(f"edit/{name}.js" for name in _EDIT),
 )  # fmt: skip
-# Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, and on one that shows
-# a run.
-_BESIDE, _FRAMED, _LIVE, _RUN = "beside.js", "framed.js", "live.js", "run.js"
+# Behind these, on a page with two sketches, in a frame of a notebook, on one that a server shows, on one that shows a
+# run, and on one of the studio.
+_BESIDE, _FRAMED, _LIVE, _RUN, _STUDIO = "beside.js", "framed.js", "live.js", "run.js", "studio/result.js"
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,13 @@ class Served:
             `sketch`.
         page: of all else on the page, which is loaded anew when the answer to `sketch` has another one.
         run: whether the sketch is that of a run, of which it asks for `run` and its pictures.
+        studio: whether it is a page of the studio, which tells `about` it and gives `download/` files.
     """
 
     version: str
     page: str = ""
     run: bool = False
+    studio: bool = False
 
 
 def page_text(
@@ -62,7 +64,7 @@ def page_text(
     style = room.joinpath("page.css").read_text(encoding="utf-8")
     names, asked = [*_SCRIPTS, *([_BESIDE] if beside else []), *([_FRAMED] if framed else [])], ""
     if served is not None:
-        names += [_LIVE, *([_RUN] if served.run else [])]
+        names += [_LIVE, *([_RUN] if served.run else []), *([_STUDIO] if served.studio else [])]
         asked = "connect-src 'self'; img-src 'self'; " if served.run else "connect-src 'self'; "
         start = {**start, "version": served.version, "page": served.page}
     script = "\n".join(room.joinpath(name).read_text(encoding="utf-8") for name in names)

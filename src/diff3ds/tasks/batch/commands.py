@@ -9,6 +9,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 
 from diff3ds._settings import option_hints, with_options
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
+from diff3ds.tasks.points.points_options import PointsOptions
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.text_image.prior_options import BUILT_IN, FOR_PHRASES, FOR_PICTURES
 from diff3ds.tasks.text_image.run_spec import RunSpec
@@ -18,7 +19,7 @@ from diff3ds.tasks.views.views_options import ViewsOptions
 from diff3ds.weights.catalog import KNOWN
 
 # What each command takes beside options, and which of these are files.
-SUBJECTS = {"text": "phrase", "image": "picture", "views": "source", "mesh": "source"}
+SUBJECTS = {"text": "phrase", "image": "picture", "views": "source", "mesh": "source", "points": "source"}
 PATHS = ("picture", "source")
 # The modules that do the work; they are loaded once for all jobs.
 MODULES = {
@@ -26,18 +27,25 @@ MODULES = {
     "image": "diff3ds.tasks.text_image.image",
     "views": "diff3ds.tasks.views.run_views",
     "mesh": "diff3ds.tasks.mesh.draw_mesh",
+    "points": "diff3ds.tasks.points.draw_points",
+}
+# Of commands that read a file, what they are told besides.
+_OF_FILES: dict[str, type[ViewsOptions] | type[MeshOptions] | type[PointsOptions]] = {
+    "views": ViewsOptions,
+    "mesh": MeshOptions,
+    "points": PointsOptions,
 }
 # Options that are texts, of which some are paths, and what of these is none, whatever lies in the folder.
 MAYBE_PATHS, NAMES = ("background", "prior", "weights"), ("white", "black")
 # What the batch itself decides.
 OWN = ("resume", "overwrite")
 
-Spec = RunSpec[Phrase] | RunSpec[Picture] | ViewsOptions | MeshOptions
+Spec = RunSpec[Phrase] | RunSpec[Picture] | ViewsOptions | MeshOptions | PointsOptions
 
 
 @functools.cache
 def _hints(command: str) -> dict[str, Any]:
-    kinds = {"text": RunSpec[Phrase], "image": RunSpec[Picture], "views": ViewsOptions, "mesh": MeshOptions}
+    kinds = {"text": RunSpec[Phrase], "image": RunSpec[Picture], **_OF_FILES}
     hints = option_hints(kinds[command])
     return {SUBJECTS[command]: str} | {name: hint for name, hint in hints.items() if name not in OWN}
 
@@ -87,7 +95,7 @@ def spec_of(command: str, options: Mapping[str, Any], base: Path) -> Spec:
     elif command == "image":
         start = RunSpec(Picture(base / subject))
     else:
-        start = ViewsOptions() if command == "views" else MeshOptions()
+        start = _OF_FILES[command]()
     return filled(command, start, known, _placed(rest, known, base))
 
 
@@ -116,10 +124,14 @@ def run_command(
         from diff3ds.tasks.views.run_views import run_views
 
         run_views(base / options["source"], out, with_options(spec, resume=True), report, say)
-    else:
+    elif isinstance(spec, MeshOptions):
         from diff3ds.tasks.mesh.draw_mesh import run_mesh
 
         run_mesh(base / options["source"], out, spec, report, say)
+    else:
+        from diff3ds.tasks.points.draw_points import run_points
+
+        run_points(base / options["source"], out, spec, report, say)
 
 
 def worded(cells: Mapping[str, str]) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Jobs by processes of this machine: each is done once, whoever is killed."""
 
 import json
-import multiprocessing
 import os
 import signal
 import threading
@@ -10,7 +9,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
@@ -18,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from diff3ds.tasks.batch.claims import BEAT, Claim, Claims, Outcome, shortened
-from diff3ds.tasks.batch.commands import MODULES
 from diff3ds.tasks.batch.finished import is_finished, run_record
 from diff3ds.tasks.batch.job_file import Job
-from diff3ds.tasks.batch.job_process import GRACE, Work, run_job
+from diff3ds.tasks.batch.job_process import GRACE, Work, interrupt, kill, process_context, run_job
 from diff3ds.tasks.batch.machine import Place
 from diff3ds.tasks.batch.summary import JobState, done_state
 from diff3ds.tasks.progress import Progress, Report
@@ -30,8 +27,6 @@ from diff3ds.tasks.progress import Progress, Report
 ATTEMPTS = "attempts"
 # Seconds between looks at jobs that others are at.
 LOOK = 2.0
-# Variables by which the libraries below numpy and torch are told their threads when they are loaded.
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass
@@ -48,6 +43,11 @@ class Running:
     # When it is killed, once it was told to stop; and what for.
     killed_at: float | None = None
     why: str = ""
+
+    def interrupt(self) -> None:
+        """Tells the job to stop and keep what it has reached."""
+        self.killed_at = time.monotonic() + GRACE
+        interrupt(self.process)
 
 
 @dataclass
@@ -97,7 +97,7 @@ class Batch:
         """
         # What earlier calls have tried does not count.
         self._tries = {job.name: tries for job in self.jobs if (tries := self.claims.tries(job.name))}
-        context = _context({job.command for job in self.jobs}, self.places[0].threads)
+        context = process_context({job.command for job in self.jobs}, self.places[0].threads)
         self._tell()
         try:
             while self._waiting or self._elsewhere or self._running:
@@ -185,21 +185,21 @@ class Batch:
                 self._ended(running)
                 continue
             if running.killed_at is not None and now > running.killed_at:
-                _kill(running)
+                kill(running.process)
             elif now - running.beaten > BEAT:
                 running.beaten = now
                 if running.claim.is_lost:
-                    _kill(running)
+                    kill(running.process)
                 running.claim.beat()
             if self.timeout and now - running.begun > self.timeout and running.killed_at is None:
                 running.why = "timeout"
-                _interrupt(running)
+                running.interrupt()
 
     def _ended(self, running: Running) -> None:
         """Writes down how a try ended, and whether there is another one."""
         self._running.remove(running)
         outcome = self._outcome(running)
-        _kill(running)
+        kill(running.process)
         running.process.join()
         running.channel.close()
         name = running.job.name
@@ -240,7 +240,7 @@ class Batch:
     def _stop_all(self) -> None:
         """Ends what runs, as Ctrl-C does, and writes down that it was stopped."""
         for running in self._running:
-            _interrupt(running)
+            running.interrupt()
         end = time.monotonic() + GRACE
         try:
             while any(r.process.is_alive() for r in self._running) and time.monotonic() < end:
@@ -249,55 +249,13 @@ class Batch:
             # Also when Ctrl-C comes again.
             for running in self._running:
                 outcome = self._outcome(running)
-                _kill(running)
+                kill(running.process)
                 running.process.join()
                 running.channel.close()
                 state = "done" if outcome.state == "done" else "stopped"
                 with suppress(OSError):
                     running.claim.end(Outcome(state, seconds=outcome.seconds))
             self._running = []
-
-
-def _interrupt(running: Running) -> None:
-    """Tells a job to stop and keep what it has reached."""
-    running.killed_at = time.monotonic() + GRACE
-    if running.process.pid is None:
-        return
-    if os.name == "nt":
-        running.process.terminate()
-    else:
-        with suppress(ProcessLookupError):
-            os.kill(running.process.pid, signal.SIGINT)
-
-
-def _kill(running: Running) -> None:
-    """Ends a job's process with all that it has started."""
-    if running.process.pid is None:
-        return
-    if os.name == "nt":
-        running.process.kill()
-    else:
-        # One that is not yet the leader of a group is ended by itself.
-        for end in (os.killpg, os.kill):
-            with suppress(ProcessLookupError, PermissionError):
-                end(running.process.pid, signal.SIGKILL)
-
-
-def _context(commands: set[str], threads: int) -> BaseContext:
-    """What starts processes: copies of one that has loaded what the commands need, where the system can copy."""
-    if os.name == "nt":
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["torch", *(MODULES[command] for command in sorted(commands))])
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ |= {name: str(threads) for name in THREADS}
-    try:
-        forkserver.ensure_running()
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name)
-            os.environ |= {} if value is None else {name: value}
-    return context
 
 
 @contextmanager

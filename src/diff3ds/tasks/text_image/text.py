@@ -59,7 +59,8 @@ def _made(spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str],
     scene = parse_scene(spec.subject.phrase)
     alone = len(scene.things) == 1 and scene.things[0].count == 1
     for thing in scene.things:
-        _say_noted(thing.request, alone, say)
+        for note in noted(thing.request, alone):
+            say(note)
         if small:
             # Before the first thing is drawn.
             small.told(thing.request)
@@ -127,29 +128,37 @@ def _of_folder(small: Trained | None, spec: RunSpec[Phrase], say: Callable[[str]
     phrase = spec.subject.phrase
     if small:
         request = small.understood(phrase)
-        _say_noted(request, True, say)
+        for note in noted(request, True):
+            say(note)
         return ConditionedPrior.of_small(small, small.asked(request), request.color)
     assert spec.prior.library is not None
     folder = read_sketches(spec.prior.library, spec.prior.up)
     known = exemplars_in(folder, phrase)
-    _say_unseen(known.ignored, say)
+    for note in _unseen(known.ignored):
+        say(note)
     for warning in folder.warnings:
         say(warning)
     say(f"library: {folder}; the phrase means {sum(known.fitting)} of them")
     return ConditionedPrior.of_exemplars(known, folder, spec)
 
 
-def _say_noted(request: Request, alone: bool, say: Callable[[str], None]) -> None:
-    """Says what was taken otherwise than it stands in the phrase, or not at all."""
-    for word, meant in request.corrected:
-        say(f"{word!r} is taken for {meant!r}")
+def noted(request: Request, alone: bool) -> list[str]:
+    """What was taken otherwise than it stands in the phrase, or not at all, a sentence each.
+
+    Args:
+        request: what the phrase asks for.
+        alone: whether it speaks of this thing alone.
+    """
+    slips = [f"{word!r} is taken for {meant!r}" for word, meant in request.corrected]
     # In a scene a big chair is bigger than a chair.
-    _say_unseen([word for word in request.ignored if alone or word not in SIZES], say)
+    return slips + _unseen([word for word in request.ignored if alone or word not in SIZES])
 
 
-def _say_unseen(words: Sequence[str], say: Callable[[str], None]) -> None:
+def _unseen(words: Sequence[str]) -> list[str]:
+    notes = []
     for word in words:
         why = "every sketch fills the same ball" if word in SIZES else "lines do not show it"
         if " " in word and word.split()[0] in {*SIZES, *STRETCHES}:
             why = "the sizes of parts are the library's"
-        say(f"{word!r} changes nothing: {why}")
+        notes.append(f"{word!r} changes nothing: {why}")
+    return notes

@@ -28,7 +28,10 @@ class ShownPage:
         surface: SurfaceInput | None = None,
         waits: bool = False,
         beside: "ShownPage | None" = None,
+        title: str = "",
+        in_studio: bool = False,
     ) -> None:
+        self.called, self.in_studio = title, in_studio
         self.source, self.say, self.waits, self.beside = source, say, waits, beside
         self.surface = surface or SurfaceInput(source, None, "z", say)
         self.is_run = waits or source.is_dir()
@@ -40,6 +43,8 @@ class ShownPage:
     @property
     def title(self) -> str:
         """What the page calls the sketch."""
+        if self.called:
+            return self.called
         return self.source.resolve().name if self.is_run else name_of(self.source)
 
     def version(self) -> str:
@@ -54,7 +59,7 @@ class ShownPage:
         """
         version, sketch = self.now()
         state, solid = self.solid()
-        served = Served(version, state, self.is_run)
+        served = Served(version, state, self.is_run, self.in_studio)
         if self.beside is None:
             return sketch_page(self.title, sketch, served, surface=solid)
         other = self.beside.title, self.beside.now()[1]

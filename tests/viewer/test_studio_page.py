@@ -1,0 +1,187 @@
+"""The studio's page in a real browser: what is said, drawn and dropped there becomes sketches that are shown."""
+
+import json
+import time
+
+import pytest
+import torch
+from served_page import served_studio
+from viewer_browser import CHROMIUM, Browser
+
+import diff3ds as ds
+
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),
+    pytest.mark.xdist_group("browser"),
+]
+HOUSE = [
+    [(0.3, 0.5), (0.3, 0.85), (0.7, 0.85), (0.7, 0.5), (0.3, 0.5)],
+    [(0.25, 0.5), (0.5, 0.2), (0.75, 0.5)],
+    [(0.45, 0.85), (0.45, 0.68), (0.55, 0.68), (0.55, 0.85)],
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    browser = Browser()
+    yield browser
+    browser.close()
+
+
+def text_of(browser, element: str) -> str:
+    return browser.value(f"document.getElementById('{element}').textContent")
+
+
+def say(browser, phrase: str) -> None:
+    browser.value(
+        f"(field => {{ field.value = {json.dumps(phrase)}; field.dispatchEvent(new Event('input')); }})"
+        "(document.getElementById('phrase'))"
+    )
+
+
+def draw(browser, strokes) -> None:
+    """With the mouse, point by point."""
+    box = browser.value("(b => [b.x, b.y, b.width])(document.getElementById('canvas').getBoundingClientRect())")
+    for stroke in strokes:
+        places = [(box[0] + x * box[2], box[1] + y * box[2]) for x, y in stroke]
+        browser.mouse("mousePressed", *places[0], button="left", buttons=1, clickCount=1)
+        for place in places[1:]:
+            browser.mouse("mouseMoved", *place, button="left", buttons=1)
+        browser.mouse("mouseReleased", *places[-1], button="left", clickCount=1)
+
+
+def drop(browser, name: str, content: str) -> None:
+    """As the file field gives it."""
+    browser.value(
+        f"(field => {{ const held = new DataTransfer(); held.items.add(new File([{json.dumps(content)}], "
+        f"{json.dumps(name)})); field.files = held.files; field.dispatchEvent(new Event('change')); }})"
+        "(document.getElementById('file'))"
+    )
+
+
+def test_what_is_said_and_drawn_is_understood_on_the_way(browser, tmp_path):
+    with served_studio(tmp_path) as server:
+        browser.open(server.address, 1000, 900)
+        assert not browser.value("document.getElementById('nothing').hidden")
+        say(browser, "two chiars beside a table")
+        browser.settle("document.getElementById('understood').textContent.includes('table')")
+        assert "'chiars' is taken for 'chairs'" in text_of(browser, "understood")
+        say(browser, "a xylophone")
+        browser.settle("document.getElementById('understood').classList.contains('refused')")
+        # By keys alone from one way to the next.
+        browser.value("document.getElementById('tab-say').focus()")
+        browser.key("ArrowRight")
+        assert browser.value("document.activeElement.id") == "tab-draw"
+        assert browser.value("document.getElementById('panel-say').hidden")
+        draw(browser, HOUSE)
+        browser.settle("[...document.querySelectorAll('#guesses button')].some(b => b.textContent.includes('house'))")
+        browser.value("document.querySelectorAll('#guesses button')[1].click()")
+        pressed = "[...document.querySelectorAll('#guesses button')].map(b => b.getAttribute('aria-pressed'))"
+        assert browser.value(pressed) == ["false", "true", "false"]
+        chosen = browser.value("document.querySelectorAll('#guesses button')[1].textContent")
+        browser.value("document.getElementById('make-drawing').click()")
+        browser.settle("document.querySelector('#cards li') !== null")
+        (entry,) = server.line.entries()
+        assert (entry.title, entry.command, entry.options["shows"]) == (chosen, "image", chosen)
+        assert browser.value("document.getElementById('make-drawing').disabled")
+        # Nothing is asked but of this server, and nothing is wrong.
+        icon = server.address.replace(f"{server.secret}/", "favicon.ico")
+        allowed = (server.address, "data:image/png", icon)
+        assert not [address for address in browser.requests if not address.startswith(allowed)]
+        assert not browser.errors
+
+
+def test_what_is_dropped_is_named_shown_searched_for_and_deleted(browser, tmp_path):
+    ds.save(tmp_path / "mine.json", ds.Sketch(torch.arange(18.0).reshape(3, 2, 3).sin()))
+    with served_studio(tmp_path) as server:
+        browser.open(server.address, 1000, 900)
+        browser.value("document.getElementById('tab-drop').click()")
+        drop(browser, "letter.docx", "x")
+        browser.settle("document.getElementById('dropped').classList.contains('refused')")
+        assert "is nothing that can be drawn here" in text_of(browser, "dropped")
+        drop(browser, "mine.json", (tmp_path / "mine.json").read_text())
+        browser.settle("!document.getElementById('make-dropped').hidden")
+        assert text_of(browser, "dropped") == "mine: a sketch."
+        browser.value("document.getElementById('make-dropped').click()")
+        browser.settle("document.querySelector('#cards .face img')?.naturalWidth === 320")
+        server.line.add("a <b>chair</b>", "text", {"phrase": "a chair"})
+        browser.settle("document.querySelectorAll('#cards li').length === 2")
+        titles = "[...document.querySelectorAll('#cards h3')].map(each => each.textContent)"
+        assert browser.value(titles) == ["a <b>chair</b>", "mine"]
+        assert browser.value("document.querySelector('#cards .state').textContent") == "Waiting in line"
+        browser.value("document.querySelector('#cards button').click()")
+        browser.settle("document.querySelector('#cards .state').textContent === 'Stopped'")
+        browser.value(
+            "(s => { s.value = 'MINE'; s.dispatchEvent(new Event('input')); })(document.getElementById('search'))"
+        )
+        assert browser.value(titles) == ["mine"]
+        remove = "[...document.querySelectorAll('#cards button')].find(b => /elete/.test(b.textContent)).click()"
+        browser.value(remove)
+        assert server.line.entry("mine") is not None
+        browser.value(remove)
+        browser.settle("document.querySelectorAll('#cards li').length === 0")
+        assert server.line.entry("mine") is None
+        assert not [error for error in browser.errors if "400" not in error]
+
+
+@pytest.mark.parametrize("width", [390, 820, 2560])
+def test_every_screen_shows_all_of_it(browser, tmp_path, width):
+    with served_studio(tmp_path) as server:
+        server.line.add("a chair with a very long name " * 3, "text", {"phrase": "a chair"})
+        browser.open(server.address, width, 800)
+        for tab in ("say", "draw", "drop"):
+            browser.value(f"document.getElementById('tab-{tab}').click()")
+            assert browser.value("document.documentElement.scrollWidth") <= width
+        # Whatever can be used has a name, and a finger's size.
+        small = browser.value(
+            "[...document.querySelectorAll('button, input:not([type=file]), a:not(.face)')]"
+            ".filter(each => each.offsetParent && each.getBoundingClientRect().height < 24).map(each => each.outerHTML)"
+        )
+        assert small == []
+        tree = browser.ask("Accessibility.getFullAXTree")["nodes"]
+        roles = ("button", "textbox", "searchbox", "tab", "link")
+        named = [node.get("name", {}).get("value") for node in tree if node.get("role", {}).get("value") in roles]
+        assert named
+        assert all(named)
+
+
+@pytest.mark.slow
+def test_from_a_phrase_to_files_of_its_sketch(browser, tmp_path):
+    from svgpathtools import svg2paths
+
+    with served_studio(tmp_path) as server, server.line:
+        browser.open(server.address, 1000, 900)
+        say(browser, "a chair")
+        browser.value("document.getElementById('panel-say').requestSubmit()")
+        browser.settle("document.querySelector('[data-state=running]') !== null")
+        browser.settle("document.querySelector('[data-state=done]') !== null")
+        browser.settle("document.querySelector('#cards .face img')?.naturalWidth === 320")
+        browser.open(browser.value("document.querySelector('#cards h3 a').href"), 1000, 900)
+        browser.settle("document.querySelectorAll('#desk select').length === 2")
+        # The file is of the view that the page shows, and looks like it.
+        browser.value("window.saved = []; URL.createObjectURL = blob => { saved.push(blob); return '#'; }")
+        for key in ("svg", "step", "dxf", "glb", "html", "json"):
+            count = browser.value("saved.length")
+            browser.value(
+                f"(([, format]) => {{ format.value = '{key}'; format.dispatchEvent(new Event('change')); }})"
+                "(document.querySelectorAll('#desk select'));"
+                "[...document.querySelectorAll('#desk button')].find(b => b.textContent === 'Save').click()"
+            )
+            browser.settle(f"window.saved.length === {count + 1}")
+        texts = browser.value("Promise.all([0, 1, 2, 4, 5].map(i => saved[i].text()))")
+        (tmp_path / "seen.svg").write_text(texts[0])
+        assert len(svg2paths(str(tmp_path / "seen.svg"))[0]) > 5
+        assert texts[1].startswith("ISO-10303-21;")
+        assert "ENTITIES" in texts[2]
+        assert texts[3].startswith("<!doctype html>")
+        assert texts[4] == (tmp_path / "a-chair/sketch.json").read_text()
+        browser.value("[...document.querySelectorAll('#desk button')].find(b => b.textContent === 'Look').click()")
+        browser.settle("document.querySelector('dialog[open] img')?.naturalWidth === 1024")
+        assert not browser.errors
+        # Drawn anew from its own strokes.
+        browser.value("[...document.querySelectorAll('#desk button')].find(b => /again/.test(b.textContent)).click()")
+        end = time.monotonic() + 300
+        while (again := server.line.entry("a-chair-again")) is None or again.state != "done":
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        assert again.options["start"] == "a-chair/sketch.json"
