@@ -89,7 +89,7 @@ ALLOWED = {
     "guidance": {"camera", "weights"} | HELPERS,
     "diff3ds": {"constraints", "tasks", "optimize", "formats", "guidance", "library", "losses", "notebook", "render",
                 "project", "pydiffvg", "styles", "surfaces", "transforms", "with_surface"} | SCENE,
-    "tasks": {"constraints", "curves", "detectors", "distortion", "edges", "surfaces", "optimize", "pictures",
+    "tasks": {"constraints", "curves", "detectors", "distortion", "edges", "frames", "surfaces", "optimize", "pictures",
               "guidance", "weights", "losses", "formats", "metrics", "library", "page", "photogrammetry", "recognition",
               "render", "project", "styles", "transforms", "viewer", "with_surface"} | SCENE,
     "cli": {"tasks", "command_line", "_version"},
