@@ -1,6 +1,7 @@
 // The Python module diff3ds._kernels.
 #include "cpu/areas/module.h"
 #include "cpu/arrays.h"
+#include "cpu/boxes/module.h"
 #include "cpu/driver.h"
 #include "cpu/project.h"
 #include <nanobind/stl/string.h>
@@ -274,6 +275,7 @@ NB_MODULE(_kernels, m) {
   m.def("project", &py_project, "curves"_a);
   m.def("project_backward", &py_project_backward, "curves"_a, "g_cubics"_a);
   areas::bind(m);
+  boxes::bind(m);
   m.def("set_threads", &set_threads, nb::call_guard<nb::gil_scoped_release>());
   m.def("trim", [] { pool().trim(); });
   m.def("instruction_sets", &instruction_sets);

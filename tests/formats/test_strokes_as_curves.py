@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import diff3ds as ds
-from diff3ds.formats.cad.arcs import Arc
+from diff3ds.formats.cad.arcs import Arc, arc_along
 from diff3ds.formats.cad.strokes_as_curves import MOST, Line, Spline, curves_of, resolution
 
 
@@ -152,3 +152,9 @@ def test_no_kind_is_off_by_more_than_the_tolerance():
         # 1.09: between the points that are looked at.
         assert distance.max() < 1.09 * tolerance
     assert 10 < told < 50
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_begins_in_its_own_middle_is_no_arc():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 0]], float)
+    assert arc_along(points, 1e-3, 1.0, True) is None

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import torch
-from solids import box, icosphere, together
+from solids import box, icosphere, lathe, together
 
 import diff3ds as ds
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.curves.shapes.smooth_joints import sketch_of
 from diff3ds.surfaces.lines.feature_curves import feature_curves
+from diff3ds.surfaces.shape.intersections import Seams
 
 NOTHING = ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64))
 T = torch.linspace(0, 1, 9, dtype=torch.float64)
@@ -83,3 +84,28 @@ def test_seams_are_no_lines_where_contours_are_none_and_none_in_one_piece():
     assert len(lines.sketch) == 0
     (lines,) = ds.visible_lines(NOTHING, cameras, ds.TriangleMesh(*icosphere(3)))
     assert set(lines.kinds) == {"contour"}
+
+
+def pipe(radius: float, reach: float, around: int) -> tuple[np.ndarray, np.ndarray]:
+    """A closed cylinder along z, of so many sides."""
+    return lathe(np.array([0, radius, radius, 0]), np.array([-reach, -reach, reach, reach]), around)
+
+
+@pytest.mark.parametrize(("radius", "seams"), [(1.0, 0), (1.2, 2)])
+def test_pieces_that_touch_have_no_seam_and_those_that_go_through_each_other_have(radius, seams):
+    """A shaft in a bore: their facets cut each other a hundred times, of which none is a line."""
+    bore = np.array([1.0, 2, 2, 1, 1]), np.array([-1.0, -1, 1, 1, -1])
+    mesh = ds.TriangleMesh(*together(pipe(radius, 2.0, 40), lathe(*bore, 56)))
+    found = feature_curves(mesh)
+    assert found.kinds.count("intersection") == seams
+    # Rims of the shaft and of the ring.
+    assert found.kinds.count("crease") == 6
+
+
+@pytest.mark.parametrize("around", [60, 61])
+def test_equal_pipes_have_their_whole_seam_though_they_touch_where_it_crosses_itself(around):
+    points, faces = pipe(1.0, 3.0, around)
+    seam = Seams.of(ds.TriangleMesh(*together((points, faces), (points[:, [1, 2, 0]], faces))))
+    ends = seam.points[seam.steps]
+    # Two ellipses, half as long again as they are wide.
+    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(2 * 7.6404, rel=0.01)

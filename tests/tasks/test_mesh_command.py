@@ -193,6 +193,19 @@ def test_a_run_that_was_killed_between_its_drawings_does_not_look_done(tmp_path,
     assert not (out / "run.json").exists()
 
 
+def test_a_run_that_is_killed_leaves_the_one_that_it_overwrites(tmp_path, monkeypatch):
+    def killed(*arguments):
+        raise KeyboardInterrupt
+
+    source, out = box(tmp_path / "box.obj"), tmp_path / "out"
+    run_mesh(source, out, MeshOptions(size=32, turntable=2))
+    before = sorted(path.name for path in out.iterdir())
+    monkeypatch.setattr("diff3ds.tasks.mesh.draw_mesh.write_results", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_mesh(source, out, MeshOptions(size=32, turntable=0, strokes=2, overwrite=True))
+    assert sorted(path.name for path in out.iterdir()) == before
+
+
 def test_a_turntable_turns(tmp_path):
     main(
         [

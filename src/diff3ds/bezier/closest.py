@@ -89,7 +89,8 @@ def closest_parameter(control: Float[Tensor, "*B K E"], query: Float[Tensor, "*C
     """
     # Forward mode goes on inside no_grad.
     control, query = control.detach(), query.detach()
-    batch = torch.broadcast_shapes(control.shape[:-2], query.shape[:-2])  # type: ignore[no-untyped-call]
+    both = torch.broadcast_tensors(control[..., :1, 0], query[..., :1, 0])  # type: ignore[no-untyped-call]
+    batch = both[0].shape[:-1]
     k, e = control.shape[-2:]
     rows = control[..., None, :, :].expand(*batch, query.shape[-2], k, e).reshape(-1, k, e)
     targets = query.expand(*batch, *query.shape[-2:]).reshape(-1, e - 1)

@@ -27,7 +27,8 @@ def derivative(coefficients: Float[Tensor, "*B C"]) -> Float[Tensor, "*B C1"]:
 def multiply(a: Float[Tensor, "*B1 C1"], b: Float[Tensor, "*B2 C2"]) -> Float[Tensor, "*B3 C3"]:
     """Ascending coefficients of the product of two polynomials; the batch axes broadcast."""
     n = b.shape[-1]
-    batch = torch.broadcast_shapes(a.shape[:-1], b.shape[:-1])  # type: ignore[no-untyped-call]
+    # `torch.broadcast_shapes` takes seconds when it is first called: it imports sympy.
+    batch = torch.broadcast_tensors(a[..., :1], b[..., :1])[0].shape[:-1]  # type: ignore[no-untyped-call]
     product = a.new_zeros((*batch, a.shape[-1] + n - 1))
     for k in range(a.shape[-1]):
         product[..., k : k + n] += a[..., k : k + 1] * b

@@ -6,13 +6,15 @@ are as large as it is, where it lies in at most two cells along each axis. A poi
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import pairwise
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float, Index, Int, Mask
+from diff3ds._shapes import Array, Float, Index, Int, Mask, Tensor
+from diff3ds.render.backends import kernels
 
 # Triangles so much longer than high, and than triangles of a mesh of such a size would be if all were of one, are
 # looked for in halves. Speed only.
@@ -35,6 +37,8 @@ class BoxIndex:
         levels: the grids that hold boxes, 0 for the finest.
         keys: grid and cell of each entry, sorted.
         boxes: the box of each entry.
+        low: the least coordinates of each box.
+        high: the largest.
     """
 
     origin: Float[Array, " D"]
@@ -42,6 +46,8 @@ class BoxIndex:
     levels: Int[Index, " L"]
     keys: Int[Index, " X"]
     boxes: Int[Index, " X"]
+    low: Float[Array, "N D"]
+    high: Float[Array, "N D"]
 
     @staticmethod
     def of(low: Float[Array, "N D"], high: Float[Array, "N D"], cell: float) -> "BoxIndex":
@@ -51,7 +57,8 @@ class BoxIndex:
             cell: side of the finest cells, positive: about the size of most boxes.
         """
         if not len(low):
-            return BoxIndex(np.zeros(low.shape[1]), 1.0, *(np.zeros(0, np.int64) for _ in range(3)))
+            none = np.zeros(0, np.int64)
+            return BoxIndex(np.zeros(low.shape[1]), 1.0, none, none, none, low, high)
         origin = low.min(0)
         reach = float((high.max(0) - origin).max())
         cell = max(cell, reach / (1 << (BITS - 1)), 1e-300)
@@ -76,67 +83,79 @@ class BoxIndex:
             boxes.append(real)
         flat, box = np.concatenate(keys), np.concatenate(boxes)
         order = np.argsort(flat, kind="stable")
-        return BoxIndex(origin, cell, np.unique(level), flat[order], box[order])
+        return BoxIndex(origin, cell, np.unique(level), flat[order], box[order], low, high)
 
     def around(self, points: Float[Array, "Q D"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
-        """Pairs of a point and a box that may hold it; all that do are among them."""
-        return self._pairs(self._cells(points), slice(0, len(points)))
-
-    def batches(self, points: Float[Array, "Q D"]) -> Iterator[tuple[Int[Index, " P"], Int[Index, " P"]]]:
-        """The pairs of `around` for run after run of points that have at most `MOST_PAIRS` of them, or are one."""
-        cells = self._cells(points)
-        total = np.zeros(len(points), np.int64)
-        for query, start, stop in cells:
-            total[query] += stop - start
-        batch = np.cumsum(total) // MOST_PAIRS
-        bounds = [0, *(np.flatnonzero(np.diff(batch)) + 1).tolist(), len(points)]
-        yield from (self._pairs(cells, slice(*ends)) for ends in pairwise(bounds))
-
-    def _cells(self, points: Float[Array, "Q D"]) -> list[tuple[Index, Index, Index]]:
-        """In each grid the points that lie in it, in order, and where the entries of their cells start and stop."""
-        cells = []
-        for level in self.levels:
-            place = np.floor((points - self.origin) / (self.cell * 2.0**level))
-            query = np.flatnonzero(_in_grid(place))
-            keys = _keys(level, place[query].astype(np.int64).T)
-            cells.append((query, *self._range(keys)))
-        return cells
-
-    def _pairs(self, cells: list[tuple[Index, Index, Index]], some: slice) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
-        """The pairs of a run of points."""
-        found = []
-        for query, start, stop in cells:
-            rows = slice(*np.searchsorted(query, [some.start, some.stop]))
-            found.append(self._entries(query[rows], start[rows], stop[rows]))
-        return _joined([query for query, _ in found]), _joined([boxes for _, boxes in found])
+        """Pairs of a point and a box that holds it, some twice."""
+        return self.meeting(points, points)
 
     def meeting(self, low: Float[Array, "Q D"], high: Float[Array, "Q D"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
-        """Pairs of a given box and one of the index that may meet; all that do are among them, some twice.
+        """Pairs of a given box and one of the index that meet, some twice.
 
         Given boxes should be no larger than the finest cells: they are looked up in every cell that they touch.
         """
-        queries, boxes = [], []
-        for level in self.levels:
-            side = self.cell * 2.0**level
-            first = np.clip(np.floor((low - self.origin) / side), -1, 1 << BITS).astype(np.int64)
-            last = np.clip(np.floor((high - self.origin) / side), -1, 1 << BITS).astype(np.int64)
-            counts = last - first + 1
-            total = counts.prod(1)
-            query = np.repeat(np.arange(len(low)), total)
-            number = np.arange(len(query)) - np.repeat(np.cumsum(total) - total, total)
-            place = np.empty((len(query), low.shape[1]), np.int64)
-            for axis in range(low.shape[1]):
-                number, rest = np.divmod(number, counts[query, axis])
-                place[:, axis] = first[query, axis] + rest
-            real = _in_grid(place)
-            keys = _keys(level, place[real].T)
-            found = self._entries(query[real], *self._range(keys))
-            queries.append(found[0])
-            boxes.append(found[1])
-        return _joined(queries), _joined(boxes)
+        found = list(self._runs(low, high))
+        return _joined([query for query, _ in found]), _joined([boxes for _, boxes in found])
 
-    def _range(self, keys: Int[Index, " Q"]) -> tuple[Int[Index, " Q"], Int[Index, " Q"]]:
-        return np.searchsorted(self.keys, keys, "left"), np.searchsorted(self.keys, keys, "right")
+    def batches(self, points: Float[Array, "Q D"]) -> Iterator[tuple[Int[Index, " P"], Int[Index, " P"]]]:
+        """The pairs of `around` for run after run of points that have about `MOST_PAIRS` of them, or are one."""
+        return self._runs(points, points)
+
+    def _runs(
+        self, low: Float[Array, "Q D"], high: Float[Array, "Q D"]
+    ) -> Iterator[tuple[Int[Index, " P"], Int[Index, " P"]]]:
+        """The pairs of `meeting` for run after run of given boxes."""
+        if (compiled := kernels()) is not None:
+            ends = [torch.from_numpy(np.ascontiguousarray(x, np.float64)) for x in (low, high)]
+            done = 0
+            while done < len(low):
+                query, box, done = compiled.boxes_meeting(self._tables, self.cell, BITS, *ends, done, MOST_PAIRS)
+                # Of C's long long, which numpy tells from its own integers.
+                yield query.view(np.int64), box.view(np.int64)
+            return
+        cells = [self._cells(level, low, high) for level in self.levels]
+        total = np.zeros(len(low), np.int64)
+        for query, start, stop in cells:
+            np.add.at(total, query, stop - start)
+        batch = np.cumsum(total) // MOST_PAIRS
+        bounds = [0, *(np.flatnonzero(np.diff(batch)) + 1).tolist(), len(low)]
+        for some in pairwise(bounds):
+            found = []
+            for query, start, stop in cells:
+                rows = slice(*np.searchsorted(query, some))
+                found.append(self._entries(query[rows], start[rows], stop[rows]))
+            query, box = _joined([query for query, _ in found]), _joined([boxes for _, boxes in found])
+            # A cell holds many boxes that do not meet a given one: most pairs end here.
+            for given_low, given_high, own_low, own_high in zip(low.T, high.T, self.low.T, self.high.T, strict=True):
+                met = (own_low[box] <= given_high[query]) & (given_low[query] <= own_high[box])
+                query, box = query[met], box[met]
+            yield query, box
+
+    @cached_property
+    def _tables(self) -> tuple[Tensor, ...]:
+        """The index for the compiled kernel."""
+        given = self.origin, self.levels, self.keys, self.boxes, self.low, self.high
+        return tuple(torch.from_numpy(np.ascontiguousarray(x)) for x in given)
+
+    def _cells(
+        self, level: np.int64, low: Float[Array, "Q D"], high: Float[Array, "Q D"]
+    ) -> tuple[Index, Index, Index]:
+        """The cells of a grid that given boxes touch: whose box, in order, and where their entries start and stop."""
+        side = self.cell * 2.0**level
+        # What is no number is in no cell.
+        places = [np.nan_to_num(np.floor((x - self.origin) / side), nan=-1.0) for x in (low, high)]
+        first, last = (np.clip(place, -1, 1 << BITS).astype(np.int64) for place in places)
+        counts = last - first + 1
+        total = counts.prod(1)
+        query = np.repeat(np.arange(len(low)), total)
+        number = np.arange(len(query)) - np.repeat(np.cumsum(total) - total, total)
+        place = np.empty((len(query), low.shape[1]), np.int64)
+        for axis in range(low.shape[1]):
+            number, rest = np.divmod(number, counts[query, axis])
+            place[:, axis] = first[query, axis] + rest
+        real = _in_grid(place)
+        keys = _keys(level, place[real].T)
+        return query[real], np.searchsorted(self.keys, keys, "left"), np.searchsorted(self.keys, keys, "right")
 
     def _entries(
         self, query: Int[Index, " Q"], start: Int[Index, " Q"], stop: Int[Index, " Q"]
@@ -153,7 +172,7 @@ def _keys(level: Int[Index, " N"] | np.int64, place: Sequence[Index] | Int[Index
     return key
 
 
-def _in_grid(place: Float[Array, "N D"] | Int[Index, "N D"]) -> Mask:
+def _in_grid(place: Int[Index, "N D"]) -> Mask:
     return all_of((place >= 0) & (place < 1 << BITS))
 
 

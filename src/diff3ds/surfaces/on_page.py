@@ -9,7 +9,7 @@ import numpy as np
 from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.formats.framing import ball_of
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.hidden.lines_of_mesh import RINGS, creases_along, least_run
+from diff3ds.surfaces.hidden.lines_of_mesh import RINGS, chords_in_space, creases_along, least_run
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Triangles that a page takes: 4 MB, and in software rendering some frames a second. Empirical.
@@ -79,7 +79,7 @@ class SurfaceOnPage:
         there are `convex`.
         """
         mesh = self.mesh
-        edge = np.flatnonzero(mesh.is_crease & ~creases_along(mesh, sketch))
+        edge = np.flatnonzero(mesh.is_crease & ~creases_along(mesh, chords_in_space(sketch, mesh.near / 4)))
         edge = edge[np.argsort(mesh.turns[edge] <= 0, kind="stable")]
         sides = mesh.edge_faces[edge]
         place = (mesh.faces[sides][:, :, None] == mesh.edges[edge][:, None, :, None]).argmax(3)

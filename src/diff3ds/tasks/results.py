@@ -80,9 +80,7 @@ def write_results(
     if sketch.importance is None:
         sketch, strokes = ranked_around(sketch, surface, sort=sort)
         layers = None if layers is None else [layers[stroke] for stroke in strokes]
-    if surface is None:
-        (out / SURFACE).unlink(missing_ok=True)
-    else:
+    if surface is not None:
         save_surface(out / SURFACE, surface.vertices, surface.faces)
     save(out / "sketch.json", sketch)
     save_step(out / "sketch.step", sketch, layers=layers)
@@ -108,6 +106,8 @@ def write_results(
         "loss": {"every": every, "values": info.losses[::every]},
     }
     write_text(out / "run.json", json.dumps(content, indent=1))
+    if surface is None:
+        (out / SURFACE).unlink(missing_ok=True)
     return sketch
 
 

@@ -102,6 +102,9 @@ def _circle(
         normal = np.cross(along, across)
         rise = (points - middle) @ across
         power = ((points - points[0]) * (points - points[-1])).sum(1)
+        # Of a straight line there is no circle.
+        if not rise @ rise > 0:
+            return None
         center = middle + (rise @ power) / (2 * rise @ rise) * across
         major = points[0] - center
         return center, major, np.cross(normal, major)
@@ -111,10 +114,10 @@ def _circle(
     center = middle + a * axes[0] + b * axes[1]
     # Within the plane, as long as the radius.
     major = np.cross(np.cross(normal, points[0] - center), normal)
-    square = c + a * a + b * b
-    if not square > 0:
+    square, far = c + a * a + b * b, float(np.linalg.norm(major))
+    if not (square > 0 and far > 0):
         return None
-    major *= math.sqrt(square) / np.linalg.norm(major)
+    major *= math.sqrt(square) / far
     return center, major, np.cross(normal, major)
 
 

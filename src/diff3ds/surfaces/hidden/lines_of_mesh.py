@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask, Tensor
-from diff3ds.bezier import tessellate
+from diff3ds.bezier.measure import chord_intervals
 from diff3ds.camera import Cameras
 from diff3ds.chains import Chains
 from diff3ds.curves.directions import has_corner, unit
@@ -27,7 +27,8 @@ from diff3ds.surfaces.lines.contours import Chain, contour_chains
 from diff3ds.surfaces.lines.edge_runs import seam_runs
 from diff3ds.surfaces.lines.fit_picture import FittedChains, fit_chains
 from diff3ds.surfaces.shape.intersections import APART, Seams, places_on_seams
-from diff3ds.surfaces.shape.nearest import Nearest, along_chords
+from diff3ds.surfaces.shape.nearest import Nearest
+from diff3ds.surfaces.shape.on_lines import along_chords
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -245,7 +246,7 @@ class Drawn:
         """By the strokes of this sketch."""
         seam, chords = Seams.of(mesh), chords_in_space(sketch, mesh.near / 4)
         seams = along_chords(seam.points[seam.steps].mean(1), chords, mesh.near)
-        return Drawn(creases_along(mesh, sketch), seams, chords)
+        return Drawn(creases_along(mesh, chords), seams, chords)
 
     def run_along(self, chains: list[Chain], distance: float) -> list[Bool[Mask, " M"]]:
         """Which points of contours lie within a distance of strokes that go their way, but for short runs of others."""
@@ -282,20 +283,22 @@ def _fitted_seams(seam: Seams, chosen: Bool[Mask, " S"], picture: Picture, toler
     return Sketch(control[..., :3] / weights[..., None], weights / weights[:, :1], chains=made)
 
 
-def creases_along(mesh: TriangleMesh, sketch: Sketch) -> Bool[Mask, " E"]:
-    """The creases of a mesh that strokes of a sketch run along."""
+def creases_along(mesh: TriangleMesh, chords: Float[Array, "C 2 3"]) -> Bool[Mask, " E"]:
+    """The creases of a mesh that straight chords of strokes run along."""
     along = mesh.is_crease.copy()
-    middles = mesh.vertices[mesh.edges[along]].mean(1)
-    along[along] = along_chords(middles, chords_in_space(sketch, mesh.near / 4), mesh.near)
+    along[along] = along_chords(mesh.vertices[mesh.edges[along]].mean(1), chords, mesh.near)
     return along
 
 
 def chords_in_space(sketch: Sketch, tolerance: float) -> Float[Array, "C 2 3"]:
     """The strokes of a sketch as straight chords within a tolerance, world units."""
-    control, weights = sketch.points.detach().cpu().double(), sketch.weights.detach().cpu().double()
-    lines = [vertices.numpy() for _, vertices in tessellate(control, weights, tolerance)] if len(sketch) else []
-    chords = [np.stack([line[:-1], line[1:]], 1) for line in lines]
-    return np.concatenate([np.zeros((0, 2, 3)), *chords])
+    if not len(sketch):
+        return np.zeros((0, 2, 3))
+    control = _homogeneous(sketch)
+    intervals = chord_intervals(torch.from_numpy(control), tolerance)
+    own = control[intervals.curve.numpy()]
+    ends = [at(own, t.numpy()) for t in (intervals.start, intervals.stop)]
+    return np.stack([end[:, :3] / end[:, 3:] for end in ends], 1)
 
 
 def _homogeneous(sketch: Sketch) -> Float[Array, "M 4 4"]:

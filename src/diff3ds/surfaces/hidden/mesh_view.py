@@ -3,7 +3,7 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, around_triangles, largest, slices
+from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
 from diff3ds.page.picture import Picture
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -28,10 +28,7 @@ class MeshView:
         self._corners, self._depths, self._face = pixels, depths, face
         low, high, self._triangle = slices(pixels, max(2 * len(face), MOST_BOXES))
         middle = float(np.median(largest(high - low))) if len(low) else 1.0
-        self._index = BoxIndex.of(low, high, middle)
-        low, high = around_triangles(pixels)
-        # Axis by axis: their least and largest coordinates.
-        self._low, self._high = (low - BESIDE).T.copy(), (high + BESIDE).T.copy()
+        self._index = BoxIndex.of(low - BESIDE, high + BESIDE, middle)
 
     def in_front(
         self, points: Float[Array, "Q 3"], own: Int[Index, "Q 3"] | None = None, rings: int = 0
@@ -79,11 +76,6 @@ class MeshView:
     ) -> tuple[Int[Index, " P"], Float[Array, " P"], Int[Index, " P"]]:
         """As `crossed`, of these pairs of points and boxes."""
         box = self._triangle[box]
-        # A cell of the index holds many triangles that are not around the point: most pairs end here.
-        for x, low, high in zip(pixels.T.copy(), self._low, self._high, strict=True):
-            at = x[query]
-            held = (low[box] <= at) & (at <= high[box])
-            query, box = query[held], box[held]
         a, b, c = self._corners.take(box, 0).transpose(1, 0, 2)
         p = pixels[query]
         shares = np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)], 1)

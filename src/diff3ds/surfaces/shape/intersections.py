@@ -6,14 +6,17 @@ from typing import cast
 import numpy as np
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
+from diff3ds.curves.directions import unit
 from diff3ds.page.boxes import BoxIndex
+from diff3ds.surfaces.lines.edge_runs import seam_runs
 from diff3ds.surfaces.shape.clean import SAME
+from diff3ds.surfaces.shape.on_lines import along_chords
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Parts are moved by so little against each other, as a share of the mesh's size, that no corner lies on a face.
 APART = 1e-9
-# Triangles of solids that cut each other at less than some 20 degrees are of surfaces in contact, as of a shaft and its
-# bore: each turns by up to 17 from one to the next. Cosine.
+# Triangles that cut each other at less than some 20 degrees are of surfaces in contact, as of a shaft and its bore:
+# those of solids turn by up to 17 from one to the next. Cosine.
 CONTACT = 0.94
 # Segments that meet reach a little farther, as a share of their length: rounding.
 MET = 1e-6
@@ -91,41 +94,74 @@ def seams(mesh: TriangleMesh) -> Seams:
     through, place = _through(mesh, piece, edge, face)
     met = through[slot.reshape(edges.shape)]
     pairs = met.sum(1) == 2
+    touching = np.abs(np.einsum("pi,pi->p", mesh.face_normals[one], mesh.face_normals[other])) >= CONTACT
     if mesh.surfaces:
-        pairs &= np.abs(np.einsum("pi,pi->p", mesh.face_normals[one], mesh.face_normals[other])) < CONTACT
+        pairs &= ~touching
     ends = slot.reshape(edges.shape)[pairs][met[pairs]].reshape(-1, 2)
     used, steps = np.unique(ends, return_inverse=True)
-    return _without_tiny_steps(Seams(place[used], steps.reshape(-1, 2), one[pairs]), SAME * mesh.size)
+    found, rows = _without_tiny_steps(Seams(place[used], steps.reshape(-1, 2), one[pairs]), SAME * mesh.size)
+    if mesh.surfaces:
+        return found
+    between = np.unique(np.stack([piece[one], piece[other]], 1)[pairs][rows], axis=0, return_inverse=True)[1]
+    return _without_contacts(mesh, found, touching[pairs][rows], between.ravel())
 
 
-def _without_tiny_steps(found: Seams, least: float) -> Seams:
-    """The seams with points made one that short steps join: where corners nearly lie on faces."""
+def _without_contacts(mesh: TriangleMesh, found: Seams, touching: Bool[Mask, " S"], between: Int[Index, " S"]) -> Seams:
+    """The seams but for runs along which surfaces are in contact: where their triangles cut each other is chance.
+
+    Of the rim of a bore, with which a shaft in it plays hide and seek, there is the crease.
+
+    Args:
+        touching: which steps are between triangles in contact.
+        between: the two pieces that each is between, as a number: where they are in contact along less than half of
+            their seam, they go through each other, and only touch on the way, as two equal pipes do.
+    """
+    ends = found.points[found.steps]
+    creases = mesh.vertices[mesh.edges[mesh.is_crease | (mesh.edge_counts != 2)]]
+    touching = touching | along_chords(ends.mean(1), creases, mesh.near / 2, unit(ends[:, 1] - ends[:, 0]))
+    if not touching.any():
+        return found
+    runs = seam_runs(found.points, found.steps)
+    pairs = np.sort(np.concatenate([np.stack([run[:-1], run[1:]], 1) for run in runs]), axis=1)
+    keys = found.steps[:, 0] * len(found.points) + found.steps[:, 1]
+    run = np.empty(len(keys), np.int64)
+    run[np.searchsorted(keys, pairs[:, 0] * len(found.points) + pairs[:, 1])] = np.repeat(
+        np.arange(len(runs)), [len(run) - 1 for run in runs]
+    )
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    most = [(2 * np.bincount(of, length * touching) >= np.bincount(of, length))[of] for of in (run, between)]
+    kept = np.flatnonzero(~(most[0] & most[1]))
+    used, steps = np.unique(found.steps[kept], return_inverse=True)
+    return Seams(found.points[used], steps.reshape(-1, 2), found.faces[kept])
+
+
+def _hanging_together(pairs: Int[Index, "P 2"], count: int) -> Int[Index, " N"]:
+    """Which group each of so many things is in, of which these pairs are in one each."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def _without_tiny_steps(found: Seams, least: float) -> tuple[Seams, Int[Index, " S"]]:
+    """The seams with points made one that short steps join, where corners nearly lie on faces; which steps are left."""
     points, steps = found.points, found.steps
     tiny = np.linalg.norm(points[steps[:, 0]] - points[steps[:, 1]], axis=1) < least
-    a, b = steps[tiny].T
-    graph = coo_matrix((np.ones(len(a), bool), (a, b)), shape=(len(points), len(points)))
-    _, group = connected_components(graph, directed=False)
+    group = _hanging_together(steps[tiny], len(points))
     _, first = np.unique(group, return_index=True)
-    left = np.sort(group[steps[~tiny]], axis=1).astype(np.int64)
+    left = np.sort(group[steps[~tiny]], axis=1)
     apart = left[:, 0] != left[:, 1]
     steps, row = np.unique(left[apart], axis=0, return_index=True)
-    return Seams(points[first], steps, found.faces[~tiny][apart][row])
+    rows = np.flatnonzero(~tiny)[apart][row]
+    return Seams(points[first], steps, found.faces[rows]), rows
 
 
 def _pieces_of(mesh: TriangleMesh) -> Int[Index, " F"]:
     """The piece that each face is of: faces that share an edge are of one."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(mesh.faces)
-    rows = np.repeat(np.arange(count), 3)
-    first = mesh.edge_faces[:, 0][mesh.face_edges.ravel()]
-    graph = coo_matrix((np.ones(3 * count, bool), (rows, first)), shape=(count, count))
-    _, piece = connected_components(graph, directed=False)
-    return piece.astype(np.int64)
+    first = mesh.edge_faces[:, 0][mesh.face_edges]
+    pairs = np.stack([np.repeat(np.arange(len(first)), 3), first.ravel()], 1)
+    return _hanging_together(pairs, len(first))
 
 
 def _near_pairs(mesh: TriangleMesh, piece: Int[Index, " F"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
@@ -133,21 +169,20 @@ def _near_pairs(mesh: TriangleMesh, piece: Int[Index, " F"]) -> tuple[Int[Index,
     corners = mesh.vertices[mesh.faces]
     low, high = corners.min(1), corners.max(1)
     # Faces that are in the box of no other piece meet none.
-    boxes = np.full((int(piece.max()) + 1, 2, 3), np.inf)
-    np.minimum.at(boxes[:, 0], piece, low)
-    np.minimum.at(boxes[:, 1], piece, -high)
-    rows = np.zeros(len(low), bool)
-    for number, (least, most) in enumerate(boxes):
-        rows |= (piece != number) & (low <= -most).all(1) & (high >= least).all(1)
-    some = np.flatnonzero(rows)
+    boxes = np.full((2, int(piece.max()) + 1, 3), np.inf)
+    np.minimum.at(boxes[0], piece, low)
+    np.minimum.at(boxes[1], piece, -high)
+    of_pieces = BoxIndex.of(boxes[0], -boxes[1], float(np.median((-boxes[1] - boxes[0]).max(1))))
+    face, number = of_pieces.meeting(low, high)
+    some = np.unique(face[piece[face] != number])
     if not len(some):
         return some, some
     cell = float(np.median((high - low)[some].max(1)))
     index = BoxIndex.of(low[some], high[some], cell)
     a, b = index.meeting(low[some], high[some])
     a, b = some[a], some[b]
-    meet = (piece[a] < piece[b]) & (low[a] <= high[b]).all(1) & (low[b] <= high[a]).all(1)
-    pairs = np.unique(a[meet] * len(low) + b[meet])
+    apart = piece[a] < piece[b]
+    pairs = np.unique(a[apart] * len(low) + b[apart])
     return np.divmod(pairs, len(low))
 
 

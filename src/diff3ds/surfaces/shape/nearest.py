@@ -4,18 +4,16 @@ from typing import cast
 
 import numpy as np
 
-from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
-from diff3ds.curves.directions import unit
-from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, slices
+from diff3ds._shapes import Array, Float, Index, Int
+from diff3ds.page.boxes import MOST_BOXES, all_of, slices
 from diff3ds.surfaces.shape.intersections import Seams
+from diff3ds.surfaces.shape.on_lines import index_of, on_segments
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Points that nothing is so near to are looked for so much farther away.
 WIDER = 4.0
 # Of barycentric coordinates: so near to an edge or a corner of a face, a point lies on it.
 ON_EDGE = 1e-9
-# Lines that turn by less go the same way, cosine. Empirical.
-SAME_WAY = 0.8
 
 
 class Nearest:
@@ -38,9 +36,9 @@ class Nearest:
         seam = Seams.of(mesh)
         self._seam_faces = seam.faces[: len(seam.faces) if edges_first else 0]
         self._lines = np.concatenate([mesh.vertices[self._sharp], seam.points[seam.steps[: len(self._seam_faces)]]])
-        self._edges = _index(self._lines.min(1), self._lines.max(1), tolerance)
+        self._edges = index_of(self._lines.min(1), self._lines.max(1), tolerance)
         low, high, self._triangle = slices(mesh.vertices[mesh.faces], max(2 * len(mesh), MOST_BOXES))
-        self._faces = _index(low, high, tolerance)
+        self._faces = index_of(low, high, tolerance)
 
     @staticmethod
     def of(mesh: TriangleMesh, tolerance: float) -> "Nearest":
@@ -57,7 +55,7 @@ class Nearest:
         """
         moved, own = points.copy(), np.full((len(points), 3), -1, np.int64)
         for query, line in self._edges.batches(points):
-            found, share = _on_segments(points[query], self._lines[line])
+            found, share = on_segments(points[query], self._lines[line])
             self._take(points, query, found, self._of_line(line, share), moved, own)
         rest = np.flatnonzero(own[:, 0] < 0)
         for row, box in self._faces.batches(points[rest]):
@@ -116,40 +114,6 @@ def faces_at(mesh: TriangleMesh, own: Int[Index, "Q 3"]) -> tuple[Int[Index, " P
     return query[held], face[held]
 
 
-def along_chords(
-    middles: Float[Array, "N 3"],
-    chords: Float[Array, "C 2 3"],
-    tolerance: float,
-    ways: Float[Array, "N 3"] | None = None,
-) -> Bool[Mask, " N"]:
-    """Which points lie on straight chords of curves, within the tolerance, that go the ways of these, unit vectors."""
-    along = np.zeros(len(middles), bool)
-    index = _index(chords.min(1), chords.max(1), tolerance)
-    for query, chord in index.batches(middles):
-        found, _ = _on_segments(middles[query], chords[chord])
-        near = np.linalg.norm(found - middles[query], axis=1) <= tolerance
-        if ways is not None:
-            own = unit(chords[chord, 1] - chords[chord, 0])
-            near &= np.abs(np.einsum("pi,pi->p", own, ways[query])) > SAME_WAY
-        along[query[near]] = True
-    return along
-
-
-def _index(low: Float[Array, "N 3"], high: Float[Array, "N 3"], tolerance: float) -> BoxIndex:
-    low, high = low - tolerance, high + tolerance
-    return BoxIndex.of(low, high, float(np.median((high - low).max(1))) if len(low) else 1.0)
-
-
-def _on_segments(
-    points: Float[Array, "P 3"], ends: Float[Array, "P 2 3"]
-) -> tuple[Float[Array, "P 3"], Float[Array, " P"]]:
-    way = ends[:, 1] - ends[:, 0]
-    length = np.einsum("pi,pi->p", way, way)
-    share = np.einsum("pi,pi->p", points - ends[:, 0], way) / np.where(length > 0, length, 1.0)
-    share = np.clip(share, 0, 1)
-    return ends[:, 0] + share[:, None] * way, share
-
-
 def _of_segment(edge: Int[Index, "P 2"], share: Float[Array, " P"]) -> Int[Index, "P 3"]:
     """The edge, or its vertex."""
     first = np.where(share >= 1 - ON_EDGE, edge[:, 1], edge[:, 0])
@@ -174,7 +138,7 @@ def closest_on_triangles(
         best = np.full(len(outside), np.inf)
         around, beside = corners.take(outside, 0), points.take(outside, 0)
         for k in range(3):
-            found, share = _on_segments(beside, around[:, [k, (k + 1) % 3]])
+            found, share = on_segments(beside, around[:, [k, (k + 1) % 3]])
             distance = np.linalg.norm(beside - found, axis=1)
             nearer = distance < best
             best[nearer] = distance[nearer]

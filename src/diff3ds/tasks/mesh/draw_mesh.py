@@ -38,8 +38,8 @@ from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.transforms import load_transforms
 
-# Pixels of a turntable's frame, and frames a second.
-FRAME, FPS = 384, 12
+# The turntable, pixels of its frames, and frames a second.
+TURNTABLE, FRAME, FPS = "turntable.webp", 384, 12
 # Borders of a smooth thing that are shorter are cracks, no openings. Empirical.
 CRACK = 0.05
 # Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
@@ -123,23 +123,41 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
     results = _found(mesh, made) | read.told
     info = RunInfo({"source": str(source), **_told(options)}, results, seconds, [], {}, False)
-    # Of a run that is overwritten.
-    for old in (*out.glob("drawing-*.*"), *out.glob("turntable.webp")):
-        old.unlink()
-    for view, drawing in enumerate(drawings):
-        name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
-        layers = layers_of(views[view].layers(options.hidden), drawing, mesh)
-        save_svg(out / f"{name}.svg", drawing, cameras[view], layers=layers)
-        if len(drawing):
-            save_step(out / f"{name}.step", drawing, layers=layers)
-        save_png(out / f"{name}.png", pictures[view])
+    names = _write_drawings(out, views, drawings, pictures, options, mesh)
     if options.turntable:
-        frames = _frames(features, mesh, colors, options, report)
-        save_movie(out / "turntable.webp", frames, options.turntable, FPS)
+        save_movie(out / TURNTABLE, _frames(features, mesh, colors, options, report), options.turntable, FPS)
+        names.add(TURNTABLE)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
     sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh).replace(kinds=made.kinds)
-    return write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
+    written = write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
+    for old in (*out.glob("drawing-*.*"), *out.glob(TURNTABLE)):
+        # Of a run that is overwritten, all of which was there until now.
+        if old.name not in names:
+            old.unlink()
+    return written
+
+
+def _write_drawings(
+    out: Path,
+    views: list[Lines],
+    drawings: list[Sketch],
+    pictures: Float[Tensor, "V H W 3"],
+    options: MeshOptions,
+    mesh: TriangleMesh,
+) -> set[str]:
+    """Writes each view as SVG, STEP and PNG, and says what the files are called."""
+    names = set()
+    for view, (lines, drawing) in enumerate(zip(views, drawings, strict=True)):
+        name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
+        layers = layers_of(lines.layers(options.hidden), drawing, mesh)
+        save_svg(out / f"{name}.svg", drawing, lines.cameras, layers=layers)
+        if len(drawing):
+            save_step(out / f"{name}.step", drawing, layers=layers)
+            names.add(f"{name}.step")
+        save_png(out / f"{name}.png", pictures[view])
+        names |= {f"{name}.svg", f"{name}.png"}
+    return names
 
 
 def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
