@@ -20,7 +20,21 @@ from diff3ds.tasks.text_image import text
 from diff3ds.tasks.views import run_views as views
 from diff3ds.weights import fetch
 
-COMMANDS = ["text", "image", "views", "mesh", "points", "render", "export", "view", "eval", "prior", "fetch", "doctor"]
+COMMANDS = [
+    "text",
+    "image",
+    "views",
+    "mesh",
+    "points",
+    "render",
+    "export",
+    "apply",
+    "view",
+    "eval",
+    "prior",
+    "fetch",
+    "doctor",
+]
 
 
 def ends(arguments: list[str], capsys) -> tuple[int, str, str]:

@@ -91,7 +91,7 @@ ALLOWED = {
                 "project", "pydiffvg", "styles", "surfaces", "transforms", "with_surface"} | SCENE,
     "tasks": {"constraints", "curves", "detectors", "distortion", "edges", "frames", "surfaces", "optimize", "pictures",
               "guidance", "weights", "losses", "formats", "metrics", "library", "page", "photogrammetry", "recognition",
-              "render", "project", "styles", "transforms", "viewer", "with_surface"} | SCENE,
+              "render", "project", "styles", "svg", "transforms", "viewer", "with_surface"} | SCENE,
     "cli": {"tasks", "command_line", "_version"},
 }  # fmt: skip
 

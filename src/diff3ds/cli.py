@@ -18,7 +18,7 @@ from diff3ds.command_line.make import Cameras, Doodle, Image, Mesh, Points, Text
 from diff3ds.command_line.many import Batch, Eval, Study
 from diff3ds.command_line.read_options import as_typed, read_options
 from diff3ds.command_line.set_up import Doctor, Fetch, Prior
-from diff3ds.command_line.show import Export, Render, Studio, View
+from diff3ds.command_line.show import Apply, Export, Render, Studio, View
 from diff3ds.tasks.progress import Stopped
 
 _ABOUT = '3D sketches of rational Bézier strokes. "diff3ds --version" says which version this is.'
@@ -37,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     commands |= {
         "render": Render,
         "export": Export,
+        "apply": Apply,
         "view": View,
         "studio": Studio,
         "eval": Eval,

@@ -284,12 +284,12 @@ def test_the_ink_is_cut_at_the_border():
     assert 0 <= x[0] <= 256
 
 
-def test_a_joined_stroke_has_the_number_of_its_first_part():
+def test_a_joined_stroke_has_the_numbers_of_its_parts():
     points = torch.tensor(
         [[[0.0, 0.0, 0.5], [0.0, 0.5, 0.5]], [[0.0, 0.0, 0.0], [0.0, -0.5, 0.0]], [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]]
     )
     text = styles.styled_svg(ds.Sketch(points), CAMERA, styles.Ink())
-    assert {e.get("id") for e in paths(text)} == {"stroke-0", "stroke-1"}
+    assert {e.get("id") for e in paths(text)} == {"stroke-0", "strokes-2-1"}
 
 
 def test_paper_is_warm_and_transparent_pages_have_none():

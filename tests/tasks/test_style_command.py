@@ -105,7 +105,7 @@ def test_options_that_do_not_fit(options, message):
     [
         ("export", "a.step", [], r"--style draws .svg files here"),
         ("render", "a.png", ["--engine", "blender"], "--engine is for strokes without a style: leave it out"),
-        ("render", "a.svg", ["--layers", "color"], "--layers is for strokes without a style: leave it out"),
+        ("render", "a.svg", ["--centerline"], "--centerline is for strokes without a style: leave it out"),
         ("render", "a.pdf", [], "--style draws to .svg, .png and films"),
         ("render", "a.svg", ["--style", "stretched", "--brush", "{source}"], "sketch.json: not an SVG file"),
     ],

@@ -1,4 +1,4 @@
-"""The commands that show sketches: `render`, `export`, `view` and `studio`."""
+"""The commands that show sketches, `render`, `export`, `view`, `studio`; `apply`: an edited drawing comes back."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -73,6 +73,35 @@ class Export:
         say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
         sketch = run_export(self.source, self.file, self.export, self.styles, say, self.level)
         say(f"{counted_strokes(len(sketch))}: {self.file}")
+
+
+@dataclass(frozen=True)
+class Apply:
+    """Bring the edits of an SVG drawing back onto the sketch that it shows.
+
+    Colours, widths, opacities, names and deletions of its paths, in whatever program, are matched by their ids;
+    everything else of the sketch stays as it is, to the last bit. What could not be matched is said.
+    """
+
+    # The SVG file, drawn by "diff3ds render" or a run, and edited.
+    edited: Positional[Path]
+    # The sketch that it was drawn of: sketch.json or another file, or the folder of a run.
+    source: Positional[Path]
+    # The new one: of a run a folder, else a file.
+    out: Annotated[Path, arg(aliases=["-o"])]
+    # What is there may be lost.
+    overwrite: bool = False
+    # Nothing is said but errors.
+    quiet: bool = False
+
+    def run(self) -> None:
+        """Runs the command."""
+        with importing():
+            from diff3ds.tasks.apply.apply_edits import run_apply
+
+        say = sayer(PlainConsole(stderr=True, quiet=self.quiet))
+        sketch = run_apply(self.edited, self.source, self.out, self.overwrite, say)
+        say(f"{counted_strokes(len(sketch))}: {self.out}")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Where the things of a scene stand: x points to the front, y to the right as one sees it from there, z up."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -108,10 +109,22 @@ def arranged_solids(scene: Scene, sketches: Sequence[Sketch], faces: Sequence[Fa
             copies = {number: [parts[number]] * scene.things[number].count for number in together}
             _place(standing, relation, copies)
     there = [one for group in standing for one in group]
-    whole = Sketch.concatenate([one.sketch for one in there])
+    whole = Sketch.concatenate(_named(there))
     middle, scale = frame_of(whole)
     solid = torch.cat([one.faces for one in there])
     return replace(whole, points=(whole.points - middle) * scale), (solid - middle) * scale
+
+
+def _named(there: Sequence[_Placed]) -> list[Sketch]:
+    """The sketches of things, whose strokes say which thing they are part of: "chair", "chair 2"."""
+    found, count = [], Counter[str]()
+    for one in there:
+        count[one.category] += 1
+        thing = one.category if count[one.category] == 1 else f"{one.category} {count[one.category]}"
+        own = one.sketch.names or ("",) * len(one.sketch)
+        names = [f"{thing}/{name or f'stroke {number}'}" for number, name in enumerate(own)]
+        found.append(one.sketch.replace(names=names))
+    return found
 
 
 def frame_of(sketch: Sketch) -> tuple[Float[Tensor, " 3"], Float[Tensor, ""]]:

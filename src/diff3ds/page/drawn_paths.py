@@ -1,7 +1,6 @@
 """A view of a sketch as paths of cubic Béziers in the order in which they are painted: what SVG and PDF files hold."""
 
 import math
-from collections import Counter
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -35,7 +34,6 @@ class DrawnPath(NamedTuple):
         width: to stroke with, pixels; None to fill.
         color: RGB in [0, 1].
         opacity: in [0, 1].
-        part: of its stroke: the first, the second and so on.
     """
 
     strokes: tuple[int, ...]
@@ -44,14 +42,6 @@ class DrawnPath(NamedTuple):
     width: float | None
     color: tuple[float, float, float]
     opacity: float
-    part: int = 1
-
-    @property
-    def name(self) -> str:
-        """Of stroke 7 "stroke-7", of its further parts "stroke-7-part-2" and so on, of two together "strokes-7-9"."""
-        numbers = "-".join(map(str, self.strokes))
-        further = f"-part-{self.part}" if self.part > 1 else ""
-        return f"{'strokes' if len(self.strokes) > 1 else 'stroke'}-{numbers}{further}"
 
 
 def drawn_paths(
@@ -93,16 +83,15 @@ def drawn_paths(
     ]
     filled = outlines(ways, _BORDER * tolerance)
     colors, opacities = strokes.color.double().clamp(0, 1).tolist(), strokes.opacity.tolist()
-    found, count = [], Counter[int]()
+    found = []
     for (pieces, _), line in zip(parts, lined, strict=True):
         stroke = int(pieces.stroke[0])
-        count[stroke] += 1
         width = 2 * float(pieces.points[..., 2].mean()) * page.scale if line else None
         opacity = 1.0 if centerline else opacities[stroke]
         r, g, b = colors[stroke]
         curves = [page.place(curve) for curve in (_centre_line(pieces) if line else next(filled))]
         closed = not line or _closes(strokes, pieces)
-        found.append(DrawnPath((stroke,), curves, closed, width, (r, g, b), opacity, count[stroke]))
+        found.append(DrawnPath((stroke,), curves, closed, width, (r, g, b), opacity))
     return found
 
 

@@ -54,12 +54,14 @@ class Lines:
             "hatching".
         parts: which parts of the segments are seen and which hidden.
         cameras: the view.
+        numbers: of the strokes in the sketch that was given, -1 for the surface's own lines.
     """
 
     sketch: Sketch
     kinds: tuple[str, ...]
     parts: Parts
     cameras: Cameras
+    numbers: tuple[int, ...] = ()
 
     def strokes(self, visible: bool, kind: str | None = None) -> Sketch:
         """The visible or the hidden strokes, of one kind or all; gradients flow to the sketch."""
@@ -78,15 +80,17 @@ class Lines:
 
     def layers(self, hidden: Hidden) -> list[str]:
         """What each stroke of `drawn` is: "crease", "contour, hidden" and the like."""
-        drawn = self.drawn(hidden)
-        kinds = drawn.kinds or (STROKE,) * len(drawn)
-        return [kind if seen else f"{kind}, hidden" for kind, seen in zip(kinds, self.seen(hidden), strict=True)]
+        return [self.kinds[row] if seen else f"{self.kinds[row]}, hidden" for row, seen in self.origins(hidden)]
 
-    def seen(self, hidden: Hidden) -> list[bool]:
-        """Whether each stroke of `drawn` is a visible one; where all are drawn whole, each."""
-        count = len(self.drawn(hidden))
-        first = 0 if hidden in ("show", "drop") else count - len(self.strokes(True))
-        return [number >= first for number in range(count)]
+    def origins(self, hidden: Hidden) -> list[tuple[int, bool]]:
+        """Of each stroke of `drawn` its row in `sketch`, and whether it is seen; where all are drawn whole, each is."""
+        if hidden == "show":
+            return [(row, True) for row in range(len(self.sketch))]
+        seen = [(row, True) for row in cut_sketch(self.sketch, *self._chosen(True, None))[1].tolist()]
+        if hidden == "drop":
+            return seen
+        cut = self._dash_parts() if hidden == "dashed" else self._chosen(False, None)
+        return [(row, False) for row in cut_sketch(self.sketch, *cut)[1].tolist()] + seen
 
     def _dashes(self) -> Sketch:
         return cut_sketch(self.sketch, *self._dash_parts())[0]
@@ -230,6 +234,7 @@ def _lines(
     named = tuple(kind or STROKE for kind in sketch.kinds or ("",) * len(sketch)) if kinds is None else tuple(kinds)
     if len(named) != len(sketch):
         raise ValueError(f"kinds must be one a stroke, {len(sketch)}, got {len(named)}")
+    rows = list(range(len(sketch)))
     if contours and kinds is None and CONTOUR in named:
         # Outlines that were fitted for all sides: each view has its own.
         rows = [i for i, kind in enumerate(named) if kind != CONTOUR]
@@ -251,7 +256,8 @@ def _lines(
             parts = Parts.concatenate(parts, Parts.whole(len(tone.points)), len(whole.points))
             whole = Sketch.concatenate([whole, _as_wide(tone, sketch, cameras[view])])
             all_kinds = (*all_kinds, *(HATCHING,) * len(tone))
-        lines.append(Lines(whole.replace(kinds=all_kinds), all_kinds, parts, cameras[view]))
+        numbers = (*rows, *[-1] * (len(whole) - len(rows)))
+        lines.append(Lines(whole.replace(kinds=all_kinds), all_kinds, parts, cameras[view], numbers))
     return lines
 
 

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from diff3ds._checks import users_level
 from diff3ds._files import check_there
@@ -66,6 +67,8 @@ class Drawn:
     Attributes:
         tag: path, rect, circle, ellipse, polygon, polyline or line.
         name: its id, or "".
+        around: the ids of the groups that it is in, the outermost first.
+        label: what Inkscape or Illustrator call it, or "".
         values: its lengths as numbers.
         contours: its outline, in its own coordinates.
         matrix: from these to the canvas.
@@ -77,6 +80,8 @@ class Drawn:
 
     tag: str
     name: str
+    around: tuple[str, ...]
+    label: str
     values: dict[str, float]
     contours: list[Contour]
     matrix: Matrix
@@ -88,11 +93,12 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is drawn on a canvas of this size, from the bottom to the top."""
+    """What is drawn on a canvas of this size, from the bottom to the top, and the attributes of the file's root."""
 
     width: float
     height: float
     drawn: list[Drawn]
+    told: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,7 @@ class _State:
     opacity: float = 1.0
     depth: int = 0
     cloned: bool = False
+    around: tuple[str, ...] = ()
 
 
 def read_drawing(path: Path) -> Drawing:
@@ -147,7 +154,7 @@ class _Reader:
             self.left_out.add(f"style rules such as {self.sheet.unread[0][:30]!r}")
         x, y = self._canvas()
         self._walk(self.root, _State((1.0, 0.0, 0.0, 1.0, -x, -y)), top=True)
-        return Drawing(*self.size, self.drawn)
+        return Drawing(*self.size, self.drawn, self.root.attributes)
 
     def _canvas(self) -> tuple[float, float]:
         """Sets the size of the canvas, and gives its corner: that of the view box, or else the size of the file."""
@@ -193,7 +200,9 @@ class _Reader:
         elif element.tag == "use":
             self._clone(element, inner)
         else:
-            inner = inner if top else replace(inner, matrix=product(inner.matrix, self._nested(element)))
+            if not top:
+                around = (*inner.around, element.attributes.get("id", ""))
+                inner = replace(inner, matrix=product(inner.matrix, self._nested(element)), around=around)
             children = element.children[:1] if element.tag == "switch" else element.children
             for child in children:
                 self._walk(child, inner)
@@ -202,7 +211,9 @@ class _Reader:
         own = {name: values[name] for name in INHERITED if values.get(name, "inherit") != "inherit"}
         opacity = opacity_of(values["opacity"]) if "opacity" in values else 1.0
         matrix = product(state.matrix, parse_transform(values.get("transform", "")))
-        return _State(matrix, {**state.values, **own}, state.opacity * opacity, state.depth + 1, state.cloned)
+        return _State(
+            matrix, {**state.values, **own}, state.opacity * opacity, state.depth + 1, state.cloned, state.around
+        )
 
     def _nested(self, element: Element) -> Matrix:
         """From the coordinates in an inner svg or symbol to those around it, fitted into its middle."""
@@ -265,7 +276,10 @@ class _Reader:
             stroke = None
         if fill is not None or stroke is not None:
             name, even_odd = element.attributes.get("id", ""), given.get("fill-rule") == "evenodd"
-            self.drawn.append(Drawn(element.tag, name, lengths, contours, state.matrix, fill, even_odd, stroke, width))
+            label = element.attributes.get("label") or element.attributes.get("data-name", "")
+            looks: Any = {"fill": fill, "even_odd": even_odd, "stroke": stroke, "width": width}
+            drawn = Drawn(element.tag, name, state.around, label, lengths, contours, state.matrix, **looks)
+            self.drawn.append(drawn)
 
     def _paint(self, text: str, state: _State, contours: list[Contour]) -> Paint | None:
         url = reference(text)

@@ -12,7 +12,7 @@ ENTITY = 100
 
 @dataclass
 class Element:
-    """An element of SVG; those of other namespaces are not kept, nor attributes of theirs but "href"."""
+    """An element of SVG; those of other namespaces are not kept, nor attributes of theirs but "href" and "label"."""
 
     tag: str
     attributes: dict[str, str]
@@ -60,7 +60,9 @@ class _Reader:
         if self.count > self.most or len(self.open) > DEEPEST:
             raise ValueError(f"it has more than {self.most} elements, or some more than {DEEPEST} deep")
         plain = {
-            key.rpartition("}")[2]: text for key, text in attributes.items() if "}" not in key or key.endswith("}href")
+            key.rpartition("}")[2]: text
+            for key, text in attributes.items()
+            if "}" not in key or key.endswith(("}href", "}label"))
         }
         element = Element(tag, plain)
         # What is in elements of other namespaces is theirs.

@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from diff3ds._detail import kept
+from diff3ds.curves.importance import Ranked
 from diff3ds.formats import load
 from diff3ds.sketch import Sketch
-from diff3ds.surfaces.seen_around import by_importance
+from diff3ds.surfaces.seen_around import ranked_around
 from diff3ds.tasks.detail_options import WHOLE, DetailOptions
 
 
@@ -26,9 +28,14 @@ def load_sketch(source: Path) -> Sketch:
     return sketch
 
 
-def at_level(sketch: Sketch, level: DetailOptions) -> Sketch:
-    """The strokes that are asked for; of a sketch that does not say which are important, these are found."""
+def at_level(sketch: Sketch, level: DetailOptions) -> Ranked:
+    """The strokes that are asked for, and their numbers; where none is known to be important, these are found."""
+    known = Ranked(sketch, list(range(len(sketch))))
     if level == WHOLE:
-        return sketch
-    known = sketch if sketch.importance is not None else by_importance(sketch)
-    return known.at_detail(level.detail, strokes=level.strokes)
+        return known
+    if sketch.importance is None:
+        known = ranked_around(sketch)
+    worth = known.sketch.importance
+    assert worth is not None
+    rows = kept(worth, level.detail, level.strokes).nonzero().flatten().tolist()
+    return Ranked(known.sketch[rows], [known.strokes[row] for row in rows])

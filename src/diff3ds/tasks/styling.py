@@ -40,6 +40,8 @@ class Styling:
         cameras: Cameras,
         background: Sequence[float] | None = (1.0, 1.0, 1.0),
         width_mm: float | None = None,
+        layers: Sequence[tuple[str, ...]] | None = None,
+        numbers: Sequence[int] | None = None,
     ) -> str:
         """As `styled_svg`."""
         return styled_svg(
@@ -52,6 +54,8 @@ class Styling:
             paper=self.options.paper,
             background=background,
             width_mm=width_mm,
+            layers=layers,
+            numbers=numbers,
         )
 
     def image(self, sketch: Sketch, camera: Cameras, background: Sequence[float] | None) -> Float[Tensor, "H W C"]:

@@ -7,10 +7,9 @@ from typing import Literal
 from diff3ds.page.drawn_paths import DrawnPath
 from diff3ds.page.pens.pen_paths import pen_paths
 from diff3ds.page.views_grid import hexadecimal
+from diff3ds.svg.layer_groups import Group
 
 Layers = Literal["color"]
-# From the outermost layer to the innermost.
-Group = tuple[str, ...]
 
 
 def check_layers(layers: Layers | Sequence[str | Group] | None, strokes: int) -> None:
@@ -70,11 +69,3 @@ def _of_pens(groups: dict[Group, list[DrawnPath]], pen: float | None) -> Iterato
             by_color.setdefault(hexadecimal(path.color), []).append(path)
         for color, some in by_color.items():
             yield (*group, color) if len(by_color) > 1 else group, pen_paths(some, pen)
-
-
-def outermost(groups: dict[Group, list[DrawnPath]]) -> dict[str, dict[Group, list[DrawnPath]]]:
-    """The outermost layers and what lies in each; "" is none."""
-    found: dict[str, dict[Group, list[DrawnPath]]] = {}
-    for group, paths in groups.items():
-        found.setdefault("".join(group[:1]), {})[group[1:]] = paths
-    return found

@@ -11,13 +11,14 @@ import numpy as np
 
 from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
-from diff3ds.formats.vector.page_layers import Group, Layers, check_layers, check_pen, layered, outermost
+from diff3ds.formats.vector.page_layers import Layers, check_layers, check_pen, layered
 from diff3ds.formats.vector.svg import Background, ground_of
 from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
 from diff3ds.page.pens.pen_paths import Travel, travel
 from diff3ds.page.stroke_outlines import straight
 from diff3ds.page.views_grid import check_page, corner, page_size
 from diff3ds.sketch import Sketch
+from diff3ds.svg.layer_groups import Group, outermost
 
 # Points of 1/72 inch, in which PDF measures: of a millimetre, and of a pixel of which 96 make an inch, as on the web.
 POINTS_PER_MM, POINTS_PER_PIXEL = 72 / 25.4, 72 / 96

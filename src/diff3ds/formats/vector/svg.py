@@ -1,7 +1,6 @@
 """SVG files: views of a sketch as vector paths, one path a stroke."""
 
 import html
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
@@ -10,16 +9,17 @@ import numpy as np
 
 from diff3ds._files import write_text
 from diff3ds.camera import Cameras
-from diff3ds.formats.vector.page_layers import Group, Layers, check_layers, check_pen, layered, outermost
+from diff3ds.formats.vector.page_layers import Layers, check_layers, check_pen, layered
 from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
 from diff3ds.page.pens.pen_paths import Travel, travel
 from diff3ds.page.stroke_outlines import Path as Curve
 from diff3ds.page.stroke_outlines import straight
 from diff3ds.page.views_grid import check_page, corner, hexadecimal, page_size
 from diff3ds.sketch import Sketch
+from diff3ds.svg.layer_groups import INKSCAPE, Group, layer_elements
+from diff3ds.svg.path_ids import KEPT, PathIds, said_of_strokes
 
 Background = Sequence[float] | Literal["auto"] | None
-INKSCAPE = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
 ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
 
 
@@ -34,6 +34,8 @@ def save_svg(
     centerline: bool = False,
     pen_mm: float | None = None,
     tolerance: float = TOLERANCE,
+    numbers: Sequence[int] | None = None,
+    kept: Sequence[str] = KEPT,
 ) -> Travel | None:
     """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
 
@@ -60,6 +62,10 @@ def save_svg(
             for the pen.
         pen_mm: how wide the lines of pens are, millimetres on paper; by default as those of most paths.
         tolerance: pixels.
+        numbers: by which the ids call the strokes, where these are parts of a sketch's: -1 for lines of the view
+            alone, "line-1" and so on.
+        kept: what strokes have as those of the sketch have it, of "color", "opacity" and "width": edits of it can come
+            back (`diff3ds apply`).
 
     Returns:
         With `centerline` what the pens travel, in millimetres where the page has a size on paper, else in pixels.
@@ -77,6 +83,7 @@ def save_svg(
     width, height = page_size(cameras)
     unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / width)
     size = f'width="{width * scale:.6g}{unit}" height="{height * scale:.6g}{unit}" viewBox="0 0 {width} {height}"'
+    rows = range(len(sketch)) if numbers is None else numbers
     size += f" {INKSCAPE}" if layers is not None or centerline or sketch.names else ""
     ground = ""
     if background is not None:
@@ -88,10 +95,12 @@ def save_svg(
         paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
         groups = layered(paths, layers, centerline, pen)
         drawn += groups.values()
-        lines += _view(groups, cameras, view, sketch.names)
-    write_text(
-        Path(path), f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{ground}' + "\n".join(lines) + "\n</svg>\n"
-    )
+        lines += _view(groups, cameras, view, sketch.names, numbers)
+    kept = [field for field in kept if field == "color" or not centerline]
+    tall = cameras.size[0] if sketch.width_space == "image" and not centerline else None
+    shown = {rows[stroke] for paths in drawn for path in paths for stroke in path.strokes}
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} {said_of_strokes(shown, kept, tall)}>'
+    write_text(Path(path), "\n".join([head + f"\n{ground}" + "\n".join(lines), "</svg>"]) + "\n")
     return travel(drawn, scale) if centerline else None
 
 
@@ -103,7 +112,11 @@ def ground_of(background: Background, centerline: bool) -> Sequence[float] | Non
 
 
 def _view(
-    groups: dict[Group, list[DrawnPath]], cameras: Cameras, view: int, names: Sequence[str] | None
+    groups: dict[Group, list[DrawnPath]],
+    cameras: Cameras,
+    view: int,
+    names: Sequence[str] | None,
+    numbers: Sequence[int] | None,
 ) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
     several = len(cameras) > 1
@@ -112,28 +125,13 @@ def _view(
         place = f'x="{x}" y="{y}" width="{cameras.size[1]}" height="{cameras.size[0]}"'
         yield f'<clipPath id="page-{view}"><rect {place}/></clipPath>'
         yield f'<g id="view-{view}" clip-path="url(#page-{view})">'
-    yield from _layers(groups, prefix, (x, y), names)
+    ids = PathIds(prefix, numbers)
+    elements = {
+        group: [_element(path, ids.of(path.strokes), (x, y), _label(path, names)) for path in paths]
+        for group, paths in groups.items()
+    }
+    yield from layer_elements(elements, prefix, ROUND)
     if several:
-        yield "</g>"
-
-
-def _layers(
-    groups: dict[Group, list[DrawnPath]],
-    prefix: str,
-    at: tuple[float, float],
-    names: Sequence[str] | None,
-    outer: str = "layer",
-) -> Iterator[str]:
-    """The elements of layers, and of those within them; `outer` is what the id of the one that holds them ends with."""
-    for label, inner in outermost(groups).items():
-        if not label:
-            elements = (_element(path, prefix, at, _label(path, names)) for path in inner[()])
-            yield from elements if outer != "layer" else (f"<g {ROUND}>", *elements, "</g>")
-            continue
-        known = f"{outer}-{re.sub(r'[^A-Za-z0-9]+', '-', label).strip('-')}"
-        said = html.escape(prefix + label)
-        yield f'<g id="{prefix}{known}" inkscape:groupmode="layer" inkscape:label="{said}" {ROUND}>'
-        yield from _layers(inner, prefix, at, names, known)
         yield "</g>"
 
 
@@ -142,7 +140,7 @@ def _label(path: DrawnPath, names: Sequence[str] | None) -> str:
     return ", ".join(dict.fromkeys(names[stroke] for stroke in path.strokes if names[stroke])) if names else ""
 
 
-def _element(path: DrawnPath, prefix: str, at: tuple[float, float], name: str) -> str:
+def _element(path: DrawnPath, known: str, at: tuple[float, float], name: str) -> str:
     color = hexadecimal(path.color)
     kind = "fill" if path.width is None else "stroke"
     style = f'{kind}="{color}"' + (f' {kind}-opacity="{path.opacity:.6g}"' if path.opacity < 1 else "")
@@ -150,7 +148,7 @@ def _element(path: DrawnPath, prefix: str, at: tuple[float, float], name: str) -
         style = f'fill="none" {style} stroke-width="{_number(path.width)}"'
     data = "".join(_data(curve + np.array(at), path.closed) for curve in path.curves)
     called = f' inkscape:label="{html.escape(name)}"' if name else ""
-    return f'<path id="{prefix}{path.name}"{called} d="{data}" {style}/>'
+    return f'<path id="{known}"{called} d="{data}" {style}/>'
 
 
 def _data(curve: Curve, closed: bool) -> str:

@@ -1,6 +1,5 @@
 """Paths of one pen: nothing drawn twice, joined into long ones, in an order of short ways; and what a pen travels."""
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -56,13 +55,10 @@ def pen_paths(paths: Sequence[DrawnPath], pen: float | None = None) -> list[Draw
     if pen > 0:
         tracks = join_tracks(without_doubled(tracks, pen), pen)
     like = paths[0]._replace(width=pen)
-    parts: Counter[tuple[int, ...]] = Counter()
     drawn = []
     for track in in_order(tracks, pen or CHORD):
-        parts[track.strokes] += 1
         curve = np.concatenate([track.cubics[:1, 0], track.cubics[:, 1:].reshape(-1, 2)])
-        part = parts[track.strokes]
-        drawn.append(like._replace(strokes=track.strokes, curves=[curve], closed=track.closed, part=part))
+        drawn.append(like._replace(strokes=track.strokes, curves=[curve], closed=track.closed))
     return drawn
 
 

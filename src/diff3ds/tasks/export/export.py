@@ -53,7 +53,7 @@ def run_export(
     """
     _check(source, file, options, styles)
     whole = _placed(load_sketch(source), options)
-    sketch = at_level(whole, level)
+    sketch = at_level(whole, level).sketch
     if styles.style is not None:
         write_text(file, Styling(styles).svg(sketch, views_of(whole, OrbitOptions(), PictureOptions())))
     elif file.suffix.lower() == ".html":

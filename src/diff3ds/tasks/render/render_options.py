@@ -13,6 +13,8 @@ from diff3ds.tasks.hatch_options import HatchOptions
 # Each suffix by what it holds: views, or the frames of a turntable.
 STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
 MOST_FRAMES = 10_000
+# What makes a layer of strokes in a file.
+LayerBy = Literal["thing", "kind", "visibility", "color"]
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ class PictureOptions:
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
         width_mm: of the page of an SVG or PDF file, millimetres.
-        layers: in SVG and PDF, color makes a layer a colour; strokes of different layers lie over each other as the
-            layers do.
+        layers: of SVG and PDF files, by thing (and its parts), kind (crease, border, contour, ...), visibility or
+            color, several within each other; strokes of different layers lie over each other as the layers do.
         centerline: SVG and PDF for plotters: nothing is filled or hidden; strokes that meet are one path, nothing is
             drawn twice, and the pen's ways are short; by default a layer a colour is what one pen draws. How often it
             is lifted and how far it goes is said.
@@ -86,7 +88,7 @@ class PictureOptions:
     fps: int = 24
     sheet: bool = False
     width_mm: float | None = None
-    layers: Literal["none", "color"] = "none"
+    layers: tuple[LayerBy, ...] = ()
     centerline: bool = False
     pen_mm: float | None = None
     speed: float | None = None

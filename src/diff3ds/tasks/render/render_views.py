@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import torch
 
@@ -21,6 +22,7 @@ from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.detail_options import WHOLE, DetailOptions
 from diff3ds.tasks.hatch_options import PIXELS
 from diff3ds.tasks.progress import Progress, Report
@@ -33,6 +35,7 @@ from diff3ds.tasks.render.render_options import (
     check_file,
     parse_size,
 )
+from diff3ds.tasks.render.stroke_layers import layers_by
 from diff3ds.tasks.results import SURFACE
 from diff3ds.tasks.sketch_input import at_level, load_sketch
 from diff3ds.tasks.style_options import StyleOptions
@@ -44,11 +47,24 @@ from diff3ds.with_surface import render
 PIXELS_AT_ONCE = 1 << 22
 
 
-@dataclass(frozen=True)
-class _Scene:
-    """A sketch, what hides it, how that is hatched, and the style that it is drawn in."""
+class _Shown(NamedTuple):
+    """Strokes that are drawn: their numbers, -1 for lines of the view alone, and which are visible, None for all."""
 
     sketch: Sketch
+    numbers: list[int]
+    seen: list[bool] | None
+
+    def layers(self, picture: PictureOptions) -> list[tuple[str, ...]] | None:
+        """The layers that are asked for."""
+        return layers_by(self.sketch, picture.layers, self.seen)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """A sketch, the numbers that its strokes had, what hides it, and the style that it is drawn in."""
+
+    sketch: Sketch
+    numbers: list[int]
     surface: TriangleMesh | None
     hiding: SurfaceOptions
     styling: Styling | None
@@ -66,12 +82,16 @@ class _Scene:
             hatch=self.hatch,
         )
 
-    def strokes(self, cameras: Cameras) -> Sketch:
+    def strokes(self, cameras: Cameras) -> _Shown:
         """What is drawn in all views, or with a surface in the one view."""
         if self.surface is None:
-            return self.sketch
+            return _Shown(self.sketch, self.numbers, None)
         (lines,) = visible_lines(self.sketch, cameras, self.surface, contours=self.hiding.contours, hatch=self.hatch)
-        return lines.drawn(self.hiding.hidden or "drop")
+        hidden = self.hiding.hidden or "drop"
+        origins = lines.origins(hidden)
+        given = [lines.numbers[row] for row, _ in origins]
+        numbers = [-1 if number < 0 else self.numbers[number] for number in given]
+        return _Shown(lines.drawn(hidden), numbers, [seen for _, seen in origins])
 
 
 def run_render(
@@ -105,7 +125,7 @@ def run_render(
         warnings.warn("the --background is a filled shape: plotters and cutters draw its edge", stacklevel=2)
     sketch = load_sketch(source).detach()
     surface = _surface(source, hiding)
-    drawn = at_level(sketch, level)
+    drawn, numbers = at_level(sketch, level)
     if picture.engine == "blender":
         if len(view.azimuth) > 1 or view.height is not None or view.cameras is not None:
             raise ValueError("Blender draws one perspective view: give one --azimuth, no --height and no --cameras")
@@ -116,7 +136,8 @@ def run_render(
     if surface is not None:
         surface = smooth_for_pictures(surface, max(cameras.size))
     per_mm = PIXELS if picture.width_mm is None else cameras.size[1] / picture.width_mm
-    scene = _Scene(drawn, surface, hiding, None if styles.style is None else Styling(styles), hiding.tone.made(per_mm))
+    styling = None if styles.style is None else Styling(styles)
+    scene = _Scene(drawn, numbers, surface, hiding, styling, hiding.tone.made(per_mm))
     if picture.turntable is not None:
         frames = _drawn(scene, cameras, picture, report)
         save_movie(file, frames, picture.turntable, picture.fps)
@@ -182,19 +203,25 @@ def _save(
 ) -> None:
     """One file of one view or a sheet."""
     if scene.styling is not None and file.suffix.lower() == ".svg":
-        write_text(file, scene.styling.svg(scene.strokes(cameras), cameras, picture.color, picture.width_mm))
+        shown = scene.strokes(cameras)
+        which = (shown.layers(picture), shown.numbers)
+        write_text(file, scene.styling.svg(shown.sketch, cameras, picture.color, picture.width_mm, *which))
     elif _is_vector(file):
-        travel = (save_pdf if file.suffix.lower() == ".pdf" else save_svg)(
-            file,
-            scene.strokes(cameras),
-            cameras,
-            background=picture.color,
-            width_mm=picture.width_mm,
-            layers=None if picture.layers == "none" else picture.layers,
-            centerline=picture.centerline,
-            pen_mm=picture.pen_mm,
-            tolerance=picture.tolerance or TOLERANCE,
-        )
+        shown = scene.strokes(cameras)
+        how: dict[str, Any] = {
+            "background": picture.color,
+            "width_mm": picture.width_mm,
+            "layers": shown.layers(picture),
+            "centerline": picture.centerline,
+            "pen_mm": picture.pen_mm,
+            "tolerance": picture.tolerance or TOLERANCE,
+        }
+        if file.suffix.lower() == ".pdf":
+            travel = save_pdf(file, shown.sketch, cameras, **how)
+        else:
+            faint = scene.surface is not None and scene.hiding.hidden == "faint"
+            kept = [field for field in KEPT if field != "opacity" or not faint]
+            travel = save_svg(file, shown.sketch, cameras, numbers=shown.numbers, kept=kept, **how)
         if travel is not None:
             say(travel.told("pixels" if picture.width_mm is None else "mm", picture.speed))
     else:
@@ -210,7 +237,7 @@ def _check_styled(file: Path, picture: PictureOptions, style: str) -> None:
     """
     if file.suffix.lower() == ".pdf":
         raise ValueError(f"{file}: --style draws to .svg, .png and films: give one of these, or leave --style out")
-    for name in ("layers", "centerline", "tolerance", "engine"):
+    for name in ("centerline", "tolerance", "engine"):
         if getattr(picture, name) != getattr(PictureOptions, name):
             raise ValueError(f"--{name} is for strokes without a style: leave it out, or --style {style}")
 
@@ -230,7 +257,7 @@ def _rendered(scene: _Scene, cameras: Cameras, picture: PictureOptions) -> Itera
     """The views in the style, or as the kernels draw them, a few at once."""
     if scene.styling is not None:
         for i in range(len(cameras)):
-            yield scene.styling.image(scene.strokes(cameras[i]), cameras[i], picture.color)
+            yield scene.styling.image(scene.strokes(cameras[i]).sketch, cameras[i], picture.color)
         return
     at_once = max(1, PIXELS_AT_ONCE // (cameras.size[0] * cameras.size[1]))
     for first in range(0, len(cameras), at_once):

@@ -1,0 +1,1 @@
+"""What `diff3ds apply` does."""
