@@ -1,6 +1,7 @@
-"""Complex numbers at the fans of a surface that agree with their neighbours: least squares along its edges."""
+"""Numbers at the fans of a surface that agree with their neighbours: least squares along its edges."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ Solve = Callable[[Complex], Complex]
 
 # Pieces of so few are not divided any more: speed only.
 FEW = 64
+# Of the weights: so little that nothing is levelled by it.
+LEVEL = 1e-9
 
 
 def agreeing(
@@ -35,7 +38,6 @@ def agreeing(
         sign: z' is z, or where this is negative its conjugate; by default z.
     """
     from scipy.sparse import coo_matrix, diags
-    from scipy.sparse.linalg import splu
 
     count = len(held)
     a, b = ends.T
@@ -46,13 +48,53 @@ def agreeing(
     total = np.bincount(ends.ravel(), np.repeat(weight, 2), count) + held
     order = _dissected(points, ends)
     rows = np.stack([order, order + count], 1).ravel()
-    matrix = (links + links.T + diags(np.tile(total, 2))).tocsr()[rows][:, rows].tocsc()
-    factors = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factored = _factored(links + links.T + diags(np.tile(total, 2)), rows)
 
     def solve(wanted: Complex) -> Complex:
-        real, imaginary = factors.solve((held * wanted)[order].view(np.float64)).reshape(-1, 2).T
-        found = np.empty(count, np.complex128)
-        found[order] = real + 1j * imaginary
+        real, imaginary = factored(np.concatenate([held * wanted.real, held * wanted.imag])).reshape(2, count)
+        return real + 1j * imaginary
+
+    return solve
+
+
+def levelling(
+    points: Float[Array, "N 3"],
+    ends: Int[Index, "E 2"],
+    weight: Float[Array, " E"],
+    sign: Float[Array, " E"],
+) -> Callable[[Array], Array]:
+    """What finds, for changes along edges that are wanted, those nearest to them that some heights of fans have.
+
+    The least sum of weight (sign height_b - height_a - wanted)²; arguments are those of `agreeing`.
+    """
+    from scipy.sparse import coo_matrix, diags
+
+    count = len(points)
+    a, b = ends.T
+    links = coo_matrix((-weight * sign, (b, a)), shape=(count, count))
+    total = np.bincount(ends.ravel(), np.repeat(weight, 2), count)
+    # Heights may all be higher: a little more holds them.
+    factored = _factored(links + links.T + diags(total + LEVEL * weight.mean()), _dissected(points, ends))
+
+    def changes(wanted: Array) -> Array:
+        pull = weight * wanted
+        pulled: Array = np.bincount(b, sign * pull, count) - np.bincount(a, pull, count)
+        height = factored(np.asarray(pulled, np.float64))
+        return np.asarray(sign * height[b] - height[a])
+
+    return changes
+
+
+def _factored(matrix: Any, order: Int[Index, " N"]) -> Callable[[Array], Array]:
+    """What solves equations of a sparse, positive definite matrix, whose unknowns are eliminated in an order."""
+    from scipy.sparse.linalg import splu
+
+    ordered = matrix.tocsr()[order][:, order].tocsc()
+    factors = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def solve(right: Array) -> Array:
+        found = np.empty(len(right))
+        found[order] = factors.solve(right[order])
         return found
 
     return solve

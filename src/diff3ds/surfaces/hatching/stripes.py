@@ -12,7 +12,7 @@ import numpy as np
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.curves.directions import unit
 from diff3ds.page.picture import Picture
-from diff3ds.surfaces.hatching.agreement import Complex, agreeing
+from diff3ds.surfaces.hatching.agreement import Complex, agreeing, levelling
 from diff3ds.surfaces.hatching.fans import Fans
 
 # Steps of inverse iteration from phases that are right where the surface is flat; and how much it is held by those of
@@ -21,6 +21,9 @@ ROUNDS, HELD = 8, 1e-4
 # A step along the line of sight counts so much of one across it: at outlines lines come nearer to each other than
 # asked, where otherwise they would have to end. Empirical.
 ALONG_SIGHT = 0.15
+# Lines of a piece may be so much nearer or farther than asked, a share in the mean, if then none has to begin or end on
+# it; at twice as much none is. Empirical.
+EASE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +64,22 @@ def stripes(
     # Directions have no sign: where neighbours disagree, the phase of one grows as that of the other falls.
     sign = np.where(np.einsum("ei,ei->e", across[a], across[b]) < 0, -1.0, 1.0)
     wanted = np.einsum("ei,ei->e", (across[a] + sign[:, None] * across[b]) / 2, places[b] - places[a])
-    solve = agreeing(places, np.stack([a, b], 1), wanted, fans.edges[2][edge], np.full(len(used), HELD), sign)
-    value = _begun(places, across, a, b)
+    ends, weight = np.stack([a, b], 1), fans.edges[2][edge]
+    pieces, piece = _pieces(ends, len(used))
+    # On what is flat, or nearly so, lines may all go on: then they are a little nearer or farther here and there.
+    more = levelling(places, ends, weight, sign)(wanted) - wanted
+    whole = (2 * np.pi / spacing * np.linalg.norm(places[b] - places[a], axis=1)) ** 2
+    off = np.bincount(piece[a], more**2, pieces) / np.maximum(np.bincount(piece[a], whole, pieces), 1e-300)
+    wanted += np.clip(2 - off**0.5 / EASE, 0, 1)[piece[a]] * more
+    solve = agreeing(places, ends, wanted, weight, np.full(len(used), HELD), sign)
+    value = _begun(places, across, pieces, piece)
     for _ in range(ROUNDS):
         value = solve(value)
         value /= np.maximum(np.abs(value), 1e-300)
     phase = np.angle(value)
     change = sign * phase[b] - phase[a] - wanted
     change = wanted + (change + np.pi) % (2 * np.pi) - np.pi
-    return _over_faces(small.reshape(-1, 3), of_faces.reshape(-1, 3), np.stack([a, b], 1), phase, change, sign)
+    return _over_faces(small.reshape(-1, 3), of_faces.reshape(-1, 3), ends, phase, change, sign)
 
 
 def _on_page(
@@ -89,16 +99,18 @@ def _on_page(
     return places, unit(aside - np.einsum("ni,ni->n", aside, along)[:, None] * along)
 
 
-def _begun(
-    places: Float[Array, "N 3"], across: Float[Array, "N 3"], a: Int[Index, " E"], b: Int[Index, " E"]
-) -> Complex:
-    """Phases from the middle of each piece: those of lines that would all go one way."""
+def _pieces(ends: Int[Index, "E 2"], count: int) -> tuple[int, Int[Index, " N"]]:
+    """How many pieces hang together by edges, and the piece of each of so many fans."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    count = len(places)
-    links = coo_matrix((np.ones(len(a), bool), (a, b)), shape=(count, count))
+    links = coo_matrix((np.ones(len(ends), bool), ends.T), shape=(count, count))
     pieces, piece = connected_components(links, directed=False)
+    return int(pieces), piece.astype(np.int64)
+
+
+def _begun(places: Float[Array, "N 3"], across: Float[Array, "N 3"], pieces: int, piece: Int[Index, " N"]) -> Complex:
+    """Phases from the middle of each piece: those of lines that would all go one way."""
     number = np.bincount(piece, minlength=pieces)[:, None]
     middle = np.stack([np.bincount(piece, places[:, k], pieces) for k in range(3)], 1) / number
     return np.exp(1j * np.einsum("ni,ni->n", across, places - middle[piece]))
