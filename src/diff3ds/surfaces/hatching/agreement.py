@@ -78,8 +78,8 @@ def levelling(
 
     def changes(wanted: Array) -> Array:
         pull = weight * wanted
-        pulled: Array = np.bincount(b, sign * pull, count) - np.bincount(a, pull, count)
-        height = factored(np.asarray(pulled, np.float64))
+        forth, back = (np.asarray(np.bincount(*ways, count), np.float64) for ways in ((b, sign * pull), (a, pull)))
+        height = factored(forth - back)
         return np.asarray(sign * height[b] - height[a])
 
     return changes
