@@ -20,7 +20,7 @@ import torch
 
 import diff3ds as ds
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "viewer"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from viewer_browser import Browser
 
 RECORD = """window.frameTimes = [];

@@ -63,7 +63,7 @@ def test_a_drawing_is_recognised_whatever_its_size():
     assert torch.equal(picture_of(far), picture_of(HOUSE))
     # Ink along the strokes, paper elsewhere: the corner of the walls, and the middle of the wall beside the door.
     picture = picture_of(HOUSE)[..., 0]
-    scale, middle = (320 - 32) / 65, 160
+    scale, middle = 197 / 65, 128
     places = [(int(middle + (y - 52.5) * scale), int(middle + (x - 50) * scale)) for x, y in ((30, 85), (37, 75))]
     assert picture[places[0]] < 0.1
     assert picture[places[1]] == 1
@@ -402,7 +402,7 @@ def test_what_is_killed_goes_on_with_the_next_studio(tmp_path):
             assert time.monotonic() < end
             time.sleep(0.05)
         process.kill()
-        process.wait()
+        process.communicate()
         process, server = begin()
         while state(server)["state"] != "done":
             assert time.monotonic() < end, state(server)

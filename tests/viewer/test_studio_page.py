@@ -117,6 +117,7 @@ def test_what_is_dropped_is_named_shown_searched_for_and_deleted(browser, tmp_pa
         assert browser.value(titles) == ["mine"]
         remove = "[...document.querySelectorAll('#cards button')].find(b => /elete/.test(b.textContent)).click()"
         browser.value(remove)
+        assert browser.value("[...document.querySelectorAll('#cards button')].at(-1).textContent") == "Really delete?"
         assert server.line.entry("mine") is not None
         browser.value(remove)
         browser.settle("document.querySelectorAll('#cards li').length === 0")

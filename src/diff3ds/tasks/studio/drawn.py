@@ -12,18 +12,18 @@ import torch
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats import save_png
 from diff3ds.formats.png import as_pillow
-from diff3ds.pictures.reference_picture import read_reference
+from diff3ds.pictures.reference_picture import OBJECT, OF, ReferencePicture
 from diff3ds.recognition.picture_lines import lines_of
 from diff3ds.recognition.recognise import recognise
 
-# Pixels: the longer side of a drawing as a picture, the width of its lines, the side of the pictures of guesses.
-SIDE, PEN, SHOWN = 320, 4, 96
+# The width of a pen, pixels of a reference picture; the side of the pictures of guesses, pixels.
+PEN, SHOWN = 3, 96
 # Of strokes and of points of all, more than a hand draws.
 MOST_STROKES, MOST_POINTS = 2000, 200_000
 
 
 def picture_of(strokes: Any) -> Float[Tensor, "S S 1"]:
-    """Lines that a pen drew, black on white, as large as the picture allows.
+    """Lines that a pen drew, black on white, as large in it as `read_reference` makes things.
 
     Args:
         strokes: lists of points (x, y), y down, in any unit.
@@ -36,16 +36,16 @@ def picture_of(strokes: Any) -> Float[Tensor, "S S 1"]:
     lines = _checked(strokes)
     every = np.concatenate(lines)
     low, high = every.min(0), every.max(0)
-    scale = (SIDE - 8 * PEN) / max(float((high - low).max()), 1e-9)
+    scale = (OBJECT - PEN) / max(float((high - low).max()), 1e-9)
     # Twice as large, and reduced: smooth lines.
-    image = Image.new("L", (2 * SIDE, 2 * SIDE), 255)
+    image = Image.new("L", (2 * OF, 2 * OF), 255)
     pen = ImageDraw.Draw(image)
     for line in lines:
-        places = ((line - (low + high) / 2) * scale + SIDE / 2) * 2
+        places = ((line - (low + high) / 2) * scale + OF / 2) * 2
         pen.line([(float(x), float(y)) for x, y in places], 0, 2 * PEN, "curve")
         for x, y in (places[0], places[-1]):
             pen.ellipse((x - PEN, y - PEN, x + PEN, y + PEN), 0)
-    small = np.asarray(image.resize((SIDE, SIDE), Image.Resampling.BOX), np.float32) / 255
+    small = np.asarray(image.resize((OF, OF), Image.Resampling.BOX), np.float32) / 255
     return torch.from_numpy(small[..., None].copy())
 
 
@@ -74,7 +74,9 @@ def guesses_of(strokes: Any) -> dict[str, Any]:
     Raises:
         ValueError: as `picture_of`; too little is drawn to tell.
     """
-    found = recognise(lines_of(read_reference(picture_of(strokes).expand(-1, -1, 3))))
+    # Ink on nothing: where the paper is need not be found out.
+    ink = 1 - picture_of(strokes)
+    found = recognise(lines_of(ReferencePicture(torch.cat([torch.zeros_like(ink).expand(-1, -1, 3), ink], -1))))
     guesses = [
         {"caption": guess.caption, "sure": guess.confidence, "picture": _as_address(guess.picture(SHOWN))}
         for guess in found.guesses
