@@ -5,6 +5,8 @@ const [BUSY, IDLE] = [1000, 3000];
 // Milliseconds in which a second click deletes.
 const SURE = 4000;
 const WORDS = { waiting: "Waiting in line", done: "", stopped: "Stopped", failed: "It did not work" };
+// What commands call their stages, for everybody.
+const STAGES = { starting: "getting ready", distill: "drawing", redraw: "drawing anew", strokes: "drawing strokes", drawings: "drawing views", turntable: "drawing the turn", "read photographs": "looking at the photographs", cameras: "finding where they were taken from", edges: "finding edges", calibration: "measuring edges", fit: "drawing", outlines: "drawing outlines", bodies: "looking at the parts" };
 let entries = [];
 
 function duration(seconds) {
@@ -15,7 +17,7 @@ function stateOf({ state, stage, done, total, left, message }) {
   if (state === "failed") return `${WORDS.failed}: ${message}`;
   if (state !== "running") return WORDS[state];
   const steps = total ? ` ${done} of ${total}` : "";
-  return `${stage}${steps}${left === null ? "" : `, about ${duration(left)} left`}`;
+  return `${STAGES[stage] ?? stage}${steps}${left === null ? "" : `, about ${duration(left)} left`}`;
 }
 
 async function act(name, how) {
