@@ -9,6 +9,8 @@ import diff3ds as ds
 from diff3ds.page.boxes import BoxIndex
 from diff3ds.page.picture import Picture
 from diff3ds.surfaces.hidden.mesh_view import MeshView
+from diff3ds.surfaces.shape.nearest import Nearest
+from diff3ds.surfaces.shape.smooth_surface import SmoothMesh, smooth_for_pictures
 
 PROFILE = np.array([[0, -1], [0.8, -1], [0.8, -0.5], [0.3, -0.4], [0.3, 0.6], [1, 0.9], [0, 1]])
 SCENES = {
@@ -147,6 +149,34 @@ def test_boxes_around_points_and_boxes_that_meet_are_found_and_no_others(compile
         found[index.meeting(points, ends)] = True
         assert (found == meet).all()
     assert len(BoxIndex.of(np.zeros((0, 2)), np.zeros((0, 2)), 1.0).around(np.zeros((3, 2)))[0]) == 0
+
+
+@pytest.mark.skipif("cpu" not in ds.available_backends(), reason="installed without the compiled kernels")
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("smooth", [False, True])
+def test_points_on_and_beside_a_mesh_are_hidden_by_the_kernel_as_without_it(orthographic, smooth, monkeypatch):
+    mesh = ds.TriangleMesh(*together(icosphere(3), box((-0.2, -1.7, -0.6), (1.5, 0.05, 0.3))))
+    mesh = smooth_for_pictures(mesh, 512) if smooth else mesh
+    assert isinstance(mesh, SmoothMesh) == smooth
+    how = {"height": 4.0} if orthographic else {"fov": 40.0}
+    # A camera near by, so that some triangles are cut at the near plane.
+    picture = Picture.of(ds.orbit(35.0, 20.0, 1.4, size=300, **how).to(torch.float64), 0)
+    rng = np.random.default_rng(3)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh), size=3000)]]
+    points = (corners * rng.dirichlet([0.2] * 3, 3000)[..., None]).sum(1) + rng.normal(0, 0.01, (3000, 3))
+    moved, own = Nearest(mesh, 0.02).places(points)
+    on = own[:, 0] >= 0
+
+    def answers() -> list[np.ndarray]:
+        view = MeshView(mesh, picture)
+        of_rings = [view.in_front(moved[on], own[on], rings) for rings in (1, 2)]
+        return [view.in_front(points), view.in_front(moved, own), *of_rings]
+
+    found = answers()
+    monkeypatch.setattr("diff3ds.surfaces.hidden.mesh_view.kernels", lambda: None)
+    for hidden, expected in zip(found, answers(), strict=True):
+        assert 0.03 < expected.mean() < 0.97
+        assert (hidden == expected).all()
 
 
 @pytest.mark.parametrize("orthographic", [False, True])

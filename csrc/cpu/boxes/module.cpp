@@ -1,60 +1,23 @@
-// Boxes in the plane or in space that meet those of an index, as page/boxes.py makes it.
+// Boxes that meet those of an index, and triangles in a picture that hide points.
 #include "cpu/boxes/module.h"
-#include "cpu/arrays.h"
-#include <algorithm>
-#include <cmath>
+#include "cpu/boxes/index.h"
 #include <vector>
 using namespace nb::literals;
 
 namespace stroke::boxes {
 namespace {
-struct Index {
-  In<double> origin;        // (D,)
-  double cell;              // side of the finest grid's cells
-  int bits;                 // of a cell's number along an axis
-  In<int64_t> levels;       // the grids that hold boxes
-  In<int64_t> keys, boxes;  // of the entries: grid and cell, rising; the box
-  In<double> lows, highs;   // (N, D)
-};
 struct Pairs {
   std::vector<int64_t> query, box;
 };
-
-// The entries of one cell whose boxes meet the given one.
-template <int D> void look(const Index &index, int64_t key, int64_t query, const double *low, const double *high, Pairs &out) {
-  const int64_t *keys = index.keys.data(), *end = keys + index.keys.size();
-  for (const int64_t *k = std::lower_bound(keys, end, key); k < end && *k == key; k++) {
-    const int64_t box = index.boxes.data()[k - keys];
-    const double *least = index.lows.data() + D * box, *most = index.highs.data() + D * box;
-    bool met = true;
-    for (int d = 0; d < D; d++) met &= least[d] <= high[d] && low[d] <= most[d];
-    if (met) out.query.push_back(query), out.box.push_back(box);
-  }
-}
-
-// All entries of a grid whose boxes meet the given one, cell by cell.
-template <int D> void look_in_grid(const Index &index, int64_t level, int64_t query, const double *low, const double *high, Pairs &out) {
-  const double side = std::ldexp(index.cell, int(level)), limit = double((int64_t(1) << index.bits) - 1);
-  int64_t first[D], last[D], at[D];
-  for (int d = 0; d < D; d++) {
-    const double begin = std::floor((low[d] - index.origin.data()[d]) / side), stop = std::floor((high[d] - index.origin.data()[d]) / side);
-    if (!(begin <= limit && stop >= 0)) return;
-    at[d] = first[d] = int64_t(std::max(begin, 0.0)), last[d] = int64_t(std::min(stop, limit));
-  }
-  for (int axis = D - 1; axis >= 0;) {
-    int64_t key = level;
-    for (int d = 0; d < D; d++) key = key << index.bits | at[d];
-    look<D>(index, key, query, low, high, out);
-    for (axis = D - 1; axis >= 0 && ++at[axis] > last[axis]; axis--) at[axis] = first[axis];
-  }
-}
 
 // Pairs of given boxes from the first on, until there are `most` or no boxes are left; and the box at which to go on.
 template <int D> int64_t meeting(const Index &index, const In<double> &low, const In<double> &high, int64_t first, int64_t most, Pairs &out) {
   const int64_t count = int64_t(low.shape(0));
   for (; first < count && int64_t(out.box.size()) < most; first++)
-    for (size_t l = 0; l < index.levels.size(); l++)
-      look_in_grid<D>(index, index.levels.data()[l], first, low.data() + D * first, high.data() + D * first, out);
+    index.visit<D>(low.data() + D * first, high.data() + D * first, [&](int64_t box) {
+      out.query.push_back(first), out.box.push_back(box);
+      return false;
+    });
   return first;
 }
 
@@ -65,18 +28,10 @@ Out<int64_t> given(const std::vector<int64_t> &values) {
 }
 
 nb::tuple py_meeting(const nb::tuple &tables, double cell, int bits, nb::object low, nb::object high, int64_t first, int64_t most) {
-  require(tables.size() == 6 && cell > 0, "an index must be origin, levels, keys, boxes, lows and highs, and the side of a cell");
-  const Index index = {
-      In<double>(tables[0]), cell, bits, In<int64_t>(tables[1]), In<int64_t>(tables[2]), In<int64_t>(tables[3]), In<double>(tables[4]),
-      In<double>(tables[5])};
+  const Index index(tables, cell, bits);
   const In<double> lows(low), highs(high);
-  const size_t D = index.origin.size();
-  require((D == 2 || D == 3) && bits > 0 && bits * int(D) < 60, "boxes must have two or three axes");
-  require(lows.ndim() == 2 && lows.shape(1) == D && has_shape(highs, {lows.shape(0), D}), "low and high must have shape (Q, D)");
-  require(index.lows.ndim() == 2 && index.lows.shape(1) == D && has_shape(index.highs, {index.lows.shape(0), D}) &&
-              has_shape(index.boxes, {index.keys.size()}) && first >= 0,
-          "lows and highs must have shape (N, D), keys and boxes be as many");
-  for (size_t k = 0; k < index.boxes.size(); k++) require(uint64_t(index.boxes.data()[k]) < index.lows.shape(0), "an entry must be of a box");
+  const size_t D = index.axes();
+  require(lows.ndim() == 2 && lows.shape(1) == D && has_shape(highs, {lows.shape(0), D}) && first >= 0, "low and high must have shape (Q, D)");
   Pairs out;
   {
     nb::gil_scoped_release nogil;
@@ -84,7 +39,87 @@ nb::tuple py_meeting(const nb::tuple &tables, double cell, int bits, nb::object 
   }
   return nb::make_tuple(given(out.query), given(out.box), first);
 }
+
+// Triangles in a picture, as hidden/mesh_view.py has them.
+struct Triangles {
+  In<int64_t> of_box;           // the triangle that each box of the index is around a part of
+  In<double> corners, depths;   // (T, 3, 2), (T, 3)
+  In<int64_t> vertices, edges;  // (T, 3), of the face that each is a part of; the numbers of all edges, rising
+  int64_t count;                // an edge's number is its lesser vertex times this plus the other one
+  int rings;
+  double seam, touching;  // tolerances: in barycentric coordinates, and world units
+  bool orthographic;
+
+  // Whether a triangle lies in front of a point, to the bit as numpy finds it.
+  bool before(int64_t t, const double *p, double depth) const {
+    const double *c = corners.data() + 6 * t, *deep = depths.data() + 3 * t;
+    const double ax = c[0] - p[0], ay = c[1] - p[1], bx = c[2] - p[0], by = c[3] - p[1], cx = c[4] - p[0], cy = c[5] - p[1];
+    double share[3] = {bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx};
+    const double area = share[0] + share[1] + share[2];
+    if (area == 0) return false;
+    for (double &s : share)
+      if (!((s /= area) >= -seam)) return false;
+    // Across a triangle depth is linear without perspective, and its inverse with it.
+    const double at = orthographic ? share[0] * deep[0] + share[1] * deep[1] + share[2] * deep[2]
+                                   : 1 / (share[0] / deep[0] + share[1] / deep[1] + share[2] / deep[2]);
+    return at < depth - touching;
+  }
+  // Whether its face is beside a point that lies on these vertices: it has all of them; or some, with a ring; or neighbours, with two.
+  bool beside(int64_t t, const int64_t *own) const {
+    const int64_t *v = vertices.data() + 3 * t;
+    int held = 0;
+    for (int k = 0; k < 3; k++) held += own[k] == v[0] || own[k] == v[1] || own[k] == v[2];
+    if (rings < 2 || held) return rings ? held > 0 : held == 3;
+    if (own[0] < 0 || own[1] < 0 || own[2] < 0) return false;
+    const int64_t *begin = edges.data(), *end = begin + edges.size();
+    for (int k = 0; k < 3; k++)
+      for (int j = 0; j < 3; j++)
+        if (std::binary_search(begin, end, std::min(own[k], v[j]) * count + std::max(own[k], v[j]))) return true;
+    return false;
+  }
+};
+
+Out<bool> py_hidden(const nb::tuple &tables, double cell, int bits, const nb::tuple &triangles, double seam, double touching, bool orthographic,
+                    int rings, nb::object pixels, nb::object depths, nb::object own) {
+  const Index index(tables, cell, bits);
+  require(triangles.size() == 6, "triangles must be those of boxes, corners, depths, vertices, edges and the count of vertices");
+  const Triangles scene = {In<int64_t>(triangles[0]),
+                           In<double>(triangles[1]),
+                           In<double>(triangles[2]),
+                           In<int64_t>(triangles[3]),
+                           In<int64_t>(triangles[4]),
+                           nb::cast<int64_t>(triangles[5]),
+                           rings,
+                           seam,
+                           touching,
+                           orthographic};
+  const In<double> places(pixels), deep(depths);
+  const In<int64_t> on(own);
+  const size_t T = scene.vertices.shape(0), Q = deep.size();
+  require(index.axes() == 2 && has_shape(places, {Q, 2}), "points must be in a picture, of shape (Q, 2)");
+  require(has_shape(scene.of_box, {index.lows.shape(0)}) && has_shape(scene.corners, {T, 3, 2}) && has_shape(scene.depths, {T, 3}) &&
+              has_shape(scene.vertices, {T, 3}) && (!on.given() || has_shape(on, {Q, 3})),
+          "corners must have shape (T, 3, 2), depths and vertices (T, 3), own (Q, 3)");
+  for (size_t k = 0; k < scene.of_box.size(); k++) require(uint64_t(scene.of_box.data()[k]) < T, "a box must be of a triangle");
+  Buffer<bool> out(Q);
+  {
+    nb::gil_scoped_release nogil;
+    for (size_t q = 0; q < Q; q++) {
+      const double *p = places.data() + 2 * q;
+      out.get()[q] = false;
+      index.visit<2>(p, p, [&](int64_t box) {
+        const int64_t t = scene.of_box.data()[box];
+        return out.get()[q] = scene.before(t, p, deep.data()[q]) && !(on.given() && scene.beside(t, on.data() + 3 * q));
+      });
+    }
+  }
+  return array(std::move(out), {Q});
+}
 }  // namespace
 
-void bind(nb::module_ &m) { m.def("boxes_meeting", &py_meeting, "tables"_a, "cell"_a, "bits"_a, "low"_a, "high"_a, "first"_a, "most"_a); }
+void bind(nb::module_ &m) {
+  m.def("boxes_meeting", &py_meeting, "tables"_a, "cell"_a, "bits"_a, "low"_a, "high"_a, "first"_a, "most"_a);
+  m.def("boxes_hidden", &py_hidden, "tables"_a, "cell"_a, "bits"_a, "triangles"_a, "seam"_a, "touching"_a, "orthographic"_a, "rings"_a, "pixels"_a,
+        "depths"_a, "own"_a.none());
+}
 }  // namespace stroke::boxes

@@ -105,11 +105,11 @@ class BoxIndex:
         self, low: Float[Array, "Q D"], high: Float[Array, "Q D"]
     ) -> Iterator[tuple[Int[Index, " P"], Int[Index, " P"]]]:
         """The pairs of `meeting` for run after run of given boxes."""
-        if (compiled := kernels()) is not None:
+        if meeting := getattr(kernels(), "boxes_meeting", None):
             ends = [torch.from_numpy(np.ascontiguousarray(x, np.float64)) for x in (low, high)]
             done = 0
             while done < len(low):
-                query, box, done = compiled.boxes_meeting(self._tables, self.cell, BITS, *ends, done, MOST_PAIRS)
+                query, box, done = meeting(*self.tables, *ends, done, MOST_PAIRS)
                 # Of C's long long, which numpy tells from its own integers.
                 yield query.view(np.int64), box.view(np.int64)
             return
@@ -132,10 +132,10 @@ class BoxIndex:
             yield query, box
 
     @cached_property
-    def _tables(self) -> tuple[Tensor, ...]:
-        """The index for the compiled kernel."""
+    def tables(self) -> tuple[tuple[Tensor, ...], float, int]:
+        """The index for the compiled kernels."""
         given = self.origin, self.levels, self.keys, self.boxes, self.low, self.high
-        return tuple(torch.from_numpy(np.ascontiguousarray(x)) for x in given)
+        return tuple(torch.from_numpy(np.ascontiguousarray(x)) for x in given), self.cell, BITS
 
     def _cells(
         self, level: np.int64, low: Float[Array, "Q D"], high: Float[Array, "Q D"]

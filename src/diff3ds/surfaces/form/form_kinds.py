@@ -137,8 +137,9 @@ class Form:
             weight = np.maximum(1 - (distance / (OUTLIER * scale)) ** 2, 0)
             columns = jacobian[:, free] * weight[:, None]
             matrix = columns.T @ columns
-            matrix[np.diag_indices_from(matrix)] *= 1 + 1e-9
-            matrix[np.diag_indices_from(matrix)] += 1e-12
+            diagonal = matrix.ravel()[:: len(matrix) + 1]
+            diagonal *= 1 + 1e-9
+            diagonal += 1e-12
             step = np.zeros(8)
             step[free] = -np.linalg.solve(matrix, columns.T @ (weight * distance))
             # No step is longer than what the data can say something about.

@@ -1,10 +1,14 @@
 """A triangle mesh as one camera sees it: where its triangles lie in the picture, and what lies in front of points."""
 
+from collections.abc import Callable
+
 import numpy as np
+import torch
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.page.boxes import MOST_BOXES, BoxIndex, all_of, largest, slices
 from diff3ds.page.picture import Picture
+from diff3ds.render.backends import kernels
 from diff3ds.surfaces.shape.smooth_surface import SmoothMesh
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
@@ -41,14 +45,37 @@ class MeshView:
             rings: 0, or 1 where faces that share a vertex with them do not hide the point either, or 2 where those that
                 touch such faces do not; of a `SmoothMesh`, rings of its patches around that of the point.
         """
-        hidden = np.zeros(len(points), bool)
         seen = self.picture.seen(points)
+        if not (rings and self.mesh.surfaces) and (kernel := getattr(kernels(), "boxes_hidden", None)):
+            return self._hidden_by(kernel, *seen, own, rings)
+        hidden = np.zeros(len(points), bool)
         for pairs in self._index.batches(seen[0]):
             query, _, face = self._crossed(*seen, *pairs)
             if own is not None and len(query):
                 query = query[~self._own(own[query], face, rings)]
             hidden[query] = True
         return hidden
+
+    def _hidden_by(
+        self,
+        kernel: Callable[..., Bool[Mask, " Q"]],
+        pixels: Float[Array, "Q 2"],
+        depths: Float[Array, " Q"],
+        own: Int[Index, "Q 3"] | None,
+        rings: int,
+    ) -> Bool[Mask, " Q"]:
+        """As `in_front`, by the compiled kernel, which ends with the first triangle that hides a point."""
+        mesh, vertices = self.mesh, self.mesh.faces[self._face]
+        if rings and isinstance(mesh, SmoothMesh):
+            vertices = mesh.coarse.faces[mesh.patch[self._face]]
+            own = None if own is None else mesh.coarse.faces[mesh.patch_at[own[:, 0]]]
+            mesh = mesh.coarse
+        arrays = self._triangle, self._corners, self._depths, vertices, mesh.edge_keys
+        points = pixels, depths, *(() if own is None else (own,))
+        tables, given = ([torch.from_numpy(np.ascontiguousarray(x)) for x in some] for some in (arrays, points))
+        how = SEAM, self.mesh.touching, self.picture.orthographic, rings
+        none = () if len(given) == 3 else (None,)
+        return kernel(*self._index.tables, (*tables, len(mesh.vertices)), *how, *given, *none)
 
     def _own(self, own: Int[Index, "P 3"], face: Int[Index, " P"], rings: int) -> Bool[Mask, " P"]:
         """Whether faces are so near to points along the surface that they do not hide them."""

@@ -125,7 +125,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     info = RunInfo({"source": str(source), **_told(options)}, results, seconds, [], {}, False)
     names = _write_drawings(out, views, drawings, pictures, options, mesh)
     if options.turntable:
-        save_movie(out / TURNTABLE, _frames(features, mesh, colors, options, report), options.turntable, FPS)
+        save_movie(out / TURNTABLE, _frames(features, mesh, shown, colors, options, report), options.turntable, FPS)
         names.add(TURNTABLE)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
@@ -252,12 +252,19 @@ def _around(mesh: TriangleMesh, azimuth: tuple[float, ...], options: MeshOptions
 
 
 def _frames(
-    features: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None, options: MeshOptions, report: Report
+    features: Sketch,
+    mesh: TriangleMesh,
+    shown: TriangleMesh,
+    colors: SurfaceColors | None,
+    options: MeshOptions,
+    report: Report,
 ) -> Iterator[Float[Tensor, "H W 3"]]:
     count = options.turntable
     start = options.view.azimuth[0]
     cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
-    shown = _in_small(mesh, FINE_CELLS, FRAME)
+    less = coarse(mesh, FINE_CELLS)
+    # What the drawings have made of a mesh, such as its seams, is not made again.
+    shown = shown if less is mesh else less
 
     def told(done: int) -> None:
         report(Progress("turntable", done, count, None, len(features)))
