@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import torch
 from edge_scenes import around, box_edges, box_shown, lines_between, project, ridges_along, turned
 
+from diff3ds.edges.evidence import bias as bias_module
 from diff3ds.edges.evidence.bias import Bias, corrected, estimate_bias, outline_sides
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
@@ -89,3 +91,16 @@ def test_corrected_takes_the_bias_back():
     for ridges, exact in zip(back, EXACT, strict=True):
         np.testing.assert_allclose(ridges.points, exact.points, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(ridges.normals, exact.normals)
+
+
+def test_a_part_of_many_samples_says_the_same(monkeypatch):
+    """Each seventh sample, and no curves at all."""
+    bias = Bias(-0.25, 0.35, 0.5)
+    views, sides = edge_views(CAMERAS, biased(bias)), np.concatenate(true_sides())
+    every = estimate_bias(views, sides, CURVES)
+    monkeypatch.setattr(bias_module, "MOST_SAMPLES", 60)
+    some = estimate_bias(views, sides, CURVES)
+    assert some != every
+    for name in ("dx", "dy", "outward"):
+        assert getattr(some, name) == pytest.approx(getattr(bias, name), abs=0.08)
+    assert estimate_bias(views, sides, CURVES[torch.zeros(12, dtype=torch.bool)]) == Bias(0.0, 0.0, 0.0)

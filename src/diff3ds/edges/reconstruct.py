@@ -212,13 +212,16 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
         scene.report("calibration", 0, None, None, len(curves))
         # Outlines of smooth surfaces lie outside of where they meet, as if the detector had put them there.
         edges = curves[~smooth_outlines(views, curves)]
-        left = estimate_bias(views, np.concatenate(sides), edges)
-        bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
-        if max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS:
-            return Result(CALIBRATED, curves, bias)
+        for _ in range(CALIBRATIONS if scene.textured else 1):
+            left = estimate_bias(views, np.concatenate(sides), edges)
+            bias = Bias(bias.dx + left.dx, bias.dy + left.dy, bias.outward + left.outward)
+            known = max(abs(left.dx), abs(left.dy), abs(left.outward)) < BIAS
+            if known:
+                break
+            views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
         # Of photographs the first curves are as good as others would be: they are refined to where ridges are now.
-        if scene.textured:
-            return Result(reached.stage + 1, curves, bias)
+        if known or scene.textured:
+            return Result(CALIBRATED, curves, bias)
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
     curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped, textured=scene.textured)
     if not len(curves):

@@ -14,9 +14,8 @@ from diff3ds.curves.directions import unit
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.curves.shapes.smooth_joints import smooth_joints
-from diff3ds.curves.shapes.straight_lines import resampled
 from diff3ds.edges.clean.weld import WITHIN
-from diff3ds.edges.complete.hypothesis import COVERED, SAMPLES, SEEN, SHOWN, Hypothesis, fraction_shown, pieces_of
+from diff3ds.edges.complete.hypothesis import COVERED, SAMPLES, SEEN, SHOWN, Hypothesis, fraction_shown
 from diff3ds.edges.evidence.edge_views import EdgeViews, edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
@@ -175,7 +174,7 @@ def _bridge(
     fraction = (np.arange(SAMPLES) + 0.5) / SAMPLES
     # Lines that lie along it.
     line = _between(np.stack([start, stop])[None], fraction)
-    along = pieces_of(resampled(np.stack([start, stop]), pixel / 4), drawing.ends, pixel, within=SEEN, fraction=1.0)
+    along = _beside(drawing.ends.reshape(-1, 3), start, stop, pixel).reshape(-1, 2).all(1)
     pieces = tuple(drawing.lines[along].tolist())
     inner = np.setdiff1d(names[_beside(places, start, stop, pixel)], names[pair])
     ends = curves.vertex.numpy()[list(pieces)].reshape(-1)

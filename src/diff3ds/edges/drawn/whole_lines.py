@@ -17,8 +17,8 @@ from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.support import owners, samples
 
 # [natural logarithms; empirical] A curve is there if what all views show of it is so much likelier than by chance, in
-# the mean over its points.
-LIKELY = 10.0
+# the mean over its points; of few views it is so much a view, for more they cannot say.
+LIKELY, EACH_VIEW = 10.0, 0.8
 # [px, px; empirical] Gaps in a line, and how far from one curve the points of its pieces may lie.
 GAP, WITHIN = 24.0, 1.2
 # [px; empirical] Lines so near to each other, such as both edges of a thin plate or of a groove, are one: the pen draws
@@ -27,8 +27,9 @@ DOUBLED = 4.0
 # [px; empirical] Ends that have something so near are not free.
 MEETS = 1.0
 # [fraction, fraction; empirical] Of the drawing's box: lines that hold on to no others are longer together, and those
-# with one loose end.
+# with one loose end. [px, px; empirical] Lines so long are enough where a picture shows a large thing with its details.
 SCRAP, TWIG = 0.08, 0.03
+LONG_SCRAP, LONG_TWIG = 24.0, 9.0
 # [natural logarithms times px; empirical] The evidence of lines that hold on to no others, times their lengths: chance
 # makes short ones everywhere.
 ALONE = 220.0
@@ -54,7 +55,7 @@ def whole_lines(curves: Curves, chance: Chance, refined: Callable[[Curves], Curv
 
 def likely(curves: Curves, chance: Chance) -> Curves:
     """The curves that are likelier to be there than to have come together by chance; all, if none is."""
-    kept = _evidence(curves, chance) > LIKELY
+    kept = _evidence(curves, chance) > min(LIKELY, EACH_VIEW * len(chance.views))
     return curves[torch.from_numpy(kept)] if kept.any() else curves
 
 
@@ -86,7 +87,8 @@ def without_scraps(curves: Curves, chance: Chance) -> Curves:
         box = float(np.ptp(fine.reshape(-1, 3), axis=0).max())
         group = connected_components(meeting, directed=False)[1]
         whole, sure = (np.bincount(group, value)[group] for value in (length, told * length / pixel))
-        short = (whole < SCRAP * box) | (sure < ALONE) | ((loose == 1) & (length < TWIG * box))
+        scrap, twig = min(SCRAP * box, LONG_SCRAP * pixel), min(TWIG * box, LONG_TWIG * pixel)
+        short = (whole < scrap) | (sure < ALONE) | ((loose == 1) & (length < twig))
         if not short.any() or short.all():
             break
         curves, told = curves[torch.from_numpy(~short)], told[~short]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,12 +62,12 @@ class EdgeViews:
     def __len__(self) -> int:
         return len(self.projection)
 
-    @property
+    @cached_property
     def pixel(self) -> float:
         """World units that one pixel covers at the origin: median over the views."""
         return float(np.median(self.projection[:, 2, 3] / self.focal))
 
-    @property
+    @cached_property
     def focal(self) -> Float[Array, " V"]:
         """Focal length along x of every view, pixels."""
         rows = self.projection[:, :, :3]
