@@ -16,8 +16,8 @@ from diff3ds.edges.drawn.junctions import POINTS, with_junctions
 from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.support import owners, samples
 
-# [natural logarithms; empirical] A curve is there if what all views show of it is so much likelier than by chance, in
-# the mean over its points; of few views it is so much a view, for more they cannot say.
+# [natural logarithms, natural logarithms a view; empirical] A curve is there if what all views show of it is so much
+# likelier than by chance, in the mean over its points; where views are few, so much a view, for they cannot say more.
 LIKELY, EACH_VIEW = 10.0, 0.8
 # [px, px; empirical] Gaps in a line, and how far from one curve the points of its pieces may lie.
 GAP, WITHIN = 24.0, 1.2
@@ -27,8 +27,9 @@ DOUBLED = 4.0
 # [px; empirical] Ends that have something so near are not free.
 MEETS = 1.0
 # [fraction, fraction; empirical] Of the drawing's box: lines that hold on to no others are longer together, and those
-# with one loose end. [px, px; empirical] Lines so long are enough where a picture shows a large thing with its details.
+# with one loose end.
 SCRAP, TWIG = 0.08, 0.03
+# [px, px; empirical] Lines so long are no scraps and no twigs in any case: large pictures show large things in detail.
 LONG_SCRAP, LONG_TWIG = 24.0, 9.0
 # [natural logarithms times px; empirical] The evidence of lines that hold on to no others, times their lengths: chance
 # makes short ones everywhere.
