@@ -49,7 +49,7 @@ def test_the_outline_of_a_cylinder_is_none_of_its_edges(radius):
     assert smooth_outlines(views, lines_between(side(radius)), doubt=True).tolist() == [True]
 
 
-@pytest.mark.parametrize("most", [181, 80, 25])
+@pytest.mark.parametrize("most", [181, 80, 20])
 def test_an_edge_in_the_same_place_is_an_edge(most):
     ends = side(0.25)
     cameras = facing(0, most)

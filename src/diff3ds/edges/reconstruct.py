@@ -58,6 +58,8 @@ SCORE = 0.9
 LIKELY_POINT = 6.0
 # A bias smaller than the scatter of ridges is not worth another start; and so many starts at most.
 BIAS, CALIBRATIONS = PART_SCATTER[0], LOOKS
+# [px; empirical] Where the ridges of photographs have moved by more, other curves are found.
+MOVED = 0.2
 # [steps, px; empirical] Steps of each refinement, and how far the first step moves control points.
 STEPS, RATE = 120, 0.09
 # After joining curves are nearer to where they belong.
@@ -65,7 +67,8 @@ SECOND_RATE = 2 / 3 * RATE
 # [curves; speed] More curves than a coloured sketch has strokes are no sketch; each is looked at in all views again
 # and again.
 MOST_CURVES = 1500
-# [curves; speed] Of photographs fewer, each with ridges of its own: a drawing has no more lines.
+# [curves; speed] Of photographs fewer, and where there are more only those with ridges of their own: a drawing has no
+# more lines.
 MOST_OF_PHOTOGRAPHS = 500
 NOTHING = "the views show no edges that agree: are the cameras right, and do the pictures show edges?"
 # What is reached: nothing, the curves found after 0 to CALIBRATIONS calibrations (1 to 4), and then:
@@ -219,8 +222,9 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
             if known:
                 break
             views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
-        # Of photographs the first curves are as good as others would be: they are refined to where ridges are now.
-        if known or scene.textured:
+        # Of photographs curves are found anew once at most, and not where the ridges have hardly moved.
+        moved = max(abs(bias.dx), abs(bias.dy), abs(bias.outward)) > MOVED
+        if not (moved and reached.stage == 1 if scene.textured else not known):
             return Result(CALIBRATED, curves, bias)
     views = edge_views(scene.cameras, corrected(scene.ridges, sides, bias))
     curves = start or first_curves(views, scene.min_views, scene.ticks, scene.capped, textured=scene.textured)
@@ -303,7 +307,9 @@ def first_curves(
     circles, rest = find_circles(found, pieces(found), views.pixel)
     curves = curves_of([*pieces(rest), *circles])
     if chance is not None:
-        return with_own_ridges(likely(curves, chance), views, min(most, MOST_OF_PHOTOGRAPHS), capped)
+        curves, most = likely(curves, chance), min(most, MOST_OF_PHOTOGRAPHS)
+        # Doubles of some hundred are told apart better when they have been refined.
+        return with_own_ridges(curves, views, most, capped) if len(curves) > most else curves
     return _best_shown(curves, views, most, capped)
 
 
