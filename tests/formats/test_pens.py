@@ -114,6 +114,13 @@ def test_loops_begin_where_the_pen_is_near():
     assert way.moved <= 2 * 10 + 40 + 2
 
 
+def test_a_loop_that_is_met_anywhere_is_drawn_without_a_lift():
+    # A line that ends on a circle, which begins elsewhere.
+    [drawn], way = of([circle(60, 40, 20, 0, turn=0.3), path([(5, 40), (40, 40)], 1)])
+    assert not drawn.closed
+    assert way == (1, pytest.approx(35 + 40 * math.pi, abs=2.0), 0.0)
+
+
 def test_a_pen_a_layer_and_what_is_told(tmp_path):
     angle = torch.linspace(0, 2 * math.pi, 9, dtype=torch.float64)
     ring = torch.stack([angle.cos(), angle.sin(), 0 * angle], -1)

@@ -92,3 +92,52 @@ def test_names_say_things_and_their_parts():
     sketch = ds.Sketch(torch.rand(2, 2, 3))
     assert layers_by(sketch, ()) is None
     assert layers_by(sketch, ("thing", "kind")) == [("stroke",)] * 2
+
+
+@pytest.mark.parametrize("suffix", ["3dm", "dxf", "step"])
+def test_files_for_cad_have_them_by_thing_and_kind(scene, suffix):
+    pytest.importorskip("rhino3dm", reason="takes the extra cad")
+    pytest.importorskip("ezdxf", reason="takes the extra cad")
+    path = scene / f"a.{suffix}"
+    main(["export", str(scene / "a.json"), str(path), "--layers", "thing", "kind", "--quiet"])
+    flat = ["lamp - crease", "lamp - border", "engine - rod - crease", "stroke"]
+    if suffix == "3dm":
+        import rhino3dm
+
+        model = rhino3dm.File3dm.Read(str(path))
+        found = [model.Layers[o.Attributes.LayerIndex].FullPath.replace("::", " - ") for o in model.Objects]
+        assert [layer.Name for layer in model.Layers].count("lamp") == 1
+        assert ds.load(path).color.tolist() == ds.load(scene / "a.json").color.tolist()
+    elif suffix == "dxf":
+        import ezdxf
+
+        found = [line.dxf.layer for line in ezdxf.readfile(path).modelspace()]
+    else:
+        text = path.read_text()
+        found = [name for name in flat if f"PRESENTATION_LAYER_ASSIGNMENT('{name}'" in text]
+    assert found == flat
+
+
+def test_files_without_layers_say_so(scene, capsys):
+    with pytest.raises(SystemExit):
+        main(["export", str(scene / "a.json"), str(scene / "a.ply"), "--layers", "kind"])
+    assert "--layers is for" in capsys.readouterr().err
+    assert not (scene / "a.ply").exists()
+
+
+def test_drawings_of_meshes_are_for_pens_and_lead_back_to_the_sketch(tmp_path, capsys):
+    """The edges of a box, of which a pen draws the nine that are seen."""
+    trimesh = pytest.importorskip("trimesh", reason="takes the extra dev")
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "box.obj")
+    run, options = tmp_path / "run", ["--turntable", "0", "--azimuth", "30", "--size", "64"]
+    main(["mesh", str(tmp_path / "box.obj"), "-o", str(run), *options, "--centerline", "--layers", "kind"])
+    assert "drawing-1.svg: the pen is lifted" in capsys.readouterr().err
+    found = layers_in(run / "drawing-1.svg")
+    assert {group[0] for group in found.values()} == {"crease"}
+    numbers = {int(number) for ident in found for number in ident.split("-")[1:]}
+    sketch = ds.load(run)
+    # Those that are not seen end at the corner that is farthest from the camera.
+    away = (sketch.points[:, [0, -1]] - ds.orbit(30.0, 20.0).centers[0]).norm(dim=-1).amax(1)
+    hidden = {row for row in range(12) if float(away[row]) > float(away.max()) - 1e-6}
+    assert numbers == set(range(12)) - hidden
+    assert len(numbers) == 9

@@ -14,6 +14,11 @@ def color_layers(sketch: Sketch) -> list[str]:
     return ["COLOR_{:02X}{:02X}{:02X}".format(*color) for color in colors]
 
 
+def flat_layers(layers: Sequence[tuple[str, ...]] | None) -> list[str] | None:
+    """Layers within layers as layers of formats that have none: "lamp - crease"."""
+    return None if layers is None else [" - ".join(group) or "strokes" for group in layers]
+
+
 def checked_layers(layers: Sequence[str] | None, sketch: Sketch) -> list[str] | None:
     """The layers that a caller has named, without the characters that CAD programs do not take.
 

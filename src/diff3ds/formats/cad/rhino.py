@@ -8,6 +8,7 @@ points times their weights, and weights), or a polycurve of these. Not kept: wid
 import base64
 import importlib.util
 import math
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,22 +25,32 @@ from diff3ds.formats.cad.strokes_as_curves import Curve, Line, Spline, curves_of
 from diff3ds.formats.opening import check_writable
 from diff3ds.sketch import Sketch
 
+# Where strokes are that are in no layer of others.
+NO_LAYER = ("strokes",)
 # Rhino's names of units.
 _SYSTEMS: dict[Unit, str] = {"mm": "Millimeters", "cm": "Centimeters", "m": "Meters", "in": "Inches", "ft": "Feet"}
 
 
-def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", tolerance: float | None = None) -> None:
+def save_3dm(
+    path: str | Path,
+    sketch: Sketch,
+    *,
+    unit: Unit = "mm",
+    layers: Sequence[tuple[str, ...]] | None = None,
+    tolerance: float | None = None,
+) -> None:
     """Writes a file of Rhino 7, whole or not at all.
 
     Args:
         unit: what a world unit is.
+        layers: of each stroke the names of the layers that it is in, from the outermost on; by default one a colour.
         tolerance: how far what stands for a curve may lie off it, world units; by default as well as the coordinates
             are known (`strokes_as_curves.resolution`).
 
     Raises:
         ImportError: the extra `cad` is not installed.
-        ValueError: no strokes, a unit that is not known, a tolerance that is negative or not finite, or values that
-            have become invalid since the sketch was made.
+        ValueError: no strokes, layers that are not one a stroke, a unit that is not known, a tolerance that is negative
+            or not finite, or values that have become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
@@ -49,18 +60,34 @@ def save_3dm(path: str | Path, sketch: Sketch, *, unit: Unit = "mm", tolerance: 
     rhino3dm: Any = import_module("rhino3dm")
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = getattr(rhino3dm.UnitSystem, _SYSTEMS[unit])
-    layers: dict[tuple[int, ...], int] = {}
+    if layers is not None and len(layers) != len(sketch):
+        raise ValueError(f"layers must be one a stroke, {len(sketch)}, got {len(layers)}")
+    known: dict[tuple[str, ...], Any] = {}
     for stroke, curves in enumerate(curves_of(sketch, tolerance)):
         color = tuple(round(min(max(c, 0.0), 1.0) * 255) for c in sketch.color[stroke].tolist())
-        if color not in layers:
-            layers[color] = model.Layers.AddLayer("#{:02x}{:02x}{:02x}".format(*color), (*color, 255))
+        group = ("#{:02x}{:02x}{:02x}".format(*color),) if layers is None else layers[stroke] or NO_LAYER
         attributes = rhino3dm.ObjectAttributes()
         name = sketch.names[stroke] if sketch.names else ""
-        attributes.Name, attributes.LayerIndex = name or f"stroke {stroke}", layers[color]
+        attributes.Name, attributes.LayerIndex = name or f"stroke {stroke}", _layer(model, group, color, known).Index
+        if layers is not None:
+            attributes.ObjectColor = (*color, 255)
+            attributes.ColorSource = rhino3dm.ObjectColorSource.ColorFromObject
         model.Objects.AddCurve(_joined([_curve(curve) for curve in curves]), attributes)
     options = rhino3dm.File3dmWriteOptions()
     options.Version = 7
     write_bytes(path, base64.b64decode(model.Encode(options)))
+
+
+def _layer(model: Any, group: tuple[str, ...], color: tuple[int, ...], known: dict[tuple[str, ...], Any]) -> Any:
+    """The layer of this group, in the layers that hold it, added where it is not there yet."""
+    if group not in known:
+        rhino3dm: Any = import_module("rhino3dm")
+        layer = rhino3dm.Layer()
+        layer.Name, layer.Color = group[-1], (*color, 255)
+        if len(group) > 1:
+            layer.ParentLayerId = _layer(model, group[:-1], color, known).Id
+        known[group] = model.Layers[model.Layers.Add(layer)]
+    return known[group]
 
 
 def _joined(parts: list[Any]) -> Any:

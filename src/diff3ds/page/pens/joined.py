@@ -30,6 +30,17 @@ def join_tracks(tracks: Sequence[Track], gap: float) -> list[Track]:
     return [_along(tracks, *walk) for walk in walks(len(tracks), pairs, [False] * len(tracks))]
 
 
+def join_followers(tracks: Sequence[Track], gap: float) -> list[Track]:
+    """Tracks in their order, each with those after it that begin within the gap, in pixels, of where it ends."""
+    found: list[Track] = []
+    for track in tracks:
+        if found and np.linalg.norm(track.ends[0] - found[-1].ends[1]) <= gap:
+            found[-1] = _along([found[-1], track], (0, 2), False)
+        else:
+            found.append(track)
+    return found
+
+
 def _meeting(tracks: Sequence[Track], ends: Float[Array, "E 2"], gap: float) -> Int[Index, "P 2"]:
     """Pairs of ends that meet, the best first."""
     from scipy.spatial import cKDTree

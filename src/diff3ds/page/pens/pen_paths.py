@@ -7,7 +7,7 @@ import numpy as np
 
 from diff3ds.page.drawn_paths import DrawnPath
 from diff3ds.page.pens.doubled import without_doubled
-from diff3ds.page.pens.joined import join_tracks
+from diff3ds.page.pens.joined import join_followers, join_tracks
 from diff3ds.page.pens.order import in_order
 from diff3ds.page.pens.track import Samples, Track
 from diff3ds.page.stroke_outlines import Path
@@ -56,7 +56,8 @@ def pen_paths(paths: Sequence[DrawnPath], pen: float | None = None) -> list[Draw
         tracks = join_tracks(without_doubled(tracks, pen), pen)
     like = paths[0]._replace(width=pen)
     drawn = []
-    for track in in_order(tracks, pen or CHORD):
+    # Loops begin where the pen is then.
+    for track in join_followers(in_order(tracks, pen or CHORD), pen):
         curve = np.concatenate([track.cubics[:1, 0], track.cubics[:, 1:].reshape(-1, 2)])
         drawn.append(like._replace(strokes=track.strokes, curves=[curve], closed=track.closed))
     return drawn

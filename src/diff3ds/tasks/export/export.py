@@ -7,6 +7,7 @@ import torch
 
 from diff3ds._files import write_text
 from diff3ds.formats import PICTURES, save, save_3dm, save_dxf, save_glb, save_step
+from diff3ds.formats.cad.layers import flat_layers
 from diff3ds.formats.scenes.html import sketch_page
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.on_page import SurfaceOnPage
@@ -15,12 +16,13 @@ from diff3ds.tasks.detail_options import WHOLE, DetailOptions
 from diff3ds.tasks.export.export_options import ExportOptions
 from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions
 from diff3ds.tasks.render.render_views import views_of
+from diff3ds.tasks.render.stroke_layers import layers_by
 from diff3ds.tasks.sketch_input import at_level, load_sketch, name_of
 from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 from diff3ds.tasks.surface_input import SurfaceInput
 
-# Formats that tell lines and arcs from other curves.
+# Formats that tell lines and arcs from other curves, and have layers.
 WITH_TOLERANCE = (".step", ".stp", ".dxf", ".3dm")
 
 
@@ -66,10 +68,14 @@ def run_export(
             polylines=options.dxf_polylines,
             tolerance=options.tolerance,
             version=options.dxf_version,
+            layers=flat_layers(layers_by(sketch, options.layers)),
         )
-    elif options.tolerance is not None:
-        write = save_3dm if file.suffix.lower() == ".3dm" else save_step
-        write(file, sketch, unit=options.unit or "mm", tolerance=options.tolerance)
+    elif file.suffix.lower() == ".3dm":
+        layers = layers_by(sketch, options.layers)
+        save_3dm(file, sketch, unit=options.unit or "mm", tolerance=options.tolerance, layers=layers)
+    elif file.suffix.lower() in (".step", ".stp"):
+        named = flat_layers(layers_by(sketch, options.layers))
+        save_step(file, sketch, unit=options.unit or "mm", tolerance=options.tolerance, layers=named)
     elif options.lines:
         save_glb(file, sketch, unit=options.unit or "m", lines=True)
     else:
@@ -92,6 +98,8 @@ def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOption
             raise ValueError(f"{file}: --{name.replace('_', '-')} is for .dxf files")
     if options.tolerance is not None and file.suffix.lower() not in WITH_TOLERANCE:
         raise ValueError(f"{file}: --tolerance is for {', '.join(WITH_TOLERANCE)} files")
+    if options.layers and file.suffix.lower() not in WITH_TOLERANCE:
+        raise ValueError(f"{file}: --layers is for {', '.join(WITH_TOLERANCE)} files")
     if options.lines and file.suffix.lower() != ".glb":
         raise ValueError(f"{file}: --lines is for .glb files")
     if options.up == "y" and file.suffix.lower() == ".glb":

@@ -27,6 +27,9 @@ class ExportOptions:
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
         dxf_version: of AutoCAD: R12, with polylines, for old cutters that read no other.
         lines: strokes of a GLB file as lines in place of tubes.
+        layers: of .step, .dxf and .3dm files, by thing (and its parts), kind (crease, border, contour, ...) or color,
+            several within each other; "lamp - crease" where a format knows no layers within layers. By default by
+            color.
     """
 
     unit: Unit | None = None
@@ -39,6 +42,7 @@ class ExportOptions:
     dxf_polylines: bool = False
     dxf_version: DxfVersion = "R2010"
     lines: bool = False
+    layers: tuple[Literal["thing", "kind", "color"], ...] = ()
 
     def __post_init__(self) -> None:
         require_finite(self)

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -24,16 +25,19 @@ from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
 from diff3ds.surfaces.line_drawings import SIZE
 from diff3ds.surfaces.lines.feature_curves import outline_share
+from diff3ds.surfaces.seen_around import ranked_around
 from diff3ds.surfaces.shape.coarse import coarse, without_specks
 from diff3ds.surfaces.shape.colors import SurfaceColors, colored
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.form_lines import thinned
 from diff3ds.tasks.mesh.mesh_lines import FixedLines, feature_lines
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
 from diff3ds.tasks.mesh.solid_lines import layers_of, with_faces
 from diff3ds.tasks.mesh.source import LEAST_OUTLINE, read_source
 from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.render.stroke_layers import layers_by
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.transforms import load_transforms
@@ -123,14 +127,18 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
     results = _found(mesh, made) | read.told
     info = RunInfo({"source": str(source), **_told(options)}, results, seconds, [], {}, False)
-    names = _write_drawings(out, views, drawings, pictures, options, mesh)
+    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh).replace(kinds=made.kinds)
+    sketch, order = ranked_around(sketch, mesh)
+    # Where the strokes of the drawings are in the sketch that is written.
+    place = {stroke: number for number, stroke in enumerate(order)}
+    rows = [place[row] for row, kind in enumerate(made.kinds) if kind != CONTOUR]
+    names = _write_drawings(out, views, drawings, pictures, options, mesh, rows, say)
     if options.turntable:
         save_movie(out / TURNTABLE, _frames(features, mesh, shown, colors, options, report), options.turntable, FPS)
         names.add(TURNTABLE)
     # Last, since run.json says that all of it is there.
     sheet = tile_images(pictures, columns=min(len(pictures), 2))
-    sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh).replace(kinds=made.kinds)
-    written = write_results(out, sketch, cameras, sheet, info, mesh, layers_of(made.kinds, sketch, mesh))
+    written = write_results(out, sketch, cameras, sheet, info, mesh, layers_of(sketch.kinds or (), sketch, mesh))
     for old in (*out.glob("drawing-*.*"), *out.glob(TURNTABLE)):
         # Of a run that is overwritten, all of which was there until now.
         if old.name not in names:
@@ -145,13 +153,25 @@ def _write_drawings(
     pictures: Float[Tensor, "V H W 3"],
     options: MeshOptions,
     mesh: TriangleMesh,
+    rows: list[int],
+    say: Callable[[str], None],
 ) -> set[str]:
-    """Writes each view as SVG, STEP and PNG, and says what the files are called."""
+    """Writes each view as SVG, STEP and PNG, and says what the files are called.
+
+    Args:
+        rows: of the strokes that the views were given their numbers in the sketch.
+    """
     names = set()
     for view, (lines, drawing) in enumerate(zip(views, drawings, strict=True)):
         name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
         layers = layers_of(lines.layers(options.hidden), drawing, mesh)
-        save_svg(out / f"{name}.svg", drawing, lines.cameras, layers=layers)
+        origins = lines.origins(options.hidden)
+        numbers = [-1 if (given := lines.numbers[row]) < 0 else rows[given] for row, _ in origins]
+        groups = layers_by(drawing, options.layers, [seen for _, seen in origins]) or layers
+        how: dict[str, Any] = {"layers": groups, "centerline": options.centerline, "numbers": numbers}
+        travel = save_svg(out / f"{name}.svg", drawing, lines.cameras, kept=KEPT[:1], **how)
+        if travel is not None:
+            say(f"{name}.svg: {travel.told('pixels')}")
         if len(drawing):
             save_step(out / f"{name}.step", drawing, layers=layers)
             names.add(f"{name}.step")

@@ -7,7 +7,7 @@ from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE
 from diff3ds.tasks.hatch_options import HatchOptions
-from diff3ds.tasks.render.render_options import MOST_FRAMES, OrbitOptions
+from diff3ds.tasks.render.render_options import MOST_FRAMES, LayerBy, OrbitOptions
 
 # A smooth thing's strokes where nobody says how many.
 SMOOTH_STROKES = 24
@@ -32,6 +32,9 @@ class MeshOptions:
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
         tone: whether the drawings are hatched.
         color: draw each stroke in the colour of the surface along it: of vertices, faces, materials or textures.
+        layers: of the drawings' SVG files, by thing (the parts of an assembly), kind, visibility or color, several
+            within each other; by default one a kind, of parts of assemblies each.
+        centerline: SVG files of the drawings for pen plotters, as "diff3ds render --centerline" draws them.
         size: of the drawings, pixels.
         turntable: frames of turntable.webp, once round; 0 leaves it out.
         overwrite: the folder's run may be lost.
@@ -47,6 +50,8 @@ class MeshOptions:
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
     tone: HatchOptions = field(default_factory=HatchOptions)
     color: bool = False
+    layers: tuple[LayerBy, ...] = ()
+    centerline: bool = False
     size: int = 512
     turntable: int = 24
     overwrite: bool = False
