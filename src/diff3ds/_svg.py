@@ -12,11 +12,12 @@ from diff3ds._shapes import Float, Tensor
 DPI = 96
 
 
-def svg_pixels(text: str, longer: int | None = None) -> Float[Tensor, "H W 4"]:
+def svg_pixels(text: str, longer: int | None = None, dpi: float = DPI) -> Float[Tensor, "H W 4"]:
     """An SVG text as resvg draws it, straight RGBA.
 
     Args:
         longer: side of the picture, pixels; None takes the size that the text says.
+        dpi: pixels to an inch, for a text that says its size in millimetres.
 
     Raises:
         ImportError: the extra `svg` is not installed.
@@ -27,6 +28,6 @@ def svg_pixels(text: str, longer: int | None = None) -> Float[Tensor, "H W 4"]:
     import resvg_py
     from PIL import Image
 
-    drawn = bytes(resvg_py.svg_to_bytes(svg_string=text, width=longer, height=longer, dpi=DPI))
+    drawn = bytes(resvg_py.svg_to_bytes(svg_string=text, width=longer, height=longer, dpi=dpi))
     picture = Image.open(io.BytesIO(drawn)).convert("RGBA")
     return torch.from_numpy(np.asarray(picture).astype(np.float32) / 255)

@@ -12,6 +12,7 @@ from ink import ink_apart
 
 import diff3ds as ds
 from diff3ds.formats import save_pdf, save_svg
+from diff3ds.page.sheet.page_setup import PageSetup
 
 CAMERAS = ds.orbit([20.0, 110.0], 25.0, size=(96, 128))
 
@@ -58,14 +59,14 @@ def test_looks_as_rendered(tmp_path, space):
 
 
 def test_a_page_has_its_size_and_every_stroke(tmp_path):
-    save_pdf(tmp_path / "a.pdf", colored(), CAMERAS, width_mm=127.0)
+    save_pdf(tmp_path / "a.pdf", colored(), CAMERAS, page=PageSetup(127, 47.625, 0, "none"))
     found, content = objects(tmp_path / "a.pdf")
     # Two views of 128 x 96 pixels beside each other; 127 mm are 5 inches of 72 points.
     assert b"/MediaBox [0 0 360 135]" in found[3]
     assert content.count("re W n") == 2
     save_svg(tmp_path / "a.svg", colored(), CAMERAS)
     assert len(re.findall(r"^S$|^f$", content, re.MULTILINE)) == (tmp_path / "a.svg").read_text().count("<path")
-    save_pdf(tmp_path / "b.pdf", colored(), CAMERAS, width_mm=127.0)
+    save_pdf(tmp_path / "b.pdf", colored(), CAMERAS, page=PageSetup(127, 47.625, 0, "none"))
     assert (tmp_path / "a.pdf").read_bytes() == (tmp_path / "b.pdf").read_bytes()
 
 

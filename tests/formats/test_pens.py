@@ -13,7 +13,10 @@ import diff3ds as ds
 from diff3ds.formats import save_pdf, save_svg
 from diff3ds.page.drawn_paths import DrawnPath
 from diff3ds.page.pens.pen_paths import pen_paths, travel
+from diff3ds.page.sheet.page_setup import PageSetup
 
+# 100 mm wide, as the cameras' pictures.
+PAGE = PageSetup(100, 100, 0, "none")
 PATH = "{http://www.w3.org/2000/svg}path"
 # Quarters of a circle as cubics are off by less than 3e-4 of the radius.
 QUARTER = 4 / 3 * (math.sqrt(2) - 1)
@@ -128,13 +131,13 @@ def test_a_pen_a_layer_and_what_is_told(tmp_path):
         torch.stack([ring[:-1], ring[1:]], 1), color=torch.eye(3, dtype=torch.float64)[[0] * 4 + [2] * 4]
     )
     camera = ds.orbit(0.0, 90.0, height=4.0, size=400)
-    told = save_svg(tmp_path / "a.svg", sketch, camera, centerline=True, width_mm=100.0, pen_mm=0.3)
+    told = save_svg(tmp_path / "a.svg", sketch, camera, centerline=True, page=PAGE, pen_mm=0.3)
     paths = list(ElementTree.parse(tmp_path / "a.svg").iter(PATH))
     # Half a ring of 4 sides for each colour, on 25 mm a world unit.
     assert [found.get("id") for found in paths] == ["strokes-3-2-1-0", "strokes-4-5-6-7"]
-    assert [float(found.get("stroke-width")) for found in paths] == pytest.approx([1.2, 1.2])
+    assert [float(found.get("stroke-width")) for found in paths] == pytest.approx([3.0, 3.0])  # ten pixels a millimetre
     assert told == (2, pytest.approx(16 * math.sin(math.pi / 8) * 25, rel=1e-4), 0.0)
-    assert save_pdf(tmp_path / "a.pdf", sketch, camera, centerline=True, width_mm=100.0, pen_mm=0.3) == told
+    assert save_pdf(tmp_path / "a.pdf", sketch, camera, centerline=True, page=PAGE, pen_mm=0.3) == told
     assert (
         told.told("mm", 10.0)
         == "the pen is lifted 2 times: 153 mm drawn, 0 mm in the air, 0 min 15 s at 10 mm a second"
@@ -148,9 +151,9 @@ def test_a_pen_a_layer_and_what_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"pen_mm": 0.3}, "give centerline and width_mm"),
-        ({"pen_mm": 0.3, "centerline": True}, "give centerline and width_mm"),
-        ({"pen_mm": 0.0, "centerline": True, "width_mm": 100.0}, "must be positive"),
+        ({"pen_mm": 0.3}, "give centerline and a page"),
+        ({"pen_mm": 0.3, "centerline": True}, "give centerline and a page"),
+        ({"pen_mm": 0.0, "centerline": True, "page": PAGE}, "must be positive"),
     ],
 )
 def test_pens_that_no_page_has(tmp_path, given, said):

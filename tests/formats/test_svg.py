@@ -17,6 +17,7 @@ from diff3ds.formats import save_svg, tile_images
 from diff3ds.formats.vector import svg
 from diff3ds.page import screen_pieces
 from diff3ds.page.drawn_paths import TOLERANCE
+from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.page.stroke_outlines import _hull
 
 needs_resvg = pytest.mark.skipif(importlib.util.find_spec("resvg_py") is None, reason="the extra svg is not installed")
@@ -303,16 +304,15 @@ def test_a_stroke_that_comes_onto_the_page_stays_one_path(tmp_path):
 
 def test_a_page_in_millimetres_without_percentages_and_inner_pages(tmp_path):
     for cameras in (CAMERAS, CAMERAS[0]):
-        save_svg(tmp_path / "a.svg", SKETCHES["circle"], cameras, width_mm=100)
+        page = PageSetup(100, 100 / len(cameras), 0, "none")
+        save_svg(tmp_path / "a.svg", SKETCHES["circle"], cameras, page=page)
         root = ElementTree.parse(tmp_path / "a.svg").getroot()
         assert (root.get("width"), root.get("height")) == ("100mm", "50mm" if len(cameras) == 2 else "100mm")
-        assert root.get("viewBox") == f"0 0 {256 * len(cameras)} 256"
+        assert root.get("viewBox") == f"0 0 1000 {1000 // len(cameras)}"
         assert not list(root.iter(SPACE + "svg"))[1:]
         assert "%" not in (tmp_path / "a.svg").read_text()
         names = [element.get("id") for element in root.iter() if element.get("id")]
         assert len(set(names)) == len(names)
-    with pytest.raises(ValueError, match="width_mm must be positive, got 0"):
-        save_svg(tmp_path / "a.svg", SKETCHES["circle"], CAMERAS, width_mm=0)
 
 
 def test_a_stroke_that_is_wider_than_the_image_comes_to_an_end(monkeypatch):

@@ -15,6 +15,7 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.formats import save_svg
+from diff3ds.page.sheet.page_setup import PageSetup
 
 CAMERA = ds.orbit(30.0, 20.0, size=256)
 PATH = "{http://www.w3.org/2000/svg}path"
@@ -52,8 +53,8 @@ def written(path):
 def test_svgelements_reads_the_same_paths_and_the_size_on_paper(tmp_path, space):
     import svgelements
 
-    save_svg(tmp_path / "a.svg", colored(space), CAMERA, width_mm=128.0)
-    # At 25.4 points an inch a millimetre is one: two pixels.
+    save_svg(tmp_path / "a.svg", colored(space), CAMERA, page=PageSetup(128, 128, 0, "none"))
+    # At 25.4 points an inch a millimetre is one: ten pixels.
     page = svgelements.SVG.parse(str(tmp_path / "a.svg"), ppi=25.4)
     assert (page.width, page.height) == pytest.approx((128.0, 128.0))
     paths = {element.id: element for element in page.elements() if isinstance(element, svgelements.Path)}
@@ -61,9 +62,9 @@ def test_svgelements_reads_the_same_paths_and_the_size_on_paper(tmp_path, space)
     assert paths.keys() == expected.keys()
     for name, path in paths.items():
         ends = [point for s in path.segments() for point in (s.start, s.end) if point is not None]
-        gaps = np.linalg.norm(np.array([(p.x, p.y) for p in ends])[:, None] * 2 - expected[name][None], axis=-1)
+        gaps = np.linalg.norm(np.array([(p.x, p.y) for p in ends])[:, None] * 10 - expected[name][None], axis=-1)
         assert gaps.min(1).max() < 1e-3
-        box = np.array(path.bbox()) * 2
+        box = np.array(path.bbox()) * 10
         low, high = expected[name].min(0), expected[name].max(0)
         assert (box[:2] >= low - 1e-3).all()
         assert (box[2:] <= high + 1e-3).all()

@@ -14,6 +14,7 @@ from style_pages import CAMERA, circle, lines, stroke
 import diff3ds as ds
 from diff3ds import styles
 from diff3ds.page.noise import grain, uniform, wander
+from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.page.union import pathops, united
 from diff3ds.styles.brush_file import load_brush
 from diff3ds.styles.pens import ISO_WIDTHS, tapered
@@ -270,11 +271,16 @@ def test_far_strokes_lie_below_and_are_lighter_and_thinner(tmp_path):
 
 
 def test_several_views_are_groups_and_the_page_has_its_size_on_paper():
-    text = styles.styled_svg(LINE, ds.orbit([0.0, 30.0], 0.0, 3.0, size=64), styles.Ink(), width_mm=100)
-    root = ElementTree.fromstring(text)
-    assert (root.get("viewBox"), root.get("width"), root.get("height")) == ("0 0 128 64", "100mm", "50mm")
-    assert [e.get("id") for e in paths(text)] == ["view-0", "view-0-stroke-0", "view-1", "view-1-stroke-0"]
-    assert paths(text)[2].get("transform") == "translate(64,0)"
+    page = PageSetup(100, 50, 0, "none")
+    for given, box, size, x in (
+        (None, "0 0 128 64", ("128", "64"), 64),
+        (page, "0 0 1000 500", ("100mm", "50mm"), 500),
+    ):
+        text = styles.styled_svg(LINE, ds.orbit([0.0, 30.0], 0.0, 3.0, size=64), styles.Ink(), page=given)
+        root = ElementTree.fromstring(text)
+        assert (root.get("viewBox"), root.get("width"), root.get("height")) == (box, *size)
+        assert [e.get("id") for e in paths(text)] == ["view-0", "view-0-stroke-0", "view-1", "view-1-stroke-0"]
+        assert paths(text)[2].get("transform") == f"translate({x},0)"
 
 
 def test_the_ink_is_cut_at_the_border():
@@ -304,7 +310,6 @@ def test_paper_is_warm_and_transparent_pages_have_none():
         ({"depth_cue": 1.5}, "depth_cue must be from 0 to 1, got 1.5"),
         ({"depth_cue": math.nan}, "depth_cue must be from 0 to 1, got nan"),
         ({"width": 0.0}, "width must be positive, got 0"),
-        ({"width_mm": -3.0}, "width_mm must be positive, got -3"),
         ({"background": (1.0, 1.0)}, "background must be three numbers"),
     ],
 )

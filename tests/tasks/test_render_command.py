@@ -101,9 +101,26 @@ def test_plotters_get_a_background_only_where_one_is_asked_for(source, tmp_path,
         assert ("plotters and cutters draw its edge" in capsys.readouterr().err) == there
 
 
+UNFITTED = ["--fit", "none", "--quiet"]
+
+
 @pytest.mark.parametrize("suffix", [".webp", ".gif"])
 def test_a_turntable_goes_once_round(suffix, source, tmp_path):
-    main(["render", str(source), "-o", str(tmp_path / f"t{suffix}"), "--size", "48", "--turntable", "4", "--quiet"])
+    main(
+        [
+            "render",
+            str(source),
+            "-o",
+            str(tmp_path / f"t{suffix}"),
+            "--size",
+            "48",
+            "--turntable",
+            "4",
+            "--fit",
+            "none",
+            "--quiet",
+        ]
+    )
     with Image.open(tmp_path / f"t{suffix}") as movie:
         assert movie.n_frames == 4
         total = 0
@@ -116,11 +133,59 @@ def test_a_turntable_goes_once_round(suffix, source, tmp_path):
     assert total == pytest.approx(4000 / 24, abs=6)
 
 
+def test_a_turntable_is_fitted_to_all_its_frames(source, tmp_path):
+    """The stroke along z is 2 units high, the other one sticks out by 1 to each side: their union fills the height."""
+    main(["render", str(source), "-o", str(tmp_path / "t.webp"), "--size", "80x100", "--turntable", "4", "--quiet"])
+    with Image.open(tmp_path / "t.webp") as movie:
+        frames = []
+        for i in range(movie.n_frames):
+            movie.seek(i)
+            frames.append(np.asarray(movie.convert("RGB")).min(2) < 128)
+    rows, columns = (np.flatnonzero(np.any(frames, (0, axis))) for axis in (2, 1))
+    # A twentieth of the shorter side, 4 px, is free all round.
+    assert (rows[0], 99 - rows[-1]) == (pytest.approx(4, abs=1), pytest.approx(4, abs=1))
+    assert columns[0] >= 3
+    assert columns[-1] <= 76
+
+
+def test_pages_of_several_views(source, tmp_path):
+    """A page each in a PDF file, or a sheet; SVG and PNG files are numbered."""
+    page = ["--page", "A6", "--azimuth", "0", "90", "--quiet"]
+    for options, files in (
+        (["v.pdf"], ["v.pdf"]),
+        (["s.pdf", "--sheet"], ["s.pdf"]),
+        (["v.svg"], ["v-1.svg", "v-2.svg"]),
+        (["v.png", "--dpi", "25.4"], ["v-1.png", "v-2.png"]),
+        (["s.png", "--dpi", "25.4", "--sheet"], ["s.png"]),
+    ):
+        main(["render", str(source), "-o", str(tmp_path / options[0]), *options[1:], *page])
+        assert [file.name for file in sorted(tmp_path.glob(options[0].replace(".", "*.")))] == files
+    assert [
+        (tmp_path / name).read_bytes().count(b"/MediaBox [0 0 297.6378 419.5276]") for name in ("v.pdf", "s.pdf")
+    ] == [2, 1]
+    with Image.open(tmp_path / "s.png") as picture:
+        assert picture.size == (105, 148)
+
+
 @needs("av")
 def test_a_turntable_as_mp4(source, tmp_path):
     import av
 
-    main(["render", str(source), "-o", str(tmp_path / "t.mp4"), "--size", "64x48", "--turntable", "5", "--quiet"])
+    main(
+        [
+            "render",
+            str(source),
+            "-o",
+            str(tmp_path / "t.mp4"),
+            "--size",
+            "64x48",
+            "--turntable",
+            "5",
+            "--fit",
+            "none",
+            "--quiet",
+        ]
+    )
     with av.open(str(tmp_path / "t.mp4")) as container:
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
         assert container.streams.video[0].average_rate == 24
@@ -164,8 +229,23 @@ def test_sizes():
         (["-o", "a.webp", "--turntable", "5", "--azimuth", "0", "9"], "a turntable goes once round from one --azimuth"),
         (["-o", "a.png", "--turntable", "1"], "--turntable must be from 2"),
         (["-o", "a.png", "--size", "0"], "--size must be a number of pixels or WIDTHxHEIGHT"),
-        (["-o", "a.png", "--width-mm", "5"], "--width-mm is for .svg and .pdf files"),
-        (["-o", "a.svg", "--width-mm", "-5"], "--width-mm must be positive"),
+        (
+            ["-o", "a.svg", "--page", "A9"],
+            "--page must be A0, A1, A2, A3, A4, A5, A6, letter, legal, tabloid or WIDTHxHEIGHT",
+        ),
+        (
+            ["-o", "a.svg", "--page", "A4", "--margin", "1ft"],
+            "--margin must be a number of millimetres, or one with mm, cm or in",
+        ),
+        (
+            ["-o", "a.svg", "--page", "A4", "--margin", "105"],
+            "less than half of the page's shorter side, 105 mm, got 105 mm",
+        ),
+        (["-o", "a.svg", "--landscape"], "--landscape is for pages: give a --page too, such as A4"),
+        (["-o", "a.svg", "--fit", "page"], "--fit is for pages and turntables: give a --page too"),
+        (["-o", "a.svg", "--page", "A4", "--dpi", "300"], "--dpi is for .png, .mp4, .webp, .gif files"),
+        (["-o", "a.png", "--page", "A0", "--dpi", "300"], "of 9933 x 14043 pixels, more than"),
+        (["-o", "a.eps"], "write .pdf or .svg, which hold the same paths, and convert it"),
         (["-o", "a.png", "--layers", "color"], "--layers is for .svg and .pdf files"),
         (["-o", "a.png", "--centerline"], "--centerline is for .svg and .pdf files"),
         (["-o", "a.pdf", "--tolerance", "0"], "--tolerance must be positive"),
@@ -274,7 +354,8 @@ def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path):
         main(["render", str(tmp_path), "-o", str(tmp_path / name), "--quiet", *map(str, (*view, *options))])
         return sum("<path" in line for line in (tmp_path / name).read_text().splitlines())
 
-    few, many = count("a.svg", "--spacing", 10), count("b.svg", "--spacing", "2mm", "--width-mm", 80)
+    page = ("--page", "80x80", "--margin", 0, "--fit", "none")
+    few, many = count("a.svg", "--spacing", 10), count("b.svg", "--spacing", "2mm", *page)
     # Twice as many lines, beside the two strokes.
     assert 20 < few < 40
     assert abs((many - 2) / (few - 2) - 2) < 0.1

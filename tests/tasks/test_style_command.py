@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from ink import ink_apart
 from needs import needs
+from paper import pdf_pages, png_page, svg_page
 from PIL import Image
 
 import diff3ds as ds
@@ -60,6 +62,59 @@ def test_a_mesh_hides_what_lies_behind_it(source, tmp_path):
     assert (hidden[34:48] == 255).all()
 
 
+@needs("svgelements", "svgpathtools", "pypdfium2")
+@pytest.mark.parametrize("style", ["ink", "technical"])
+def test_a_page_in_a_style_has_its_margins(source, tmp_path, style):
+    """By what is inked, in SVG, PDF and PNG files."""
+    for suffix, measure, near in ((".svg", svg_page, 0.011), (".pdf", pdf_pages, 0.011), (".png", png_page, 0.1)):
+        file, page = tmp_path / f"a{suffix}", ["--page", "A6", "--margin", "7mm", "--background"]
+        main(
+            [
+                "render",
+                source,
+                "-o",
+                str(file),
+                "--quiet",
+                "--style",
+                style,
+                *page,
+                "1,1,1" if suffix == ".png" else "transparent",
+            ]
+        )
+        size, box = next(measure(file)) if suffix == ".pdf" else measure(file)
+        assert size == pytest.approx((105, 148), abs=0.01)
+        free = [box[0], box[1], size[0] - box[2], size[1] - box[3]]
+        assert min(free) == pytest.approx(7, abs=near)
+        assert free == pytest.approx(free[2:] + free[:2], abs=2 * near)
+
+
+@needs("pypdfium2")
+@pytest.mark.parametrize("style", ["ink", "watercolour"])
+def test_a_pdf_in_a_style_looks_as_its_svg(source, tmp_path, style):
+    """Watercolour multiplies; PDFium draws what resvg does. On paper both layers of fibres lie below it."""
+    import pypdfium2
+
+    how = ["--style", style, "--size", "96", "--quiet"]
+    main(["render", source, "-o", str(tmp_path / "a.pdf"), *how])
+    main(["render", source, "-o", str(tmp_path / "a.png"), *how])
+    with pypdfium2.PdfDocument(tmp_path / "a.pdf") as document:
+        drawn = document[0].render(scale=96 / 72).to_numpy()[..., 2::-1].astype(float)
+    expected = opened(tmp_path / "a.png").astype(float)
+    assert drawn.shape == expected.shape
+    assert np.abs(drawn - expected).mean() < 1.5
+    assert ink_apart(drawn / 255, expected / 255) == 0
+    main(["render", source, "-o", str(tmp_path / "b.pdf"), *how, "--paper"])
+    with pypdfium2.PdfDocument(tmp_path / "a.pdf") as plain, pypdfium2.PdfDocument(tmp_path / "b.pdf") as paper:
+        counts = [len(list(document[0].get_objects())) for document in (plain, paper)]
+    assert counts[1] == counts[0] + 2
+
+
+def test_a_stroke_is_drawn_once(source, tmp_path):
+    """Also one that another passes, and that is in several parts there."""
+    main(["render", source, "-o", str(tmp_path / "a.svg"), "--style", "technical", "--quiet"])
+    assert (tmp_path / "a.svg").read_text().count("<path") == 2
+
+
 def test_export_draws_the_same_view(source, tmp_path):
     main(["render", source, "-o", str(tmp_path / "a.svg"), "--style", "ink", "--style-seed", "3", "--quiet"])
     main(["export", source, str(tmp_path / "b.svg"), "--style", "ink", "--style-seed", "3", "--quiet"])
@@ -106,7 +161,6 @@ def test_options_that_do_not_fit(options, message):
         ("export", "a.step", [], r"--style draws .svg files here"),
         ("render", "a.png", ["--engine", "blender"], "--engine is for strokes without a style: leave it out"),
         ("render", "a.svg", ["--centerline"], "--centerline is for strokes without a style: leave it out"),
-        ("render", "a.pdf", [], "--style draws to .svg, .png and films"),
         ("render", "a.svg", ["--style", "stretched", "--brush", "{source}"], "sketch.json: not an SVG file"),
     ],
 )

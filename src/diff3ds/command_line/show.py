@@ -11,6 +11,7 @@ from diff3ds.command_line.console import PlainConsole, counted_strokes, progress
 from diff3ds.command_line.interrupt import importing
 from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.export.export_options import ExportOptions
+from diff3ds.tasks.render.page_options import PageOptions
 from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions, SurfaceOptions
 from diff3ds.tasks.style_options import StyleOptions
 
@@ -27,9 +28,10 @@ class Render:
     level: OmitArgPrefixes[DetailOptions]
     hiding: OmitArgPrefixes[SurfaceOptions]
     styles: OmitArgPrefixes[StyleOptions]
+    page: OmitArgPrefixes[PageOptions]
     # sketch.json, a STEP, DXF, 3DM or USD file, or the folder of a run.
     source: Positional[Path]
-    # The picture; several views that make no sheet are numbered: view-1.png, view-2.png.
+    # The picture; several views that make no sheet are numbered, view-1.png, view-2.png, or pages of one .pdf file.
     out: Annotated[Path, arg(aliases=["-o"])]
     # No progress, only errors.
     quiet: bool = False
@@ -42,7 +44,7 @@ class Render:
         console = PlainConsole(stderr=True, quiet=self.quiet)
         with progress_on(console) as report:
             how = (self.view, self.picture, self.hiding, self.styles)
-            files = run_render(self.source, self.out, *how, report, self.level, sayer(console))
+            files = run_render(self.source, self.out, *how, report, self.level, sayer(console), self.page)
         sayer(console)(str(files[0]) if len(files) == 1 else f"{files[0]} to {files[-1].name}")
 
 

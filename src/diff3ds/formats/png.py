@@ -11,34 +11,36 @@ import torch
 from diff3ds._files import write_bytes
 from diff3ds._shapes import Float, Tensor
 from diff3ds.formats.pixels import described, pixels_of, prepare, require_one_frame
-from diff3ds.page.views_grid import grid_columns
+from diff3ds.page.sheet.views_grid import grid_columns
 
 # 11585 x 11585; as float32 RGBA that takes 2 GiB. More is taken for a mistake or an attack.
 MAX_PIXELS = 1 << 27
 _MODES = {1: "L", 3: "RGB", 4: "RGBA"}
 
 
-def save_png(path: str | Path, image: Float[Tensor, "H W C"]) -> None:
+def save_png(path: str | Path, image: Float[Tensor, "H W C"], *, pixels_per_mm: float | None = None) -> None:
     """Writes a picture, whole or not at all, with 8 bits a channel.
 
     Args:
         image: gray, RGB or straight RGBA (C = 1, 3 or 4) in [0, 1]; what lies outside is clamped.
+        pixels_per_mm: on paper, which the file says to a thousandth; None for a file that says nothing of it.
 
     Raises:
         TypeError, ValueError: not such an image, or one with values that are not finite.
         OSError: the file cannot be written.
     """
-    write_bytes(Path(path), encoded(image))
+    write_bytes(Path(path), encoded(image, pixels_per_mm))
 
 
-def encoded(image: object) -> bytes:
+def encoded(image: object, pixels_per_mm: float | None = None) -> bytes:
     """A picture as `save_png` takes it, as the bytes of a PNG file.
 
     Raises:
         TypeError, ValueError: as `save_png`.
     """
     file = io.BytesIO()
-    as_pillow(image).save(file, format="PNG")
+    dpi = {} if pixels_per_mm is None else {"dpi": (pixels_per_mm * 25.4,) * 2}
+    as_pillow(image).save(file, format="PNG", **dpi)
     return file.getvalue()
 
 

@@ -1,8 +1,9 @@
 """A view of a sketch as paths of cubic Béziers in the order in which they are painted: what SVG and PDF files hold."""
 
 import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import torch
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from diff3ds.camera import Cameras
 from diff3ds.page.depth_order import Part, painting_order
 from diff3ds.page.screen_pieces import Pieces, on_page, screen_pieces
+from diff3ds.page.sheet.ink_boxes import Box, box_of, union
+from diff3ds.page.sheet.page_layout import widened
 from diff3ds.page.stroke_outlines import Path, Way, outlines
 from diff3ds.project import Strokes2D, project
 from diff3ds.sketch import Sketch
@@ -34,6 +37,7 @@ class DrawnPath(NamedTuple):
         width: to stroke with, pixels; None to fill.
         color: RGB in [0, 1].
         opacity: in [0, 1].
+        multiplied: whether its colour is multiplied with what lies below, as transparent paint does.
     """
 
     strokes: tuple[int, ...]
@@ -42,6 +46,7 @@ class DrawnPath(NamedTuple):
     width: float | None
     color: tuple[float, float, float]
     opacity: float
+    multiplied: bool = False
 
 
 def drawn_paths(
@@ -93,6 +98,33 @@ def drawn_paths(
         closed = not line or _closes(strokes, pieces)
         found.append(DrawnPath((stroke,), curves, closed, width, (r, g, b), opacity))
     return found
+
+
+class Drawing(TypedDict, total=False):
+    """Options of `drawn_paths`."""
+
+    centerline: bool
+    tolerance: float
+
+
+def ink_boxes(sketches: Sequence[Sketch], **how: Unpack[Drawing]) -> Callable[[Cameras, float], Iterator[Box | None]]:
+    """The boxes of what is drawn in each view, in pixels, as `lay_out` asks for them: widths of strokes included.
+
+    Args:
+        sketches: one a view.
+        how: as of `drawn_paths`.
+    """
+
+    def boxes(cameras: Cameras, widen: float) -> Iterator[Box | None]:
+        for view, sketch in enumerate(sketches):
+            yield box_of_paths(drawn_paths(widened(sketch, widen), cameras, view, **how))
+
+    return boxes
+
+
+def box_of_paths(paths: Iterable[DrawnPath]) -> Box | None:
+    """The box of the ink, pixels; None of nothing."""
+    return union(box_of(path.curves, (path.width or 0.0) / 2) for path in paths)
 
 
 class _Page(NamedTuple):

@@ -157,7 +157,9 @@ def _order(strokes: Strokes2D, pieces: Pieces, width: Float[Tensor, " N"]) -> li
     points = torch.cat([pieces.points[..., :2], width[pieces.stroke, None, None].expand(-1, 4, 1)], -1)
     # Translucent strokes are not cut.
     whole = replace(strokes, opacity=torch.full_like(strokes.opacity, 0.5))
-    return [int(part.pieces.stroke[0]) for part in painting_order(whole, 0, pieces._replace(points=points))]
+    order = painting_order(whole, 0, pieces._replace(points=points))
+    # A stroke in several parts is one here, in the place of the first.
+    return list(dict.fromkeys(int(part.pieces.stroke[0]) for part in order))
 
 
 def _alone(strokes: Strokes2D, view: int) -> Strokes2D:

@@ -1,4 +1,4 @@
-"""Boolean operations on filled outlines (skia-pathops, the extra `styles`), and outlines as SVG path data."""
+"""Boolean operations on filled outlines (skia-pathops, the extra `styles`); outlines as SVG path data and as cubics."""
 
 import functools
 import importlib
@@ -7,6 +7,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from diff3ds._shapes import Array, Float
 from diff3ds.page.noise import uniform
 
 # px. Islands and holes smaller than a square of this side are rounding.
@@ -126,6 +129,24 @@ def svg_data(path: Any) -> str:
         if kind == verb.MOVE:
             x0, y0 = x, y
     return "".join(data)
+
+
+def cubics_of(path: Any) -> list[Float[Array, "n 2"]]:
+    """The contours of an outline as cubics that follow on each other: the start, then three control points each."""
+    verb = pathops().PathVerb
+    found: list[list[Float[Array, " 2"]]] = []
+    for kind, points in path:
+        *inner, end = (np.array(point) for point in points or [found[-1][0]])
+        if kind == verb.MOVE:
+            found.append([end])
+            continue
+        start = found[-1][-1]
+        if kind == verb.QUAD:
+            inner = [start + (inner[0] - start) * 2 / 3, end + (inner[0] - end) * 2 / 3]
+        if kind == verb.CLOSE and bool((start == end).all()):
+            continue
+        found[-1] += [*(inner or [start + (end - start) / 3, end + (start - end) / 3]), end]
+    return [np.array(contour) for contour in found]
 
 
 @functools.lru_cache(maxsize=1 << 16)

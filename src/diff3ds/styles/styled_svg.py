@@ -1,32 +1,37 @@
-"""A sketch in a style, from any cameras: SVG text, and its pixels."""
+"""A sketch in a style, from any cameras: as painted outlines on a page, and as SVG text."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from diff3ds._shapes import Array, Float
 from diff3ds.camera import Cameras
 from diff3ds.curves.join import Joined, join_smooth
+from diff3ds.page.drawn_paths import DrawnPath
 from diff3ds.page.ink_outlines import TOLERANCE
 from diff3ds.page.lines import Line, lines_of
 from diff3ds.page.noise import seed_of
-from diff3ds.page.union import pathops, svg_data, within
-from diff3ds.page.views_grid import check_page, corner, hexadecimal, page_size
+from diff3ds.page.sheet.ink_boxes import Box, union
+from diff3ds.page.sheet.page_layout import PIXELS_PER_MM, PIXELS_PER_MM_OF_SCREENS, Layout, lay_out, to_frame, widened
+from diff3ds.page.sheet.page_setup import PageSetup
+from diff3ds.page.sheet.views_grid import check_page, hexadecimal
+from diff3ds.page.union import cubics_of, pathops, svg_data, within
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
-from diff3ds.styles.paper import WARM, paper_elements
+from diff3ds.styles.paper import WARM, Fibres, paper_fibres
 from diff3ds.styles.style import Mark, Page, Style
 from diff3ds.svg.layer_groups import INKSCAPE, Group, layer_elements
 from diff3ds.svg.path_ids import KEPT, PathIds, said_of_strokes
 
-# What programs take a pixel for, where no size on paper is asked for (CSS).
-PIXELS_PER_MM = 96 / 25.4
 # Ends this near to each other, of the sketch's size, are one place, and strokes that turn by less there, radians, go on
 # in each other. [empirical: what the eye takes for one line]
 NEAR, TURN = 2e-4, math.radians(30)
+# A page is looked at so often before its ink is drawn: then widths that do not grow with the picture, as of technical
+# pens, are right to a thousandth. [empirical]
+LOOKS = 2
 # px. Half widths below leave no ink.
 THINNEST = 0.005
 # Half widths of strokes, in pages: larger ones are taken for a mistake.
@@ -34,10 +39,115 @@ LARGEST = 4
 # Of the way to the colour of the ground that the farthest strokes go, and of their width that they lose, with a depth
 # cue of 1.
 FADE, THIN = 0.8, 0.6
+Held = TypeVar("Held")
+
+
+class Painted(NamedTuple):
+    """A filled outline of a view.
+
+    Attributes:
+        path: of pathops, in pixels from the view's corner, cut at its border.
+        color: RGB in [0, 1].
+        opacity: in [0, 1].
+        multiplied: whether its colour is multiplied with what lies below.
+    """
+
+    path: Any
+    color: Sequence[float]
+    opacity: float
+    multiplied: bool
+
+    @property
+    def box(self) -> Box:
+        """Of the outline, pixels."""
+        x0, y0, x1, y1 = self.path.bounds
+        return x0, y0, x1, y1
+
+    def drawn(self, stroke: int) -> DrawnPath:
+        """As cubics, as what is drawn of a stroke."""
+        r, g, b = self.color
+        curves, multiplied = cubics_of(self.path), self.multiplied
+        return DrawnPath((stroke,), curves, True, None, (r, g, b), self.opacity, multiplied=multiplied)
+
+
+class Strokes(NamedTuple):
+    """Strokes that are drawn in a view, which of the sketch's each is made of, and in which layer it is."""
+
+    sketch: Sketch
+    made: list[list[int]]
+    groups: list[Group]
+
+
+@dataclass(frozen=True, eq=False)
+class Styled:
+    """Views in a style, on their page.
+
+    Attributes:
+        layout: where each lies.
+        strokes: of each view.
+        views: of each view what was painted of its strokes, by their numbers among these.
+        background: RGB of the ground, or None.
+        paper: the seed of fibres on it, or None.
+        numbers: of each view those by which ids call the sketch's strokes, or None.
+        kept: what strokes have as the sketch's have it.
+    """
+
+    layout: Layout
+    strokes: list[Strokes]
+    views: list[dict[int, list[Painted]]]
+    background: Sequence[float] | None
+    paper: int | None
+    numbers: list[Sequence[int] | None]
+    kept: Sequence[str]
+
+    @property
+    def fibres(self) -> list[Fibres]:
+        """What lies on the ground, in pixels of the page."""
+        if self.paper is None:
+            return []
+        width, height = self.layout.size
+        return paper_fibres((height, width), _paper_unit(self.layout.cameras), self.paper)
+
+    def drawn(self) -> list[dict[Group, list[DrawnPath]]]:
+        """The paths of each view in layers."""
+        return [
+            _in_layers(strokes, {stroke: [each.drawn(stroke) for each in some] for stroke, some in view.items()})
+            for strokes, view in zip(self.strokes, self.views, strict=True)
+        ]
+
+    def svg(self) -> str:
+        """As SVG text."""
+        shown = {
+            stroke if numbers is None else numbers[stroke]
+            for strokes, numbers in zip(self.strokes, self.numbers, strict=True)
+            for made in strokes.made
+            for stroke in made
+        }
+        spaces = INKSCAPE if any(group for strokes in self.strokes for group in strokes.groups) else ""
+        lines = [self.layout.svg_head(self.background, spaces, said_of_strokes(shown, self.kept, None))]
+        lines += [fibres.svg() for fibres in self.fibres]
+        for view, (strokes, painted) in enumerate(zip(self.strokes, self.views, strict=True)):
+            several, (x, y) = len(self.views) > 1, self.layout.corners[view]
+            prefix, at = (f"view-{view}-", (0.0, 0.0)) if several else ("", (x, y))
+            if several:
+                lines.append(f'<g id="view-{view}" transform="translate({x:.8g},{y:.8g})">')
+            ids = PathIds(prefix, self.numbers[view])
+            elements = {stroke: [_element(ids.of(strokes.made[stroke]), some, at)] for stroke, some in painted.items()}
+            lines += layer_elements(_in_layers(strokes, elements), prefix)
+            lines += ["</g>"] if several else []
+        return "\n".join([*lines, "</svg>"]) + "\n"
+
+
+def _in_layers(strokes: Strokes, held: Mapping[int, list[Held]]) -> dict[Group, list[Held]]:
+    """What is held of strokes, by their layers."""
+    found: dict[Group, list[Held]] = {}
+    for stroke, some in held.items():
+        found.setdefault(strokes.groups[stroke], []).extend(some)
+    return found
 
 
 def styled_svg(
-    sketch: Sketch,
+    sketch: Sketch | Sequence[Sketch],
     cameras: Cameras,
     style: Style,
     *,
@@ -46,124 +156,158 @@ def styled_svg(
     depth_cue: float = 0.0,
     paper: bool = False,
     background: Sequence[float] | None = (1.0, 1.0, 1.0),
-    width_mm: float | None = None,
-    layers: Sequence[Group] | None = None,
-    numbers: Sequence[int] | None = None,
+    page: PageSetup | None = None,
+    layers: Sequence[Group] | Sequence[Sequence[Group]] | None = None,
+    numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
 ) -> str:
     """The views of all cameras in a style, side by side in a grid that is about square, as SVG text.
 
     Every stroke, of however many segments, is drawn as a whole, and is one element with the id "stroke-0", "stroke-1"
     and so on, by its number in the sketch, "strokes-2-5" where two go on in each other; of several views
-    "view-0-stroke-0". Its outlines neither cross nor overlap
-    themselves. Strokes lie over each other as `render` has them where they meet; none is cut, so that where their order
-    goes round in a circle the file cannot show it. The same seed gives the same text.
+    "view-0-stroke-0". Its outlines neither cross nor overlap themselves. Strokes lie over each other as `render` has
+    them where they meet; none is cut, so that where their order goes round in a circle the file cannot show it. The
+    same seed gives the same text.
 
     Args:
+        sketch: one for all views, or one a view.
+        cameras: of the views.
         style: such as `CHARCOAL`, `Ink(taper=(0, 20))`, or `stretched("leaf.svg")`.
         width: times the widths that the style gives to strokes.
         seed: of all that is random.
         depth_cue: from 0 to 1, how much lighter and thinner strokes become with their depth.
         paper: whether the ground has fibres; a white background is then that of warm paper.
         background: RGB in [0, 1], or None for a transparent one.
-        width_mm: of the page on paper, millimetres; without it a pixel is a 96th of an inch.
+        page: the sheet of paper that the views are laid out on, in exact millimetres, which the ink is fitted to;
+            without it the page is the pictures, and a pixel is a 96th of an inch.
         layers: of each stroke the names of the layers that it is in, from the outermost on: only strokes of one layer
-            go on in each other, and the layers lie over each other in the order of the first strokes of each.
-        numbers: by which the ids call the strokes, where these are parts of a sketch's, -1 for lines of the view alone.
+            go on in each other, and the layers lie over each other in the order of the first strokes of each. Of
+            several sketches a list for each.
+        numbers: by which the ids call the strokes, where these are parts of a sketch's, -1 for lines of the view alone;
+            of several sketches a list for each.
 
     Raises:
         ImportError: the extra `styles` is not installed.
         ValueError: no cameras, sketch and cameras on different devices, or a value out of range.
     """
+    how: dict[str, Any] = {
+        "width": width,
+        "seed": seed,
+        "depth_cue": depth_cue,
+        "paper": paper,
+        "background": background,
+    }
+    how |= {"layers": layers, "numbers": numbers}
+    return styled(sketch, cameras, style, page=page, **how).svg()
+
+
+def styled(
+    sketch: Sketch | Sequence[Sketch],
+    cameras: Cameras,
+    style: Style,
+    *,
+    width: float,
+    seed: int,
+    depth_cue: float,
+    paper: bool,
+    background: Sequence[float] | None,
+    page: PageSetup | None,
+    layers: Sequence[Group] | Sequence[Sequence[Group]] | None = None,
+    numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
+    alone: bool = False,
+) -> Styled:
+    """As `styled_svg`, before it becomes text.
+
+    Args:
+        sketch: as there, as are the next ten.
+        alone: whether each view has a page of its own.
+
+    Raises:
+        ImportError, ValueError: as there.
+    """
     if not 0 < width < math.inf:
         raise ValueError(f"width must be positive, got {width}")
     if not 0 <= depth_cue <= 1:
         raise ValueError(f"depth_cue must be from 0 to 1, got {depth_cue}")
-    sketch = check_page(sketch, cameras, background, width_mm, TOLERANCE)
+    sketches = check_page(sketch, cameras, background, TOLERANCE)
     pathops()
-    extent = float((sketch.points.amax((0, 1)) - sketch.points.amin((0, 1))).max()) if len(sketch) else 0.0
-    groups = [()] * len(sketch) if layers is None else list(layers)
-    sketch, made = _joined(sketch.replace(width=sketch.width * width), groups, NEAR * extent)
-    whole = page_size(cameras)
-    unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / whole[0])
-    page = Page(cameras.size, PIXELS_PER_MM if width_mm is None else 1 / scale, seed_of(seed))
+    one, count = isinstance(sketch, Sketch), len(cameras)
+    named: list[Any] = [layers] * count if layers is None or one else list(layers)
+    called: list[Any] = [numbers] * count if numbers is None or one else list(numbers)
+    joined = [
+        _joined(each, width, [()] * len(each) if groups is None else list(groups))
+        for each, groups in zip(sketches, named, strict=True)
+    ]
     if paper and background is not None and tuple(background) == (1.0, 1.0, 1.0):
         background = WARM
-    drawn = _Drawn(sketch, made, [groups[strokes[0]] for strokes in made], numbers)
-    views = "\n".join(_views(drawn, cameras, style, page, depth_cue, background or (1.0, 1.0, 1.0)))
-    ground = []
-    if background is not None:
-        ground.append(f'<rect width="{whole[0]}" height="{whole[1]}" fill="{hexadecimal(background)}"/>')
-    if paper:
-        ground += paper_elements((whole[1], whole[0]), page.unit, page.seed)
-    size = f'width="{whole[0] * scale:.6g}{unit}" height="{whole[1] * scale:.6g}{unit}"'
-    rows = range(sum(map(len, made))) if numbers is None else numbers
-    told = said_of_strokes(rows, KEPT[:1] if depth_cue == 0 else (), None)
-    spaces = "" if layers is None else f" {INKSCAPE}"
-    head = f'<svg xmlns="http://www.w3.org/2000/svg"{spaces} {size} viewBox="0 0 {whole[0]} {whole[1]}" {told}>'
-    return "\n".join([head, *ground, views, "</svg>"]) + "\n"
+    per_mm = PIXELS_PER_MM_OF_SCREENS if page is None else PIXELS_PER_MM
+
+    def drawn(cameras: Cameras, widen: float) -> list[dict[int, list[Painted]]]:
+        return [
+            _strokes(
+                each._replace(sketch=widened(each.sketch, widen)),
+                lines_of(project(widened(each.sketch, widen), cameras[view]), 0, cameras.size, style.widest),
+                style,
+                Page(cameras.size, per_mm, seed_of(seed)),
+                depth_cue,
+                background or (1.0, 1.0, 1.0),
+            )
+            for view, each in enumerate(joined)
+        ]
+
+    layout = lay_out(cameras, page, lambda *how: map(_box, drawn(*how)), alone=alone, looks=LOOKS)
+    views = drawn(layout.cameras, layout.widen)
+    box = union(map(_box, views))
+    if page is not None and page.fit != "none" and box is not None:
+        views = _moved(views, *to_frame(box, layout.frame, page.fit))
+    kept = KEPT[:1] if depth_cue == 0 else ()
+    return Styled(layout, joined, views, background, seed_of(seed) if paper else None, called, kept)
 
 
-class _Drawn(NamedTuple):
-    """Strokes that are drawn, which of the sketch's each is made of, in which layer it is, and the sketch's numbers."""
+def _moved(
+    views: list[dict[int, list[Painted]]], zoom: float, shift: tuple[float, float]
+) -> list[dict[int, list[Painted]]]:
+    """Outlines by the little that is left to their place: ink does not grow with a picture to the last digit."""
+    move = (zoom, 0, 0, zoom, *shift)
+    return [
+        {name: [each._replace(path=each.path.transform(*move)) for each in some] for name, some in strokes.items()}
+        for strokes in views
+    ]
 
-    sketch: Sketch
-    made: list[list[int]]
-    groups: list[Group]
-    numbers: Sequence[int] | None
 
-
-def _joined(sketch: Sketch, groups: Sequence[Group], gap: float) -> Joined:
+def _joined(sketch: Sketch, width: float, groups: Sequence[Group]) -> Strokes:
     """The strokes of each layer that go on in each other as one."""
+    gap = NEAR * float((sketch.points.amax((0, 1)) - sketch.points.amin((0, 1))).max()) if len(sketch) else 0.0
+    sketch = sketch.replace(width=sketch.width * width)
     rows: dict[Group, list[int]] = {}
     for stroke, group in enumerate(groups):
         rows.setdefault(group, []).append(stroke)
     if len(rows) < 2:
-        return join_smooth(sketch, TURN, gap)
-    parts = [join_smooth(sketch[some], TURN, gap) for some in rows.values()]
-    made = [
-        [some[stroke] for stroke in strokes]
-        for part, some in zip(parts, rows.values(), strict=True)
-        for strokes in part.strokes
-    ]
-    return Joined(Sketch.concatenate([part.sketch for part in parts]), made)
+        joined = join_smooth(sketch, TURN, gap)
+    else:
+        parts = [join_smooth(sketch[some], TURN, gap) for some in rows.values()]
+        made = [
+            [some[stroke] for stroke in strokes]
+            for part, some in zip(parts, rows.values(), strict=True)
+            for strokes in part.strokes
+        ]
+        joined = Joined(Sketch.concatenate([part.sketch for part in parts]), made)
+    return Strokes(joined.sketch, joined.strokes, [groups[strokes[0]] for strokes in joined.strokes])
 
 
-def _views(
-    drawn: _Drawn,
-    cameras: Cameras,
-    style: Style,
-    page: Page,
-    depth_cue: float,
-    ground: Sequence[float],
-) -> Iterator[str]:
-    """The elements of all views; of several, a group each, moved to its place."""
-    strokes = project(drawn.sketch, cameras)
-    for view in range(len(cameras)):
-        lines = lines_of(strokes, view, page.size, style.widest)
-        prefix = "" if len(cameras) == 1 else f"view-{view}-"
-        groups: dict[Group, list[str]] = {}
-        for stroke, element in _strokes(drawn, lines, style, page, depth_cue, ground, prefix):
-            groups.setdefault(drawn.groups[stroke], []).append(element)
-        if len(cameras) == 1:
-            yield from layer_elements(groups, prefix)
-            return
-        x, y = corner(cameras, view)
-        yield f'<g id="view-{view}" transform="translate({x},{y})">'
-        yield from layer_elements(groups, prefix)
-        yield "</g>"
+def _box(strokes: dict[int, list[Painted]]) -> Box | None:
+    return union(painted.box for some in strokes.values() for painted in some)
 
 
 def _strokes(
-    drawn: _Drawn,
+    drawn: Strokes,
     lines: list[Line],
     style: Style,
     page: Page,
     depth_cue: float,
     ground: Sequence[float],
-    prefix: str,
-) -> Iterator[tuple[int, str]]:
-    """Strokes of one view and their elements, in the order of the lines."""
-    sketch, ids = drawn.sketch, PathIds(prefix, drawn.numbers)
+) -> dict[int, list[Painted]]:
+    """What is painted of the strokes of one view, in the order of the lines."""
+    sketch = drawn.sketch
     far = _Distance(lines)
     by_stroke: dict[int, list[Line]] = {}
     for line in lines:
@@ -177,6 +321,7 @@ def _strokes(
                 "make its width smaller, or the camera's `near` larger if it passes there"
             )
         by_stroke.setdefault(line.stroke, []).append(line)
+    found: dict[int, list[Painted]] = {}
     for stroke, some in by_stroke.items():
         layers: list[list[Mark]] = []
         for k, line in enumerate(some):
@@ -184,19 +329,16 @@ def _strokes(
             layers.append(style.marks(thinned, page, seed_of(page.seed, stroke, k)))
         fade = FADE * depth_cue * far.mean(some)
         color = [c + fade * (g - c) for c, g in zip(sketch.color[stroke].tolist(), ground, strict=True)]
-        paths = [
-            _element(mark, color, float(sketch.opacity[stroke]), page.size)
+        opacity = float(sketch.opacity[stroke])
+        painted = [
+            Painted(path, color, mark.opacity * opacity, mark.multiplied)
             for marks in zip(*layers, strict=True)
             for mark in marks
+            if (path := _on_page(mark.path, page.size)) is not None
         ]
-        paths = [path for path in paths if path]
-        if not paths:
-            continue
-        name = f'id="{ids.of(drawn.made[stroke])}"'
-        if len(paths) == 1:
-            yield stroke, paths[0].replace("<path", f"<path {name}", 1)
-        else:
-            yield stroke, f"<g {name}>{''.join(paths)}</g>"
+        if painted:
+            found[stroke] = painted
+    return found
 
 
 class _Distance:
@@ -218,12 +360,11 @@ class _Distance:
         return float(sum(middles)) / total
 
 
-def _element(mark: Mark, color: Sequence[float], opacity: float, size: tuple[int, int]) -> str:
-    """A path element, cut at the page's border; empty if the page shows nothing of it."""
-    path = mark.path
+def _on_page(path: Any, size: tuple[int, int]) -> Any:
+    """A path, cut at the page's border; None if the page shows nothing of it."""
     height, width = size
     if not list(path.segments):
-        return ""
+        return None
     x0, y0, x1, y1 = path.bounds
     if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
         page = pathops().Path()
@@ -232,12 +373,27 @@ def _element(mark: Mark, color: Sequence[float], opacity: float, size: tuple[int
             page.lineTo(*corner)
         page.close()
         path = within(path, page)
-    data = svg_data(path)
-    if not data:
-        return ""
-    style = f'fill="{hexadecimal(color)}"'
-    if mark.opacity * opacity < 1:
-        style += f' fill-opacity="{mark.opacity * opacity:.4g}"'
-    if mark.multiplied:
+    return path if list(path.segments) else None
+
+
+def _element(name: str, painted: Sequence[Painted], at: tuple[float, float]) -> str:
+    """The element of a stroke, moved."""
+    paths = [_path(each, at) for each in painted]
+    if len(paths) == 1:
+        return paths[0].replace("<path", f'<path id="{name}"', 1)
+    return f'<g id="{name}">{"".join(paths)}</g>'
+
+
+def _path(painted: Painted, at: tuple[float, float]) -> str:
+    style = f'fill="{hexadecimal(painted.color)}"'
+    if painted.opacity < 1:
+        style += f' fill-opacity="{painted.opacity:.4g}"'
+    if painted.multiplied:
         style += ' style="mix-blend-mode:multiply"'
-    return f'<path d="{data}" {style}/>'
+    path = painted.path if at == (0, 0) else painted.path.transform(1, 0, 0, 1, *at)
+    return f'<path d="{svg_data(path)}" {style}/>'
+
+
+def _paper_unit(cameras: Cameras) -> float:
+    """As `Page.unit`."""
+    return cameras.size[0] / 512

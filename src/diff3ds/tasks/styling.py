@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 
 from diff3ds._shapes import Float, Tensor
+from diff3ds._svg import DPI
 from diff3ds.camera import Cameras
+from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.sketch import Sketch
 from diff3ds.styles import (
     CHARCOAL,
@@ -17,9 +19,10 @@ from diff3ds.styles import (
     Watercolour,
     scattered,
     stretched,
-    styled_svg,
     svg_pixels,
 )
+from diff3ds.styles.styled_svg import Styled, styled
+from diff3ds.svg.layer_groups import Group
 from diff3ds.tasks.style_options import StyleOptions
 
 
@@ -34,17 +37,18 @@ class Styling:
         self.options = options
         self.style = _style(options)
 
-    def svg(
+    def drawn(
         self,
-        sketch: Sketch,
+        sketch: Sketch | Sequence[Sketch],
         cameras: Cameras,
         background: Sequence[float] | None = (1.0, 1.0, 1.0),
-        width_mm: float | None = None,
-        layers: Sequence[tuple[str, ...]] | None = None,
-        numbers: Sequence[int] | None = None,
-    ) -> str:
-        """As `styled_svg`."""
-        return styled_svg(
+        page: PageSetup | None = None,
+        alone: bool = False,
+        layers: Sequence[Group] | Sequence[Sequence[Group]] | None = None,
+        numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
+    ) -> Styled:
+        """As `styled`."""
+        return styled(
             sketch,
             cameras,
             self.style,
@@ -53,14 +57,23 @@ class Styling:
             depth_cue=self.options.depth_cue,
             paper=self.options.paper,
             background=background,
-            width_mm=width_mm,
+            page=page,
+            alone=alone,
             layers=layers,
             numbers=numbers,
         )
 
-    def image(self, sketch: Sketch, camera: Cameras, background: Sequence[float] | None) -> Float[Tensor, "H W C"]:
-        """One view as RGB, or where there is no background as straight RGBA."""
-        pixels = svg_pixels(self.svg(sketch, camera, background))
+    def image(
+        self,
+        sketch: Sketch | Sequence[Sketch],
+        cameras: Cameras,
+        background: Sequence[float] | None,
+        page: PageSetup | None = None,
+        pixels_per_mm: float = DPI / 25.4,
+    ) -> Float[Tensor, "H W C"]:
+        """One page as RGB, or where there is no background as straight RGBA."""
+        text = self.drawn(sketch, cameras, background, page).svg()
+        pixels = svg_pixels(text, dpi=pixels_per_mm * 25.4)
         return pixels if background is None else pixels[..., :3]
 
 

@@ -2,14 +2,88 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
-from diff3ds.page.drawn_paths import DrawnPath
-from diff3ds.page.pens.pen_paths import pen_paths
-from diff3ds.page.views_grid import hexadecimal
+from diff3ds.camera import Cameras
+from diff3ds.page.drawn_paths import DrawnPath, box_of_paths, drawn_paths
+from diff3ds.page.pens.pen_paths import Travel, pen_paths, travel
+from diff3ds.page.sheet.ink_boxes import Box
+from diff3ds.page.sheet.page_layout import PIXELS_PER_MM, Layout, lay_out, widened
+from diff3ds.page.sheet.page_setup import PageSetup
+from diff3ds.page.sheet.views_grid import check_page, hexadecimal
+from diff3ds.sketch import Sketch
 from diff3ds.svg.layer_groups import Group
 
 Layers = Literal["color"]
+
+
+# A pen's lines do not grow with the drawing: looked at so often, their box is right to a thousandth of their width.
+LOOKS_OF_PENS = 3
+
+
+class PathOptions(NamedTuple):
+    """What `save_svg` and `save_pdf` are told of paths, by the same names."""
+
+    layers: Layers | Sequence[str | Group] | Sequence[Sequence[str | Group]] | None
+    centerline: bool
+    pen_mm: float | None
+    tolerance: float
+
+
+class LayeredPage(NamedTuple):
+    """The paths of a page.
+
+    Attributes:
+        layout: where views lie.
+        views: of each view its paths in layers.
+        travel: what the pens travel that draw them; None where no pens do.
+    """
+
+    layout: Layout
+    views: list[dict[Group, list[DrawnPath]]]
+    travel: Travel | None
+
+
+def layered_page(
+    sketch: Sketch | Sequence[Sketch],
+    cameras: Cameras,
+    background: Sequence[float] | None,
+    page: PageSetup | None,
+    how: PathOptions,
+    alone: bool = False,
+) -> LayeredPage:
+    """The views of cameras on their page; the arguments are those of `save_svg` and `save_pdf`.
+
+    Raises:
+        ValueError: as these.
+    """
+    sketches = check_page(sketch, cameras, background, how.tolerance)
+    layers = a_view(how.layers, sketch, len(cameras))
+    for each, named in zip(sketches, layers, strict=True):
+        check_layers(named, len(each))
+    check_pen(how.pen_mm, how.centerline, page)
+    pen = None if how.pen_mm is None else how.pen_mm * PIXELS_PER_MM
+
+    def views(cameras: Cameras, widen: float) -> Iterator[dict[Group, list[DrawnPath]]]:
+        for view, each in enumerate(sketches):
+            drawn = widened(each, widen)
+            paths = drawn_paths(drawn, cameras, view, centerline=how.centerline, tolerance=how.tolerance)
+            yield layered(paths, layers[view], how.centerline, pen)
+
+    def boxes(cameras: Cameras, widen: float) -> Iterator[Box | None]:
+        for groups in views(cameras, widen):
+            yield box_of_paths(path for paths in groups.values() for path in paths)
+
+    looks = 1 if pen is None else LOOKS_OF_PENS
+    layout = lay_out(cameras, page, boxes, alone=alone, looks=looks)
+    found = list(views(layout.cameras, layout.widen))
+    drawn = [paths for groups in found for paths in groups.values()]
+    return LayeredPage(layout, found, travel(drawn, 1 / (layout.pixels_per_mm or 1.0)) if how.centerline else None)
+
+
+def a_view(given: Any, sketch: Sketch | Sequence[Sketch], count: int) -> list[Any]:
+    """What is given of strokes, for each view: one thing for all, or of several sketches a list of one each."""
+    return [given] * count if given is None or isinstance(given, str) or isinstance(sketch, Sketch) else list(given)
 
 
 def check_layers(layers: Layers | Sequence[str | Group] | None, strokes: int) -> None:
@@ -22,7 +96,7 @@ def check_layers(layers: Layers | Sequence[str | Group] | None, strokes: int) ->
         raise ValueError(f"layers must name one for each of the {strokes} strokes, got {len(layers)}")
 
 
-def check_pen(pen_mm: float | None, centerline: bool, width_mm: float | None) -> None:
+def check_pen(pen_mm: float | None, centerline: bool, page: PageSetup | None) -> None:
     """Sees that a pen has a width that a page can have.
 
     Raises:
@@ -32,8 +106,8 @@ def check_pen(pen_mm: float | None, centerline: bool, width_mm: float | None) ->
         return
     if not 0 < pen_mm < math.inf:
         raise ValueError(f"pen_mm must be positive, got {pen_mm}")
-    if not centerline or width_mm is None:
-        raise ValueError("pen_mm is the width of a pen's lines on paper: give centerline and width_mm as well")
+    if not centerline or page is None:
+        raise ValueError("pen_mm is the width of a pen's lines on paper: give centerline and a page as well")
 
 
 def layered(

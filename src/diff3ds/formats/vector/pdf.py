@@ -3,7 +3,7 @@
 import re
 import zlib
 from codecs import BOM_UTF16_BE
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,38 +11,42 @@ import numpy as np
 
 from diff3ds._files import write_bytes
 from diff3ds.camera import Cameras
-from diff3ds.formats.vector.page_layers import Layers, check_layers, check_pen, layered
+from diff3ds.formats.vector.page_layers import Layers, PathOptions, layered_page
 from diff3ds.formats.vector.svg import Background, ground_of
-from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
-from diff3ds.page.pens.pen_paths import Travel, travel
+from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath
+from diff3ds.page.pens.pen_paths import Travel
+from diff3ds.page.sheet.page_layout import Layout
+from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.page.stroke_outlines import straight
-from diff3ds.page.views_grid import check_page, corner, page_size
 from diff3ds.sketch import Sketch
 from diff3ds.svg.layer_groups import Group, outermost
 
-# Points of 1/72 inch, in which PDF measures: of a millimetre, and of a pixel of which 96 make an inch, as on the web.
-POINTS_PER_MM, POINTS_PER_PIXEL = 72 / 25.4, 72 / 96
+# Points of 1/72 inch, in which PDF measures.
+POINTS_PER_MM = 72 / 25.4
 
 
 def save_pdf(
     path: str | Path,
-    sketch: Sketch,
+    sketch: Sketch | Sequence[Sketch],
     cameras: Cameras,
     *,
     background: Background = "auto",
-    width_mm: float | None = None,
-    layers: Layers | Sequence[str | Group] | None = None,
+    page: PageSetup | None = None,
+    alone: bool = False,
+    layers: Layers | Sequence[str | Group] | Sequence[Sequence[str | Group]] | None = None,
     centerline: bool = False,
     pen_mm: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> Travel | None:
-    """Writes the views of all cameras on one page, as `save_svg` does and with the same paths; whole or not at all.
+    """Writes the views of all cameras as `save_svg` does and with the same paths; whole or not at all.
 
     Layers are optional content, which viewers can switch off. The same sketch gives the same file.
 
     Args:
+        sketch: one for all views, or one a view.
         background: RGB in [0, 1], or None for none; by default as of `save_svg`.
-        width_mm: of the page, millimetres; without it a pixel is 1/96 inch.
+        page: as of `save_svg`; without it a pixel is 1/96 inch.
+        alone: whether each view has a page of its own.
         layers: as of `save_svg`.
         centerline: for plotters, as in `save_svg`.
         pen_mm: the same.
@@ -56,47 +60,71 @@ def save_pdf(
         OSError: the file cannot be written.
     """
     background = ground_of(background, centerline)
-    sketch = check_page(sketch, cameras, background, width_mm, tolerance)
-    width, height = page_size(cameras)
-    scale = POINTS_PER_PIXEL if width_mm is None else POINTS_PER_MM * width_mm / width
-    # From pixels with y down to points with y up.
-    written = _Written([f"{_numbers(scale, 0, 0, -scale, 0, height * scale)} cm 1 J 1 j"], [], [])
+    how = PathOptions(layers, centerline, pen_mm, tolerance)
+    layout, views, travelled = layered_page(sketch, cameras, background, page, how, alone)
+    write_bytes(Path(path), pdf_of(layout, views, background, alone=alone))
+    return travelled
+
+
+def pdf_of(
+    layout: Layout,
+    views: Sequence[Mapping[Group, list[DrawnPath]]],
+    background: Sequence[float] | None,
+    *,
+    alone: bool = False,
+    ground: Sequence[DrawnPath] = (),
+) -> bytes:
+    """A PDF file of views.
+
+    Args:
+        layout: where they lie.
+        views: the paths of each in layers.
+        background: RGB of the page, or None.
+        alone: whether each view has a page of its own.
+        ground: what lies on each page below the views, in its pixels.
+    """
+    scale = POINTS_PER_MM / layout.per_mm
+    width, height = layout.size
+    written = _Written([], [], [])
+    # From pixels with y down to points with y up; of the scale more digits, since pages have thousands of pixels.
+    below = [f"{scale:.10g} 0 0 {-scale:.10g} 0 {_numbers(height * scale)} cm 1 J 1 j"]
     if background is not None:
-        written.content.append(f"{_numbers(*np.clip(background, 0, 1))} rg 0 0 {width} {height} re f")
-    check_layers(layers, len(sketch))
-    check_pen(pen_mm, centerline, width_mm)
-    mm = 1.0 if width_mm is None else width_mm / width
+        below.append(f"{_numbers(*np.clip(background, 0, 1))} rg 0 0 {_numbers(width, height)} re f")
+    below += [_operators(path, written.paints) for path in ground]
     order: list[Any] = []
-    drawn: list[list[DrawnPath]] = []
-    for view in range(len(cameras)):
-        x, y = corner(cameras, view)
-        written.content.append(
-            f"q {_numbers(x, y, cameras.size[1], cameras.size[0])} re W n {_numbers(1, 0, 0, 1, x, y)} cm"
-        )
-        paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
-        groups = layered(paths, layers, centerline, None if pen_mm is None else pen_mm / mm)
-        drawn += groups.values()
-        order += _layers(groups, f"view-{view}-" if len(cameras) > 1 else "", written)
-        written.content.append("Q")
-    size = _numbers(width * scale, height * scale)
-    write_bytes(Path(path), _file(written, size, order))
-    return travel(drawn, mm) if centerline else None
+    pages: list[list[str]] = []
+    for view, groups in enumerate(views):
+        if alone or not pages:
+            pages.append(list(below))
+        (x, y), (high, wide) = layout.corners[view], layout.cameras.size
+        written.content.append(f"q {_numbers(x, y, wide, high)} re W n {_numbers(1, 0, 0, 1, x, y)} cm")
+        order += _layers(groups, f"view-{view}-" if len(views) > 1 else "", written)
+        pages[-1] += [*written.content, "Q"]
+        written.content.clear()
+    contents = ["\n".join(page).encode("ascii") for page in pages]
+    return _file(contents, written, _numbers(width * scale, height * scale), order)
 
 
 class _Written(NamedTuple):
-    """What is written: operators, and the names of layers and the opacities that they speak of by number."""
+    """What is written: operators, and what they speak of by number.
+
+    Attributes:
+        content: operators.
+        names: of layers.
+        paints: opacities, and whether colours are multiplied.
+    """
 
     content: list[str]
     names: list[str]
-    opacities: list[float]
+    paints: list[tuple[float, bool]]
 
 
-def _layers(groups: dict[Group, list[DrawnPath]], prefix: str, written: _Written) -> list[Any]:
+def _layers(groups: Mapping[Group, list[DrawnPath]], prefix: str, written: _Written) -> list[Any]:
     """Writes layers and those within them; returns their numbers, after each a list of those in it."""
     order: list[Any] = []
     for label, inner in outermost(groups).items():
         if not label:
-            written.content.extend(_operators(path, written.opacities) for path in inner[()])
+            written.content.extend(_operators(path, written.paints) for path in inner[()])
             continue
         order.append(len(written.names))
         written.content.append(f"/OC /L{len(written.names)} BDC")
@@ -107,11 +135,12 @@ def _layers(groups: dict[Group, list[DrawnPath]], prefix: str, written: _Written
     return order
 
 
-def _operators(path: DrawnPath, opacities: list[float]) -> str:
+def _operators(path: DrawnPath, paints: list[tuple[float, bool]]) -> str:
     """What draws a path; its opacity is added to those that the page must know, if it is new."""
-    if path.opacity not in opacities:
-        opacities.append(path.opacity)
-    state = f"/A{opacities.index(path.opacity)} gs {_numbers(*path.color)} {'rg' if path.width is None else 'RG'}"
+    paint = path.opacity, path.multiplied
+    if paint not in paints:
+        paints.append(paint)
+    state = f"/A{paints.index(paint)} gs {_numbers(*path.color)} {'rg' if path.width is None else 'RG'}"
     state += f" {_numbers(path.width)} w" if path.width is not None else ""
     lines = []
     for curve in path.curves:
@@ -124,23 +153,34 @@ def _operators(path: DrawnPath, opacities: list[float]) -> str:
     return "\n".join([state, *lines, "f" if path.width is None else "S"])
 
 
-def _file(written: _Written, size: str, order: list[Any]) -> bytes:
-    """A PDF file of one page."""
-    groups = range(5, 5 + len(written.names))
+def _file(contents: Sequence[bytes], written: _Written, size: str, order: list[Any]) -> bytes:
+    """A PDF file with a page for each of the contents."""
+    # Numbers of objects: the catalogue, the list of pages, each page before its content, then the layers.
+    first = 3 + 2 * len(contents)
+    groups = range(first, first + len(written.names))
     listed = " ".join(f"{number} 0 R" for number in groups)
-    states = " ".join(f"/A{i} << /CA {_numbers(a)} /ca {_numbers(a)} >>" for i, a in enumerate(written.opacities))
+    blend = ("", " /BM /Multiply")
+    states = " ".join(
+        f"/A{i} << /CA {_numbers(opacity)} /ca {_numbers(opacity)}{blend[multiplied]} >>"
+        for i, (opacity, multiplied) in enumerate(written.paints)
+    )
     properties = " ".join(f"/L{i} {number} 0 R" for i, number in enumerate(groups))
     resources = f"<< /ExtGState << {states} >> /Properties << {properties} >> >>"
-    shown = f"<< /Order {_listed(order)} /ON [{listed}] >>"
+    shown = f"<< /Order {_listed(order, first)} /ON [{listed}] >>"
     optional = f" /OCProperties << /OCGs [{listed}] /D {shown} >>" if written.names else ""
-    packed = zlib.compress("\n".join(written.content).encode("ascii"), 9)
+    pages = range(3, first, 2)
+    kids = " ".join(f"{number} 0 R" for number in pages)
     objects = [
         f"<< /Type /Catalog /Pages 2 0 R{optional} >>".encode(),
-        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-        f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {size}] /Contents 4 0 R /Resources {resources} >>".encode(),
-        f"<< /Length {len(packed)} /Filter /FlateDecode >>\nstream\n".encode() + packed + b"\nendstream",
-        *(f"<< /Type /OCG /Name {_text(name)} >>".encode() for name in written.names),
+        f"<< /Type /Pages /Kids [{kids}] /Count {len(contents)} >>".encode(),
     ]
+    for number, content in zip(pages, contents, strict=True):
+        packed = zlib.compress(content, 9)
+        page = f"/MediaBox [0 0 {size}] /Contents {number + 1} 0 R /Resources {resources}"
+        objects.append(f"<< /Type /Page /Parent 2 0 R {page} >>".encode())
+        head = f"<< /Length {len(packed)} /Filter /FlateDecode >>\nstream\n".encode()
+        objects.append(head + packed + b"\nendstream")
+    objects += [f"<< /Type /OCG /Name {_text(name)} >>".encode() for name in written.names]
     # The second line tells programs that the file is binary.
     file = b"%PDF-1.5\n%\xe2\xe3\xcf\xd3\n"
     places = []
@@ -153,9 +193,10 @@ def _file(written: _Written, size: str, order: list[Any]) -> bytes:
     return file + end.encode()
 
 
-def _listed(order: list[Any]) -> str:
-    """Layers and those within them, as PDF lists them."""
-    return f"[{' '.join(_listed(entry) if isinstance(entry, list) else f'{entry + 5} 0 R' for entry in order)}]"
+def _listed(order: list[Any], first: int) -> str:
+    """Layers and those within them, as PDF lists them, where the object of the first has this number."""
+    entries = (_listed(entry, first) if isinstance(entry, list) else f"{first + entry} 0 R" for entry in order)
+    return f"[{' '.join(entries)}]"
 
 
 def _text(text: str) -> str:

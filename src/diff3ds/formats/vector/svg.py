@@ -9,12 +9,14 @@ import numpy as np
 
 from diff3ds._files import write_text
 from diff3ds.camera import Cameras
-from diff3ds.formats.vector.page_layers import Layers, check_layers, check_pen, layered
-from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath, drawn_paths
-from diff3ds.page.pens.pen_paths import Travel, travel
+from diff3ds.formats.vector.page_layers import Layers, PathOptions, a_view, layered_page
+from diff3ds.page.drawn_paths import TOLERANCE, DrawnPath
+from diff3ds.page.pens.pen_paths import Travel
+from diff3ds.page.sheet.page_layout import Layout
+from diff3ds.page.sheet.page_setup import PageSetup
+from diff3ds.page.sheet.views_grid import hexadecimal
 from diff3ds.page.stroke_outlines import Path as Curve
 from diff3ds.page.stroke_outlines import straight
-from diff3ds.page.views_grid import check_page, corner, hexadecimal, page_size
 from diff3ds.sketch import Sketch
 from diff3ds.svg.layer_groups import INKSCAPE, Group, layer_elements
 from diff3ds.svg.path_ids import KEPT, PathIds, said_of_strokes
@@ -25,16 +27,16 @@ ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
 
 def save_svg(
     path: str | Path,
-    sketch: Sketch,
+    sketch: Sketch | Sequence[Sketch],
     cameras: Cameras,
     *,
     background: Background = "auto",
-    width_mm: float | None = None,
-    layers: Layers | Sequence[str | Group] | None = None,
+    page: PageSetup | None = None,
+    layers: Layers | Sequence[str | Group] | Sequence[Sequence[str | Group]] | None = None,
     centerline: bool = False,
     pen_mm: float | None = None,
     tolerance: float = TOLERANCE,
-    numbers: Sequence[int] | None = None,
+    numbers: Sequence[int] | Sequence[Sequence[int]] | None = None,
     kept: Sequence[str] = KEPT,
 ) -> Travel | None:
     """Writes the views of all cameras, side by side in a grid that is about square; whole or not at all.
@@ -50,12 +52,14 @@ def save_svg(
     clamped to [0, 1] and rounded to 8 bits.
 
     Args:
+        sketch: one for all views, or one a view.
         background: RGB in [0, 1], or None for a transparent one; by default white, and with `centerline` none, as
             plotters would draw its edge.
-        width_mm: of the page on paper, millimetres; without it a pixel is what the program takes for one.
+        page: the sheet of paper that the views are laid out on, in exact millimetres; without it the page is the
+            pictures, and a pixel is what the program takes for one.
         layers: "color" for an Inkscape layer a colour, or the name of the layer of each stroke, or names of layers
             within layers from the outermost on; far ones come first, and strokes of different layers then lie over each
-            other as the layers do.
+            other as the layers do. Of several sketches a list for each.
         centerline: for plotters: nothing is filled, hidden or translucent, and each layer is what one pen draws, by
             default one a colour. Strokes that meet within the pen's width are one path, with the id "strokes-3-7" of
             strokes 3 and 7, what lies on ink that is there already is left out, and paths are in an order of short ways
@@ -63,7 +67,7 @@ def save_svg(
         pen_mm: how wide the lines of pens are, millimetres on paper; by default as those of most paths.
         tolerance: pixels.
         numbers: by which the ids call the strokes, where these are parts of a sketch's: -1 for lines of the view
-            alone, "line-1" and so on.
+            alone, "line-1" and so on. Of several sketches a list for each.
         kept: what strokes have as those of the sketch have it, of "color", "opacity" and "width": edits of it can come
             back (`diff3ds apply`).
 
@@ -71,37 +75,28 @@ def save_svg(
         With `centerline` what the pens travel, in millimetres where the page has a size on paper, else in pixels.
 
     Raises:
-        ValueError: no cameras, sketch and cameras on different devices, a background that is no colour, a width or
-            tolerance that is not positive; another number of layers than of strokes; a pen's width without centre lines
-            or without a page on paper.
+        ValueError: no cameras, sketch and cameras on different devices, a background that is no colour, a tolerance
+            that is not positive; another number of layers than of strokes, or of sketches than of views; a pen's width
+            without centre lines or without a page; so many views that the page has no room for them.
         OSError: the file cannot be written.
     """
     background = ground_of(background, centerline)
-    sketch = check_page(sketch, cameras, background, width_mm, tolerance)
-    check_layers(layers, len(sketch))
-    check_pen(pen_mm, centerline, width_mm)
-    width, height = page_size(cameras)
-    unit, scale = ("", 1.0) if width_mm is None else ("mm", width_mm / width)
-    size = f'width="{width * scale:.6g}{unit}" height="{height * scale:.6g}{unit}" viewBox="0 0 {width} {height}"'
-    rows = range(len(sketch)) if numbers is None else numbers
-    size += f" {INKSCAPE}" if layers is not None or centerline or sketch.names else ""
-    ground = ""
-    if background is not None:
-        ground = f'<rect width="{width}" height="{height}" fill="{hexadecimal(background)}"/>\n'
-    pen = None if pen_mm is None else pen_mm / scale
+    how = PathOptions(layers, centerline, pen_mm, tolerance)
+    layout, views, travelled = layered_page(sketch, cameras, background, page, how)
+    sketches = a_view(sketch, sketch, len(views))
+    rows = [range(len(each)) for each in sketches] if numbers is None else a_view(numbers, sketch, len(views))
+    labelled = layers is not None or centerline or any(each.names for each in sketches)
     lines: list[str] = []
-    drawn: list[list[DrawnPath]] = []
-    for view in range(len(cameras)):
-        paths = drawn_paths(sketch, cameras, view, centerline=centerline, tolerance=tolerance)
-        groups = layered(paths, layers, centerline, pen)
-        drawn += groups.values()
-        lines += _view(groups, cameras, view, sketch.names, numbers)
+    shown: set[int] = set()
+    for view, (groups, each) in enumerate(zip(views, sketches, strict=True)):
+        shown |= {rows[view][stroke] for paths in groups.values() for path in paths for stroke in path.strokes}
+        lines += _view(groups, layout, view, each.names, rows[view])
     kept = [field for field in kept if field == "color" or not centerline]
-    tall = cameras.size[0] if sketch.width_space == "image" and not centerline else None
-    shown = {rows[stroke] for paths in drawn for path in paths for stroke in path.strokes}
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} {said_of_strokes(shown, kept, tall)}>'
-    write_text(Path(path), "\n".join([head + f"\n{ground}" + "\n".join(lines), "</svg>"]) + "\n")
-    return travel(drawn, scale) if centerline else None
+    of_image = all(each.width_space == "image" for each in sketches) and not centerline
+    tall = layout.cameras.size[0] * layout.widen if of_image else None
+    head = layout.svg_head(background, INKSCAPE if labelled else "", said_of_strokes(shown, kept, tall))
+    write_text(Path(path), "\n".join([head, *lines, "</svg>"]) + "\n")
+    return travelled
 
 
 def ground_of(background: Background, centerline: bool) -> Sequence[float] | None:
@@ -113,16 +108,17 @@ def ground_of(background: Background, centerline: bool) -> Sequence[float] | Non
 
 def _view(
     groups: dict[Group, list[DrawnPath]],
-    cameras: Cameras,
+    layout: Layout,
     view: int,
     names: Sequence[str] | None,
-    numbers: Sequence[int] | None,
+    numbers: Sequence[int],
 ) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
-    several = len(cameras) > 1
-    prefix, (x, y) = f"view-{view}-" if several else "", corner(cameras, view)
+    several = len(layout.corners) > 1
+    prefix, (x, y) = f"view-{view}-" if several else "", layout.corners[view]
     if several:
-        place = f'x="{x}" y="{y}" width="{cameras.size[1]}" height="{cameras.size[0]}"'
+        height, width = layout.cameras.size
+        place = f'x="{_number(x)}" y="{_number(y)}" width="{width}" height="{height}"'
         yield f'<clipPath id="page-{view}"><rect {place}/></clipPath>'
         yield f'<g id="view-{view}" clip-path="url(#page-{view})">'
     ids = PathIds(prefix, numbers)

@@ -57,7 +57,7 @@ def run_export(
     whole = _placed(load_sketch(source), options)
     sketch = at_level(whole, level).sketch
     if styles.style is not None:
-        write_text(file, Styling(styles).svg(sketch, views_of(whole, OrbitOptions(), PictureOptions())))
+        write_text(file, Styling(styles).drawn(sketch, views_of(whole, OrbitOptions(), PictureOptions())).svg())
     elif file.suffix.lower() == ".html":
         write_text(file, _page(source, file, sketch, options, say))
     elif file.suffix.lower() == ".dxf":

@@ -16,6 +16,8 @@ from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.framing import framed
 from diff3ds.formats.movie import save_movie
 from diff3ds.losses import lengths
+from diff3ds.page.drawn_paths import ink_boxes
+from diff3ds.page.sheet.page_layout import filled, widened
 from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
@@ -23,6 +25,7 @@ from diff3ds.surfaces.draw import CONTOUR, Lines, lines_for_pixels, visible_line
 from diff3ds.surfaces.fitted_strokes import fit_strokes
 from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
+from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.line_drawings import SIZE
 from diff3ds.surfaces.lines.feature_curves import outline_share
 from diff3ds.surfaces.seen_around import ranked_around
@@ -289,11 +292,21 @@ def _frames(
     def told(done: int) -> None:
         report(Progress("turntable", done, count, None, len(features)))
 
-    for i, lines in enumerate(lines_for_pixels(features, cameras, shown, options.contours, told, options.tone.made())):
-        strokes = _drawn(lines, options, mesh, colors)
-        if len(shown) < len(mesh):
-            strokes = without_specks(strokes, 3 * mesh.size / FINE_CELLS)
-        yield render(strokes, cameras[i]).color[0].float()
+    def seen(strokes: Sketch, cameras: Cameras, hatch: Hatch | None) -> list[Sketch]:
+        views = lines_for_pixels(strokes, cameras, shown, options.contours, told, hatch)
+        drawn = [_drawn(lines, options, mesh, colors) for lines in views]
+        if len(shown) == len(mesh):
+            return drawn
+        return [without_specks(each, 3 * mesh.size / FINE_CELLS) for each in drawn]
+
+    strokes = seen(features, cameras, None)
+    cameras, widen = filled(cameras, "page", ink_boxes(strokes))
+    strokes = [widened(each, widen) for each in strokes]
+    if (hatch := options.tone.made()) is not None:
+        # Lines are as far apart as asked in the pictures that are fitted.
+        strokes = seen(widened(features, widen), cameras, hatch)
+    for i, each in enumerate(strokes):
+        yield render(each, cameras[i]).color[0].float()
 
 
 def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:

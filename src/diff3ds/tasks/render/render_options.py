@@ -9,6 +9,7 @@ from typing import Literal
 from diff3ds._settings import MAX_SIZE, require_finite
 from diff3ds.pictures.picture_options import parse_color
 from diff3ds.tasks.hatch_options import HatchOptions
+from diff3ds.tasks.render.page_options import PageOptions
 
 # Each suffix by what it holds: views, or the frames of a turntable.
 STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
@@ -68,13 +69,12 @@ class PictureOptions:
         turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
-        width_mm: of the page of an SVG or PDF file, millimetres.
         layers: of SVG and PDF files, by thing (and its parts), kind (crease, border, contour, ...), visibility or
             color, several within each other; strokes of different layers lie over each other as the layers do.
         centerline: SVG and PDF for plotters: nothing is filled or hidden; strokes that meet are one path, nothing is
             drawn twice, and the pen's ways are short; by default a layer a colour is what one pen draws. How often it
             is lifted and how far it goes is said.
-        pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline and --width-mm.
+        pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline and a --page.
         speed: millimetres a second of the pen, for how long it takes, with these too.
         tolerance: of SVG and PDF: how far paths may be off the strokes, pixels; by default
             .05. More makes smaller files.
@@ -87,7 +87,6 @@ class PictureOptions:
     turntable: int | None = None
     fps: int = 24
     sheet: bool = False
-    width_mm: float | None = None
     layers: tuple[LayerBy, ...] = ()
     centerline: bool = False
     pen_mm: float | None = None
@@ -103,12 +102,10 @@ class PictureOptions:
         if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
             raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
         require_finite(self)
-        for name in ("width_mm", "tolerance", "pen_mm", "speed"):
+        for name in ("tolerance", "pen_mm", "speed"):
             value = getattr(self, name)
             if value is not None and value <= 0:
                 raise ValueError(f"{name} must be positive, got {value:g}")
-            if name in ("pen_mm", "speed") and value is not None and not (self.centerline and self.width_mm):
-                raise ValueError(f"--{name.replace('_', '-')} is of a pen on paper: give --centerline and --width-mm")
         if not 1 <= self.fps <= 100:
             raise ValueError(f"fps must be from 1 to 100, got {self.fps}")
         if self.turntable is not None and self.sheet:
@@ -172,20 +169,42 @@ def parse_size(text: str) -> tuple[int, int]:
 MOST_PIXELS = 1 << 26
 
 
-def check_file(file: Path, options: PictureOptions) -> None:
+def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
     """Sees that a file of this name can hold what is asked for.
+
+    Args:
+        file: that is written.
+        options: of its pictures.
+        page: that they lie on.
 
     Raises:
         ValueError: it cannot.
     """
     suffix = file.suffix.lower()
     if suffix not in (*STILLS, *MOVIES):
-        raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {', '.join((*STILLS, *MOVIES))}")
+        # The formats load torch, without which options are told.
+        from diff3ds.formats.opening import instead_of
+
+        known = ", ".join((*STILLS, *MOVIES))
+        raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {known}{instead_of(suffix)}")
     if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background not in (None, "white")):
         raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
-    for name in ("width_mm", "layers", "centerline", "tolerance"):
+    for name in ("layers", "centerline", "tolerance"):
         if getattr(options, name) != getattr(PictureOptions, name) and suffix not in VECTORS:
             raise ValueError(f"{file}: --{name.replace('_', '-')} is for {' and '.join(VECTORS)} files")
+    if page.dpi is not None and suffix not in (".png", *MOVIES):
+        raise ValueError(f"{file}: --dpi is for {', '.join(('.png', *MOVIES))} files; others have no pixels")
+    if page.setup is not None and suffix in (".png", *MOVIES):
+        width, height = (round(side * page.pixels_per_mm) for side in (page.setup.width, page.setup.height))
+        if width * height > MOST_PIXELS:
+            raise ValueError(f"{file}: a picture of {width} x {height} pixels, more than {MOST_PIXELS}: lower --dpi")
+    if page.page is None and page.fit is not None and suffix not in MOVIES:
+        raise ValueError(f"{file}: --fit is for pages and turntables: give a --page too, such as A4")
+    for name in ("pen_mm", "speed"):
+        if getattr(options, name) is not None and not (options.centerline and page.page is not None):
+            raise ValueError(f"{file}: --{name.replace('_', '-')} is of a pen on paper: give --centerline and a --page")
+    if page.page is not None and options.engine == "blender":
+        raise ValueError(f"{file}: Blender draws pictures without a --page: leave it or --engine out")
     if suffix in MOVIES and options.turntable is None:
         raise ValueError(f"{file}: a {suffix} file holds a turntable: give --turntable 120, or a .png or .svg file")
     if suffix in STILLS and options.turntable is not None:

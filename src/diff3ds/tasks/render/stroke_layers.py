@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from diff3ds.page.views_grid import hexadecimal
+from diff3ds.page.sheet.views_grid import hexadecimal
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.render.render_options import LayerBy
 

@@ -1,0 +1,1 @@
+"""The sheet of paper that views lie on, and where."""

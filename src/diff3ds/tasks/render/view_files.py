@@ -1,0 +1,74 @@
+"""Views of a scene in files of drawings and pictures."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from diff3ds._files import write_bytes, write_text
+from diff3ds.camera import Cameras
+from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
+from diff3ds.formats.movie import save_movie
+from diff3ds.formats.vector.pdf import pdf_of
+from diff3ds.page.drawn_paths import TOLERANCE
+from diff3ds.styles.styled_svg import Styled
+from diff3ds.svg.path_ids import KEPT
+from diff3ds.tasks.progress import Progress, Report
+from diff3ds.tasks.render.drawn_scene import Image, Scene
+
+
+def save_film(file: Path, scene: Scene, cameras: Cameras, report: Report) -> None:
+    """A film of all views."""
+    save_movie(file, _told(scene.images(cameras), "frames", len(cameras), report), len(cameras), scene.picture.fps)
+
+
+def save_views(file: Path, scene: Scene, cameras: Cameras, report: Report, say: Callable[[str], None]) -> None:
+    """One file of one view, of a sheet of several, or with a page for each; says how far a pen goes that draws it."""
+    suffix, page, picture = file.suffix.lower(), scene.page.setup, scene.picture
+    if suffix == ".png" and page is not None:
+        save_png(file, scene.sheet(cameras, page), pixels_per_mm=scene.page.pixels_per_mm)
+        return
+    if suffix == ".png":
+        images = _told(scene.images(cameras), "views", len(cameras), report)
+        save_png(file, tile_images(torch.stack(list(images))))
+        return
+    alone = suffix == ".pdf" and not picture.sheet
+    shown = scene.shown(cameras, alone)
+    sketches, numbers = [each.sketch for each in shown], [each.numbers for each in shown]
+    layers = [named for each in shown if (named := each.layers(picture.layers)) is not None] or None
+    if scene.styling is not None:
+        drawing = scene.styling.drawn(sketches, cameras, picture.color, page, alone, layers, numbers)
+        _save_styled(file, drawing, alone)
+        return
+    how: dict[str, Any] = {
+        "background": picture.color,
+        "page": page,
+        "layers": layers,
+        "centerline": picture.centerline,
+        "pen_mm": picture.pen_mm,
+        "tolerance": picture.tolerance or TOLERANCE,
+    }
+    if suffix == ".pdf":
+        travel = save_pdf(file, sketches, cameras, alone=alone, **how)
+    else:
+        faint = scene.surface is not None and scene.hiding.hidden == "faint"
+        kept = [field for field in KEPT if field != "opacity" or not faint]
+        travel = save_svg(file, sketches, cameras, numbers=numbers, kept=kept, **how)
+    if travel is not None:
+        say(travel.told("pixels" if page is None else "mm", picture.speed))
+
+
+def _save_styled(file: Path, drawing: Styled, alone: bool) -> None:
+    if file.suffix.lower() == ".svg":
+        write_text(file, drawing.svg())
+        return
+    ground = [fibres.drawn() for fibres in drawing.fibres]
+    write_bytes(file, pdf_of(drawing.layout, drawing.drawn(), drawing.background, alone=alone, ground=ground))
+
+
+def _told(images: Iterator[Image], what: str, count: int, report: Report) -> Iterator[Image]:
+    """The pictures, each of which is told of."""
+    for i, image in enumerate(images):
+        yield image
+        report(Progress(what, i + 1, count, None, 0))
