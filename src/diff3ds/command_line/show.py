@@ -20,7 +20,7 @@ from diff3ds.tasks.style_options import StyleOptions
 class Render:
     """Draw a sketch: one view, several, a sheet of them, or a turntable.
 
-    The suffix says what is written: .png, .svg or .pdf; .mp4, .webp or .gif for a turntable.
+    The suffix says what is written: .png, .svg, .pdf or a flat .dxf; .mp4, .webp or .gif for a turntable.
     """
 
     view: OmitArgPrefixes[OrbitOptions]

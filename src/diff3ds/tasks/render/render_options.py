@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Literal
 
 from diff3ds._settings import MAX_SIZE, require_finite
+from diff3ds._units import DxfVersion
 from diff3ds.pictures.picture_options import parse_color
 from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.page_options import PageOptions
 
 # Each suffix by what it holds: views, or the frames of a turntable.
-STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
+STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf", ".dxf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
 MOST_FRAMES = 10_000
 # What makes a layer of strokes in a file.
 LayerBy = Literal["thing", "kind", "visibility", "color"]
@@ -69,13 +70,15 @@ class PictureOptions:
         turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
-        layers: of SVG and PDF files, by thing (and its parts), kind (crease, border, contour, ...), visibility or
+        layers: of SVG, PDF and DXF files, by thing (and its parts), kind (crease, border, contour, ...), visibility or
             color, several within each other; strokes of different layers lie over each other as the layers do.
         centerline: SVG and PDF for plotters: nothing is filled or hidden; strokes that meet are one path, nothing is
             drawn twice, and the pen's ways are short; by default a layer a colour is what one pen draws. How often it
             is lifted and how far it goes is said.
         pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline and a --page.
         speed: millimetres a second of the pen, for how long it takes, with these too.
+        dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
+        dxf_version: of AutoCAD: R12, with polylines, for old cutters that read no other.
         tolerance: of SVG and PDF: how far paths may be off the strokes, pixels; by default
             .05. More makes smaller files.
         engine: kernels, which draw the strokes as everywhere here, or blender: the Blender of this machine renders them
@@ -91,6 +94,8 @@ class PictureOptions:
     centerline: bool = False
     pen_mm: float | None = None
     speed: float | None = None
+    dxf_polylines: bool = False
+    dxf_version: DxfVersion = "R2010"
     tolerance: float | None = None
     engine: Literal["kernels", "blender"] = "kernels"
 
@@ -185,13 +190,14 @@ def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
         # The formats load torch, without which options are told.
         from diff3ds.formats.opening import instead_of
 
-        known = ", ".join((*STILLS, *MOVIES))
-        raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {known}{instead_of(suffix)}")
+        written = ", ".join((*STILLS, *MOVIES))
+        raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {written}{instead_of(suffix)}")
     if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background not in (None, "white")):
         raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
-    for name in ("layers", "centerline", "tolerance"):
-        if getattr(options, name) != getattr(PictureOptions, name) and suffix not in VECTORS:
-            raise ValueError(f"{file}: --{name.replace('_', '-')} is for {' and '.join(VECTORS)} files")
+    known = {"centerline": VECTORS, "tolerance": VECTORS, "layers": (*VECTORS, ".dxf")}
+    for name, suffixes in (known | dict.fromkeys(("dxf_polylines", "dxf_version"), (".dxf",))).items():
+        if getattr(options, name) != getattr(PictureOptions, name) and suffix not in suffixes:
+            raise ValueError(f"{file}: --{name.replace('_', '-')} is for {' and '.join(suffixes)} files")
     if page.dpi is not None and suffix not in (".png", *MOVIES):
         raise ValueError(f"{file}: --dpi is for {', '.join(('.png', *MOVIES))} files; others have no pixels")
     if page.setup is not None and suffix in (".png", *MOVIES):

@@ -50,6 +50,8 @@ def run_render(
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
     if hiding.hides and picture.engine == "blender":
         raise ValueError("a --surface hides lines in pictures by the kernels and in files of paths: leave --engine out")
+    if file.suffix.lower() == ".dxf" and (styles.style is not None or picture.background is not None):
+        raise ValueError(f"{file}: a .dxf file has lines alone: leave --style and --background out, or write .pdf")
     if styles.style is not None:
         _check_styled(picture, styles.style)
     if picture.centerline and picture.color is not None:

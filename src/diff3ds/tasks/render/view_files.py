@@ -8,14 +8,18 @@ import torch
 
 from diff3ds._files import write_bytes, write_text
 from diff3ds.camera import Cameras
-from diff3ds.formats import save_pdf, save_png, save_svg, tile_images
+from diff3ds.formats import save_dxf, save_pdf, save_png, save_svg, tile_images
+from diff3ds.formats.cad.layers import flat_layers
 from diff3ds.formats.movie import save_movie
 from diff3ds.formats.vector.pdf import pdf_of
-from diff3ds.page.drawn_paths import TOLERANCE
+from diff3ds.page.drawn_paths import TOLERANCE, ink_boxes
+from diff3ds.page.flat_strokes import flat_strokes
+from diff3ds.page.sheet.page_layout import lay_out
+from diff3ds.sketch import Sketch
 from diff3ds.styles.styled_svg import Styled
 from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.render.drawn_scene import Image, Scene
+from diff3ds.tasks.render.drawn_scene import Image, Scene, Shown
 
 
 def save_film(file: Path, scene: Scene, cameras: Cameras, report: Report) -> None:
@@ -37,6 +41,9 @@ def save_views(file: Path, scene: Scene, cameras: Cameras, report: Report, say: 
     shown = scene.shown(cameras, alone)
     sketches, numbers = [each.sketch for each in shown], [each.numbers for each in shown]
     layers = [named for each in shown if (named := each.layers(picture.layers)) is not None] or None
+    if suffix == ".dxf":
+        _save_flat(file, scene, shown, cameras)
+        return
     if scene.styling is not None:
         drawing = scene.styling.drawn(sketches, cameras, picture.color, page, alone, layers, numbers)
         _save_styled(file, drawing, alone)
@@ -57,6 +64,25 @@ def save_views(file: Path, scene: Scene, cameras: Cameras, report: Report, say: 
         travel = save_svg(file, sketches, cameras, numbers=numbers, kept=kept, **how)
     if travel is not None:
         say(travel.told("pixels" if page is None else "mm", picture.speed))
+
+
+def _save_flat(file: Path, scene: Scene, shown: list[Shown], cameras: Cameras) -> None:
+    """The views as flat drawings in millimetres, hidden lines on layers of their own."""
+    picture, page = scene.picture, scene.page.setup
+    # A drawing of lines alone has no widths that could reach beyond them.
+    lines = [each.sketch.replace(width=0.0) for each in shown]
+    layout = lay_out(cameras, page, ink_boxes(lines, centerline=True))
+    flat = flat_strokes(lines, layout)
+    by = picture.layers or (() if scene.surface is None else ("visibility",))
+    named = [each.layers(by) for each in shown]
+    layers = [groups[row] for groups, (_, rows) in zip(named, flat, strict=True) if groups is not None for row in rows]
+    save_dxf(
+        file,
+        Sketch.concatenate([each.sketch for each in flat]),
+        layers=flat_layers(layers) if by else None,
+        polylines=picture.dxf_polylines,
+        version=picture.dxf_version,
+    )
 
 
 def _save_styled(file: Path, drawing: Styled, alone: bool) -> None:
