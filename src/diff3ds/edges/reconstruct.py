@@ -191,9 +191,8 @@ class _Scene:
         return lambda done, total: self.report(stage, done, total, None, curves)
 
     def refined(self, name: str, curves: Curves, rate: float) -> Curves:
-        """The curves moved to their ridges; of photographs those that this does not make less likely."""
         self.report(name, 0, STEPS, None, len(curves))
-        found = refined(
+        return refined(
             curves,
             self.cameras,
             self.views,
@@ -202,6 +201,10 @@ class _Scene:
             self.seed,
             lambda s, loss: self.report(name, s, STEPS, loss, len(curves)),
         )
+
+    def first_refined(self, name: str, curves: Curves) -> Curves:
+        """Curves that share no vertices yet, moved; of photographs those that this does not make less likely."""
+        found = self.refined(name, curves, RATE)
         return likelier(curves, found, self.chance) if self.textured else found
 
 
@@ -234,7 +237,7 @@ def _calibrated(scene: _Scene, sides: Sequence[Array], start: Curves | None, rea
 
 
 def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
-    curves = scene.refined("refine", curves, RATE)
+    curves = scene.first_refined("refine", curves)
     curves = pruned(curves, scene.views, SHOWN * scene.min_views, SHORTEST)
     edges = curves[~smooth_outlines(scene.views, curves)]
     return scene.likely(concatenated(edges, second_look(scene, curves)) if carving else edges)
@@ -342,5 +345,5 @@ def second_look(scene: _Scene, curves: Curves) -> Curves:
     )
     if not len(found):
         return found
-    found = pruned(scene.refined("second look", found, RATE), rest, SHOWN * fewer, SHORTEST_HIDDEN)
+    found = pruned(scene.first_refined("second look", found), rest, SHOWN * fewer, SHORTEST_HIDDEN)
     return found[~smooth_outlines(rest, found, doubt=True)]
