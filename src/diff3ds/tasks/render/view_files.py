@@ -21,6 +21,9 @@ from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.drawn_scene import Image, Scene, Shown
 
+# Millimetres on paper by which lines and arcs, and polylines, of a flat file may be off: less than any machine draws.
+CURVE_MM, POLYLINE_MM = 1e-4, 5e-3
+
 
 def save_film(file: Path, scene: Scene, cameras: Cameras, report: Report) -> None:
     """A film of all views."""
@@ -73,6 +76,7 @@ def _save_flat(file: Path, scene: Scene, shown: list[Shown], cameras: Cameras) -
     lines = [each.sketch.replace(width=0.0) for each in shown]
     layout = lay_out(cameras, page, ink_boxes(lines, centerline=True))
     flat = flat_strokes(lines, layout)
+    polylines = picture.dxf_polylines or picture.dxf_version == "R12"
     by = picture.layers or (() if scene.surface is None else ("visibility",))
     named = [each.layers(by) for each in shown]
     layers = [groups[row] for groups, (_, rows) in zip(named, flat, strict=True) if groups is not None for row in rows]
@@ -80,8 +84,9 @@ def _save_flat(file: Path, scene: Scene, shown: list[Shown], cameras: Cameras) -
         file,
         Sketch.concatenate([each.sketch for each in flat]),
         layers=flat_layers(layers) if by else None,
-        polylines=picture.dxf_polylines,
+        polylines=polylines,
         version=picture.dxf_version,
+        tolerance=POLYLINE_MM if polylines else CURVE_MM,
     )
 
 
