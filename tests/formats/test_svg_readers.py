@@ -107,8 +107,11 @@ def test_layers_are_named_by_their_colour(tmp_path):
         assert colors == {layer.get(INKSCAPE + "label")}
 
 
+@needs("svgpathtools")
 @pytest.mark.parametrize("space", ["image", "world"])
 def test_a_plotter_draws_each_stroke_once_and_fills_nothing(tmp_path, space):
+    import svgpathtools
+
     sketch = dataclasses.replace(colored(space), opacity=torch.full((13,), 0.5, dtype=torch.float64))
     save_svg(tmp_path / "a.svg", sketch, CAMERA, centerline=True, background=None)
     paths = list(ElementTree.parse(tmp_path / "a.svg").iter(PATH))
@@ -116,8 +119,12 @@ def test_a_plotter_draws_each_stroke_once_and_fills_nothing(tmp_path, space):
     assert sorted(strokes) == list(range(13))
     assert all(path.get("fill") == "none" and path.get("stroke-opacity") is None for path in paths)
     assert all(path.get("d").count("M") == 1 for path in paths)
-    [ring] = [path for path in paths if path.get("id") == "stroke-12"]
-    assert ring.get("d").endswith("Z")
+    # A closed stroke is closed: by itself, or where the pen goes round it on its way along another that meets it.
+    [ring] = [path for path in paths if "12" in path.get("id").split("-")]
+    path = svgpathtools.parse_path(ring.get("d"))
+    knots = [*(segment.start for segment in path), path.end]
+    again = min(abs(a - b) for i, a in enumerate(knots) for b in knots[i + 1 :])
+    assert (ring.get("id") == "stroke-12" and ring.get("d").endswith("Z")) or again < 0.01
 
 
 def test_strokes_that_change_their_order_are_cut_and_others_are_not(tmp_path):
