@@ -15,6 +15,9 @@ from diff3ds.page.sheet.page_layout import Layout
 from diff3ds.project import Strokes2D, project
 from diff3ds.sketch import Sketch
 
+# Pixels that a line without width may lie beyond the border.
+TOUCHING = 1e-6
+
 
 class Flat(NamedTuple):
     """A flat sketch, x to the right and y up from the page's lower left corner, and which stroke each of its is of."""
@@ -36,7 +39,10 @@ def flat_strokes(sketches: Sequence[Sketch], layout: Layout) -> list[Flat]:
 def _flat(sketch: Sketch, layout: Layout, view: int) -> Flat:
     cameras: Cameras = layout.cameras[view]
     strokes = project(sketch.replace(width=0.0), cameras)
-    pieces = on_page(screen_pieces(strokes, 0, cameras.size, TOLERANCE), cameras.size)
+    pieces = screen_pieces(strokes, 0, cameras.size, TOLERANCE)
+    # What a page is fitted to touches its border, and is not cut there by rounding.
+    pieces.points[..., 2] = TOUCHING
+    pieces = on_page(pieces, cameras.size)
     curves: list[Tensor] = []
     counts: list[int] = []
     closed: list[bool] = []
