@@ -55,9 +55,9 @@ def lengths(sketch):
     return (sketch.points[:, -1] - sketch.points[:, 0]).norm(dim=1).sort().values
 
 
-def known(cameras, ridges, report, lens):
-    """What a refinement finds that makes no mistake, where one lens took all pictures."""
-    assert lens == Distortion()
+def known(cameras, ridges, report, lens, textured):
+    """What a refinement finds that makes no mistake, where one lens took all pictures, which are edge maps."""
+    assert (lens, textured) == (Distortion(), False)
     return Refined(cameras.world_to_camera, cameras.intrinsics, np.full(len(ridges), 5.0), K1)
 
 
