@@ -28,8 +28,9 @@ SHARP = 2.5
 # where a part of those views is blocked. Short pieces of less come together by chance; long ones, in pixels, hardly
 # do.
 SPREAD, LEAST_SPREAD, CHANCE = 0.13, 0.07, 15.0
-# [ratio; derived] That of a quarter turn. Where the cameras themselves are spread less, it says nothing.
-QUARTER_TURN = (np.pi - 2) / (np.pi + 2)
+# [ratio; derived] (a - sin a) / (a + sin a) for a = 2 pi / 5, a fifth of a turn, a little more than SPREAD. Where the
+# cameras themselves are spread less, it says nothing: two rings as of a turntable have .2 for what is level.
+FIFTH_TURN = 0.138
 # [views, px, rounds; empirical] Views of a part that say anything, residual in pixels that counts half, rounds of
 # reweighting.
 FEWEST, SCATTER, ROUNDS = 10, 0.5, 8
@@ -57,7 +58,7 @@ def smooth_outlines(views: EdgeViews, curves: Curves, doubt: bool = False) -> Bo
     length = np.array([polyline_length(x[i]) for i in each]) / views.pixel
     least = np.where(length < CHANCE, SPREAD, LEAST_SPREAD)
     possible = _spread(match.distance < OUTSIDE, unit(np.cross(x - views.centers[:, None], tangents)), owner)
-    narrow = (_spread(shown, normals, owner) < least) & (possible > QUARTER_TURN)
+    narrow = (_spread(shown, normals, owner) < least) & (possible > FIFTH_TURN)
     return torch.from_numpy(found | narrow)
 
 
