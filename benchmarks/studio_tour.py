@@ -39,17 +39,6 @@ def taken(browser: Any, folder: Path, name: str) -> None:
     picture.quantize(64, dither=Image.Dither.NONE).save(folder / f"studio_{name}.png", optimize=True)
 
 
-def draw(browser: Any, strokes: list[list[tuple[float, float]]]) -> None:
-    """Draws with the mouse."""
-    box = browser.value("(b => [b.x, b.y, b.width])(document.getElementById('canvas').getBoundingClientRect())")
-    for stroke in strokes:
-        places = [(box[0] + x * box[2], box[1] + y * box[2]) for x, y in stroke]
-        browser.mouse("mousePressed", *places[0], button="left", buttons=1, clickCount=1)
-        for place in places[1:]:
-            browser.mouse("mouseMoved", *place, button="left", buttons=1)
-        browser.mouse("mouseReleased", *places[-1], button="left", clickCount=1)
-
-
 def done(browser: Any, count: int) -> None:
     """Waits until so many things are made, and have their pictures."""
     browser.settle(f"document.querySelectorAll('[data-state=done] .face img').length === {count}")
@@ -76,7 +65,7 @@ def tour(browser: Any, address: str, folder: Path, begun: float) -> None:
     browser.value("document.getElementById('tab-draw').click()")
     for part in (HOUSE[:2], HOUSE[2:]):
         browser.value("document.getElementById('guesses').replaceChildren()")
-        draw(browser, part)
+        browser.draw(part)
         since = time.perf_counter()
         browser.settle("document.querySelectorAll('#guesses button').length > 0")
         print(f"a guess after {time.perf_counter() - since:.2f} s", flush=True)

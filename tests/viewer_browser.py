@@ -124,6 +124,16 @@ class Browser:
         self.mouse("mouseReleased", *end, button="left", clickCount=1)
         self.settle()
 
+    def draw(self, strokes: list[list[tuple[float, float]]], element: str = "canvas") -> None:
+        """Lines by the mouse on an element, point by point, as fractions of its width from its upper left corner."""
+        box = self.value(f"(b => [b.x, b.y, b.width])(document.getElementById('{element}').getBoundingClientRect())")
+        for stroke in strokes:
+            places = [(box[0] + x * box[2], box[1] + y * box[2]) for x, y in stroke]
+            self.mouse("mousePressed", *places[0], button="left", buttons=1, clickCount=1)
+            for place in places[1:]:
+                self.mouse("mouseMoved", *place, button="left", buttons=1)
+            self.mouse("mouseReleased", *places[-1], button="left", clickCount=1)
+
     def canvas_box(self) -> dict[str, float]:
         box = "(b => ({x: b.x, y: b.y, width: b.width, height: b.height}))"
         return self.value(f"{box}(document.querySelector('canvas').getBoundingClientRect())")

@@ -39,17 +39,6 @@ def say(browser, phrase: str) -> None:
     )
 
 
-def draw(browser, strokes) -> None:
-    """With the mouse, point by point."""
-    box = browser.value("(b => [b.x, b.y, b.width])(document.getElementById('canvas').getBoundingClientRect())")
-    for stroke in strokes:
-        places = [(box[0] + x * box[2], box[1] + y * box[2]) for x, y in stroke]
-        browser.mouse("mousePressed", *places[0], button="left", buttons=1, clickCount=1)
-        for place in places[1:]:
-            browser.mouse("mouseMoved", *place, button="left", buttons=1)
-        browser.mouse("mouseReleased", *places[-1], button="left", clickCount=1)
-
-
 def drop(browser, name: str, content: str) -> None:
     """As the file field gives it."""
     browser.value(
@@ -73,7 +62,7 @@ def test_what_is_said_and_drawn_is_understood_on_the_way(browser, tmp_path):
         browser.key("ArrowRight")
         assert browser.value("document.activeElement.id") == "tab-draw"
         assert browser.value("document.getElementById('panel-say').hidden")
-        draw(browser, HOUSE)
+        browser.draw(HOUSE)
         browser.settle("[...document.querySelectorAll('#guesses button')].some(b => b.textContent.includes('house'))")
         browser.value("document.querySelectorAll('#guesses button')[1].click()")
         pressed = "[...document.querySelectorAll('#guesses button')].map(b => b.getAttribute('aria-pressed'))"
