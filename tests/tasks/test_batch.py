@@ -7,10 +7,10 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE, until
 
 import diff3ds as ds
 from diff3ds.tasks.batch.batch import run_batch
@@ -23,8 +23,6 @@ SMALL = {"command": "text", "prior": "exemplar", "steps": 4, "strokes": 6, "size
 # Long enough to be killed: checkpoints come every 100 steps.
 LONG = {**SMALL, "steps": 300}
 FILES = ("sketch.json", "sketch.svg", "sketch.step", "preview.png")
-# Seconds for what a loaded machine does.
-PATIENCE = 300
 
 
 def jobs_in(folder: Path, *jobs: dict) -> Path:
@@ -40,14 +38,6 @@ def table(out: Path) -> list[dict[str, str]]:
 
 def files(out: Path, name: str) -> dict[str, bytes]:
     return {file: (out / name / file).read_bytes() for file in FILES}
-
-
-def until(condition, what: str):
-    end = time.monotonic() + PATIENCE
-    while not (found := condition()):
-        assert time.monotonic() < end, f"{what} does not happen"
-        time.sleep(0.02)
-    return found
 
 
 def job_process(out: Path, name: str) -> int:

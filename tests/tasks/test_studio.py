@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 import zipfile
 from contextlib import closing
 from urllib.parse import quote
@@ -16,6 +15,7 @@ from urllib.parse import quote
 import pytest
 import torch
 from served_page import served_studio
+from waiting import until
 
 import diff3ds as ds
 from diff3ds.tasks.studio import downloads, dropped
@@ -180,12 +180,8 @@ def test_what_is_nothing_or_too_much_is_said(tmp_path, monkeypatch):
 # The line
 
 
-def settled(line: Line, name: str, *states: str, seconds: float = 240) -> Entry:
-    end = time.monotonic() + seconds
-    while (entry := line.entry(name)) and entry.state not in states:
-        assert time.monotonic() < end, (entry.state, entry.stage, entry.message)
-        time.sleep(0.05)
-    return entry
+def settled(line: Line, name: str, *states: str) -> Entry:
+    return until(lambda: (entry := line.entry(name)) is not None and entry.state in states and entry, f"{states}")
 
 
 def test_things_are_made_one_after_the_other_stopped_and_gone_on_with(tmp_path):
@@ -203,10 +199,7 @@ def test_things_are_made_one_after_the_other_stopped_and_gone_on_with(tmp_path):
         settled(line, "a-table", "running")
         with pytest.raises(ValueError, match="stop it first"):
             line.delete("a-table")
-        end = time.monotonic() + 200
-        while not long.done:
-            assert time.monotonic() < end
-            time.sleep(0.05)
+        until(lambda: long.done, "a step")
         line.stop("a-table")
         assert settled(line, "a-table", "stopped").state == "stopped"
         assert settled(line, "a-chair-2", "done").state == "done"
@@ -397,16 +390,11 @@ def test_what_is_killed_goes_on_with_the_next_studio(tmp_path):
     process, server = begin()
     try:
         put(server, "jobs", {"phrase": "a chair"})
-        end = time.monotonic() + 300
-        while state(server)["state"] != "running" or state(server)["done"] < 50:
-            assert time.monotonic() < end
-            time.sleep(0.05)
+        until(lambda: state(server)["state"] == "running" and state(server)["done"] >= 50, "half of the job")
         process.kill()
         process.communicate()
         process, server = begin()
-        while state(server)["state"] != "done":
-            assert time.monotonic() < end, state(server)
-            time.sleep(0.1)
+        until(lambda: state(server)["state"] == "done", "the job's end")
         process.send_signal(signal.SIGINT)
         assert process.wait(120) == 0
     finally:

@@ -6,6 +6,7 @@ import pytest
 import torch
 from served_page import served
 from viewer_browser import CHROMIUM, Browser
+from waiting import until
 
 import diff3ds as ds
 
@@ -368,8 +369,10 @@ def test_edits_outlive_a_closed_page(browser, tmp_path):
         page.keys("n", "Delete")
         browser.ask("Page.navigate", url="about:blank")
         browser.settle("location.href === 'about:blank'")
+        # A page that closes sends what it has, and does not wait for an answer.
+        kept = until(lambda: list(tmp_path.glob("sketch.autosave-*.json")), "keeping")
     assert path.read_bytes() == before
-    assert len(list(tmp_path.glob("sketch.autosave-*.json"))) == 1
+    assert len(kept) == 1
     with served(path) as server:
         page = Page(browser, path, server.address)
         browser.settle(f"Boolean({restore})")

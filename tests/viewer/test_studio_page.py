@@ -1,12 +1,12 @@
 """The studio's page in a real browser: what is said, drawn and dropped there becomes sketches that are shown."""
 
 import json
-import time
 
 import pytest
 import torch
 from served_page import served_studio
 from viewer_browser import CHROMIUM, Browser
+from waiting import until
 
 import diff3ds as ds
 
@@ -170,8 +170,6 @@ def test_from_a_phrase_to_files_of_its_sketch(browser, tmp_path):
         assert not browser.errors
         # Drawn anew from its own strokes.
         browser.value("[...document.querySelectorAll('#desk button')].find(b => /again/.test(b.textContent)).click()")
-        end = time.monotonic() + 300
-        while (again := server.line.entry("a-chair-again")) is None or again.state != "done":
-            assert time.monotonic() < end
-            time.sleep(0.1)
+        entry = server.line.entry
+        again = until(lambda: (made := entry("a-chair-again")) and made.state == "done" and made, "drawing it again")
         assert again.options["start"] == "a-chair/sketch.json"
