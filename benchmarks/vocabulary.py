@@ -9,8 +9,7 @@ from pathlib import Path
 
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Attribute, Category
-from diff3ds.library.scene import ACTIONS, RELATIONS
-from diff3ds.library.vocabulary import COLORS, COUNTS, IDLE, PAIR, SIZES, STRETCHES, UNSEEN
+from diff3ds.library.vocabulary import ACTIONS, COLORS, COUNTS, IDLE, PAIR, RELATIONS, SIZES, STRETCHES, UNSEEN
 
 DOCUMENT = Path(__file__).parents[1] / "docs/reference/vocabulary.md"
 AXES = ("front to back", "left to right", "up")

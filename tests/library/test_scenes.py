@@ -1,16 +1,18 @@
 """Phrases of several things: what is understood, and where the things stand."""
 
 import itertools
+import math
 
 import pytest
 import torch
 
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
-from diff3ds.library.layout import LEAST, arranged, arranged_solids
+from diff3ds.library.layout import LEAN, LEAST, arranged, arranged_solids
 from diff3ds.library.members import member
 from diff3ds.library.phrase import is_slip, parse
 from diff3ds.library.scene import parse_scene
+from diff3ds.library.wording import understood_scene, wording_that_works
 
 READ = {
     "a chair": ("1 chair", ""),
@@ -41,7 +43,7 @@ READ = {
         "1 table, 1 candle, 1 bottle, 2 chair",
         "1 on 0; 2 on 0; 3 beside 0",
     ),
-    "a ladder leaning against the house": ("1 ladder, 1 house", "0 beside 1"),
+    "a ladder leaning against the house": ("1 ladder, 1 house", "0 against 1"),
     "an old windmill and some flowers": ("1 windmill, 3 flower", "1 beside 0"),
     "A sketch of a fish underneath a boat.": ("1 fish, 1 sailing boat", "0 under 1"),
     "a cute cat sleeping on the sofa": ("1 cat, 1 sofa", "0 on 1"),
@@ -56,6 +58,14 @@ READ = {
     "a football player kicking a ball": ("1 person, 1 ball", "0 behind 1"),
     "a princess riding on a unicorn": ("1 person, 1 horse", "0 on 1"),
     "a tent in the forest with a campfire": ("1 tent, 1 campfire", "1 beside 0"),
+    "my mum and my dad holding hands": ("1 person, 1 person", "1 beside 0"),
+    "a duck with a hat": ("1 duck, 1 hat", "1 on 0"),
+    "a king with a crown on a chair": ("1 person, 1 crown, 1 chair", "0 on 2; 1 on 0"),
+    "the sun and a tree": ("1 sun, 1 tree", "0 beside 1"),
+    "my teacher at her desk": ("1 person, 1 table", "0 behind 1"),
+    "a bicycle leaning against a wall": ("1 bicycle", ""),
+    "a girl in a dress": ("1 person", ""),
+    "a boy holding a balloon": ("1 person, 1 hot-air balloon", "1 beside 0"),
 }
 
 
@@ -275,6 +285,79 @@ def test_chairs_around_a_table_face_it() -> None:
 )
 def test_each_of_several_is_said_in_words_of_its_own(phrase, each):
     assert [thing.one for thing in parse_scene(phrase).things] == each
+
+
+def test_a_hat_is_on_the_head_and_as_wide_as_that_asks_for() -> None:
+    (duck,), (hat,) = placed("a duck with a hat")
+    length, height, wide = CATEGORIES["duck"].head
+    size = duck[1] - duck[0]
+    assert hat[:, 0].mean() == pytest.approx(float(duck[0, 0] + length * size[0]), abs=1e-3)
+    assert hat[0, 2] == pytest.approx(float(duck[0, 2] + height * size[2]), abs=1e-3)
+    worn = CATEGORIES["hat"].worn * wide * size[2]
+    assert hat[1, 1] - hat[0, 1] == pytest.approx(float(worn), rel=0.01)
+
+
+def test_the_sun_is_in_the_sky_and_no_larger_than_what_stands() -> None:
+    for phrase in ("the sun and a snowman", "a snowman and the sun", "a snowman to the left of the sun"):
+        first, second = (boxes[0] for boxes in placed(phrase))
+        sun, snowman = (first, second) if phrase.startswith("the sun") else (second, first)
+        assert sun[0, 2] == pytest.approx(float(snowman[1, 2]), abs=1e-3)
+        assert (sun[1] - sun[0]).max() == pytest.approx(float((snowman[1] - snowman[0]).max()), rel=0.01)
+    # Who is in it is on the ground with it.
+    (boy,), (helicopter,), (house,) = placed("a boy in a helicopter beside a house")
+    assert helicopter[0, 2] == pytest.approx(float(house[0, 2]), abs=1e-3)
+    assert boy[1, 2] <= helicopter[1, 2] + 1e-3
+
+
+def test_a_ladder_leans_on_what_it_is_beside() -> None:
+    for phrase in ("a ladder and a house", "a house with a ladder", "a ladder against a house"):
+        scene = parse_scene(phrase)
+        sketches = [member(t.request.category, torch.Generator().manual_seed(0)).sketch for t in scene.things]
+        first = 0 if phrase.startswith("a ladder") else 1
+        whole, start = arranged(scene, sketches), [0, len(sketches[0])][first]
+        ladder = whole[start : start + len(sketches[first])]
+        house = whole[len(sketches[0]) :] if first == 0 else whole[: len(sketches[0])]
+        rail = ladder.points[0, -1] - ladder.points[0, 0]
+        upright = float(rail[2].abs() / rail.norm())
+        assert upright == pytest.approx(math.cos(math.radians(LEAN)), abs=0.02)
+        # Its top is at the wall, its foot is not.
+        points, wall = ladder.points.reshape(-1, 3), house.points.reshape(-1, 3)[:, 1].max()
+        assert points[:, 1].min() == pytest.approx(float(wall), abs=2e-3)
+        assert points[points[:, 2].argmax(), 1] < points[points[:, 2].argmin(), 1]
+    (car,), (house,) = placed("a car against a house")
+    assert car[0, 2] == pytest.approx(float(house[0, 2]), abs=1e-3)
+
+
+@pytest.mark.parametrize("phrase", ["a chair beside a table", "a table and two chairs", "a table between two chairs"])
+def test_chairs_beside_a_table_face_it(phrase) -> None:
+    scene = parse_scene(phrase)
+    sketches = [member(t.request.category, torch.Generator().manual_seed(0)).sketch for t in scene.things]
+    whole = arranged(scene, sketches)
+    names = [name.split("/")[0] for name in whole.names]
+    table = whole.points[[i for i, name in enumerate(names) if name == "table"]].reshape(-1, 3).mean(0)
+    for chair in {*names} - {"table"}:
+        points = whole.points[[i for i, name in enumerate(names) if name == chair]].reshape(-1, 3) - table
+        back = points[points[:, 2] > points[:, 2].max() - 0.02]
+        assert abs(float(back[:, 1].mean())) > abs(float(points[:, 1].mean())) + 0.02
+
+
+@pytest.mark.parametrize(
+    ("phrase", "instead"),
+    [
+        ("a giraffe with a scarf", "a dinosaur"),
+        ("an apple and a xylophone in a bowl", "an apple in a bowl"),
+        ("a house with a chimney and smoke", "a house with a chimney"),
+        ("two robots with hats", "two robots with two hats"),
+        ("a bird on a branch", "a bird with a branch"),
+        ("two children playing football", "two children playing"),
+        ("a xylophone", ""),
+        (" ".join(["very"] * 20) + " xylophone", ""),
+    ],
+)
+def test_what_is_refused_comes_with_the_wording_that_works(phrase, instead) -> None:
+    assert wording_that_works(phrase) == instead
+    with pytest.raises(ValueError, match=f"Say instead: {instead}$" if instead else "does not know"):
+        understood_scene(phrase)
 
 
 def test_faces_stand_where_the_things_stand() -> None:

@@ -47,8 +47,9 @@ def test_a_phrase_is_understood_while_it_is_typed():
     slip = understood("two chiars")
     assert slip["refused"] == ""
     assert slip["notes"] == ["'chiars' is taken for 'chairs'"]
-    assert understood("  ") == {"things": [], "notes": [], "refused": ""}
+    assert understood("  ") == {"things": [], "notes": [], "refused": "", "instead": ""}
     assert "does not know" in understood("a xylophone")["refused"]
+    assert understood("a giraffe and a zebra on a xylophone")["instead"] == "a dinosaur and a horse"
     assert "at most" in understood("a " * 400)["refused"]
 
 

@@ -57,6 +57,10 @@ def test_what_is_said_and_drawn_is_understood_on_the_way(browser, tmp_path):
         assert "'chiars' is taken for 'chairs'" in text_of(browser, "understood")
         say(browser, "a xylophone")
         browser.settle("document.getElementById('understood').classList.contains('refused')")
+        say(browser, "a giraffe with a scarf")
+        browser.settle("document.querySelector('#understood button') !== null")
+        browser.value("document.querySelector('#understood button').click()")
+        browser.settle("document.getElementById('understood').textContent === 'That is a dinosaur.'")
         # By keys alone from one way to the next.
         browser.value("document.getElementById('tab-say').focus()")
         browser.key("ArrowRight")

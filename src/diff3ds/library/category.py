@@ -46,6 +46,12 @@ class Category:
         pair: the noun is a plural: "a pair of scissors".
         metres: how large it usually is: the longest side of its bounding box.
         carries: at which fraction of its height things stand on it.
+        head: where a hat sits on it: at which fraction of its length, from its back on, and of its height, and how wide
+            its head is there, as a fraction of its height; None if it has no head.
+        worn: how many heads wide it is on a head; None if it is not worn there.
+        aloft: it is in the air.
+        leans: it cannot stand by itself.
+        faces: the kind of thing that its front is turned to.
     """
 
     name: str
@@ -57,6 +63,11 @@ class Category:
     pair: bool = False
     metres: float = 1.0
     carries: float = 1.0
+    head: tuple[float, float, float] | None = None
+    worn: float | None = None
+    aloft: bool = False
+    leans: bool = False
+    faces: str | None = None
 
     def captions(self, attributes: Collection[str] = ()) -> tuple[str, ...]:
         """All ways to call a member with these attributes; the first has the category's name and usual phrases."""

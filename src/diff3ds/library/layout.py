@@ -27,6 +27,10 @@ UNDER = 0.9
 ROOM_UNDER = {"table": 0.0, "chair": 0.0, "bed": 0.0, "bridge": 0.0, "tree": 0.3, "umbrella": 0.3}
 # What is in something is no wider than this fraction of it. Empirical.
 ROOM_WITHIN = 0.7
+# [degrees] What leans on something is tilted so far, if one of its sides is shorter than this fraction of its height:
+# other things stand. Empirical.
+LEAN = 12.0
+THIN = 0.5
 # Points on a stroke when extents are measured.
 SAMPLES = 33
 # Where something stands beside, behind and so on: along x and y.
@@ -69,10 +73,12 @@ class _Placed:
         """Larger or smaller."""
         return self._mapped(lambda points: points * factor)
 
-    def turned(self, degrees: float) -> "_Placed":
-        """About the vertical."""
+    def turned(self, degrees: float, axis: int = 2) -> "_Placed":
+        """About an axis through the origin, usually the vertical one."""
         c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-        turn = torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        turn, (first, second) = torch.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
+        turn[first, first] = turn[second, second] = c
+        turn[first, second], turn[second, first] = -s, s
         return self._mapped(lambda points: points @ turn.to(points).T)
 
     def _mapped(self, place: Callable[[Tensor], Tensor]) -> "_Placed":
@@ -108,6 +114,7 @@ def arranged_solids(scene: Scene, sketches: Sequence[Sketch], faces: Sequence[Fa
             together = [number for number in alike if not standing[number]]
             copies = {number: [parts[number]] * scene.things[number].count for number in together}
             _place(standing, relation, copies)
+    _settle(scene, standing)
     there = [one for group in standing for one in group]
     whole = Sketch.concatenate(_named(there))
     middle, scale = frame_of(whole)
@@ -135,11 +142,16 @@ def frame_of(sketch: Sketch) -> tuple[Float[Tensor, " 3"], Float[Tensor, ""]]:
 
 
 def _real_sizes(scene: Scene, sketches: Sequence[Sketch], faces: Sequence[Faces]) -> list[_Placed]:
-    """Each thing as large as it is, in metres, but none too small to be seen."""
+    """Each thing as large as it is, in metres, but none too small to be seen, nor larger for being in the air."""
     metres = []
     for thing in scene.things:
         said = [SAID_SIZES[word] for word in thing.request.ignored if word in SAID_SIZES]
         metres.append(CATEGORIES[thing.request.category].metres * math.prod(said))
+    # What is in the air is far away, unless something is in or on it.
+    boarded = {target for r in scene.relations if r.kind in ("in", "on") for target in r.targets}
+    far = [CATEGORIES[t.request.category].aloft and n not in boarded for n, t in enumerate(scene.things)]
+    largest = max((size for size, away in zip(metres, far, strict=True) if not away), default=math.inf)
+    metres = [min(size, largest) if away else size for size, away in zip(metres, far, strict=True)]
     found = []
     for thing, sketch, solid, size in zip(scene.things, sketches, faces, metres, strict=True):
         placed = _Placed(sketch, thing.request.category, solid)
@@ -167,6 +179,8 @@ def _place(standing: list[list[_Placed]], relation: Relation, copies: dict[int, 
     row = [one for alike in copies.values() for one in alike]
     if relation.kind in PUT:
         found = _over(targets, row, PUT[relation.kind])
+    elif relation.kind == "against":
+        found = _against(targets[0], row)
     elif relation.kind == "around":
         found = _around(targets[0], row)
     elif relation.kind == "between":
@@ -194,6 +208,13 @@ def _over(
 
 
 def _upon(one: _Placed, target: _Placed, aside: float) -> _Placed:
+    """On its top, or on its head if that is where one wears it."""
+    head, worn = CATEGORIES[target.category].head, CATEGORIES[one.category].worn
+    if head is not None and worn is not None:
+        length, height, wide = head
+        fitted = one.scaled(worn * wide * float(target.size[2]) / float(one.size[1]))
+        x, z = (float(target.low[axis] + share * target.size[axis]) for axis, share in ((0, length), (2, height)))
+        return fitted.at(x, float(target.middle[1]) + aside, z)
     return one.at(float(target.middle[0]), float(target.middle[1]) + aside, target.surface)
 
 
@@ -267,6 +288,50 @@ def _around(target: _Placed, copies: list[_Placed]) -> list[_Placed]:
         along_x, along_y = (float(n) / 2 + gap for n in target.size[:2] + one.size[0])
         found.append(facing.at(float(target.middle[0]) + x * along_x, float(target.middle[1]) + y * along_y, ground))
     return found
+
+
+def _against(target: _Placed, copies: list[_Placed]) -> list[_Placed]:
+    """To the right and to the left of the target in turns, each row before the last, leaning on it if they are thin."""
+    found = []
+    for k, one in enumerate(copies):
+        thin = min(float(one.size[0]), float(one.size[1]))
+        if float(one.size[0]) == thin:
+            one = one.turned(90)
+        side = -1 if k % 2 else 1
+        if thin < THIN * float(one.size[2]):
+            one = one.turned(side * LEAN, axis=0)
+        touching = float(target.high[1] if side > 0 else target.low[1]) + side * float(one.size[1]) / 2
+        row = float(target.middle[0]) + (k // 2) * (1 + GAP) * float(one.size[0])
+        found.append(one.at(row, touching, float(target.low[2])))
+    return found
+
+
+def _settle(scene: Scene, standing: list[list[_Placed]]) -> None:
+    """What was placed by the ground goes where it is: chairs face their table, the sun is in the sky."""
+    put = {n for r in scene.relations if r.kind in PUT for n in (r.thing, *r.targets)}
+    kinds = [CATEGORIES[thing.request.category] for thing in scene.things]
+    for relation in scene.relations:
+        if relation.kind == "beside" and kinds[relation.thing].leans:
+            found = _against(standing[relation.targets[0]][0], standing[relation.thing])
+            standing[relation.thing] = found
+        for one, other in ((relation.thing, n) for n in relation.targets):
+            for seat, table in ((one, other), (other, one)):
+                if kinds[seat].faces == kinds[table].name and relation.kind not in {*PUT, "around"}:
+                    standing[seat] = [_facing(chair, standing[table]) for chair in standing[seat]]
+    grounded = [one for n, group in enumerate(standing) for one in group if not kinds[n].aloft]
+    if grounded:
+        top = max(float(one.high[2]) for one in grounded)
+        for n, group in enumerate(standing):
+            if kinds[n].aloft and n not in put:
+                standing[n] = [one.at(float(one.middle[0]), float(one.middle[1]), top) for one in group]
+
+
+def _facing(one: _Placed, others: Sequence[_Placed]) -> _Placed:
+    """Turned where it stands, by quarters, with its front to the nearest of the others."""
+    nearest = min(others, key=lambda other: float((other.middle - one.middle).norm()))
+    x, y = (nearest.middle - one.middle)[:2].tolist()
+    turned = one.turned(round(math.degrees(math.atan2(y, x)) / 90) * 90)
+    return turned.at(float(one.middle[0]), float(one.middle[1]), float(one.low[2]))
 
 
 def _between(

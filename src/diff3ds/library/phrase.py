@@ -104,13 +104,19 @@ def parse(phrase: str) -> Request:
 
 def corrected_parts(phrase: str) -> tuple[tuple[list[str], list[str]], tuple[tuple[str, str], ...]]:
     """The words of a phrase, `parted`, and those that were misspelt, each with the known word that it is taken for."""
-    parts, known = parted(phrase), _words()
-    found: dict[str, str] = {}
-    for word in itertools.chain(*parts):
-        if word not in known and (meant := {other for other in _near_in_length(len(word)) if is_slip(word, other)}):
-            found[word] = min(meant, key=lambda other: (sorted(other) != sorted(word), other))
+    parts = parted(phrase)
+    found = {word: meant for word in itertools.chain(*parts) if (meant := _meant(word)) != word}
     front, behind = ([found.get(word, word) for word in part] for part in parts)
     return (front, behind), tuple(found.items())
+
+
+@functools.lru_cache(maxsize=4096)
+def _meant(word: str) -> str:
+    """The known word that a word is a slip of, or the word."""
+    if word in _words():
+        return word
+    meant = {other for other in _near_in_length(len(word)) if is_slip(word, other)}
+    return min(meant, key=lambda other: (sorted(other) != sorted(word), other), default=word)
 
 
 class _Reader:

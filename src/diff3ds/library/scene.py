@@ -5,123 +5,54 @@
 A thing is a phrase of the library (`phrase.py`); a relation one of `RELATIONS` or `ACTIONS`.
 """
 
+import functools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from diff3ds.library.categories import CATEGORIES
+from diff3ds.library.category import Category
 from diff3ds.library.phrase import Request, parse
-from diff3ds.library.vocabulary import COUNTS, OPENING, singulars, words_of
-
-# Where a thing is said to be without a target: at what was named before.
-UNAIMED = {
-    "on top": "on",
-    "on the left": "left of",
-    "to the left": "left of",
-    "on the right": "right of",
-    "to the right": "right of",
-    "in front": "in front of",
-    "in the back": "behind",
-}
-# Where a scene plays: no lines are drawn of these, which is said.
-PLACES = re.findall(
-    r"living room|\w+",
-    """
-    air bathroom beach bedroom city classroom cliff countryside day desert distance evening farm field forest garden
-    grass ground hill island jungle kitchen lake lawn living room meadow middle moon morning mountain mountains night
-    ocean park pond rain river road rock room school sea sky snow space storm street sun town village water wind woods
-    world yard zoo
-    """,
+from diff3ds.library.vocabulary import (
+    ACTIONS,
+    CARRIERS,
+    COUNTS,
+    HAVING,
+    OPENING,
+    PLACES,
+    RELATIONS,
+    UNAIMED,
+    singulars,
+    words_of,
 )
-# On these small things stand where they are said to be there "with" it.
-CARRIERS = ("table", "bookshelf")
-# How one says where a thing stands, and what it is called here.
-RELATIONS = {
-    "on top of": "on",
-    "on": "on",
-    "upon": "on",
-    "underneath": "under",
-    "beneath": "under",
-    "below": "under",
-    "under": "under",
-    "in front of": "in front of",
-    "behind": "behind",
-    "to the left of": "left of",
-    "on the left of": "left of",
-    "left of": "left of",
-    "to the right of": "right of",
-    "on the right of": "right of",
-    "right of": "right of",
-    "above": "above",
-    "over": "above",
-    "against": "beside",
-    "next to": "beside",
-    "beside": "beside",
-    "near": "beside",
-    "by": "beside",
-    "between": "between",
-    "around": "around",
-    "inside": "in",
-}
-# What one does to another says where it stands too.
-ACTIONS = {
-    "fighting with": "beside",
-    "fighting": "beside",
-    "playing with": "beside",
-    "talking to": "beside",
-    "for": "beside",
-    "chasing": "behind",
-    "following": "behind",
-    "kicking": "behind",
-    "pushing": "behind",
-    "eating": "behind",
-    "guarding": "in front of",
-    "pulling": "in front of",
-    "hanging from": "under",
-    "riding on": "on",
-    "riding": "on",
-}
+
 PRONOUNS = ("it", "them")
 MOST_THINGS = 12
 _PLACED = RELATIONS | ACTIONS
 _RELATION = re.compile(rf"^({'|'.join(sorted(_PLACED, key=len, reverse=True))})\b ?")
 # "in a bowl", but "in red" is a colour.
 _INSIDE = re.compile(r"\b(in|into) (?=(a|an|the|my|your|our|his|her|their)\b)")
+_WITHIN = re.compile(r"\b(in|inside) (?=(a|an|the|his|her|its) )")
 # What is written or heard.
 _SAYING = re.compile(r" (that |which )?(says|saying|shows|showing|reads|reading|called|named) .*$")
 _VERBS = "|".join(
-    [
-        "dancing",
-        "driving",
-        "floating",
-        "flying",
-        "going",
-        "growing",
-        "hanging",
-        "hiding",
-        "jumping",
-        "leaning",
-        "lying",
-        "parked",
-        "placed",
-        "playing",
-        "resting",
-        "running",
-        "sailing",
-        "sitting",
-        "sleeping",
-        "standing",
-        "swimming",
-        "waiting",
-        "walking",
-    ]
+    re.findall(
+        r"\w+",
+        """
+        asleep crawling dancing driving falling floating flying going growing hanging hiding hovering jumping
+        lying parked perched placed playing resting running sailing sitting sleeping standing swimming
+        waiting walking working
+        """,
+    )
 )
-_STANDING = re.compile(rf"\b(that |which )?((is|are) )?({_VERBS}) (?=on|in|by|under|be|ne|a|o|to|th|up)")
+_STANDING = re.compile(rf"\b(that |which )?((is|are) )?({_VERBS}) (?=on|in|by|under|be|ne|a|o|to|th|up|cl)")
+_LEFT_STANDING = re.compile(rf" ({_VERBS}|leaning)$")
 _PLACE = "|".join(PLACES)
 # Not where it belongs to a noun: "on a kitchen table".
 _JOINERS = "|".join(["and", "with", *_PLACED])
 _AT_PLACE = re.compile(
-    rf"\b(in|on|at|to|into|through|across|by|under) (the |a |an |my )?({_PLACE})(?=$| ({_JOINERS})\b| (in|at|to) )"
+    r"\b(in|on|at|to|into|through|across|by|under|near|over|above|behind|against|along|down|up|from) "
+    rf"(the |a |an |my |our |his |her )?(\w+ )??({_PLACE})(?=$| ({_JOINERS})\b| (in|at|to) )"
 )
 _IN_ROOM = re.compile(rf"^(a |an |the |my |our )?({_PLACE}) with ")
 _ARTICLES = ("a", "an", "the", *COUNTS)
@@ -189,10 +120,12 @@ def parse_scene(phrase: str) -> Scene:
         ValueError: it is not understood; where it speaks of one thing, as `parse`.
     """
     try:
-        return Scene((_thing(phrase, parse(phrase)),))
+        return Scene((_thing(phrase, _parse_dressed(phrase)),))
     except ValueError as error:
         text = OPENING.sub("", " ".join(words_of(phrase.replace(",", " and ")))).replace("and and", "and")
+        text = HAVING.sub("with ", text)
         text, unseen = _without_places(_STANDING.sub("", text))
+        text = _LEFT_STANDING.sub("", text) if unseen else text
         reader = _Reader(_INSIDE.sub("inside ", text), phrase)
         if not unseen and not reader.speaks_of_several():
             raise
@@ -205,6 +138,28 @@ def parse_scene(phrase: str) -> Scene:
     if sum(thing.count for thing in scene.things) > MOST_THINGS:
         raise ValueError(f"{phrase!r}: at most {MOST_THINGS} things can be drawn in a scene")
     return scene
+
+
+@functools.lru_cache(maxsize=4096)
+def _request(words: str) -> Request | None:
+    """What words ask for, if they are one thing; as a phrase is typed, its words come again and again."""
+    try:
+        return parse(words)
+    except ValueError:
+        return None
+
+
+def _parse_dressed(phrase: str) -> Request:
+    """What a phrase asks for, in which "in a dress" and "in a pot" are "with" it, where that is known of the thing."""
+    try:
+        return parse(phrase)
+    except ValueError:
+        if _WITHIN.search(phrase) is None:
+            raise
+        dressed = parse(_WITHIN.sub("with ", phrase))
+        if not dressed.attributes:
+            raise
+        return dressed
 
 
 def _without_places(text: str) -> tuple[str, list[str]]:
@@ -249,10 +204,9 @@ class _Reader:
     def _longest(self, first: int, least: int = 1) -> tuple[Request, int] | None:
         """The longest words from a place on that are a thing, and how many they are."""
         for end in range(len(self.rest), first + least - 1, -1):
-            try:
-                return parse(" ".join(self.rest[first:end])), end - first
-            except ValueError:
-                continue
+            request = _request(" ".join(self.rest[first:end]))
+            if request is not None:
+                return request, end - first
         return None
 
     def read(self, alone: ValueError) -> Scene:
@@ -277,6 +231,9 @@ class _Reader:
                 listed.append(latest)
                 if attached and self._is_carried(latest, anchor):
                     carried[latest] = anchor
+                    if self._kind(latest).worn is not None:
+                        # "a king with a crown on a chair": the king is.
+                        latest, listed = anchor, []
             unaimed = self._take_unaimed()
             if unaimed and joined:
                 self.relations.append(Relation(latest, unaimed, (anchor,)))
@@ -288,6 +245,8 @@ class _Reader:
             if relation is None:
                 continue
             targets = self._take_targets(relation, anchor, alone)
+            if relation == "at":
+                relation = "behind" if self._kind(targets[0]).name in CARRIERS else "beside"
             for thing in listed or [latest]:
                 if thing == latest or (thing not in targets and self._may_stand(thing, targets[0])):
                     self.relations.append(Relation(thing, relation, targets))
@@ -295,14 +254,24 @@ class _Reader:
             latest = targets[-1]
         related = {relation.thing for relation in self.relations}
         named = {target for relation in self.relations for target in relation.targets}
-        others = [number for number in range(1, len(self.things)) if number not in related | named]
-        rest = [Relation(n, "on", (carried[n],)) if n in carried else Relation(n, "beside", (0,)) for n in others]
+        # Beside what stands on the ground by itself.
+        first = next((n for n in range(len(self.things)) if n not in related | {*carried} and self._stands(n)), 0)
+        others = [n for n in range(len(self.things)) if n not in related | named | {first}]
+        rest = [Relation(n, "on", (carried[n],)) if n in carried else Relation(n, "beside", (first,)) for n in others]
         return Scene(tuple(self.things), tuple(self._in_order([*self.relations, *rest])))
 
     def _is_carried(self, thing: int, anchor: int) -> bool:
-        """Whether a thing is small enough to stand on another that things stand on."""
-        small, large = (CATEGORIES[self.things[number].request.category] for number in (thing, anchor))
-        return large.name in CARRIERS and small.metres < large.metres / 2
+        """Whether a thing is on another that it is said to be with: small enough for a table, or worn on a head."""
+        small, large = self._kind(thing), self._kind(anchor)
+        worn = small.worn is not None and large.head is not None
+        return worn or (large.name in CARRIERS and small.metres < large.metres / 2)
+
+    def _kind(self, thing: int) -> Category:
+        return CATEGORIES[self.things[thing].request.category]
+
+    def _stands(self, thing: int) -> bool:
+        """Whether it stands on the ground by itself."""
+        return not (self._kind(thing).aloft or self._kind(thing).leans)
 
     def _take_unaimed(self) -> str | None:
         """A relation at the end, or before a word that joins."""
@@ -315,8 +284,7 @@ class _Reader:
 
     def _may_stand(self, thing: int, target: int) -> bool:
         """Whether a thing that is listed before another is meant too: a sofa and a lamp on a table are not both."""
-        sizes = [CATEGORIES[self.things[number].request.category].metres for number in (thing, target)]
-        return sizes[0] < sizes[1]
+        return self._kind(thing).metres < self._kind(target).metres
 
     def _take_thing(self, alone: ValueError) -> int:
         """The number of the thing that comes next."""

@@ -1,4 +1,4 @@
-"""Words that phrases of any library share: numbers, colours, proportions, sizes; and how a phrase becomes words."""
+"""Words that phrases of any library share, of numbers, colours, sizes and places, and how a phrase becomes words."""
 
 import itertools
 import re
@@ -56,13 +56,101 @@ UNSEEN = frozenset(
         cheap expensive simple plain ordinary normal regular typical favorite favourite parked sleeping burning
         steaming hot frozen snowy sunny pirate princess fairy wizard giant rainbow really very so super extra quite
         angry brave dancing evil flying hungry jumping playing running sitting smiling standing swimming walking
+        asleep awake crying curly dreaming falling fat hands holding hovering laughing naughty shy singing
+        sleepy talking thirsty tired waving yawning
         """,
     )
 )
 # Words between the others: the two chairs are two.
 IDLE = ("a", "an", "the", "of", "and", "my", "your", "our", "his", "her", "their", "this", "that", "these", "those")
+# Where a thing is said to be without a target: at what was named before.
+UNAIMED = {
+    "on top": "on",
+    "on the left": "left of",
+    "to the left": "left of",
+    "on the right": "right of",
+    "to the right": "right of",
+    "in front": "in front of",
+    "in the back": "behind",
+}
+# Where a scene plays: no lines are drawn of these, which is said.
+PLACES = re.findall(
+    r"living room|[\w?]+",
+    """
+    air bathroom beach bedroom ceiling city classroom cliff clouds? corner countryside day desert distance evening farm
+    fence field floor forest garage garden grass ground hills? hospital island jungle kitchen lake lawn living room
+    market meadow middle moon morning mountains? museum night ocean park path playground pond rain river road rock
+    room school sea shelf shop sky snow space station storm street sun sunset sunshine town village wall water window
+    wind woods world yard zoo
+    """,
+)
+# On these small things stand where they are said to be there "with" it.
+CARRIERS = ("table", "bookshelf")
+# How one says where a thing stands, and what it is called here.
+RELATIONS = {
+    "on top of": "on",
+    "on": "on",
+    "upon": "on",
+    "underneath": "under",
+    "beneath": "under",
+    "below": "under",
+    "under": "under",
+    "in front of": "in front of",
+    "behind": "behind",
+    "to the left of": "left of",
+    "on the left of": "left of",
+    "left of": "left of",
+    "to the right of": "right of",
+    "on the right of": "right of",
+    "right of": "right of",
+    "above": "above",
+    "over": "above",
+    "against": "against",
+    "leaning against": "against",
+    "leaning on": "against",
+    "next to": "beside",
+    "close to": "beside",
+    "at": "at",
+    "beside": "beside",
+    "near": "beside",
+    "by": "beside",
+    "between": "between",
+    "around": "around",
+    "inside": "in",
+}
+# What one does to another says where it stands too.
+ACTIONS = {
+    "fighting with": "beside",
+    "fighting": "beside",
+    "playing with": "beside",
+    "holding hands with": "beside",
+    "looking at": "beside",
+    "watching": "beside",
+    "hugging": "beside",
+    "climbing up": "beside",
+    "climbing": "beside",
+    "talking to": "beside",
+    "for": "beside",
+    "chasing": "behind",
+    "following": "behind",
+    "kicking": "behind",
+    "pushing": "behind",
+    "eating": "behind",
+    "guarding": "in front of",
+    "pulling": "in front of",
+    "hanging from": "under",
+    "jumping over": "above",
+    "riding on": "on",
+    "riding": "on",
+}
 OPENING = re.compile(r"^(an? )?(simple )?(line )?(3d )?(sketch|drawing|picture|line art|wireframe) of ")
 WITH_NO = re.compile(r"\bwith no\b")
+# "a cat that has a hat", "a boy wearing a hat": what one has is with one. "A boy playing" has nothing.
+_DETERMINERS = "|".join(["a", "an", "the", "no", "my", "your", "our", "his", "her", "its", "their", *COUNTS])
+HAVING = re.compile(
+    rf"\b(?:(?:that|which|who) )?(?:has|have|having|holds|holding|wears|wearing|carrying) "
+    rf"(?:on |up )?(?=(?:{_DETERMINERS}) )"
+)
 # Of emoji and other characters, to be drawn in colour or not.
 _VARIANTS = re.compile("[\ufe00-\ufe0f]")
 
@@ -86,7 +174,9 @@ def parted(phrase: str) -> tuple[list[str], list[str]]:
 
     "a sketch of" is left out, "in red" is "red" before the noun, and "with no" is "without".
     """
-    return split_behind(WITH_NO.sub("without", OPENING.sub("", " ".join(words_of(phrase)))).split())
+    return split_behind(
+        WITH_NO.sub("without", HAVING.sub("with ", OPENING.sub("", " ".join(words_of(phrase))))).split()
+    )
 
 
 def split_behind(words: list[str]) -> tuple[list[str], list[str]]:
@@ -139,11 +229,23 @@ def stretched(phrase: str, said: Iterable[str], kinds: Collection[str] = ()) -> 
     return factors[0], factors[1], factors[2]
 
 
+_SINGULAR = (
+    ("s", ""),
+    ("es", ""),
+    ("ies", "y"),
+    ("ves", "f"),
+    ("men", "man"),
+    ("i", "us"),
+    ("people", "person"),
+    ("children", "child"),
+)
+
+
 def singulars(noun: str) -> Iterable[str]:
     """What a plural may come from: mugs, buses, berries, shelves, snowmen, cacti, cups of tea."""
     head, of, rest = noun.partition(" of ")
     if of:
         yield from (f"{singular} of {rest}" for singular in singulars(head))
-    for ending, instead in (("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("men", "man"), ("i", "us")):
+    for ending, instead in _SINGULAR:
         if noun.endswith(ending):
             yield noun.removesuffix(ending) + instead

@@ -57,4 +57,5 @@ CATEGORY = Category(
         "a tail",
     ),
     metres=30,
+    aloft=True,
 )

@@ -51,4 +51,5 @@ CATEGORY = Category(
     ),
     parts=("a basket",),
     metres=20,
+    aloft=True,
 )

@@ -89,4 +89,5 @@ CATEGORY = Category(
     ),
     parts=("a head", "ears", "arms", "legs", "eyes", "a nose", "a belly"),
     metres=0.45,
+    head=(0.37, 0.92, 0.55),
 )

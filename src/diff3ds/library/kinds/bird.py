@@ -65,4 +65,5 @@ CATEGORY = Category(
     ),
     parts=("a head", "a beak", "wings", "a tail", "eyes", "feathers"),
     metres=0.25,
+    head=(0.78, 0.96, 0.3),
 )

@@ -42,4 +42,5 @@ CATEGORY = Category(
     ),
     parts=("wings", "feelers", "antennae"),
     metres=0.15,
+    aloft=True,
 )

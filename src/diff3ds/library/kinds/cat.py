@@ -96,4 +96,5 @@ CATEGORY = Category(
     ),
     parts=("a head", "whiskers", "ears", "a tail", "eyes", "paws"),
     metres=0.55,
+    head=(0.75, 0.88, 0.4),
 )

@@ -53,4 +53,5 @@ CATEGORY = Category(
     ),
     metres=0.95,
     carries=0.5,
+    faces="table",
 )

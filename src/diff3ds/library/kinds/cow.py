@@ -92,4 +92,5 @@ CATEGORY = Category(
     parts=("a head", "horns", "an udder", "a tail", "legs", "four legs", "ears", "eyes"),
     metres=2.4,
     carries=0.76,
+    head=(0.84, 0.8, 0.22),
 )

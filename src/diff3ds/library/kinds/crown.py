@@ -34,4 +34,5 @@ CATEGORY = Category(
     attributes=(Attribute("jewels", ("with jewels", "with gems")), Attribute("arches", ("with arches",))),
     parts=("points",),
     metres=0.25,
+    worn=1.1,
 )

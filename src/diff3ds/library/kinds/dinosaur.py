@@ -132,4 +132,5 @@ CATEGORY = Category(
     parts=("a head", "a long tail", "a tail", "legs", "eyes"),
     metres=9.0,
     carries=0.58,
+    head=(0.93, 0.97, 0.12),
 )

@@ -69,4 +69,5 @@ CATEGORY = Category(
     parts=("a head", "a tail", "ears", "legs", "four legs", "eyes", "a nose"),
     metres=0.9,
     carries=0.66,
+    head=(0.8, 0.96, 0.26),
 )

@@ -109,4 +109,5 @@ CATEGORY = Category(
     parts=("a head", "wings", "a tail", "horns", "legs", "teeth", "claws"),
     metres=10.0,
     carries=0.55,
+    head=(0.86, 0.92, 0.14),
 )

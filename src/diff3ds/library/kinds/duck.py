@@ -84,4 +84,5 @@ CATEGORY = Category(
     parts=("a head", "a beak", "a bill", "wings", "a tail", "eyes", "feathers"),
     metres=0.5,
     carries=0.45,
+    head=(0.72, 0.96, 0.3),
 )

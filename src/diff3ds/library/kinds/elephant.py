@@ -64,4 +64,5 @@ CATEGORY = Category(
     parts=("a head", "a trunk", "tusks", "ears", "big ears", "legs", "four legs", "a tail"),
     metres=4.5,
     carries=0.9,
+    head=(0.68, 0.97, 0.4),
 )

@@ -62,4 +62,5 @@ CATEGORY = Category(
         "eyes",
     ),
     metres=0.4,
+    head=(0.72, 0.84, 0.4),
 )

@@ -63,4 +63,5 @@ CATEGORY = Category(
     parts=("a brim", "a band", "a ribbon"),
     mirror=None,
     metres=0.35,
+    worn=1.8,
 )

@@ -52,4 +52,5 @@ CATEGORY = Category(
     ),
     parts=("a rotor", "rotors", "a tail", "skids"),
     metres=11.0,
+    aloft=True,
 )

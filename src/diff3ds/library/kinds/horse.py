@@ -91,4 +91,5 @@ CATEGORY = Category(
     parts=("a head", "a mane", "a tail", "legs", "four legs", "ears", "hooves"),
     metres=2.4,
     carries=0.58,
+    head=(0.83, 0.88, 0.14),
 )

@@ -49,4 +49,5 @@ CATEGORY = Category(
     ),
     parts=("rungs",),
     metres=2.5,
+    leans=True,
 )

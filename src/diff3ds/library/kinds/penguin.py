@@ -58,4 +58,5 @@ CATEGORY = Category(
     attributes=(Attribute("scarf", ("with a scarf",)), Attribute("hat", ("with a hat", "with a woolly hat"))),
     parts=("a head", "flippers", "wings", "a beak", "feet", "eyes"),
     metres=0.8,
+    head=(0.46, 0.95, 0.4),
 )

@@ -78,4 +78,5 @@ CATEGORY = Category(
     attributes=(Attribute("hanging ears", ("with hanging ears", "with floppy ears", "lop-eared")),),
     parts=("a head", "ears", "long ears", "a tail", "whiskers", "eyes", "a nose"),
     metres=0.4,
+    head=(0.82, 0.64, 0.28),
 )

@@ -50,4 +50,5 @@ CATEGORY = Category(
     ),
     parts=("arms", "legs", "an antenna", "an aerial", "eyes"),
     metres=1.6,
+    head=(0.4, 0.85, 0.32),
 )

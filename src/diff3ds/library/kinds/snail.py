@@ -57,4 +57,5 @@ CATEGORY = Category(
     attributes=(Attribute("trail", ("with a trail", "with a trail of slime")),),
     parts=("a head", "a shell", "horns", "eyes", "feelers"),
     metres=0.08,
+    head=(0.88, 0.48, 0.2),
 )

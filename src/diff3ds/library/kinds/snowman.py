@@ -60,4 +60,5 @@ CATEGORY = Category(
     ),
     mirror=None,
     metres=1.7,
+    head=(0.45, 0.95, 0.3),
 )

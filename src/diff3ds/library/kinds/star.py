@@ -37,4 +37,5 @@ CATEGORY = Category(
     ),
     mirror="x",
     metres=0.3,
+    aloft=True,
 )

@@ -33,4 +33,5 @@ CATEGORY = Category(
     ),
     parts=("rays",),
     metres=4.0,
+    aloft=True,
 )

@@ -92,4 +92,5 @@ CATEGORY = Category(
     attributes=(Attribute("flippers", ("with flippers", "swimming"), nouns=("sea turtle",)),),
     parts=("a head", "a shell", "legs", "four legs", "a tail", "eyes"),
     metres=0.5,
+    head=(0.96, 0.72, 0.35),
 )

@@ -6,6 +6,7 @@ from pathlib import Path
 from diff3ds.library.phrase import Request
 from diff3ds.library.scene import Scene, parse_scene
 from diff3ds.library.vocabulary import SIZES, STRETCHES
+from diff3ds.library.wording import understood_scene
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.exact_prior.exemplars import exemplars_in, exemplars_of
@@ -56,7 +57,7 @@ def _made(spec: RunSpec[Phrase], out: Path, report: Report, say: Callable[[str],
     small = trained(spec.prior.weights, spec.prior.device) if name == "small" else None
     if spec.prior.library is not None or (small and not small.is_of_the_library):
         return distill(_of_folder(small, spec, say), spec, out, report)
-    scene = parse_scene(spec.subject.phrase)
+    scene = understood_scene(spec.subject.phrase)
     alone = len(scene.things) == 1 and scene.things[0].count == 1
     for thing in scene.things:
         for note in noted(thing.request, alone):

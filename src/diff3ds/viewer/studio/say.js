@@ -12,7 +12,16 @@ async function understand() {
   const place = by("understood");
   place.classList.toggle("refused", Boolean(found.refused));
   place.replaceChildren();
-  if (found.refused) place.textContent = found.refused;
+  if (found.instead) {
+    const better = made("button", { type: "button" }, found.instead);
+    better.onclick = () => {
+      by("phrase").value = found.instead;
+      by("phrase").focus();
+      understand();
+    };
+    place.append("I do not know all of this. Say instead: ", better);
+    place.append(made("details", {}, made("summary", {}, "Why"), found.refused));
+  } else if (found.refused) place.textContent = found.refused;
   else if (found.things.length) {
     place.append("That is ", made("strong", {}, found.things.join("; ")), ".");
     for (const note of found.notes) place.append(` ${note}.`);
