@@ -194,3 +194,21 @@ def test_lines_on_a_ball_are_not_hidden_by_it(attributes):
         share = torch.zeros(len(seen)).index_add_(0, torch.from_numpy(parts.segment), shares)
         seen = torch.maximum(seen, share)
     assert seen.min() > 0.4
+
+
+@pytest.mark.parametrize("attributes", [(), ("panels",), ("stripes",)])
+def test_lines_of_a_ball_are_on_it(attributes):
+    """Where they were inside, hidden lines would swallow them."""
+    sketch = member("ball", torch.Generator().manual_seed(1), attributes).sketch
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 33)).reshape(-1, 3)
+    radii = torch.linalg.vector_norm(points, dim=1)
+    assert radii.max() - radii.min() < 1e-4
+
+
+def test_icing_runs_down_on_the_cake():
+    sketch = member("cake", torch.Generator().manual_seed(1)).sketch
+    points = evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 33))
+    radii = torch.linalg.vector_norm(points[..., :2], dim=-1)
+    on = radii.amax(1) - radii.amin(1) < 1e-4
+    # The plate's two strokes, those of two rings, four lines up, and eight bows: all there are.
+    assert on.all()

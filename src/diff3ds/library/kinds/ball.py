@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, Vector, around, ball, ellipse, ring, spline
+from diff3ds.library.shapes import Part, Vector, around, ball, ellipse, mirror, ring
 
 
 def _seam(a: Vector, b: Vector) -> Part:
@@ -30,11 +30,10 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     elif "stripes" in attributes:
         parts += [ring((0, 0, z), math.sqrt(1 - z * z)) for z in (-seam, seam)]
     else:
-        wave = []
-        for i in range(8):
-            a, up = math.tau * i / 8, seam * math.cos(math.tau * i / 4)
-            wave.append((math.sqrt(1 - up * up) * math.cos(a), math.sqrt(1 - up * up) * math.sin(a), up))
-        parts.append(spline(*wave, closed=True))
+        # Four half circles on the ball, two up and two down, which meet upright.
+        away = math.sqrt(0.5)
+        parts.append(mirror(ring((away, 0, 0), away, "x", 0, 180), "x"))
+        parts.append(mirror(ring((0, away, 0), away, "y", 180, 360), "y"))
     return parts
 
 

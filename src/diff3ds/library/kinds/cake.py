@@ -11,9 +11,14 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     r, high = vary(0.8, 0.95), vary(0.5, 0.64)
     parts = [ring((0, 0, 0), 1.25 * r), lathe(line((r, 0, 0.04), (r, 0, high)), [(r, 0.04), (r, high)])]
     drip = high - 0.16
-    # Icing hangs down in eight bows.
-    c = math.sqrt(0.5)
-    bow = curve((r, 0, drip), (r, 0.2 * r, drip - 0.2), (1.2 * c * r, 0.8 * c * r, drip - 0.2), (c * r, c * r, drip))
+    # Icing hangs down in eight bows, each around an eighth of the cake: a cubic with such handles is on the circle.
+    c, handle = math.sqrt(0.5), 4 / 3 * math.tan(math.pi / 16)
+    bow = curve(
+        (r, 0, drip),
+        (r, handle * r, drip - 0.2),
+        ((1 + handle) * c * r, (1 - handle) * c * r, drip - 0.2),
+        (c * r, c * r, drip),
+    )
     parts.append(around(bow, 8))
     top = high
     if "two tiers" in attributes:

@@ -22,7 +22,7 @@ from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import CameraSampler, Objective, Step, fit
 from diff3ds.optimize.strokes import NoiseDeletion
-from diff3ds.render import Analytic, Rendering, available_backends, render
+from diff3ds.render import Analytic, Rendering, available_backends
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.exact_prior.exemplars import painted
@@ -33,6 +33,7 @@ from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
 from diff3ds.tasks.text_image.redraw import tidied
 from diff3ds.tasks.text_image.reference_view import followed
 from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions
+from diff3ds.with_surface import render as render_with_surface
 
 # A sketch that reaches less than this fraction of the cameras' distance is too small to be seen. Empirical.
 SMALLEST = 0.05
@@ -95,7 +96,7 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     around = turntable(sketch)
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     surface = None if faces is None else TriangleMesh.of_triangles(faces.numpy())
-    seen = tile_images(render(sketch, around).color, columns=4)
+    seen = seen_around(sketch, around, surface)
     sketch = write_results(out, sketch, around, seen, info, surface, sort=given is None)
     if stopped:
         raise Stopped
@@ -158,6 +159,11 @@ def turntable(sketch: Sketch) -> Cameras:
     """Eight views all around, in which the sketch is whole."""
     azimuths = [360 * i / PREVIEWS for i in range(PREVIEWS)]
     return framed(sketch, azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
+
+
+def seen_around(sketch: Sketch, cameras: Cameras, surface: TriangleMesh | None) -> Float[Tensor, "H W 3"]:
+    """The preview: a view beside the other, without the lines that the surface hides, and with its contours."""
+    return tile_images(render_with_surface(sketch, cameras, surface=surface).color, columns=4)
 
 
 def contact_sheet(step: Step, score: ScoreDistillation) -> Float[Tensor, "H W 3"]:

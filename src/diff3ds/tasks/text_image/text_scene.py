@@ -11,19 +11,18 @@ from typing import Any
 import torch
 
 from diff3ds._files import write_text
-from diff3ds.formats import load, tile_images
+from diff3ds.formats import load
 from diff3ds.formats.mesh import load_mesh
 from diff3ds.library.faces import Faces
 from diff3ds.library.layout import arranged_solids
 from diff3ds.library.phrase import Request
 from diff3ds.library.scene import Scene
-from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, write_results
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
-from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill, turntable
+from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill, seen_around, turntable
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
 
@@ -86,7 +85,7 @@ def run_scene(
     given = {**spec.subject.record, **spec.options()}
     chosen = {"things": plan["things"], "relations": plan["relations"]}
     info = RunInfo(given, chosen, seconds, [], {}, stopped)
-    sketch = write_results(out, sketch, around, tile_images(render(sketch, around).color, columns=4), info, surface)
+    sketch = write_results(out, sketch, around, seen_around(sketch, around, surface), info, surface)
     if stopped:
         raise Stopped
     return sketch
