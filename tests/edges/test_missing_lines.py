@@ -49,6 +49,18 @@ def test_an_edge_between_known_corners_is_found(missing):
     assert torch.equal(found.points[:11], curves.points)
 
 
+@pytest.mark.parametrize(("hidden", "count"), [(0.08, 12), (0.24, 11)])
+def test_a_line_may_be_hidden_for_a_part(hidden, count):
+    """Between the few points that are looked at first."""
+    lines = [segment(CORNERS[i], CORNERS[k]) for i, k in EDGES]
+    missing = lines.pop()
+    start, stop = 0.5 - hidden / 2, 0.5 + hidden / 2
+    at = np.linspace(0, 1, len(missing))
+    lines += [missing[at < start], missing[at > stop]]
+    ridges, views = ridges_along(CAMERAS, lines), views_of(CAMERAS, lines)
+    assert len(bridged(cube(EDGES[:-1]), CAMERAS, views, ridges, MIN_VIEWS)) == count
+
+
 def test_a_line_with_a_gap_becomes_one():
     ridges, views = looked_at()
     found = bridged(cube(EDGES, ((0.0, 0.4), (0.55, 1.0))), CAMERAS, views, ridges, MIN_VIEWS)

@@ -12,9 +12,17 @@ SHARP = np.deg2rad(38.0)
 UNEVEN, STRAIGHT = 3.0, np.deg2rad(1.0)
 
 
+def dot(one: Float[Array, "*a d"], other: Float[Array, "*b d"]) -> Float[Array, "*c"]:
+    """Products of few components, added one after the other: numpy is slow along short axes."""
+    total = one[..., 0] * other[..., 0]
+    for k in range(1, one.shape[-1]):
+        total = total + one[..., k] * other[..., k]
+    return np.asarray(total)
+
+
 def unit(vectors: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
     """The vectors at length 1."""
-    return np.asarray(vectors / (np.linalg.norm(vectors, axis=-1, keepdims=True) + TINY))
+    return np.asarray(vectors / (np.sqrt(dot(vectors, vectors)) + TINY)[..., None])
 
 
 def turns(before: Float[Array, "*a d"], after: Float[Array, "*b d"]) -> Float[Array, "*c"]:

@@ -17,6 +17,7 @@ from diff3ds.optimize.config import FitConfig, Rates
 from diff3ds.optimize.fit import fit
 from diff3ds.project import Strokes2D, project
 from diff3ds.render import Rendering
+from diff3ds.render.side_by_side import side_by_side
 from diff3ds.sketch import Sketch
 
 # [px; measured] Half width of the drawn ridges and curves. Wider ones give a less certain position.
@@ -80,7 +81,7 @@ def refined(
         report: called with the steps done and the loss.
     """
     shown = _Shown(views, curves, _orders(len(views), steps, seed))
-    targets = torch.stack([_as_bytes(draw_ridges(views, view)) for view in range(len(views))])
+    targets = torch.stack(side_by_side(lambda view: _as_bytes(draw_ridges(views, view)), len(views), len(views)))
 
     def objective(rendering: Rendering, cameras: Cameras, step: int) -> Tensor:
         target = targets[shown.batch(step)].to(rendering.alpha.dtype) / 255

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.camera import Cameras
-from diff3ds.curves.directions import unit
+from diff3ds.curves.directions import dot, unit
 from diff3ds.curves.shapes.curve_set import Curves, concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, Primitive, line_control
 from diff3ds.curves.shapes.smooth_joints import smooth_joints
@@ -21,6 +21,7 @@ from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.evidence.unexplained import unexplained
 from diff3ds.edges.measure.fit_ridges import LEAST_LINE
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
+from diff3ds.render.side_by_side import side_by_side
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -34,7 +35,7 @@ GLANCE = 4
 # models have some dozens to hundreds. Between those of thousands a long line is more likely chance.
 MOST_PAIRS = 200_000
 # [points in views; speed] So many sample points in views are looked at at once.
-BLOCK = 4_000_000
+BLOCK = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +104,12 @@ def bridged(
         curves, place = _with(curves, best)
         known = set(_vertices(curves)[0].tolist())
         likely = [pair for pair in likely if known.issuperset(pair)]
-        again = [pair for pair in likely if _touches(drawing, pair, best, views.pixel)]
+        again = [likely[i] for i in _touching(drawing, likely, best, views.pixel)]
         found = {pair: _renumbered(found[pair], place) for pair in likely}
 
 
 def _likely(curves: Curves, views: EdgeViews, min_views: float, capped: Capped) -> list[tuple[int, int]]:
-    """Pairs of vertices with ridges in enough views at a few sample points between them."""
+    """Pairs of vertices with ridges in enough views nearly all the way between them."""
     names, places, _ = _vertices(curves)
     pairs = np.stack(np.triu_indices(len(names), 1), 1)
     length = np.linalg.norm(places[pairs[:, 1]] - places[pairs[:, 0]], axis=1)
@@ -116,14 +117,24 @@ def _likely(curves: Curves, views: EdgeViews, min_views: float, capped: Capped) 
     if len(pairs) > MOST_PAIRS:
         capped("pairs of vertices", MOST_PAIRS, len(pairs))
         pairs = pairs[np.sort(np.argsort(length, kind="stable")[:MOST_PAIRS])]
-    for fraction in (np.arange(GLANCE) + 0.5) / GLANCE:
-        # In pieces, so that memory is bounded.
-        blocks = [b for b in np.array_split(pairs, len(pairs) * len(views) // BLOCK + 1) if len(b)]
-        shown = [
-            _between(places[block], np.array([fraction])).shown(views, SEEN).sum(0) >= min_views for block in blocks
-        ]
-        pairs = pairs[np.concatenate(shown)[:, 0]] if shown else pairs
+    # At a few points all must be shown, then at all of them as many as of a line.
+    for count, most in ((GLANCE, 0.0), (SAMPLES, (1 - COVERED) * SAMPLES)):
+        missed = np.zeros(len(pairs), np.int64)
+        for fraction in (np.arange(count) + 0.5) / count:
+            missed += _views_there(places[pairs], fraction, views) < min_views
+            pairs, missed = pairs[missed <= most], missed[missed <= most]
     return [(int(names[a]), int(names[b])) for a, b in pairs]
+
+
+def _views_there(ends: Float[Array, "P 2 3"], fraction: float, views: EdgeViews) -> Int[NDArray[np.int64], " P"]:
+    """How many views show lines between pairs of ends at this fraction of the way."""
+    # In pieces, so that memory is bounded.
+    pieces = np.array_split(ends, len(ends) * len(views) // BLOCK + 1)
+
+    def there(k: int) -> Int[NDArray[np.int64], " K"]:
+        return _between(pieces[k], np.array([fraction])).shown(views, SEEN).sum(0)[:, 0]
+
+    return np.concatenate(side_by_side(there, len(pieces), len(pieces)))
 
 
 def _drawing(curves: Curves) -> _Drawing:
@@ -136,12 +147,16 @@ def _drawing(curves: Curves) -> _Drawing:
     return _Drawing(curves, *_vertices(curves), lines, ends, tree, smooth)
 
 
-def _touches(drawing: _Drawing, vertices: tuple[int, int], bridge: _Bridge, pixel: float) -> bool:
-    """Whether a line between two vertices passes a bridge so close that one of them says something of the other."""
-    ends = drawing.places[np.searchsorted(drawing.names, [*vertices, *bridge.vertices])]
-    x = ends[0] + np.linspace(0, 1, 2 * SAMPLES)[:, None] * (ends[1] - ends[0])
-    spacing = float(np.linalg.norm(ends[1] - ends[0])) / SAMPLES
-    return bool((_off(x, ends[2], ends[3]) < (OPEN + SEEN) * pixel + spacing).any())
+def _touching(
+    drawing: _Drawing, pairs: list[tuple[int, int]], bridge: _Bridge, pixel: float
+) -> Int[NDArray[np.int64], " K"]:
+    """Between which pairs a line passes a bridge so close that one of them says something of the other."""
+    start, stop = drawing.places[np.searchsorted(drawing.names, bridge.vertices)]
+    ends = drawing.places[np.searchsorted(drawing.names, np.array(pairs, np.int64).reshape(-1, 2))]
+    way = ends[:, 1:] - ends[:, :1]
+    x = ends[:, :1] + np.linspace(0, 1, 2 * SAMPLES)[:, None] * way
+    spacing = np.sqrt(dot(way, way)) / SAMPLES
+    return np.nonzero((_off(x, start, stop) < (OPEN + SEEN) * pixel + spacing).any(1))[0]
 
 
 def _renumbered(bridge: _Bridge | None, place: NDArray[np.int64]) -> _Bridge | None:
@@ -202,11 +217,12 @@ def _beside(
     return np.asarray(_off(x, start, stop) < SEEN * pixel)
 
 
-def _off(x: Float[Array, "M 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, " M"]:
+def _off(x: Float[Array, "*m 3"], start: Float[Array, " 3"], stop: Float[Array, " 3"]) -> Float[Array, "*m"]:
     """Distances from a segment."""
     along = stop - start
-    fraction = np.clip((x - start) @ along / (along @ along), 0, 1)[:, None]
-    return np.asarray(np.linalg.norm(x - start - fraction * along, axis=1))
+    fraction = np.clip((x - start) @ along / (along @ along), 0, 1)[..., None]
+    apart = x - start - fraction * along
+    return np.sqrt(dot(apart, apart))
 
 
 def _with(curves: Curves, bridge: _Bridge) -> tuple[Curves, NDArray[np.int64]]:

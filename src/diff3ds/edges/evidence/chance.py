@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int
-from diff3ds.curves.directions import unit
+from diff3ds.curves.directions import dot, unit
 from diff3ds.edges.evidence.edge_views import OUTSIDE, EdgeViews
 from diff3ds.edges.evidence.support import NEAR, SLANT, headings
 
@@ -76,7 +76,7 @@ class Chance:
         """
         match = self.views.match(x)
         heading = headings(self.views, x, tangents, match.pixel)
-        across = np.abs((heading * self.views.normals[match.ridge]).sum(-1))
+        across = np.abs(dot(heading, self.views.normals.take(match.ridge, 0)))
         inside = match.distance < OUTSIDE
         asked = inside if asked is None else inside & asked
         shown = (match.distance < NEAR) & (across < SLANT)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from diff3ds._shapes import Array, Float, Int, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.edges.evidence.ridges import Ridges
+from diff3ds.render.side_by_side import side_by_side
 
 # [px; numerical] Distance of a point that a view does not contain.
 OUTSIDE = 99.0
@@ -76,9 +77,11 @@ class EdgeViews:
 
     def project(self, x: Float[Array, "M 3"]) -> tuple[Float[Array, "V M 2"], Float[Array, "V M"]]:
         """Pixels and depths of world points."""
-        homogeneous = x @ self.projection[..., :3].transpose(0, 2, 1) + self.projection[:, None, :, 3]
-        depth = homogeneous[..., 2]
-        return homogeneous[..., :2] / np.where(depth == 0, 1e-12, depth)[..., None], depth
+        # Each component lies in a row, which is several times as fast.
+        homogeneous = self.projection[..., :3] @ x.T
+        homogeneous += self.projection[..., 3:]
+        depth = homogeneous[:, 2]
+        return np.moveaxis(homogeneous[:, :2] / np.where(depth == 0, 1e-12, depth)[:, None], 1, -1), depth
 
     def match(self, x: Float[Array, "M 3"]) -> Matches:
         """The nearest ridge point in every view."""
@@ -137,7 +140,9 @@ def edge_views(cameras: Cameras, ridges: Sequence[Ridges]) -> EdgeViews:
     projection = _numpy(cameras.projection[:, :3])
     planes = [_planes(matrix, ridge) for matrix, ridge in zip(projection, ridges, strict=True)]
     start = np.cumsum([0, *(len(r) for r in ridges)])
-    nearest = [_nearest(r, cameras.size, int(offset)) for r, offset in zip(ridges, start, strict=False)]
+    nearest = side_by_side(
+        lambda view: _nearest(ridges[view], cameras.size, int(start[view])), len(ridges), len(ridges)
+    )
     return EdgeViews(
         cameras.size,
         projection,

@@ -6,10 +6,11 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float, Int, Tensor
 from diff3ds.bezier import evaluate
-from diff3ds.curves.directions import unit
+from diff3ds.curves.directions import dot, unit
 from diff3ds.curves.shapes.curve_set import Curves
 from diff3ds.curves.shapes.straight_lines import tangents_of
 from diff3ds.edges.evidence.edge_views import EdgeViews
+from diff3ds.render.side_by_side import side_by_side
 
 # [parts; empirical] Parts of a segment: a curve, or half of a closed one.
 PARTS = 6
@@ -88,7 +89,7 @@ def inliers(views: EdgeViews, x: Float[Array, "M 3"], tangents: Float[Array, "M 
     """
     match = views.match(x)
     heading = headings(views, x, tangents, match.pixel)
-    across = np.abs((heading * views.normals[match.ridge]).sum(-1))
+    across = np.abs(dot(heading, views.normals.take(match.ridge, 0)))
     return np.asarray((match.distance < within) & (across < SLANT))
 
 
@@ -120,19 +121,25 @@ def crowded(
     by = np.ones(len(x), bool) if by is None else by
     pixel = views.project(x)[0]
     heading = headings(views, x, tangents, pixel)
-    found = np.zeros(pixel.shape[:2], bool)
-    for view in range(len(views)):
-        seen = np.abs(pixel[view]).max(1) < 1e6
+    # Of each component all points lie in a row: there are millions of pairs.
+    places, along = np.ascontiguousarray(x.T), np.ascontiguousarray(tangents.T)
+
+    def beside_another(view: int) -> Bool[NDArray[np.bool_], " M"]:
+        seen = (np.abs(pixel[view]) < 1e6).all(1)
         asked, others = (np.nonzero(seen & which)[0] for which in (True if at is None else at[view], by))
         own, other = (cKDTree(pixel[view][rows]) for rows in (asked, others))
         pairs = own.sparse_distance_matrix(other, within, output_type="ndarray")
-        here, beside = asked[pairs["i"]], others[pairs["j"]]
+        here, beside = asked.take(pairs["i"]), others.take(pairs["j"])
+        u, v = np.ascontiguousarray(heading[view].T)
+        same_way = np.abs(u.take(here) * v.take(beside) - v.take(here) * u.take(beside)) < SLANT
+        here, beside = here[same_way], beside[same_way]
         # Which of the two comes first says along which of them they are apart.
         first, second = np.minimum(here, beside), np.maximum(here, beside)
-        turned = heading[view, first, 0] * heading[view, second, 1] - heading[view, first, 1] * heading[view, second, 0]
+        step = [axis.take(first) - axis.take(second) for axis in places]
         # Across the line: a line seen from its end is no other line.
-        step = x[first] - x[second]
-        step = step - (step * tangents[first]).sum(1, keepdims=True) * tangents[first]
-        two = np.linalg.norm(step, axis=1) > APART * views.pixel
-        found[view, here[(np.abs(turned) < SLANT) & two]] = True
-    return found
+        on = sum(a * axis.take(first) for a, axis in zip(step, along, strict=True))
+        found = np.zeros(len(x), bool)
+        found[here[sum(a * a for a in step) - on**2 > (APART * views.pixel) ** 2]] = True
+        return found
+
+    return np.stack(side_by_side(beside_another, len(views), len(views)))

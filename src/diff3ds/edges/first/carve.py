@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float, Int
+from diff3ds._shapes import Array, Bool, Float, Int
 from diff3ds.edges.evidence.chance import chance_near, told
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.watch import Capped, Tick, no_tick, not_said
+from diff3ds.render.side_by_side import side_by_side
 
 # [sides; derived] Half the space diagonal of a cube of side 1: no point of a cell lies farther from its centre.
 HALF_DIAGONAL = np.sqrt(3) / 2
@@ -75,18 +76,25 @@ def _likeliest(views: EdgeViews, cells: Float[Array, "M 3"], side: float, most: 
     if len(cells) <= most:
         return cells
     radius = HALF_DIAGONAL * side
-    odds = np.zeros(len(cells), np.float32)
-    for view in range(len(views)):
+
+    def chances(view: int) -> list[Float[NDArray[np.float32], " P"]]:
         chance = chance_near(views, view, radius / views.pixel).ravel()
         one = np.ones_like(chance, bool)
-        passed, missed = (told(shown[None], chance[None], SEEN, one[None]).astype(np.float32) for shown in (one, ~one))
-        # In pieces, so that no array leaves the processor's cache.
-        for piece in np.array_split(np.arange(len(cells)), len(cells) // (8 * CHUNK) + 1):
-            rows = slice(piece[0], piece[-1] + 1)
-            off, depth, place = views.nearby(view, cells[rows])
+        return [told(shown[None], chance[None], SEEN, one[None]).astype(np.float32) for shown in (one, ~one)]
+
+    of_views = side_by_side(chances, len(views), len(views))
+    # In pieces, so that no array leaves the processor's cache.
+    pieces = np.array_split(cells, len(cells) // (8 * CHUNK) + 1)
+
+    def odds_of(piece: int) -> Float[NDArray[np.float32], " K"]:
+        odds = np.zeros(len(pieces[piece]), np.float32)
+        for view, (passed, missed) in enumerate(of_views):
+            off, depth, place = views.nearby(view, pieces[piece])
             near = off * np.maximum(depth, 1e-9) ** 2 < (radius * views.focal[view]) ** 2
-            told_here = np.where(near, passed.take(place), missed.take(place))
-            odds[rows] += np.where(np.isfinite(off), told_here, 0)
+            odds += np.where(np.isfinite(off), np.where(near, passed.take(place), missed.take(place)), 0)
+        return odds
+
+    odds = np.concatenate(side_by_side(odds_of, len(pieces), len(pieces)))
     return cells[np.sort(np.argsort(-odds, kind="stable")[:most])]
 
 
@@ -113,9 +121,10 @@ def _divided(
 def _count(views: EdgeViews, cells: Float[Array, "M 3"], side: float) -> Int[NDArray[np.int64], " M"]:
     """How many views have a ridge within the pixels that half the diagonal of a cell covers."""
     radius = HALF_DIAGONAL * side * views.focal
-    count = np.zeros(len(cells), np.int64)
+
     # View by view, in single precision: no array leaves the processor's cache.
-    for view in range(len(views)):
+    def passed(view: int) -> Bool[NDArray[np.bool_], " M"]:
         off, depth, _ = views.nearby(view, cells)
-        count += off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2
-    return count
+        return np.asarray(off * np.maximum(depth, 1e-9) ** 2 < radius[view] ** 2)
+
+    return np.sum(side_by_side(passed, len(views), len(views)), axis=0, dtype=np.int64)

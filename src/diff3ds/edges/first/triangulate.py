@@ -10,6 +10,7 @@ from diff3ds._shapes import Array, Float
 from diff3ds.edges.evidence.edge_views import EdgeViews
 from diff3ds.edges.first.carve import CELL, CHUNK
 from diff3ds.edges.watch import Tick, no_tick
+from diff3ds.render.side_by_side import side_by_side
 
 # [rounds; empirical] Rounds of moving points onto the edges.
 ROUNDS = 8
@@ -67,10 +68,13 @@ def triangulate(
         least_score: of a point to stay, at the end; half of it on the way.
         tick: see `watch`.
     """
-    parts = []
-    for i in range(0, len(starts), CHUNK):
-        tick(i, len(starts))
-        parts.append(_triangulated(views, starts[i : i + CHUNK], least_score))
+    count = -(-len(starts) // CHUNK)
+    parts = side_by_side(
+        lambda k: _triangulated(views, starts[k * CHUNK : (k + 1) * CHUNK], least_score),
+        count,
+        count,
+        lambda done: tick(min(done * CHUNK, len(starts)), len(starts)),
+    )
     if not parts:
         return EdgePoints(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     return EdgePoints(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("points", "directions", "scores")))

@@ -20,6 +20,7 @@ from diff3ds.edges.reconstruct import reconstruct
 from diff3ds.pictures.content.line_width import line_width
 from diff3ds.pictures.dataset import PosedPictures
 from diff3ds.pictures.frame import Frame, bound_by_points, frame_of
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.views.edge_fit.edge_course import EdgeCourse
@@ -30,6 +31,8 @@ from diff3ds.tasks.views.plan import Fitted
 from diff3ds.tasks.views.views_options import ViewsOptions
 
 
+# Torch's own threads wait for each other busily, and what they would share here is small.
+@torch_on_one_thread()
 def fit_edges(
     pictures: PosedPictures,
     options: ViewsOptions,
