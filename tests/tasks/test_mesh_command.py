@@ -169,6 +169,10 @@ def test_the_function_is_the_command(tmp_path):
     # The four longest edges, along x in the file, which with y up lie along y.
     span = (sketch.points[:, -1] - sketch.points[:, 0]).abs()
     assert span.tolist() == [[0, 3, 0]] * 4
+    every, low = (ds.mesh_to_sketch(tmp_path / "box.obj", detail=d, up="y", turntable=0, size=32) for d in (1.0, 0.3))
+    assert 1 <= len(low) < len(every)
+    assert torch.equal(low.points, every.at_detail(0.3).points)
+    assert low.kinds == every.at_detail(0.3).kinds
     with pytest.raises(TypeError, match="no option 'stroke'"):
         ds.mesh_to_sketch(tmp_path / "box.obj", stroke=4)
 
@@ -239,7 +243,7 @@ def test_what_is_refused_leaves_no_files(tmp_path, capsys):
     (tmp_path / "a.txt").write_text("x")
     assert "cannot load '.txt' as a mesh" in fails(["mesh", str(tmp_path / "a.txt"), *out], capsys)
     good = str(box(tmp_path / "box.obj"))
-    assert "--strokes must be at least 1" in fails(["mesh", good, *out, "--strokes", "0"], capsys)
+    assert "--strokes must be a whole number, at least 1" in fails(["mesh", good, *out, "--strokes", "0"], capsys)
     assert "--angle must be between 0 and 180" in fails(["mesh", good, *out, "--angle", "180"], capsys)
     assert "--turntable must be 0" in fails(["mesh", good, *out, "--turntable", "1"], capsys)
     assert not (tmp_path / "out").exists()

@@ -32,6 +32,9 @@ def test_a_box_far_from_the_origin_has_twelve_edges_where_it_is(tmp_path):
     assert bool((sketch.importance[1:] <= sketch.importance[:-1]).all())
     few = ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "few", strokes=4)
     assert torch.equal(few.points, sketch.points[:4])
+    low = ds.points_to_sketch(tmp_path / "box.npy", detail=0.3)
+    assert 1 < len(low) < 12
+    assert torch.equal(low.points, sketch.at_detail(0.3).points)
     with pytest.raises(ValueError, match="holds a run"):
         ds.points_to_sketch(tmp_path / "box.npy", tmp_path / "run")
 
@@ -67,7 +70,9 @@ def test_a_cloud_without_edges_says_what_it_is(tmp_path):
 def test_options_out_of_range_are_refused(tmp_path):
     with pytest.raises(ValueError, match="seed must not be negative"):
         ds.points_to_sketch(tmp_path / "a.npy", seed=-1)
-    with pytest.raises(ValueError, match="strokes must be at least 1"):
+    with pytest.raises(ValueError, match="strokes must be a whole number, at least 1"):
         ds.points_to_sketch(tmp_path / "a.npy", strokes=0)
+    with pytest.raises(ValueError, match="detail must be from 0"):
+        ds.points_to_sketch(tmp_path / "a.npy", detail=2.0)
     with pytest.raises(ValueError, match="size must be from 1"):
         ds.points_to_sketch(tmp_path / "a.npy", size=0)

@@ -296,6 +296,8 @@ def test_what_views_cannot_go_on_from_is_said(tmp_path):
         run_views(None, tmp_path / "out", ViewsOptions(start=tmp_path / "far.json", size=96))
     with pytest.raises(ValueError, match="leave --strokes out"):
         ViewsOptions(start=tmp_path / "far.json", strokes=5)
+    with pytest.raises(ValueError, match="leave --detail out"):
+        ViewsOptions(start=tmp_path / "far.json", detail=0.5)
     with pytest.raises(ValueError, match="leave --init random out"):
         ViewsOptions(start=tmp_path / "far.json", init="random")
     assert not (tmp_path / "out").exists()

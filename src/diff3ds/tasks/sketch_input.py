@@ -7,6 +7,7 @@ from diff3ds.curves.importance import Ranked
 from diff3ds.formats import load
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.seen_around import ranked_around
+from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.detail_options import WHOLE, DetailOptions
 
 
@@ -28,13 +29,17 @@ def load_sketch(source: Path) -> Sketch:
     return sketch
 
 
-def at_level(sketch: Sketch, level: DetailOptions) -> Ranked:
-    """The strokes that are asked for, and their numbers; where none is known to be important, these are found."""
+def at_level(sketch: Sketch, level: DetailOptions, surface: TriangleMesh | None = None) -> Ranked:
+    """The strokes that are asked for, and their numbers; where none is known to be important, these are found.
+
+    Args:
+        surface: what hides strokes then.
+    """
     known = Ranked(sketch, list(range(len(sketch))))
     if level == WHOLE:
         return known
     if sketch.importance is None:
-        known = ranked_around(sketch)
+        known = ranked_around(sketch, surface)
     worth = known.sketch.importance
     assert worth is not None
     rows = kept(worth, level.detail, level.strokes).nonzero().flatten().tolist()

@@ -34,6 +34,7 @@ from diff3ds.surfaces.shape.colors import SurfaceColors, colored
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.svg.path_ids import KEPT
+from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.form_lines import thinned
 from diff3ds.tasks.mesh.mesh_lines import FixedLines, feature_lines
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
@@ -43,6 +44,7 @@ from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.stroke_layers import layers_by
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
+from diff3ds.tasks.sketch_input import at_level
 from diff3ds.transforms import load_transforms
 
 # The turntable, pixels of its frames, and frames a second.
@@ -109,6 +111,7 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     read = read.by_forms(options, say)
     mesh, colors = read.mesh, read.colors
     made = sketch_mesh(mesh, options, report, read.edges)
+    made = _at_detail(made, mesh, options.detail)
     made = replace(made, sketch=_colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE and CONTOUR in made.kinds:
         say(
@@ -181,6 +184,14 @@ def _write_drawings(
         save_png(out / f"{name}.png", pictures[view])
         names |= {f"{name}.svg", f"{name}.png"}
     return names
+
+
+def _at_detail(made: MeshSketch, mesh: TriangleMesh, detail: float) -> MeshSketch:
+    """The strokes that say most, in the order that they had."""
+    if detail == 1:
+        return made
+    rows = sorted(at_level(made.sketch, DetailOptions(detail), mesh).strokes)
+    return replace(made, sketch=made.sketch[rows], kinds=tuple(made.kinds[row] for row in rows))
 
 
 def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:

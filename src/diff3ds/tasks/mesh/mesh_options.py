@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from diff3ds._settings import MAX_SIZE
+from diff3ds._settings import MAX_SIZE, check_level
 from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.render_options import MOST_FRAMES, LayerBy, OrbitOptions
 
@@ -24,6 +24,8 @@ class MeshOptions:
             creases would be scraps, as on an animal.
         strokes: so many strokes at most, those that show most from all sides. By default all creases and borders; of
             a thing most of whose outlines are smooth, up to 24 fitted to its outlines as well.
+        detail: from 0 (one stroke) to 1 (all): the most important strokes alone, of which there are the more the
+            higher it is.
         rounded: whether a rounded edge of a bumpy, rounded or scanned mesh is one line, where its sides would meet, or
             the two tangent lines at which it begins; a solid has its own.
         tangent: what becomes of lines between faces that go on smoothly in each other, a solid's edges and tangent
@@ -44,6 +46,7 @@ class MeshOptions:
     up: Literal["z", "y"] = "z"
     angle: float | None = None
     strokes: int | None = None
+    detail: float = 1.0
     rounded: Literal["edge", "tangents"] = "edge"
     tangent: Literal["drawn", "thin", "hidden"] = "thin"
     contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
@@ -59,8 +62,7 @@ class MeshOptions:
     def __post_init__(self) -> None:
         if self.angle is not None and not 0 < self.angle < 180:
             raise ValueError(f"angle must be between 0 and 180 degrees, got {self.angle:g}")
-        if self.strokes is not None and self.strokes < 1:
-            raise ValueError(f"strokes must be at least 1, got {self.strokes}")
+        check_level(self.detail, self.strokes)
         if not 1 <= self.size <= MAX_SIZE:
             raise ValueError(f"size must be from 1 to {MAX_SIZE} pixels, got {self.size}")
         if self.turntable != 0 and not 2 <= self.turntable <= MOST_FRAMES:

@@ -17,11 +17,13 @@ from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.form.form_curves import FormCurves, form_curves
 from diff3ds.surfaces.form.samples import Samples
+from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.form_lines import form_lines, thinned, told_forms, with_tangents
 from diff3ds.tasks.points.points_options import PointsOptions
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
+from diff3ds.tasks.sketch_input import at_level
 
 # Of more points than this so many are looked at: edges are found from many fewer. Empirical.
 MOST_POINTS = 60_000
@@ -74,7 +76,8 @@ def _drawn_points(
             f"{source}: all its {len(found.edges)} edges are rounded, and --tangent hidden leaves them out"
         )
     sketch, order = ranked(thinned(sketch, kinds, options.tangent))
-    sketch, kinds = sketch[: options.strokes], tuple(kinds[stroke] for stroke in order[: options.strokes])
+    sketch, rows = at_level(sketch, DetailOptions(options.detail, options.strokes))
+    kinds = tuple(kinds[order[row]] for row in rows)
     seconds["edges"] = time.perf_counter() - begun - sum(seconds.values())
     report(Progress("edges", 1, 1, None, len(sketch), sketch=sketch.detach))
     view = options.view

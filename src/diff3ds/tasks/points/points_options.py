@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from diff3ds._settings import MAX_SIZE
+from diff3ds._settings import MAX_SIZE, check_level
 from diff3ds.tasks.render.render_options import OrbitOptions
 
 
@@ -18,6 +18,8 @@ class PointsOptions:
             begins.
         tangent: what becomes of tangent lines: drawn, thin (half as wide as other lines) or hidden.
         strokes: so many strokes at most, the most important ones; by default all.
+        detail: from 0 (one stroke) to 1 (all): the most important strokes alone, of which there are the more the
+            higher it is.
         seed: of what is drawn by chance.
         size: of a view of the preview, pixels.
         overwrite: the folder's run may be lost.
@@ -28,6 +30,7 @@ class PointsOptions:
     rounded: Literal["edge", "tangents"] = "edge"
     tangent: Literal["drawn", "thin", "hidden"] = "thin"
     strokes: int | None = None
+    detail: float = 1.0
     seed: int = 0
     size: int = 512
     overwrite: bool = False
@@ -35,7 +38,6 @@ class PointsOptions:
     def __post_init__(self) -> None:
         if not 1 <= self.size <= MAX_SIZE:
             raise ValueError(f"size must be from 1 to {MAX_SIZE} pixels, got {self.size}")
-        if self.strokes is not None and self.strokes < 1:
-            raise ValueError(f"strokes must be at least 1, got {self.strokes}")
+        check_level(self.detail, self.strokes)
         if self.seed < 0:
             raise ValueError(f"seed must not be negative, got {self.seed}")

@@ -17,11 +17,13 @@ from diff3ds.pictures.reading.read_view import DECODED
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.cameras.run_cameras import are_estimated
+from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.mesh.draw_mesh import sketch_mesh
 from diff3ds.tasks.mesh.mesh_options import MeshOptions
 from diff3ds.tasks.progress import Progress, Report, StageTimes, Stopped
 from diff3ds.tasks.results import SURFACE, RunInfo, check_output_folder, output_folder, write_results
 from diff3ds.tasks.run_log import logged
+from diff3ds.tasks.sketch_input import at_level
 from diff3ds.tasks.start_sketch import load_start
 from diff3ds.tasks.views.beside_targets import after_targets, preview
 from diff3ds.tasks.views.descents import (
@@ -124,8 +126,9 @@ def _run(
         scene = dataclasses.replace(scene, surface=_surface_again(scene, fitted, options, report, say))
     if scene.surface is not None and scene.pictures.target != "color" and OUTLINES not in fitted.chosen:
         fitted = _without_outlines(fitted, scene.surface, report, say)
-    if options.strokes is not None and scene.pictures.target != "color" and options.init == "carve":
-        fitted = _at_most(fitted, options.strokes, say)
+    # Colours and random curves are fitted with so many strokes from the start.
+    found = scene.pictures.target != "color" and options.init == "carve"
+    fitted = _at_level(fitted, DetailOptions(options.detail, options.strokes if found else None), say)
     fitted, scene = _placed(fitted, scene, options, say)
     # Outlines of its surface are drawn exactly, each view's own.
     strokes = fitted.sketch[:0] if OUTLINES in fitted.chosen else fitted.sketch
@@ -170,12 +173,12 @@ def _without_outlines(fitted: Fitted, surface: TriangleMesh, report: Report, say
     return dataclasses.replace(fitted, sketch=fitted.sketch[~false], chosen=chosen)
 
 
-def _at_most(fitted: Fitted, count: int, say: Callable[[str], None]) -> Fitted:
-    """The sketch with its most important strokes alone, where it has more than so many."""
-    sketch = fitted.sketch if fitted.sketch.importance is not None else ranked(fitted.sketch).sketch
-    if len(sketch) > count:
-        say(f"{count} of {len(sketch)} strokes are kept, the most important ones")
-    return dataclasses.replace(fitted, sketch=sketch.at_detail(strokes=count))
+def _at_level(fitted: Fitted, level: DetailOptions, say: Callable[[str], None]) -> Fitted:
+    """The sketch with its most important strokes alone, if all are not asked for."""
+    sketch = at_level(fitted.sketch, level).sketch
+    if len(sketch) < len(fitted.sketch):
+        say(f"{len(sketch)} of {len(fitted.sketch)} strokes are kept, the most important ones")
+    return dataclasses.replace(fitted, sketch=sketch)
 
 
 def _placed(fitted: Fitted, scene: Scene, options: ViewsOptions, say: Callable[[str], None]) -> tuple[Fitted, Scene]:

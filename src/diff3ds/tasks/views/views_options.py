@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
 
-from diff3ds._settings import check_seed, require_finite
+from diff3ds._settings import check_level, check_seed, require_finite
 from diff3ds.photogrammetry.scale_options import check_scale
 from diff3ds.pictures.picture_options import Masks, Target, parse_color, parse_color_or_path
 
@@ -35,6 +35,8 @@ class ViewsOptions:
         init: where edges start: carve (curves through 3D points on which the views agree), or random curves.
         strokes: so many strokes at most. Of a coloured sketch by default as many, from 64 to 1024, as its details need;
             of edges the most important ones, by default all; random curves for edges, by default 128.
+        detail: from 0 (one stroke) to 1 (all): the most important strokes alone, of which there are the more the
+            higher it is.
         steps: gradient steps from random curves or for colour; by default 1200.
         batch: views of such a step; by default 10 for edges, 5 for colour.
         background: what lies behind the object in coloured pictures: white, black or R,G,B, each from 0 to 1; a
@@ -69,6 +71,7 @@ class ViewsOptions:
     detector: Detector = "gradients"
     init: Init = "carve"
     strokes: int | None = None
+    detail: float = 1.0
     steps: int | None = None
     batch: int | None = None
     background: str | None = None
@@ -106,8 +109,9 @@ class ViewsOptions:
         check_scale(self.scale, self.between)
         if self.start is not None and (self.up == "auto" or self.scale is not None):
             raise ValueError("--from goes on in the world of its sketch: leave --up and --scale out")
-        if self.start is not None and (self.strokes is not None or self.init == "random"):
-            given = "--init random" if self.strokes is None else "--strokes"
+        check_level(self.detail, None)
+        if self.start is not None and (self.strokes is not None or self.init == "random" or self.detail < 1):
+            given = "--strokes" if self.strokes is not None else "--detail" if self.detail < 1 else "--init random"
             raise ValueError(f"--from gives the strokes, as they are: leave {given} out")
         for name in ("strokes", "steps", "batch", "size"):
             value = getattr(self, name)
