@@ -144,6 +144,19 @@ def pydiffvg() -> str:
     return markdown(["scene", "ms of", "DiffVG", "diff3ds", "times as fast"], rows) + source_of("pydiffvg")
 
 
+def growth() -> str:
+    """What each job takes at the usual size, at ten and at a hundred times that."""
+    read = results_of("growth")["figures"]
+    rows = []
+    for name, job in read["jobs"].items():
+        cells = [f"{r['size']:,}: {digits(r['processor'])} s, {digits(r['mb'])} MB" for r in job["rows"]]
+        cells += [f"{size:,}: not in {read['limit']} s" for size in job["sizes"][len(cells) : len(cells) + 1]]
+        exponent = "" if job["exponent"] is None else f"{job['exponent']:.2f}"
+        rows.append([name, job["over"], *cells, *[""] * (3 - len(cells)), exponent])
+    head = ["job", "over", "usual", "10 times", "100 times", "exponent"]
+    return markdown(head, rows) + source_of("growth")
+
+
 TABLES: tuple[Callable[[], str], ...] = (
     speed,
     machines,
@@ -154,4 +167,5 @@ TABLES: tuple[Callable[[], str], ...] = (
     agreement,
     differences,
     pydiffvg,
+    growth,
 )

@@ -352,9 +352,10 @@ def test_constraints_leave_to_torch_what_it_brings():
 
 
 def test_what_lands_has_passed_all_tests():
-    """`.ci/run` ends with the README's command and the slow tests: what neither of both runs guards nothing."""
-    *_, quick, slow = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
+    """`.ci/run` ends with the README's command, the slow tests, and the quick ones with annotations checked."""
+    *_, quick, slow, checked = (ROOT / ".ci/run").read_text(encoding="utf-8").splitlines()
     assert f"&& {quick}\n" in (ROOT / "README.md").read_text(encoding="utf-8")
-    assert slow == f"exec {quick} -m slow"
+    assert slow == f"{quick} -m slow"
+    assert checked == f"exec {quick} --jaxtyping-packages=diff3ds,annotations.checked"
     options = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
     assert '-m "not slow" -n auto' in options["addopts"]
