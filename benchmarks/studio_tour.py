@@ -83,7 +83,12 @@ def tour(browser: Any, address: str, folder: Path, begun: float) -> None:
     done(browser, 3)
     taken(browser, folder, "gallery")
     browser.open(browser.value("document.querySelector('#cards h3 a').href"), *SIZE)
-    browser.settle("document.querySelectorAll('#desk select').length === 2")
+    browser.settle("document.querySelectorAll('#desk select').length === 3")
+    browser.value(
+        "(([style, hatch]) => { style.value = 'pencil'; hatch.value = 'light'; "
+        "style.dispatchEvent(new Event('change')); })(document.querySelectorAll('#desk select'))"
+    )
+    browser.settle("document.getElementById('preview').naturalWidth === 1024")
     taken(browser, folder, "sketch")
 
 

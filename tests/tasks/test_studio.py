@@ -12,12 +12,15 @@ import zipfile
 from contextlib import closing
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 import torch
 from served_page import served_studio
 from waiting import until
 
 import diff3ds as ds
+from diff3ds.formats.mesh import save_surface
+from diff3ds.photogrammetry.find_project import find_project, present_views
 from diff3ds.tasks.studio import downloads, dropped
 from diff3ds.tasks.studio.drawn import guesses_of, picture_of
 from diff3ds.tasks.studio.entry import Entry, entries_in, free_name
@@ -108,6 +111,12 @@ def zipped(names: dict[str, bytes]) -> bytes:
 
 PLY = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n{}end_header\n"
 PHOTOGRAPHS = {f"trip/{i}.jpg": png() for i in range(3)}
+COLMAP = {f"images/{i}.jpg": png() for i in range(3)} | {
+    "database.db": b"x",
+    "sparse/0/cameras.txt": b"1 PINHOLE 16 16 20 20 8 8\n",
+    "sparse/0/images.txt": "".join(f"{i + 1} 1 0 0 0 0 0 {i + 3} 1 {i}.jpg\n\n" for i in range(3)).encode(),
+    "sparse/0/points3D.txt": b"",
+}
 
 
 @pytest.mark.parametrize(
@@ -125,6 +134,8 @@ PHOTOGRAPHS = {f"trip/{i}.jpg": png() for i in range(3)}
         ({"part.step": b"ISO-10303-21;"}, "a sketch", ""),
         ({"part.igs": b""}, "solids", "mesh"),
         ({"sketch.json": b"{}"}, "a sketch", ""),
+        ({f"p/{name}": content for name, content in COLMAP.items()}, "3 photographs of one thing", "views"),
+        ({"p.zip": zipped(COLMAP)}, "3 photographs of one thing", "views"),
         (PHOTOGRAPHS, "3 photographs of one thing", "views"),
         ({f"{i}.png": png() for i in range(4)}, "4 pictures of one thing", "views"),
         ({"trip.zip": zipped({**PHOTOGRAPHS, "__MACOSX/trip/._0.png": b"x"})}, "3 photographs of one thing", "views"),
@@ -137,6 +148,14 @@ def test_what_was_dropped_is_found_out(tmp_path, files, what, command):
     assert found.source.exists()
     assert found.source.is_dir() == (command == "views")
     assert found.options == ({"target": "color-edges"} if "photographs" in what else {})
+
+
+@pytest.mark.parametrize(
+    "files", [{f"p/{name}": content for name, content in COLMAP.items()}, {"p.zip": zipped(COLMAP)}]
+)
+def test_the_cameras_of_a_project_of_colmap_that_is_dropped_are_found(tmp_path, files):
+    views = present_views(find_project(drop(tmp_path, files).source))
+    assert sorted(view.picture.name for view in views) == ["0.jpg", "1.jpg", "2.jpg"]
 
 
 @pytest.mark.parametrize(
@@ -373,6 +392,29 @@ def test_a_sketch_that_is_dropped_is_shown_saved_and_told_in_every_format(studio
     call(studio, f"files/{'e' * 16}/broken.json", "POST", b"[]")
     assert put(studio, "jobs", {"group": "e" * 16})[0] == 400
     assert [entry.name for entry in studio.line.entries()] == ["mine"]
+
+
+def test_a_drawing_is_saved_with_the_looks_that_were_chosen(studio, tmp_path):
+    ds.save(tmp_path / "mine.json", lines(3))
+    call(studio, f"files/{GROUP}/mine.json", "POST", (tmp_path / "mine.json").read_bytes())
+    put(studio, "jobs", {"group": GROUP})
+
+    def paths(looks: str) -> int:
+        status, content, _ = call(studio, f"runs/mine/download/svg?{looks}")
+        assert status == 200, content
+        return content.count(b"<path")
+
+    about = json.loads(call(studio, "runs/mine/about")[1])
+    assert about["hatches"] == []
+    bare = paths("hatch=light")
+    corners = np.array([[-1.0, -1, -1], [1, -1, -1], [0, 1, -1], [0, 0, 1]])
+    save_surface(tmp_path / "mine/surface.glb", corners, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]))
+    assert json.loads(call(studio, "runs/mine/about")[1])["hatches"] == ["light", "depth"]
+    assert paths("hatch=light&hidden=show") > paths("hidden=show") >= bare
+    plain, on_paper = (call(studio, f"runs/mine/download/png?style=ink{more}") for more in ("", "&paper=true"))
+    assert plain[0] == on_paper[0] == 200
+    assert plain[1] != on_paper[1]
+    assert call(studio, "runs/mine/download/svg?hatch=x")[0] == 400
 
 
 @pytest.mark.slow

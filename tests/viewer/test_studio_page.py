@@ -151,13 +151,13 @@ def test_from_a_phrase_to_files_of_its_sketch(browser, tmp_path):
         browser.settle("document.querySelector('[data-state=done]') !== null")
         browser.settle("document.querySelector('#cards .face img')?.naturalWidth === 320")
         browser.open(browser.value("document.querySelector('#cards h3 a').href"), 1000, 900)
-        browser.settle("document.querySelectorAll('#desk select').length === 2")
+        browser.settle("document.querySelectorAll('#desk select').length === 3")
         # The file is of the view that the page shows, and looks like it.
         browser.value("window.saved = []; URL.createObjectURL = blob => { saved.push(blob); return '#'; }")
         for key in ("svg", "step", "dxf", "glb", "html", "json"):
             count = browser.value("saved.length")
             browser.value(
-                f"(([, format]) => {{ format.value = '{key}'; format.dispatchEvent(new Event('change')); }})"
+                f"(([, , format]) => {{ format.value = '{key}'; format.dispatchEvent(new Event('change')); }})"
                 "(document.querySelectorAll('#desk select'));"
                 "[...document.querySelectorAll('#desk button')].find(b => b.textContent === 'Save').click()"
             )
@@ -171,6 +171,15 @@ def test_from_a_phrase_to_files_of_its_sketch(browser, tmp_path):
         assert texts[4] == (tmp_path / "a-chair/sketch.json").read_text()
         browser.value("[...document.querySelectorAll('#desk button')].find(b => b.textContent === 'Look').click()")
         browser.settle("document.querySelector('dialog[open] img')?.naturalWidth === 1024")
+        # What is chosen is shown at once.
+        browser.value("document.querySelector('dialog[open]').close()")
+        assert browser.value("document.getElementById('preview').hidden")
+        browser.value(
+            "(([style, hatch]) => { style.value = 'ink'; hatch.value = 'light'; "
+            "style.dispatchEvent(new Event('change')); })(document.querySelectorAll('#desk select'))"
+        )
+        browser.settle("document.getElementById('preview').naturalWidth === 1024")
+        assert "shadows by light" in browser.value("document.getElementById('preview').alt")
         assert not browser.errors
         # Drawn anew from its own strokes.
         browser.value("[...document.querySelectorAll('#desk button')].find(b => /again/.test(b.textContent)).click()")

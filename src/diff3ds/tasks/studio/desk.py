@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any
 
 from diff3ds.formats import save
+from diff3ds.tasks.results import SURFACE
 from diff3ds.tasks.serving.answer import Answer, Asked, as_json, refused
 from diff3ds.tasks.sketch_input import load_sketch
 from diff3ds.tasks.studio import downloads, drawn, dropped, said
@@ -138,7 +139,9 @@ class Desk:
                 {"key": key, "name": each.name, "purpose": each.purpose} for key, each in downloads.FORMATS.items()
             ]
             again = entry.command in ("text", "image", "views")
-            return as_json({**self._about(entry), "formats": formats, "styles": downloads.STYLES, "again": again})
+            hatches = downloads.HATCHES if (self._line.out / name / SURFACE).is_file() else ()
+            looks = {"styles": downloads.STYLES, "hatches": hatches}
+            return as_json({**self._about(entry), "formats": formats, **looks, "again": again})
         if asked.method == "GET" and asked.name == "face":
             return self._face(self._line.out / name)
         if asked.method == "GET" and asked.name.startswith("download/"):

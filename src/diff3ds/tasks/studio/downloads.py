@@ -8,12 +8,16 @@ from typing import get_args
 from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.export.export import run_export
 from diff3ds.tasks.export.export_options import ExportOptions
+from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions, SurfaceOptions
 from diff3ds.tasks.render.render_views import run_render
+from diff3ds.tasks.results import SURFACE
 from diff3ds.tasks.style_options import OF_BRUSHES, StyleName, StyleOptions
 
 # Without those that need a brush.
 STYLES = tuple(name for name in get_args(StyleName) if name not in OF_BRUSHES)
+# How surfaces are made darker.
+HATCHES = ("light", "depth")
 # Pixels of a picture, and of one by which a sketch is known.
 SIZE, SMALL = 1024, 320
 
@@ -62,8 +66,8 @@ def made(folder: Path, title: str, name: str, question: dict[str, str], size: in
         folder: of the run.
         title: of the file.
         name: of the format.
-        question: of a drawing: `azimuth` and `elevation`, degrees; `hidden`, `style` and `detail`, as options have
-            them.
+        question: of a drawing: `azimuth` and `elevation`, degrees; `hidden`, `style`, `hatch` and `detail`, as options
+            have them; `paper`, if it is on one with fibres, which styles have.
         size: of a drawing, pixels.
 
     Raises:
@@ -84,17 +88,21 @@ def made(folder: Path, title: str, name: str, question: dict[str, str], size: in
             run_export(folder, file, ExportOptions(), StyleOptions(), level=level)
             return file.name, file.read_bytes()
         view = OrbitOptions((azimuth % 360,), max(-90.0, min(90.0, elevation)))
-        hidden = question.get("hidden") if (folder / "surface.glb").is_file() and not wanted.centerline else None
+        hides = (folder / SURFACE).is_file() and not wanted.centerline
+        hidden, hatch = (question.get(key) or None if hides else None for key in ("hidden", "hatch"))
         if hidden not in (None, "drop", "faint", "dashed", "show"):
             raise ValueError(f"hidden lines are drop, faint, dashed or show, not {hidden!r}")
         style = None if wanted.centerline else question.get("style") or None
         if style not in (None, *STYLES):
             raise ValueError(f"a style is one of {', '.join(STYLES)}, not {style!r}")
+        if hatch not in (None, *HATCHES):
+            raise ValueError(f"hatching is by {' or '.join(HATCHES)}, not {hatch!r}")
+        paper = style is not None and question.get("paper") == "true"
         options = (
             view,
             PictureOptions(size=str(size), centerline=wanted.centerline),
-            SurfaceOptions(hidden=hidden),  # type: ignore[arg-type] # one of these
-            StyleOptions(style=style),  # type: ignore[arg-type] # one of these
+            SurfaceOptions(hidden=hidden, tone=HatchOptions(hatch)),  # type: ignore[arg-type] # one of these
+            StyleOptions(style=style, paper=paper),  # type: ignore[arg-type] # one of these
         )
         (written, *_) = run_render(folder, file, *options, lambda _: None, level)
         return file.name, written.read_bytes()

@@ -19,8 +19,8 @@ function chooser(label, choices) {
   return [made("label", {}, `${label} `, select), select];
 }
 
-async function saveFile(key, style) {
-  const answer = await fetch(addressOf(key, style ? { style } : {}), { cache: "no-store" }).catch(() => null);
+async function saveFile(key, looks) {
+  const answer = await fetch(addressOf(key, looks), { cache: "no-store" }).catch(() => null);
   if (!answer?.ok) return notify(answer ? await answer.text() : "The studio does not answer.");
   const name = /filename="(.*)"/.exec(answer.headers.get("Content-Disposition"))?.[1] ?? key;
   const link = made("a", { href: URL.createObjectURL(await answer.blob()), download: name });
@@ -32,6 +32,10 @@ async function layOutDesk() {
   const about = await ask("about").then((answer) => answer.json(), () => null);
   if (!about) return;
   const [styled, style] = chooser("Style", [["", "as it is"], ...about.styles.map((name) => [name, name])]);
+  const [hatched, hatch] = chooser("Shadows", [["", "none"], ...about.hatches.map((name) => [name, `by ${name}`])]);
+  hatched.hidden = !about.hatches.length;
+  const paper = made("input", { type: "checkbox" });
+  const onPaper = made("label", {}, paper, " Paper");
   const [saved, format] = chooser("Save as", about.formats.map(({ key, name }) => [key, name]));
   const purpose = made("p", { id: "purpose" });
   const explain = () => {
@@ -39,11 +43,27 @@ async function layOutDesk() {
   };
   format.addEventListener("change", explain);
   explain();
+  const looks = () => ({
+    ...(style.value && { style: style.value, ...(paper.checked && { paper: true }) }),
+    ...(hatch.value && { hatch: hatch.value }),
+  });
+  const preview = made("img", { id: "preview", hidden: "" });
+  // As soon as something is chosen, a small picture shows it.
+  const show = () => {
+    onPaper.hidden = !style.value;
+    const chosen = looks();
+    preview.hidden = !Object.keys(chosen).length;
+    if (preview.hidden) return;
+    preview.src = addressOf("png", chosen);
+    preview.alt = `It in this look: ${[style.value, hatch.value && `shadows by ${hatch.value}`].filter(Boolean).join(", ")}`;
+  };
+  for (const choice of [style, hatch, paper]) choice.addEventListener("change", show);
+  show();
   const look = made("button", { type: "button" }, "Look");
-  look.addEventListener("click", () => enlarge(addressOf("png", style.value ? { style: style.value } : {}), style.value || "as it is"));
+  look.addEventListener("click", () => enlarge(addressOf("png", looks()), style.value || "as it is"));
   const save = made("button", { type: "button" }, "Save");
-  save.addEventListener("click", () => saveFile(format.value, style.value));
-  desk.append(made("div", {}, styled, look), made("div", {}, saved, save), purpose);
+  save.addEventListener("click", () => saveFile(format.value, looks()));
+  desk.append(made("div", {}, styled, look), made("div", {}, hatched, onPaper), preview, made("div", {}, saved, save), purpose);
   if (about.again) {
     const again = made("button", { type: "button" }, "Make it again; fixed strokes stay");
     again.addEventListener("click", async () => {
