@@ -16,7 +16,9 @@ Surface = Form | FreeForm
 # Newton steps towards two or three forms at once, and where free ones are among them, which are dear.
 STEPS, FREE_STEPS = 12, 4
 # And from a point of a path to the next, and for all of them once they are there.
-MARCHED, AFTERWARDS = 2, 3
+MARCHED, AFTERWARDS = 1, 3
+# The step, relative to the largest coordinate, after which there is only rounding. Numerical.
+SETTLED = 1e-14
 # Axes that are nearer to parallel (sine) and to each other (world units over the size of what they belong to) than
 # rounding count as one; a form is regularised before. Numerical.
 SAME = 1e-6
@@ -97,6 +99,8 @@ def onto(
         gram += 1e-9 * np.eye(len(forms))
         step = np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(gram, (off - away)[..., None])
         x = x - step[..., 0]
+        if np.abs(step).max(initial=0.0) <= SETTLED * np.abs(x).max(initial=0.0):
+            break
     return x
 
 

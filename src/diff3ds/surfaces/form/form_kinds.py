@@ -122,12 +122,15 @@ class Form:
         far = np.maximum(np.hypot(out, h), TINY)
         return far - radius, out / far, h / far
 
-    def fitted(self, points: Float[Array, "S 3"], scale: float, held: Set[int] = frozenset()) -> "Form":
+    def fitted(
+        self, points: Float[Array, "S 3"], scale: float, held: Set[int] = frozenset(), settled: float = SETTLED
+    ) -> "Form":
         """The form of this kind nearest to points, by least squares of which outliers have no part.
 
         Args:
             scale: of the points' distances, world units.
             held: numbers of `FREE` that stay as they are.
+            settled: the step, relative to the size of the points, that ends the fit.
         """
         form = self.recentred(points)
         free = [k for k in FREE[form.kind] if k not in held]
@@ -145,7 +148,7 @@ class Form:
             # No step is longer than what the data can say something about.
             step *= min(1.0, size / max(np.abs(step).max(), TINY))
             form = form._moved(step)
-            if np.abs(step).max() < SETTLED * size:
+            if np.abs(step).max() < settled * size:
                 break
         return form.recentred(points)
 

@@ -25,6 +25,8 @@ LEAST, LEAST_SHARE = 12, 0.0012
 FAILURES = 60
 # Times a form is refitted while it grows, and the samples that a fit looks at then, and once it has grown.
 GROWN, GROWING, REFITTED = 6, 500, 1500
+# The step that ends a fit while a form grows, relative to the size of its samples; what has grown is fitted again.
+ROUGH = 1e-4
 # A kind with more numbers is taken where it makes the mean square distance so much smaller. Empirical.
 BETTER = 1.12
 # A form rounder than this, in longest sides, is flat. Empirical.
@@ -63,6 +65,7 @@ class _Search:
         self.free = np.ones(len(samples), bool)
         self.found: list[Found] = []
         self.tree = cKDTree(samples.points)
+        self.middle = samples.points.mean(0)
         self.reach = within(samples)
         self.least = max(LEAST, int(LEAST_SHARE * len(samples)))
 
@@ -118,7 +121,7 @@ class _Search:
         """Whether forms are what their kind says, and not nearly a simpler one."""
         size = self.samples.size
         ok = np.isfinite(form.center).all(-1) & np.isfinite(form.radius)
-        ok &= np.linalg.norm(form.center - self.samples.points.mean(0), axis=-1) < 100 * size
+        ok &= np.linalg.norm(form.center - self.middle, axis=-1) < 100 * size
         if form.kind == FormKind.CONE:
             return np.asarray(ok & (np.abs(form.angle) > 0.03) & (np.abs(form.angle) < 1.5))
         if form.kind == FormKind.TORUS:
@@ -134,10 +137,11 @@ class _Search:
 
     def _grown(self, form: Form) -> Found | None:
         """The form refitted to the largest piece of what it explains, and to that of what it explains then."""
-        points, normals = self.samples.points, self.samples.normals
+        free = np.flatnonzero(self.free)
+        points, normals = self.samples.points[free], self.samples.normals[free]
         members: Index = np.zeros(0, np.int64)
         for step in range(GROWN):
-            rows = np.flatnonzero(self.free & (self._weights(form, points, normals) > 0))
+            rows = free[self._weights(form, points, normals) > 0]
             before, members = len(members), self._largest(rows)
             if len(members) < self.least:
                 return None
@@ -161,7 +165,7 @@ class _Search:
         some = members[np.unique(np.linspace(0, len(members) - 1, GROWING).astype(int))]
         points, normals = self.samples.points[some], self.samples.normals[some]
         scale = self.reach / 2
-        own = form.fitted(points, scale)
+        own = form.fitted(points, scale, settled=ROUGH)
         return best_kind(own, points, normals, scale, self._sound, self.samples) if other_kinds else own
 
 
@@ -174,7 +178,7 @@ def best_kind(
     fits = {own.kind: own}
     for one in fits_of_patches(points[None], turned[None]):
         if one.kind != own.kind and sound(one[0]):
-            fits[one.kind] = one[0].fitted(points, scale)
+            fits[one.kind] = one[0].fitted(points, scale, settled=ROUGH)
     floor = (0.2 * samples.noise) ** 2 + (1e-4 * samples.size) ** 2
     found: Form | None = None
     price = np.inf

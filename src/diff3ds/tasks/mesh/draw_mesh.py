@@ -19,6 +19,7 @@ from diff3ds.losses import lengths
 from diff3ds.page.drawn_paths import ink_boxes
 from diff3ds.page.sheet.page_layout import filled, widened
 from diff3ds.render import render
+from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
 from diff3ds.surfaces.draw import CONTOUR, Lines, lines_for_pixels, visible_lines
@@ -101,6 +102,7 @@ def run_mesh(
         return _drawn_mesh(source, out, options, report, say)
 
 
+@torch_on_one_thread()
 def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, say: Callable[[str], None]) -> Sketch:
     """Reads, draws and writes."""
     begun = time.perf_counter()
