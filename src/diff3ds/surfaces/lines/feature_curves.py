@@ -138,29 +138,34 @@ _Piece = tuple[list[int], list[Primitive]]
 def few_pieces(vertices: Float[Array, "V 3"], chain: list[int], pixel: float) -> Iterator[_Piece]:
     """A chain in as few curves as can be from its start: each goes as far as it fits."""
     while len(chain) > 1:
-        count = _longest(vertices[chain], pixel)
-        strokes = _fit(vertices[chain[:count]], pixel)
-        assert strokes is not None
+        count, strokes = _longest(vertices[chain], pixel)
         yield chain[:count], strokes
         chain = chain[count - 1 :]
 
 
-def _longest(points: Float[Array, "M 3"], pixel: float) -> int:
+def _longest(points: Float[Array, "M 3"], pixel: float) -> tuple[int, list[Primitive]]:
     """How many of the points, from the first on, one curve fits: twice as many while it does, then between."""
+
+    def fit(count: int) -> list[Primitive] | None:
+        return _fit(points[:count], pixel)
+
     # A part of an ellipse may say too little about it.
-    if _fit(points, pixel):
-        return len(points)
+    if found := fit(len(points)):
+        return len(points), found
     few = min(len(points), LEAST_CUBIC)
-    good = next(count for count in range(few, 1, -1) if _fit(points[:count], pixel))
+    good, found = next((count, found) for count in range(few, 1, -1) if (found := fit(count)))
     if good < few:
-        return good
+        return good, found
     bad = min(2 * good, len(points))
-    while _fit(points[:bad], pixel):
-        good, bad = bad, min(2 * bad, len(points))
+    while more := fit(bad):
+        good, found, bad = bad, more, min(2 * bad, len(points))
     while bad - good > 1:
         middle = (good + bad) // 2
-        good, bad = (middle, bad) if _fit(points[:middle], pixel) else (good, middle)
-    return good
+        if more := fit(middle):
+            good, found = middle, more
+        else:
+            bad = middle
+    return good, found
 
 
 def _fit(points: Float[Array, "M 3"], pixel: float) -> list[Primitive] | None:
