@@ -78,6 +78,32 @@ def test_what_has_flat_faces_stays_as_it_is(sides: int) -> None:
     assert ds.smooth_surface(mesh, 1e-6) is mesh
 
 
+def bevelled_box(bevel: float) -> ds.TriangleMesh:
+    """A cube with bevelled edges, whose corners have become small triangles that lead from one bevel to the next."""
+    from itertools import permutations, product
+
+    from scipy.spatial import ConvexHull
+
+    sides = set(permutations((1.0, 1 - bevel, 1 - bevel)))
+    points = np.array([np.multiply(side, sign) for side in sorted(sides) for sign in product((1, -1), repeat=3)])
+    hull = ConvexHull(points)
+    a, b, c = points[hull.simplices].transpose(1, 0, 2)
+    inwards = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    return ds.TriangleMesh(points, np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices))
+
+
+def test_bevels_that_meet_at_a_small_corner_stay_flat() -> None:
+    # Corner and bevel meet at 35.3 degrees, which is no crease, and bevels at 60.
+    box = bevelled_box(0.02)
+    smooth = ds.smooth_surface(box, 1e-4)
+    np.testing.assert_array_equal(smooth.vertices, box.vertices)
+    np.testing.assert_allclose(box.corner_normals, np.repeat(box.face_normals[:, None], 3, 1), atol=1e-9)
+
+
+def test_corners_as_large_as_what_they_join_are_round() -> None:
+    assert len(ds.smooth_surface(bevelled_box(0.5), 1e-4)) > len(bevelled_box(0.5))
+
+
 def test_the_border_of_an_open_cylinder_becomes_round() -> None:
     mesh = prism(12)
     ends = np.isin(mesh.faces, [24, 25]).any(1)

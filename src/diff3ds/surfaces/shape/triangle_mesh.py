@@ -18,6 +18,9 @@ CREASE = 38.0
 ON_SURFACE = 1 / 256
 # What is nearer to a point than this, as a share of the mesh's size, does not lie in front of it: rounding.
 TOUCHING = 1e-7
+# Faces of one smooth surface around a vertex turn by no more than this, and those of one plane by less than this,
+# degrees; beside a face one so many times smaller says nothing of where it bends. Empirical.
+STEEP, LEVEL, SMALL = 45.0, 0.1, 50.0
 Mesh = TypeVar("Mesh", bound="TriangleMesh")
 
 
@@ -267,20 +270,43 @@ class TriangleMesh:
 
     @property
     def fans(self) -> tuple[Int[Index, " C"], int]:
-        """Which corners of faces, 3 a face, share a normal: those around a vertex that no crease or border parts."""
+        """Which corners of faces, 3 a face, share a normal: those around a vertex that no crease or border parts.
+
+        Large faces that turn away from each other by more than a smooth surface does share none, though small ones
+        lead from one to the other, as that of a bevelled corner does: there only what is flat is together.
+        """
+        smooth = (self.edge_counts == 2) & ~self.is_crease
+        one, other = self._corners_at(smooth)
+        fan = self._together(one, other)
+        area, normal = np.repeat(self.face_areas, 3), np.repeat(self.face_normals, 3, axis=0)
+        order = np.lexsort((area, fan))
+        largest = order[np.append(np.flatnonzero(np.diff(fan[order])), len(fan) - 1)][fan]
+        large = area * SMALL > area[largest]
+        both = large[one] & large[other]
+        among = self._together(one[both], other[both])
+        steep = np.einsum("ci,ci->c", normal, normal[largest]) < np.cos(np.radians(STEEP))
+        led_round = np.unique(fan[large & steep & (among != among[largest])])
+        if len(led_round):
+            kept = ~np.isin(fan[one], led_round) | (np.repeat(np.abs(self.turns[smooth]), 2) < LEVEL)
+            fan = self._together(one[kept], other[kept])
+        return fan, int(fan.max(initial=-1)) + 1
+
+    def _corners_at(self, edges: Bool[Mask, " E"]) -> tuple[Int[Index, " N"], Int[Index, " N"]]:
+        """The corners, 3 a face, of both faces at the ends of some edges, each next to that of the other."""
+        one, other = (
+            3 * face[:, None] + (self.faces[face][:, None, :] == self.edges[edges][:, :, None]).argmax(2)
+            for face in self.edge_faces[edges].T
+        )
+        return one.ravel(), other.ravel()
+
+    def _together(self, one: Int[Index, " N"], other: Int[Index, " N"]) -> Int[Index, " C"]:
+        """Numbers of the corners, the same of those that pairs of them lead from one to the other."""
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
-        smooth = (self.edge_counts == 2) & ~self.is_crease
-        corners = [
-            3 * face[:, None] + (self.faces[face][:, None, :] == self.edges[smooth][:, :, None]).argmax(2)
-            for face in self.edge_faces[smooth].T
-        ]
-        one, other = (corner.ravel() for corner in corners)
         count = 3 * len(self.faces)
         graph = coo_matrix((np.ones(len(one), bool), (one, other)), shape=(count, count))
-        fans, fan = connected_components(graph, directed=False)
-        return fan.astype(np.int64), int(fans)
+        return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _angle(crease: float) -> float:
