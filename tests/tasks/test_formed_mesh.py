@@ -57,6 +57,12 @@ def test_a_bumpy_box_lies_on_six_planes_and_the_edges_of_these_are_its_creases()
     assert np.abs(found.mesh.vertices[found.mesh.faces[flat]] / HALF).max(2).min() > 0.99
 
 
+def test_what_has_no_more_faces_than_people_model_by_hand_is_as_it_was_meant() -> None:
+    coarse = rounded_box(0.002, cells=12)
+    assert 1000 < len(coarse) < 3000
+    assert formed(coarse, "edge", lambda line: None) is None
+
+
 def test_rounded_edges_are_two_tangent_lines_where_these_are_asked_for() -> None:
     found = formed(rounded_box(0.002), "tangents", lambda line: None)
     assert found is not None

@@ -16,8 +16,8 @@ from diff3ds.tasks.form_lines import form_lines, told_forms
 # Where so large a share of the length of edges turns by less than this, degrees, a mesh is as its maker meant it: in
 # those of trimesh's models that are of CAD at least .4, in outputs of generators and scans at most .1. Empirical.
 FLAT, AS_MEANT = 0.1, 0.2
-# Fewer faces say nothing of noise.
-FEWEST = 500
+# Of fewer faces people model by hand what is bent and folded all over, as a car's body; a scan has more. Empirical.
+FEWEST = 3000
 # A mesh whose vertices are off by less than this, in lengths of its edges, is smooth. Empirical.
 SMOOTH = 0.01
 # Of what has forms so large a share is flat, of an animal one part in twenty; or there is so much noise, in lengths of
