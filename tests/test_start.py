@@ -26,7 +26,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["diff3ds.cli", "rich", "torch", "numpy", "diff3ds.tasks.doctor"])
+@pytest.mark.parametrize("module", ["diff3ds.cli", "rich", "torch", "numpy", "diff3ds.tasks.doctor.diagnosis"])
 def test_ctrl_c_while_it_loads_ends_it_without_a_word(module):
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, module, "doctor"], capture_output=True, text=True, timeout=300, check=False

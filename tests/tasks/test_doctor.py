@@ -16,8 +16,8 @@ from huggingface_hub import constants
 from rich.console import Console
 from tiny_zero123 import save_zero123
 
-from diff3ds.tasks import doctor
-from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+from diff3ds.tasks.doctor import diagnosis as doctor
+from diff3ds.tasks.doctor.diagnosis import as_json, as_tables, diagnose
 from diff3ds.tasks.evaluate.judges import JudgeOptions
 from diff3ds.tasks.text_image.prior_options import BUILT_IN
 from diff3ds.tasks.views.color_fit.doodle import DoodleOptions
@@ -272,6 +272,6 @@ def test_forbidden_connections_are_named(monkeypatch):
 
 
 def test_only_the_reference_renders(monkeypatch):
-    monkeypatch.setattr("diff3ds.tasks.doctor.available_backends", lambda: ["reference"])
+    monkeypatch.setattr("diff3ds.tasks.doctor.diagnosis.available_backends", lambda: ["reference"])
     (found,) = (finding for finding in diagnose().base if finding.name == "renderers")
     assert (found.found, found.advice) == ("reference", doctor.KERNEL_ADVICE)

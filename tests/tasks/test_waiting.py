@@ -38,7 +38,7 @@ class EnoughError(Exception):
 def device(monkeypatch):
     """Where strokes and networks are."""
     monkeypatch.setattr(upload, "QUEUED", (NAME,))
-    monkeypatch.setattr(distillation, "_place", lambda wanted: THERE)
+    monkeypatch.setattr(distillation, "place_of", lambda wanted: THERE)
     loop = import_module("diff3ds.optimize.fit")
     monkeypatch.setattr(loop, "render", drawn)
     # Which waits, rightly: the run is left after a few steps.

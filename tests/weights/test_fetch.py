@@ -1,6 +1,7 @@
 """Fetching weights with the hub's own client from a server on this machine that breaks, lies and refuses."""
 
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -76,6 +77,28 @@ def test_a_second_time_nothing_is_transferred(hub):
     hub.requests.clear()
     fetch("zero123")
     assert not [request for request in hub.requests if request[0] == "GET"]
+
+
+def test_how_much_comes_from_where_is_said_before_it_comes(hub):
+    """And which copies are gone; where some of it is here already, how much that is."""
+    hub.files = {SECOND: repository()}
+    hub.breaks[UNET] = [2_000_000] + [0] * download.ATTEMPTS
+    said, gets = [], []
+
+    def say(line):
+        said.append(line)
+        gets.append([request for request in hub.requests if request[0] == "GET"])
+
+    with pytest.raises(ConnectionError):
+        fetch("zero123", say=say)
+    gone, offer = said
+    assert gone == f"{FIRST}@main: not there, or private; trying {SECOND}@main"
+    assert re.fullmatch(rf"from https://huggingface.co/{SECOND}, commit {COMMIT[:12]}: 3.0 MB; to \S+", offer)
+    assert gets == [[], []]
+    hub.breaks.clear()
+    fetch("zero123", say=say)
+    # The autoencoder, the projection and settings come behind the network.
+    assert re.search(r": 3.0 MB, of which 2.0 MB are here; to ", said[-1])
 
 
 def test_half_precision_is_preferred(hub):

@@ -1,5 +1,6 @@
 """The commands that set something up: `fetch`, `prior train` and `doctor`."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,7 +10,9 @@ from rich.progress import Progress as Bars
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from diff3ds.command_line.console import PlainConsole, progress_on, sayer
+from diff3ds.command_line.exit_codes import FAULT
 from diff3ds.command_line.interrupt import importing
+from diff3ds.tasks.doctor.trial_options import TrialOptions
 from diff3ds.tasks.small_prior.train_options import TrainOptions
 from diff3ds.weights.weight_options import FetchOptions
 
@@ -44,7 +47,7 @@ class Fetch:
             def report(transfer: Transfer) -> None:
                 bars.update(task, description=transfer.name, total=transfer.total, completed=transfer.done)
 
-            folder = fetch(self.name, self.fetch, report)
+            folder = fetch(self.name, self.fetch, report, say)
         say(f"{self.name}: {folder}")
 
 
@@ -76,18 +79,40 @@ class Prior:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Say what is installed, which weights are here, what each prior needs, and how to get what is missing."""
+    """Say what is installed, which weights are here, what each prior needs, and how to get what is missing.
 
+    With --try, whether the weights of a prior do what a prior must: its pictures come back from latents, noise is told
+    from a drawing, views agree, a blurred drawing is pulled to a sharp one; and what a step of a run takes. The exit
+    code is 0 if all is sound, else 1.
+    """
+
+    trial: OmitArgPrefixes[TrialOptions]
     # Print JSON.
     json: bool = False
 
     def run(self) -> None:
         """Runs the command."""
+        if self.trial.prior is not None:
+            self._try()
+            return
         with importing():
-            from diff3ds.tasks.doctor import as_json, as_tables, diagnose
+            from diff3ds.tasks.doctor.diagnosis import as_json, as_tables, diagnose
 
         found = diagnose()
         if self.json:
             print(as_json(found))
         else:
             PlainConsole().print(as_tables(found))
+
+    def _try(self) -> None:
+        with importing():
+            from diff3ds.tasks.doctor.trial import try_prior
+            from diff3ds.tasks.doctor.trial_report import trial_as_json, trial_as_tables
+
+        trial = try_prior(self.trial, sayer(PlainConsole(stderr=True)))
+        if self.json:
+            print(trial_as_json(trial))
+        else:
+            PlainConsole().print(trial_as_tables(trial))
+        if not trial.sound:
+            sys.exit(FAULT)

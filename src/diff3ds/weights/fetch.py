@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.filesize import decimal
+
 from diff3ds.weights.catalog import KNOWN, Known
 from diff3ds.weights.download import TIMEOUT, RemoteFile, begun, digest_of, disk_full, download, transport_error
 from diff3ds.weights.judge_catalog import ELSEWHERE, JUDGES, Judge
@@ -48,7 +50,10 @@ def notice(name: str) -> str:
 
 
 def fetch(
-    name: str, options: FetchOptions | None = None, report: Callable[[Transfer], None] = lambda transfer: None
+    name: str,
+    options: FetchOptions | None = None,
+    report: Callable[[Transfer], None] = lambda transfer: None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Path:
     """Downloads the weights of a prior or judge into the hub's cache, where they are found from then on.
 
@@ -60,6 +65,7 @@ def fetch(
         name: of the prior or judge.
         options: default `FetchOptions()`.
         report: called as bytes arrive.
+        say: told, before any byte of weights comes, from where, how much, and which copies are not to be had, and why.
 
     Returns:
         The folder of the weights.
@@ -77,9 +83,11 @@ def fetch(
     sources, reasons = _sources(known, options), []
     for source in sources:
         try:
-            return _fetch_from(source, _selection(known, source.variant), report)
+            return _fetch_from(source, _selection(known, source.variant), report, say)
         except UnavailableError as error:
             reasons.append(f"{source}: {error}")
+            if source is not sources[-1]:
+                say(f"{source}: {error}; trying {sources[len(reasons)]}")
     raise ConnectionError(
         f"no copy of the weights of {name} can be had:\n  " + "\n  ".join(reasons) + "\n"
         "Without a connection: run the same command on a machine that has one, copy its folder "
@@ -118,7 +126,9 @@ def _sources(known: Known | Judge, options: FetchOptions) -> list[Source]:
     return [Source.parse(options.weights, options.variant)]
 
 
-def _fetch_from(source: Source, select: Selection, report: Callable[[Transfer], None]) -> Path:
+def _fetch_from(
+    source: Source, select: Selection, report: Callable[[Transfer], None], say: Callable[[str], None]
+) -> Path:
     commit, files = _files(source, select)
     store = _cache() / _folder(source.place)
     # A file of the cache is its blob, or, on systems without links, only the name that shows it.
@@ -126,8 +136,10 @@ def _fetch_from(source: Source, select: Selection, report: Callable[[Transfer], 
     for name, file in files.items():
         _drop_damaged(places[name], file.digest)
     missing = {name: file for name, file in files.items() if not any(place.exists() for place in places[name])}
-    _require_room(store / "blobs", missing.values())
-    total = sum(file.size for file in files.values())
+    total, coming = sum(file.size for file in files.values()), _coming(store / "blobs", missing.values())
+    here = f", of which {decimal(total - coming)} are here" if coming < total else ""
+    say(f"from https://huggingface.co/{source.place}, commit {commit[:12]}: {decimal(total)}{here}; to {store}")
+    _require_room(store / "blobs", coming)
     before = total - sum(file.size for file in missing.values())
     for name, file in missing.items():
 
@@ -181,9 +193,13 @@ def _linked(source: Source, names: list[str], select: Selection) -> Path:
     return folder
 
 
-def _require_room(blobs: Path, files: Collection[RemoteFile]) -> None:
+def _coming(blobs: Path, files: Collection[RemoteFile]) -> int:
+    """Bytes that are still to come."""
+    return sum(file.size - begun(blobs / file.digest) for file in files)
+
+
+def _require_room(blobs: Path, coming: int) -> None:
     there = next(folder for folder in (blobs, *blobs.parents) if folder.exists())
-    coming = sum(file.size - begun(blobs / file.digest) for file in files)
     if shutil.disk_usage(there).free < coming:
         raise disk_full(there, coming)
 

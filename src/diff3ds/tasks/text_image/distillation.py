@@ -64,7 +64,7 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     given = None if source is None else load_start(source, out)
     config = _config(prior, spec, out)
     score = ScoreDistillation(prior.denoiser, _recipe(prior, spec), config.steps, spec.descent.seed)
-    place = _place(prior.network)
+    place = place_of(prior.network)
     orbits = _orbits(prior.denoiser, spec.cameras)
     objective, cameras = placed(*followed(score, orbits, prior.reference, place), place)
     if not spec.output.resume:
@@ -130,7 +130,7 @@ def _advice(network: Network | None) -> str:
     return "the weights of the prior may be damaged: fetch them again, or name others by --weights"
 
 
-def _place(network: Network | None) -> torch.device:
+def place_of(network: Network | None) -> torch.device:
     """The device that strokes are drawn on: that of the prior's network, if the renderer runs there, else the CPU."""
     if network and network.device.type == "cuda" and "cuda" in available_backends():
         return network.device

@@ -163,38 +163,50 @@ def as_json(diagnosis: Diagnosis) -> str:
 
 def as_tables(diagnosis: Diagnosis) -> Group:
     """The diagnosis for people, to be printed by rich; 80 columns do."""
-    software = _table("software", "", "what to do")
+    software = table("software", "", "what to do")
     for finding in (*diagnosis.base, *diagnosis.packages, diagnosis.weights):
-        _add(software, finding.name, finding.found or "not here", finding.advice)
-    devices = _table("device", "", "free memory")
+        added(software, finding.name, finding.found or "not here", finding.advice)
+    devices = table("device", "", "free memory")
     for device in diagnosis.devices:
-        _add(devices, device.name, device.about, "" if device.free is None else f"{device.free / 1e9:.1f} GB")
+        added(devices, device.name, device.about, "" if device.free is None else f"{device.free / 1e9:.1f} GB")
     slow = "cpu, slowly" if len(diagnosis.devices) == 1 else "GPUs too full"
-    priors, licences = _table("prior", "weights", "GPU", "runs on"), _table("weights of", "download", "licence")
+    priors, licences = table("prior", "weights", "GPU", "runs on"), table("weights of", "download", "licence")
     for ready in diagnosis.built_in:
-        _add(priors, ready.name, ready.found or ready.advice, "", "any machine")
+        added(priors, ready.name, ready.found or ready.advice, "", "any machine")
     for prior in diagnosis.priors:
         weights = "here" if prior.folder else prior.command
-        _add(priors, prior.name, weights, f"{prior.memory} GB", ", ".join(prior.devices) or slow)
-        _add(licences, prior.name, f"{prior.download} GB", f"{prior.licence}. {prior.warning}".strip())
-    judges = _table("judge", "option", "weights")
+        added(priors, prior.name, weights, f"{prior.memory} GB", ", ".join(prior.devices) or slow)
+        added(licences, prior.name, f"{prior.download} GB", f"{prior.licence}. {prior.warning}".strip())
+    judges = table("judge", "option", "weights")
     for judge in diagnosis.judges:
-        _add(judges, judge.name, judge.option, " ".join(filter(None, (judge.found, judge.advice))))
+        added(judges, judge.name, judge.option, " ".join(filter(None, (judge.found, judge.advice))))
     broken = [Text(f"{prior.name}: {copy}") for prior in diagnosis.priors for copy in prior.incomplete]
     return Group(software, "", devices, "", priors, *broken, "", licences, "", judges)
 
 
-def _table(*columns: str) -> Table:
-    table = Table(*columns, box=None, pad_edge=False, padding=(0, 2, 0, 0), title_justify="left")
-    for column in table.columns:
+def table(*columns: str) -> Table:
+    """An empty table, whose first column stays whole."""
+    made = Table(*columns, box=None, pad_edge=False, padding=(0, 2, 0, 0), title_justify="left")
+    for column in made.columns:
         column.overflow = "fold"
-    table.columns[0].no_wrap = True
-    return table
+    made.columns[0].no_wrap = True
+    return made
 
 
-def _add(table: Table, *cells: str) -> None:
-    """A row of plain text, in which rich would take the brackets of an extra for markup."""
-    table.add_row(*map(Text, cells))
+def added(to: Table, *cells: str) -> None:
+    """Adds a row of plain text, in which rich would take the brackets of an extra for markup."""
+    to.add_row(*map(Text, cells))
+
+
+def software() -> tuple[Finding, ...]:
+    """What renders, and what computes."""
+    devices = _devices()
+    return (*_base(devices), *(Finding(device.name, device.about) for device in devices))
+
+
+def packages_of(extra: str) -> tuple[Finding, ...]:
+    """The packages of an extra."""
+    return tuple(_package(name, extra) for name in OPTIONAL[extra])
 
 
 def _base(devices: tuple[Device, ...]) -> tuple[Finding, ...]:
@@ -210,7 +222,7 @@ def _base(devices: tuple[Device, ...]) -> tuple[Finding, ...]:
 
 
 def _packages() -> tuple[Finding, ...]:
-    return (*(_package(name, extra) for extra, names in OPTIONAL.items() for name in names), *_gpu_compiler())
+    return (*(found for extra in OPTIONAL for found in packages_of(extra)), *_gpu_compiler())
 
 
 def _gpu_compiler() -> tuple[Finding, ...]:
