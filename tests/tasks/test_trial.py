@@ -77,6 +77,33 @@ def test_an_exact_prior_is_sound(monkeypatch):
     assert 0 < found.cost.step < 60
 
 
+class Guessing(ExemplarDenoiser):
+    """Predicts the multiple of the noisy pictures with the least error, and nothing of what it knows."""
+
+    power = None
+
+    def encode(self, images, generator):
+        latents = super().encode(images, generator)
+        # Of the sharp pictures, which come first.
+        self.power = latents.detach().square().mean() if self.power is None else self.power
+        return latents
+
+    def predict(self, noisy, timesteps, cameras, branches):
+        kept = self.schedule.alpha_bar(timesteps, noisy)
+        return ((1 - kept).sqrt() / (kept * self.power + 1 - kept) * noisy).expand(len(branches), *noisy.shape)
+
+
+def test_the_best_guess_is_measured_as_one_and_not_sound(monkeypatch):
+    """Its error is that of the formula, but for the chance of this noise: 1 % in 12,288 numbers."""
+    prior = exact("by heart")
+    prior.denoiser.__class__ = Guessing
+    monkeypatch.setattr(trial, "load_tried", lambda options, shown: prior)
+    found = try_prior(TrialOptions("small"))
+    guesses = [float(check.found.split("%")[0]) for check in found.checks[1:6]]
+    assert guesses == pytest.approx(5 * [100], abs=3)
+    assert [check.sound for check in found.checks] == [True, *7 * [False]]
+
+
 @pytest.mark.slow
 def test_the_small_prior_is_sound(capsys):
     main(["doctor", "--try", "small", "--json"])
