@@ -15,13 +15,16 @@ from diff3ds._files import existing_folder, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras, evenly_spaced
-from diff3ds.formats import save, save_png
+from diff3ds.formats import save, save_png, save_svg
 from diff3ds.formats.cad.step import save_step
 from diff3ds.formats.mesh import save_surface
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.seen_around import ranked_around
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
+from diff3ds.tasks.render.drawn_scene import Scene
+from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
+from diff3ds.tasks.render.render_options import PictureOptions, SurfaceOptions
 
 SVG_VIEWS = 4
 # What hides lines of the sketch, in its frame.
@@ -58,21 +61,23 @@ def write_results(
     out: Path,
     sketch: Sketch,
     cameras: Cameras,
-    preview: Float[Tensor, "H W 3"],
+    preview: Float[Tensor, "H W 3"] | None,
     info: RunInfo,
     surface: TriangleMesh | None = None,
     layers: Sequence[str] | None = None,
     sort: bool = True,
+    page: PageOptions = NO_PAGE,
 ) -> Sketch:
     """Writes all files of a run, each whole or not at all.
 
     Args:
         sketch: its strokes are written by their importance, which is found where they have none yet.
         cameras: some of which the SVG file shows.
-        preview: the picture in preview.png.
+        preview: the picture in preview.png; None for one of the views of the SVG file on the page.
         surface: what hides lines of the sketch; of a run before this one nothing is left.
         layers: of the strokes in sketch.step; by default there is one a colour.
         sort: whether strokes whose importance is not known yet come in its order, which those of a user do not.
+        page: that the views of sketch.svg lie on, and those of preview.png.
 
     Returns:
         The sketch as it was written.
@@ -84,8 +89,11 @@ def write_results(
         save_surface(out / SURFACE, surface.vertices, surface.faces)
     save(out / "sketch.json", sketch)
     save_step(out / "sketch.step", sketch, layers=layers)
-    save(out / "sketch.svg", sketch, cameras[evenly_spaced(len(cameras), SVG_VIEWS)])
-    save_png(out / "preview.png", preview)
+    views = cameras[evenly_spaced(len(cameras), SVG_VIEWS)]
+    save_svg(out / "sketch.svg", sketch, views, page=page.setup)
+    if preview is None:
+        preview = _sheet(sketch, views, surface, page)
+    save_png(out / "preview.png", preview, pixels_per_mm=page.picture_per_mm)
     every = -(-len(info.losses) // MOST_LOSSES) or 1
     content = {
         "options": {k: str(v) if isinstance(v, Path) else v for k, v in info.options.items()},
@@ -109,6 +117,13 @@ def write_results(
     if surface is None:
         (out / SURFACE).unlink(missing_ok=True)
     return sketch
+
+
+def _sheet(sketch: Sketch, cameras: Cameras, surface: TriangleMesh | None, page: PageOptions) -> Float[Tensor, "H W 3"]:
+    """A picture of views on a page, without the lines that a surface hides."""
+    assert page.setup is not None
+    scene = Scene(sketch, list(range(len(sketch))), surface, SurfaceOptions(), None, PictureOptions(), page)
+    return scene.sheet(cameras, page.setup)
 
 
 def check_output_folder(out: Path, checkpoint: Path, resume: bool, overwrite: bool, room: int = ROOM) -> None:

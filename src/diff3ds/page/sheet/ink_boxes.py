@@ -19,7 +19,7 @@ def union(boxes: Iterable[Box | None]) -> Box | None:
     return x0, y0, x1, y1
 
 
-def box_of(points: Sequence[Float[Array, "n 2"]], reach: float = 0.0) -> Box | None:
+def box_of(points: Sequence[Float[Array, "_ 2"]], reach: float = 0.0) -> Box | None:
     """The box of cubics that follow on each other, each given as a start, then three control points a cubic.
 
     Args:

@@ -2,59 +2,46 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
 
-from diff3ds._shapes import Float, Tensor
-from diff3ds.camera import Cameras
-from diff3ds.formats import save_png, save_svg, tile_images
-from diff3ds.formats.cad.step import save_step
-from diff3ds.formats.framing import framed
+from diff3ds._settings import option_values
 from diff3ds.formats.movie import save_movie
 from diff3ds.losses import lengths
-from diff3ds.page.drawn_paths import ink_boxes
-from diff3ds.page.sheet.page_layout import filled, widened
-from diff3ds.render import render
 from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.chosen_strokes import choose_strokes
-from diff3ds.surfaces.draw import CONTOUR, Lines, lines_for_pixels, visible_lines
+from diff3ds.surfaces.draw import CONTOUR
 from diff3ds.surfaces.fitted_strokes import fit_strokes
-from diff3ds.surfaces.form.form_mesh import FormMesh
 from diff3ds.surfaces.form.solid_mesh import SolidMesh
-from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.line_drawings import SIZE
 from diff3ds.surfaces.lines.feature_curves import outline_share
 from diff3ds.surfaces.seen_around import ranked_around
-from diff3ds.surfaces.shape.coarse import coarse, without_specks
-from diff3ds.surfaces.shape.colors import SurfaceColors, colored
-from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
+from diff3ds.surfaces.shape.coarse import coarse
+from diff3ds.surfaces.shape.colors import colored
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
-from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.detail_options import DetailOptions
 from diff3ds.tasks.form_lines import thinned
 from diff3ds.tasks.mesh.mesh_lines import FixedLines, feature_lines
 from diff3ds.tasks.mesh.mesh_options import SMOOTH_STROKES, MeshOptions
+from diff3ds.tasks.mesh.mesh_views import FINE_CELLS, MeshViews, cameras_of, in_pictures
 from diff3ds.tasks.mesh.solid_lines import layers_of, with_faces
 from diff3ds.tasks.mesh.source import LEAST_OUTLINE, read_source
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.render.stroke_layers import layers_by
 from diff3ds.tasks.results import RunInfo, check_output_folder, write_results
 from diff3ds.tasks.run_log import logged
 from diff3ds.tasks.sketch_input import at_level
-from diff3ds.transforms import load_transforms
 
-# The turntable, pixels of its frames, and frames a second.
-TURNTABLE, FRAME, FPS = "turntable.webp", 384, 12
+# The turntable, and frames a second.
+TURNTABLE, FPS = "turntable.webp", 12
 # Borders of a smooth thing that are shorter are cracks, no openings. Empirical.
 CRACK = 0.05
 # Cells along the longest side of the coarse mesh that stands for a large one: less than a pixel each in the drawings
-# that strokes are fitted to and in a turntable. Of the finer one features are nearer than what counts as on a surface.
-FIT_CELLS, FINE_CELLS = 128, 256
+# that strokes are fitted to. Of the finer one of turntables features are nearer than what counts as on a surface.
+FIT_CELLS = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,84 +95,47 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     begun = time.perf_counter()
     read = read_source(source, options, report, say)
     check_output_folder(out, out / "run.json", False, options.overwrite)
-    cameras = _cameras(read.mesh, options)
+    cameras = cameras_of(read.mesh, options)
     seconds = {"read": time.perf_counter() - begun}
     read = read.by_forms(options, say)
     mesh, colors = read.mesh, read.colors
     made = sketch_mesh(mesh, options, report, read.edges)
     made = _at_detail(made, mesh, options.detail)
-    made = replace(made, sketch=_colored(made.sketch, mesh, colors))
+    if colors is not None:
+        made = replace(made, sketch=colored(made.sketch, mesh, colors))
     if made.outlines < LEAST_OUTLINE and CONTOUR in made.kinds:
         say(
             f"the mesh is smooth: its creases and borders draw {made.outlines:.0%} of its outlines; strokes "
             "fitted to outlines from all around are in the sketch, and the drawings have those of their own views"
         )
     seconds["strokes"] = time.perf_counter() - begun - sum(seconds.values())
-    features, kinds = made.features
-    shown = _in_pictures(mesh, options.size)
 
     def told(done: int) -> None:
         report(Progress("drawings", done, len(cameras), None, len(made.sketch), sketch=made.sketch.detach))
 
-    hatch = options.tone.made()
-    views = visible_lines(features, cameras, shown, kinds=kinds, contours=options.contours, hatch=hatch, told=told)
-    views = [replace(lines, sketch=with_faces(lines.sketch, mesh)) for lines in views]
-    drawings = [_drawn(lines, options, mesh, colors) for lines in views]
-    pictures = torch.cat([render(d, cameras[v]).color for v, d in enumerate(drawings)]).float()
+    shown = MeshViews(*made.features, mesh, colors, options)
+    drawings = shown.drawings(cameras, told)
+    pictures, sheet = drawings.pictures()
     seconds["drawings"] = time.perf_counter() - begun - sum(seconds.values())
     results = _found(mesh, made) | read.told
-    info = RunInfo({"source": str(source), **_told(options)}, results, seconds, [], {}, False)
+    info = RunInfo({"source": str(source), **option_values(options)}, results, seconds, [], {}, False)
     sketch = with_faces(thinned(made.sketch, made.kinds, options.tangent), mesh).replace(kinds=made.kinds)
     sketch, order = ranked_around(sketch, mesh)
     # Where the strokes of the drawings are in the sketch that is written.
     place = {stroke: number for number, stroke in enumerate(order)}
     rows = [place[row] for row, kind in enumerate(made.kinds) if kind != CONTOUR]
-    names = _write_drawings(out, views, drawings, pictures, options, mesh, rows, say)
+    names = drawings.write(out, pictures, rows, say)
     if options.turntable:
-        save_movie(out / TURNTABLE, _frames(features, mesh, shown, colors, options, report), options.turntable, FPS)
+        save_movie(out / TURNTABLE, shown.frames(report), options.turntable, FPS)
         names.add(TURNTABLE)
     # Last, since run.json says that all of it is there.
-    sheet = tile_images(pictures, columns=min(len(pictures), 2))
-    written = write_results(out, sketch, cameras, sheet, info, mesh, layers_of(sketch.kinds or (), sketch, mesh))
+    layers = layers_of(sketch.kinds or (), sketch, mesh)
+    written = write_results(out, sketch, cameras, sheet, info, mesh, layers, page=options.page)
     for old in (*out.glob("drawing-*.*"), *out.glob(TURNTABLE)):
         # Of a run that is overwritten, all of which was there until now.
         if old.name not in names:
             old.unlink()
     return written
-
-
-def _write_drawings(
-    out: Path,
-    views: list[Lines],
-    drawings: list[Sketch],
-    pictures: Float[Tensor, "V H W 3"],
-    options: MeshOptions,
-    mesh: TriangleMesh,
-    rows: list[int],
-    say: Callable[[str], None],
-) -> set[str]:
-    """Writes each view as SVG, STEP and PNG, and says what the files are called.
-
-    Args:
-        rows: of the strokes that the views were given their numbers in the sketch.
-    """
-    names = set()
-    for view, (lines, drawing) in enumerate(zip(views, drawings, strict=True)):
-        name = f"drawing-{view + 1:0{len(str(len(drawings)))}}"
-        layers = layers_of(lines.layers(options.hidden), drawing, mesh)
-        origins = lines.origins(options.hidden)
-        numbers = [-1 if (given := lines.numbers[row]) < 0 else rows[given] for row, _ in origins]
-        groups = layers_by(drawing, options.layers, [seen for _, seen in origins]) or layers
-        how: dict[str, Any] = {"layers": groups, "centerline": options.centerline, "numbers": numbers}
-        travel = save_svg(out / f"{name}.svg", drawing, lines.cameras, kept=KEPT[:1], **how)
-        if travel is not None:
-            say(f"{name}.svg: {travel.told('pixels')}")
-        if len(drawing):
-            save_step(out / f"{name}.step", drawing, layers=layers)
-            names.add(f"{name}.step")
-        save_png(out / f"{name}.png", pictures[view])
-        names |= {f"{name}.svg", f"{name}.png"}
-    return names
 
 
 def _at_detail(made: MeshSketch, mesh: TriangleMesh, detail: float) -> MeshSketch:
@@ -194,10 +144,6 @@ def _at_detail(made: MeshSketch, mesh: TriangleMesh, detail: float) -> MeshSketc
         return made
     rows = sorted(at_level(made.sketch, DetailOptions(detail), mesh).strokes)
     return replace(made, sketch=made.sketch[rows], kinds=tuple(made.kinds[row] for row in rows))
-
-
-def _colored(sketch: Sketch, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
-    return sketch if colors is None else colored(sketch, mesh, colors)
 
 
 def _found(mesh: TriangleMesh, made: MeshSketch) -> dict[str, object]:
@@ -265,76 +211,4 @@ def without_cracks(features: Sketch, kinds: tuple[str, ...], least: float) -> tu
 def _in_small(mesh: TriangleMesh, cells: int, size: int) -> TriangleMesh:
     """What stands for a mesh in small pictures: a coarse mesh for one of many faces, a smooth one for one of few."""
     less = coarse(mesh, cells)
-    return less if less is not mesh else _in_pictures(mesh, size)
-
-
-def _in_pictures(mesh: TriangleMesh, size: int) -> TriangleMesh:
-    """A smooth mesh for one of few faces; one that is moved onto its forms has their normals already."""
-    return mesh if isinstance(mesh, FormMesh) else smooth_for_pictures(mesh, size)
-
-
-def _cameras(mesh: TriangleMesh, options: MeshOptions) -> Cameras:
-    view = options.view
-    if view.cameras is not None:
-        path = view.cameras / "transforms.json" if view.cameras.is_dir() else view.cameras
-        return load_transforms(path)[0]
-    return _around(mesh, view.azimuth, options, options.size)
-
-
-def _around(mesh: TriangleMesh, azimuth: tuple[float, ...], options: MeshOptions, size: int) -> Cameras:
-    view = options.view
-    corners = Sketch(torch.from_numpy(mesh.vertices[:, None].repeat(2, 1)))
-    return framed(corners, azimuth, view.elevation, size=size, distance=view.distance, fov=view.fov, height=view.height)
-
-
-def _frames(
-    features: Sketch,
-    mesh: TriangleMesh,
-    shown: TriangleMesh,
-    colors: SurfaceColors | None,
-    options: MeshOptions,
-    report: Report,
-) -> Iterator[Float[Tensor, "H W 3"]]:
-    count = options.turntable
-    start = options.view.azimuth[0]
-    cameras = _around(mesh, tuple(start + 360 * i / count for i in range(count)), options, FRAME)
-    less = coarse(mesh, FINE_CELLS)
-    # What the drawings have made of a mesh, such as its seams, is not made again.
-    shown = shown if less is mesh else less
-
-    def told(done: int) -> None:
-        report(Progress("turntable", done, count, None, len(features)))
-
-    def seen(strokes: Sketch, cameras: Cameras, hatch: Hatch | None) -> list[Sketch]:
-        views = lines_for_pixels(strokes, cameras, shown, options.contours, told, hatch)
-        drawn = [_drawn(lines, options, mesh, colors) for lines in views]
-        if len(shown) == len(mesh):
-            return drawn
-        return [without_specks(each, 3 * mesh.size / FINE_CELLS) for each in drawn]
-
-    strokes = seen(features, cameras, None)
-    cameras, widen = filled(cameras, "page", ink_boxes(strokes))
-    strokes = [widened(each, widen) for each in strokes]
-    if (hatch := options.tone.made()) is not None:
-        # Lines are as far apart as asked in the pictures that are fitted.
-        strokes = seen(widened(features, widen), cameras, hatch)
-    for i, each in enumerate(strokes):
-        yield render(each, cameras[i]).color[0].float()
-
-
-def _drawn(lines: Lines, options: MeshOptions, mesh: TriangleMesh, colors: SurfaceColors | None) -> Sketch:
-    """What is drawn in a view; contours, which are the view's own, in the colours of what is seen of them."""
-    layers = lines.layers(options.hidden)
-    drawn = thinned(lines.drawn(options.hidden), layers, options.tangent)
-    own = [i for i, layer in enumerate(layers) if layer.startswith(CONTOUR)]
-    if colors is None or not own:
-        return drawn
-    color = drawn.color.clone()
-    color[own] = colored(drawn[own], mesh, colors).color
-    return replace(drawn, color=color)
-
-
-def _told(options: MeshOptions) -> dict[str, object]:
-    """The options for run.json."""
-    told = asdict(replace(options))
-    return {**told.pop("view"), **told.pop("tone"), **told}
+    return less if less is not mesh else in_pictures(mesh, size)

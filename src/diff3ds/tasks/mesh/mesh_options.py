@@ -7,6 +7,7 @@ from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE, check_level
 from diff3ds.tasks.hatch_options import HatchOptions
+from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions, PenOptions
 from diff3ds.tasks.render.render_options import MOST_FRAMES, LayerBy, OrbitOptions
 
 # A smooth thing's strokes where nobody says how many.
@@ -14,7 +15,7 @@ SMOOTH_STROKES = 24
 
 
 @dataclass(frozen=True)
-class MeshOptions:
+class MeshOptions(PenOptions):
     """Options of `diff3ds mesh`.
 
     Attributes:
@@ -33,10 +34,11 @@ class MeshOptions:
         contours: draw the outlines of smooth parts, which are others from each side (--no-contours: leave them out).
         hidden: what becomes of hidden lines in the drawings: drop, faint, dashed or show.
         tone: whether the drawings are hatched.
+        page: that each drawing lies on, as SVG and PNG, and all of them in preview.png and sketch.svg; the turntable
+            stays a film for screens, of which --fit says how it is fitted.
         color: draw each stroke in the colour of the surface along it: of vertices, faces, materials or textures.
         layers: of the drawings' SVG files, by thing (the parts of an assembly), kind, visibility or color, several
             within each other; by default one a kind, of parts of assemblies each.
-        centerline: SVG files of the drawings for pen plotters, as "diff3ds render --centerline" draws them.
         size: of the drawings, pixels.
         turntable: frames of turntable.webp, once round; 0 leaves it out.
         overwrite: the folder's run may be lost.
@@ -52,14 +54,17 @@ class MeshOptions:
     contours: Annotated[bool, arg(help_behavior_hint="(default: they are drawn)")] = True
     hidden: Literal["drop", "faint", "dashed", "show"] = "drop"
     tone: HatchOptions = field(default_factory=HatchOptions)
+    page: PageOptions = NO_PAGE
     color: bool = False
     layers: tuple[LayerBy, ...] = ()
-    centerline: bool = False
     size: int = 512
     turntable: int = 24
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_on(self.page)
+        self.page.check_pixels()
         if self.angle is not None and not 0 < self.angle < 180:
             raise ValueError(f"angle must be between 0 and 180 degrees, got {self.angle:g}")
         check_level(self.detail, self.strokes)

@@ -3,12 +3,12 @@
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from diff3ds._settings import option_values
 from diff3ds.curves.importance import ranked
 from diff3ds.formats import tile_images
 from diff3ds.formats.clouds.read_cloud import Cloud, read_cloud
@@ -85,13 +85,12 @@ def _drawn_points(
     cameras = framed(
         box, view.azimuth, view.elevation, size=options.size, distance=view.distance, fov=view.fov, height=view.height
     )
-    pictures = render(sketch, cameras).color.float()
-    told = asdict(options)
-    info = RunInfo(
-        {"source": str(source), **told.pop("view"), **told}, told_forms(found, middle, size), seconds, [], {}, False
-    )
-    preview = tile_images(pictures, columns=min(len(pictures), 2))
-    return write_results(out, sketch.replace(kinds=kinds), cameras, preview, info, layers=kinds)
+    told = told_forms(found, middle, size)
+    info = RunInfo({"source": str(source), **option_values(options)}, told, seconds, [], {}, False)
+    preview = None
+    if options.page.page is None:
+        preview = tile_images(render(sketch, cameras).color.float(), columns=min(len(cameras), 2))
+    return write_results(out, sketch.replace(kinds=kinds), cameras, preview, info, layers=kinds, page=options.page)
 
 
 def _read(source: Path, options: PointsOptions, say: Callable[[str], None]) -> Cloud:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from diff3ds._settings import MAX_SIZE, check_level
+from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
 from diff3ds.tasks.render.render_options import OrbitOptions
 
 
@@ -22,6 +23,7 @@ class PointsOptions:
             higher it is.
         seed: of what is drawn by chance.
         size: of a view of the preview, pixels.
+        page: that the views of sketch.svg and preview.png lie on.
         overwrite: the folder's run may be lost.
     """
 
@@ -33,9 +35,11 @@ class PointsOptions:
     detail: float = 1.0
     seed: int = 0
     size: int = 512
+    page: PageOptions = NO_PAGE
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        self.page.check_previews()
         if not 1 <= self.size <= MAX_SIZE:
             raise ValueError(f"size must be from 1 to {MAX_SIZE} pixels, got {self.size}")
         check_level(self.detail, self.strokes)

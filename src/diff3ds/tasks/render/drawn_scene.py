@@ -4,27 +4,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
-
-from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.page.drawn_paths import ink_boxes
-from diff3ds.page.sheet.page_layout import Layout, filled, lay_out, widened
+from diff3ds.page.sheet.page_layout import filled, lay_out, widened
 from diff3ds.page.sheet.page_setup import PageSetup
-from diff3ds.render import render
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.draw import Lines, lines_for_pixels, visible_lines
 from diff3ds.surfaces.hatching.tones import Hatch
 from diff3ds.surfaces.shape.smooth_surface import smooth_for_pictures
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.render.page_options import PageOptions
+from diff3ds.tasks.render.page_pictures import Image, page_pictures, view_pictures
 from diff3ds.tasks.render.render_options import LayerBy, PictureOptions, SurfaceOptions
 from diff3ds.tasks.render.stroke_layers import layers_by
 from diff3ds.tasks.styling import Styling
-
-# Pixels that are drawn in one call: some 200 MB.
-PIXELS_AT_ONCE = 1 << 22
-Image = Float[Tensor, "H W C"]
 
 
 class Shown(NamedTuple):
@@ -127,17 +120,7 @@ class Scene:
             for view, sketch in enumerate(sketches):
                 yield self.styling.image(sketch, cameras[view], self.picture.color)
             return
-        at_once = max(1, PIXELS_AT_ONCE // (cameras.size[0] * cameras.size[1])) if self.surface is None else 1
-        color = self.picture.color
-        for first in range(0, len(cameras), at_once):
-            sketch = sketches[first]
-            ground = torch.tensor(color or (0.0, 0.0, 0.0), dtype=sketch.color.dtype)
-            drawn = render(sketch, cameras[first : first + at_once], background=ground)
-            images = drawn.color
-            if color is None:
-                alpha = drawn.alpha[..., None]
-                images = torch.cat([images / alpha.clamp(min=1e-6), alpha], -1)
-            yield from images
+        yield from view_pictures(sketches, cameras, self.picture.color, self.surface is None)
 
     def _pages(self, cameras: Cameras, page: PageSetup, alone: bool) -> Iterator[Image]:
         """Pictures of pages, each of one view or of all."""
@@ -148,22 +131,4 @@ class Scene:
             for some in many:
                 yield self.styling.image(sketches[some], cameras[some], self.picture.color, page, per_mm)
             return
-        layout = lay_out(cameras, page, ink_boxes(sketches), alone=alone, pixels_per_mm=per_mm)
-        blank = torch.tensor(self.picture.color or (0.0, 0.0, 0.0, 0.0)).repeat(*_pixels(layout), 1)
-        sheet = blank.clone()
-        for view, sketch in enumerate(sketches):
-            alone_there, (x, y) = layout.in_pixels(view)
-            (image,) = self._drawn([alone_there.widened(sketch)], alone_there.cameras)
-            place = sheet[y : y + image.shape[0], x : x + image.shape[1]]
-            place[:] = image[: place.shape[0], : place.shape[1]]
-            if alone:
-                yield sheet
-                sheet = blank.clone()
-        if not alone:
-            yield sheet
-
-
-def _pixels(layout: Layout) -> tuple[int, int]:
-    """(height, width) of a picture of the page."""
-    width, height = layout.size
-    return max(round(height), 1), max(round(width), 1)
+        yield from page_pictures(sketches, cameras, page, per_mm, self.picture.color, alone)

@@ -10,7 +10,7 @@ from diff3ds._settings import MAX_SIZE, require_finite
 from diff3ds._units import DxfVersion
 from diff3ds.pictures.picture_options import parse_color
 from diff3ds.tasks.hatch_options import HatchOptions
-from diff3ds.tasks.render.page_options import PageOptions
+from diff3ds.tasks.render.page_options import MOST_PIXELS, PageOptions, PenOptions
 
 # Each suffix by what it holds: views, or the frames of a turntable.
 STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf", ".dxf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
@@ -60,7 +60,7 @@ class OrbitOptions:
 
 
 @dataclass(frozen=True)
-class PictureOptions:
+class PictureOptions(PenOptions):
     """What is made of the views.
 
     Attributes:
@@ -72,11 +72,6 @@ class PictureOptions:
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
         layers: of SVG, PDF and DXF files, by thing (and its parts), kind (crease, border, contour, ...), visibility or
             color, several within each other; strokes of different layers lie over each other as the layers do.
-        centerline: SVG and PDF for plotters: nothing is filled or hidden; strokes that meet are one path, nothing is
-            drawn twice, and the pen's ways are short; by default a layer a colour is what one pen draws. How often it
-            is lifted and how far it goes is said.
-        pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline and a --page.
-        speed: millimetres a second of the pen, for how long it takes, with these too.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
         dxf_version: of AutoCAD: R12, with polylines, for old cutters that read no other.
         tolerance: of SVG and PDF: how far paths may be off the strokes, pixels; by default
@@ -91,9 +86,6 @@ class PictureOptions:
     fps: int = 24
     sheet: bool = False
     layers: tuple[LayerBy, ...] = ()
-    centerline: bool = False
-    pen_mm: float | None = None
-    speed: float | None = None
     dxf_polylines: bool = False
     dxf_version: DxfVersion = "R2010"
     tolerance: float | None = None
@@ -106,11 +98,9 @@ class PictureOptions:
             parse_color(self.background)
         if self.turntable is not None and not 2 <= self.turntable <= MOST_FRAMES:
             raise ValueError(f"turntable must be from 2 to {MOST_FRAMES} frames, got {self.turntable}")
-        require_finite(self)
-        for name in ("tolerance", "pen_mm", "speed"):
-            value = getattr(self, name)
-            if value is not None and value <= 0:
-                raise ValueError(f"{name} must be positive, got {value:g}")
+        super().__post_init__()
+        if self.tolerance is not None and self.tolerance <= 0:
+            raise ValueError(f"tolerance must be positive, got {self.tolerance:g}")
         if not 1 <= self.fps <= 100:
             raise ValueError(f"fps must be from 1 to 100, got {self.fps}")
         if self.turntable is not None and self.sheet:
@@ -170,10 +160,6 @@ def parse_size(text: str) -> tuple[int, int]:
     return height, width
 
 
-# More takes more than 4 GiB to draw.
-MOST_PIXELS = 1 << 26
-
-
 def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
     """Sees that a file of this name can hold what is asked for.
 
@@ -200,15 +186,11 @@ def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
             raise ValueError(f"{file}: --{name.replace('_', '-')} is for {' and '.join(suffixes)} files")
     if page.dpi is not None and suffix not in (".png", *MOVIES):
         raise ValueError(f"{file}: --dpi is for {', '.join(('.png', *MOVIES))} files; others have no pixels")
-    if page.setup is not None and suffix in (".png", *MOVIES):
-        width, height = (round(side * page.pixels_per_mm) for side in (page.setup.width, page.setup.height))
-        if width * height > MOST_PIXELS:
-            raise ValueError(f"{file}: a picture of {width} x {height} pixels, more than {MOST_PIXELS}: lower --dpi")
+    if suffix in (".png", *MOVIES):
+        page.check_pixels()
     if page.page is None and page.fit is not None and suffix not in MOVIES:
         raise ValueError(f"{file}: --fit is for pages and turntables: give a --page too, such as A4")
-    for name in ("pen_mm", "speed"):
-        if getattr(options, name) is not None and not (options.centerline and page.page is not None):
-            raise ValueError(f"{file}: --{name.replace('_', '-')} is of a pen on paper: give --centerline and a --page")
+    options.check_on(page)
     if page.page is not None and options.engine == "blender":
         raise ValueError(f"{file}: Blender draws pictures without a --page: leave it or --engine out")
     if suffix in MOVIES and options.turntable is None:

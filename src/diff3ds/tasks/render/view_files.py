@@ -19,7 +19,8 @@ from diff3ds.sketch import Sketch
 from diff3ds.styles.styled_svg import Styled
 from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.progress import Progress, Report
-from diff3ds.tasks.render.drawn_scene import Image, Scene, Shown
+from diff3ds.tasks.render.drawn_scene import Scene, Shown
+from diff3ds.tasks.render.page_pictures import Image
 
 # Millimetres on paper by which lines and arcs, and polylines, of a flat file may be off: less than any machine draws.
 CURVE_MM, POLYLINE_MM = 1e-4, 5e-3

@@ -96,8 +96,8 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     around = turntable(sketch)
     info = RunInfo(_given(prior, spec), _chosen(prior, spec), seconds, list(state.losses), {}, stopped)
     surface = None if faces is None else TriangleMesh.of_triangles(faces.numpy())
-    seen = seen_around(sketch, around, surface)
-    sketch = write_results(out, sketch, around, seen, info, surface, sort=given is None)
+    seen = seen_around(sketch, around, surface) if spec.page.page is None else None
+    sketch = write_results(out, sketch, around, seen, info, surface, sort=given is None, page=spec.page)
     if stopped:
         raise Stopped
     return sketch

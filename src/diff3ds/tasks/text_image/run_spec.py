@@ -11,6 +11,7 @@ from tyro.conf import arg
 
 from diff3ds._settings import MAX_SIZE, check_seed, option_values, require_finite
 from diff3ds.guidance.recipe import Method, Recipe, TimeAnnealing, Weighting, Work, check_orbits, conditions
+from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
 from diff3ds.tasks.text_image.prior_options import PriorOptions
 from diff3ds.tasks.text_image.subject import Phrase, Picture
 
@@ -248,6 +249,7 @@ class RunSpec(Generic[Subject]):
         cameras: From where the prior looks, and at what images.
         descent: The gradient descent.
         output: The folder of the run.
+        page: That the views of sketch.svg and preview.png lie on.
     """
 
     subject: Subject
@@ -257,8 +259,10 @@ class RunSpec(Generic[Subject]):
     cameras: CameraOptions = field(default_factory=CameraOptions)
     descent: DescentOptions = field(default_factory=DescentOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
+    page: PageOptions = NO_PAGE
 
     def __post_init__(self) -> None:
+        self.page.check_previews()
         width, (least, most) = self.strokes.width, self.strokes.width_range
         if "width" in self.descent.optimize and width is not None and not least <= width <= most:
             raise ValueError(f"width must lie in width_range {self.strokes.width_range}, got {width}: give another one")
@@ -316,7 +320,7 @@ class RunSpec(Generic[Subject]):
 
     def options(self) -> dict[str, Any]:
         """All options by name, as the user gave them, but for those of the subject and the prior."""
-        groups = (self.score, self.strokes, self.cameras, self.descent, self.output)
+        groups = (self.score, self.strokes, self.cameras, self.descent, self.output, self.page)
         return {name: value for group in groups for name, value in option_values(group).items()}
 
 

@@ -85,7 +85,8 @@ def run_scene(
     given = {**spec.subject.record, **spec.options()}
     chosen = {"things": plan["things"], "relations": plan["relations"]}
     info = RunInfo(given, chosen, seconds, [], {}, stopped)
-    sketch = write_results(out, sketch, around, seen_around(sketch, around, surface), info, surface)
+    seen = seen_around(sketch, around, surface) if spec.page.page is None else None
+    sketch = write_results(out, sketch, around, seen, info, surface, page=spec.page)
     if stopped:
         raise Stopped
     return sketch

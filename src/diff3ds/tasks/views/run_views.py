@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from diff3ds._settings import option_values
 from diff3ds.curves.importance import ranked
 from diff3ds.detectors.hed import require_hed
 from diff3ds.edges.clean.false_strokes import false_strokes
@@ -132,9 +133,9 @@ def _run(
     fitted, scene = _placed(fitted, scene, options, say)
     # Outlines of its surface are drawn exactly, each view's own.
     strokes = fitted.sketch[:0] if OUTLINES in fitted.chosen else fitted.sketch
-    shown = preview(strokes, fitted.pictures, scene.surface)
+    shown = preview(strokes, fitted.pictures, scene.surface) if options.page.page is None else None
     info = RunInfo(
-        {"source": str(source) if source else "demo", **dataclasses.asdict(options)},
+        {"source": str(source) if source else "demo", **option_values(options)},
         {"target": scene.pictures.target, **fitted.chosen, "stages": times.seconds()},
         {"read": read - begun, "fit": time.perf_counter() - read},
         fitted.losses,
@@ -145,7 +146,7 @@ def _run(
     sketch = fitted.sketch
     if sketch.importance is None:
         sketch = ranked(sketch, sort=options.start is None).sketch
-    sketch = write_results(out, sketch, fitted.pictures.cameras, shown, info, scene.surface)
+    sketch = write_results(out, sketch, fitted.pictures.cameras, shown, info, scene.surface, page=options.page)
     if scene.path is not None and (fitted.refined or scene.placing is not None):
         _write_cameras(out, scene.path, scene, fitted, options)
     return dataclasses.replace(fitted, sketch=sketch)

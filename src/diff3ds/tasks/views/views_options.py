@@ -9,6 +9,7 @@ from tyro.conf import arg
 from diff3ds._settings import check_level, check_seed, require_finite
 from diff3ds.photogrammetry.scale_options import check_scale
 from diff3ds.pictures.picture_options import Masks, Target, parse_color, parse_color_or_path
+from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
 
 Init = Literal["carve", "random"]
 # Which way is up in the sketch: as photographs were held, or as cameras have it.
@@ -62,6 +63,7 @@ class ViewsOptions:
         start: a sketch to go on from (a file, or the folder of a run), in the world of the cameras, by a gradient
             descent alone. Strokes keep their number; those that are marked as fixed stay as they are.
         seed: of all random draws.
+        page: that the views of sketch.svg and preview.png lie on.
         resume: go on from the checkpoint in the output folder, if there is one.
         overwrite: the run in the output folder may be lost.
     """
@@ -87,10 +89,12 @@ class ViewsOptions:
     size: int = 512
     start: Annotated[Path | None, arg(name="from")] = None
     seed: int = 0
+    page: PageOptions = NO_PAGE
     resume: bool = False
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        self.page.check_previews()
         if self.edges is not None and self.target not in (None, "edges"):
             raise ValueError(f"--edges gives edge maps, for --target edges: leave --target {self.target} out")
         if self.detector == "hed" and (self.edges is not None or self.target not in (None, "color-edges")):
@@ -173,6 +177,7 @@ class DoodleOptions:
         allow_pickle: these files of weights are read although they are pickles, which can run code of whoever made
             them; only their tensors are.
         seed: of all random draws.
+        page: that the views of sketch.svg and preview.png lie on.
         resume: go on from the checkpoint in the output folder.
         overwrite: the run in the output folder may be lost.
     """
@@ -194,10 +199,12 @@ class DoodleOptions:
     device: str = "auto"
     allow_pickle: tuple[Path, ...] = ()
     seed: int = 0
+    page: PageOptions = NO_PAGE
     resume: bool = False
     overwrite: bool = False
 
     def __post_init__(self) -> None:
+        self.page.check_previews()
         require_finite(self)
         for name in ("strokes", "steps", "batch", "size", "width", "rate"):
             if not getattr(self, name) > 0:

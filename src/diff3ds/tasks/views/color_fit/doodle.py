@@ -9,6 +9,7 @@ from pathlib import Path
 
 import torch
 
+from diff3ds._settings import option_values
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras, evenly_spaced
 from diff3ds.guidance.device_choice import pick_device
@@ -88,9 +89,10 @@ def run_doodle(
     sketch = plan.frame.to_world(without_dots(state.sketch))
     seconds = {"read": read - begun, "fit": time.perf_counter() - read}
     scores = doodle_scores(sketch, plan.pictures, loss)
-    about = {"recipe": "3doodle", "source": str(source), **dataclasses.asdict(options)}
+    about = {"recipe": "3doodle", "source": str(source), **option_values(options)}
     info = RunInfo(about, {"target": "color"}, seconds, list(state.losses), scores, stopped)
-    sketch = write_results(out, sketch, plan.pictures.cameras, preview(sketch, plan.pictures), info)
+    seen = preview(sketch, plan.pictures) if options.page.page is None else None
+    sketch = write_results(out, sketch, plan.pictures.cameras, seen, info, page=options.page)
     if stopped:
         raise Stopped
     return sketch
