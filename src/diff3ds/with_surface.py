@@ -96,7 +96,9 @@ def save(
     * `.glb`: tubes with round ends for viewers and scenes (see `save_glb`).
     * `.ply`: the same tubes as one mesh with colours, z up (see `save_ply`).
     * `.obj`: polylines with colours, z up (see `save_obj`).
-    * `.usd`, `.usda`, `.usdc`: exact curves, and polylines for viewers (see `save_usd`).
+    * `.usd`, `.usda`, `.usdc`, `.usdz`: exact curves, and polylines for viewers (see `save_usd`).
+    * `.iges`, `.igs`: the curves of `.step` for old CAD programs (see `save_iges`).
+    * `.stl`: the tubes of `.ply` for printers of things (see `save_stl`).
     * `.py`: a script that builds the sketch in Blender (see `save_blender`).
     * `.html`: a page for browsers on which the sketch is turned (see `save_html`).
     * `.svg`: the views of `cameras` in a grid, as editable paths (see `save_svg`).

@@ -74,7 +74,7 @@ def test_old_cutters_get_polylines(source):
 def test_what_a_flat_file_has_not_is_refused(source, capsys):
     for options, said in (
         (["--style", "ink"], "a .dxf file has lines alone"),
-        (["--centerline"], "--centerline is for .svg and .pdf files"),
+        (["--centerline"], "--centerline is for .svg, .pdf, .hpgl and .plt files"),
     ):
         with pytest.raises(SystemExit):
             entities(source, *options)

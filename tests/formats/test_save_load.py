@@ -17,7 +17,7 @@ def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
     with pytest.raises(
         ValueError,
         match=r"cannot save as '.xyz', only as .json, .step, .stp, .dxf, .3dm, .glb, .ply, .obj, .usd, .usda, .usdc, "
-        r".py, .html, .svg, .pdf, .png",
+        r".usdz, .iges, .igs, .stl, .py, .html, .svg, .pdf, .png",
     ):
         ds.save(tmp_path / "a.xyz", sketch)
     with pytest.raises(ValueError, match=r"cannot load '.pdf', only .json, .step, .stp"):
@@ -30,16 +30,15 @@ def test_unknown_suffixes_name_the_known_ones(tmp_path, sketch):
 @pytest.mark.parametrize(
     ("suffix", "said"),
     [
-        (".stl", "as closed tubes: write one of these, and slicers"),
-        (".3mf", ".ply and .glb"),
-        (".iges", "write .step or .3dm"),
-        (".usdz", "write .usdc and pack it"),
+        (".3mf", ".stl, .ply and .glb files hold the strokes as closed tubes"),
+        (".sat", "write .step or .3dm"),
         (".gltf", "write .glb"),
         (".dwg", "write .dxf"),
         (".svgz", "write .svg"),
         (".eps", "write .pdf or .svg"),
         (".ai", "write .pdf or .svg"),
-        (".hpgl", "--centerline"),
+        (".hpgl", "diff3ds render --page A4"),
+        (".gcode", "--centerline"),
         (".JPG", "write .png"),
     ],
 )
@@ -56,7 +55,15 @@ def test_formats_that_are_not_read_name_what_to_do(tmp_path):
 
 
 NEED = {".dxf": "ezdxf", ".3dm": "rhino3dm", ".usda": "pxr"}
-ARTICLES = {".step": "a STEP", ".dxf": "a DXF", ".3dm": "a 3DM", ".glb": "a GLB", ".ply": "a PLY", ".obj": "an OBJ"}
+ARTICLES = {
+    ".step": "a STEP",
+    ".stl": "an STL",
+    ".dxf": "a DXF",
+    ".3dm": "a 3DM",
+    ".glb": "a GLB",
+    ".ply": "a PLY",
+    ".obj": "an OBJ",
+}
 
 
 @pytest.mark.parametrize(

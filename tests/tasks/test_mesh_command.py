@@ -198,7 +198,7 @@ def test_a_run_that_was_killed_between_its_drawings_does_not_look_done(tmp_path,
 
 
 def test_a_run_that_is_killed_leaves_the_one_that_it_overwrites(tmp_path, monkeypatch):
-    def killed(*arguments):
+    def killed(*arguments, page):
         raise KeyboardInterrupt
 
     source, out = box(tmp_path / "box.obj"), tmp_path / "out"

@@ -141,3 +141,42 @@ def test_drawings_of_meshes_are_for_pens_and_lead_back_to_the_sketch(tmp_path, c
     hidden = {row for row in range(12) if float(away[row]) > float(away.max()) - 1e-6}
     assert numbers == set(range(12)) - hidden
     assert len(numbers) == 9
+
+
+def test_nodes_of_glb_files_lie_in_those_of_their_layers(scene):
+    trimesh = pytest.importorskip("trimesh")
+    main(["export", str(scene / "a.json"), str(scene / "a.glb"), "--layers", "thing", "kind", "--quiet"])
+    graph = trimesh.load(scene / "a.glb").graph
+    above = {(edge[1], edge[0]) for edge in graph.to_edgelist()}
+    assert {("stroke 0", "crease"), ("crease", "lamp"), ("lamp", "sketch"), ("stroke 1", "border")} <= above
+    assert {("rod", "engine"), ("stroke 3", "stroke"), ("stroke", "sketch")} <= above
+
+
+@pytest.mark.parametrize("suffix", ["usda", "usdz"])
+def test_prims_of_usd_files_lie_in_those_of_their_layers(scene, suffix):
+    """Their names are shown whole; as names of prims they are identifiers, another one for each."""
+    usd = pytest.importorskip("pxr.Usd", reason="takes the extra usd")
+    path = scene / f"a.{suffix}"
+    main(["export", str(scene / "a.json"), str(path), "--layers", "color", "thing", "--quiet"])
+    stage = usd.Stage.Open(str(path))
+    shown = {str(prim.GetPath()): prim.GetDisplayName() for prim in stage.Traverse()}
+    top = "/sketch/strokes/_000000"
+    assert (shown[top], shown[f"{top}/lamp"]) == ("#000000", "lamp")
+    assert {f"{top}/lamp/stroke_0", "/sketch/strokes/_ff0000/lamp/stroke_1", f"{top}/engine/rod/stroke_2"} <= {*shown}
+    assert len(ds.load(path)) == 4
+    # Viewers that show polylines alone hide those of a layer with it.
+    assert f"{top}/engine/rod/polylines" in shown
+
+
+def test_names_of_layers_that_are_alike_as_identifiers_stay_apart(tmp_path):
+    usd = pytest.importorskip("pxr.Usd", reason="takes the extra usd")
+    from diff3ds.formats import save_usd
+
+    layers = ["leg 1", "leg_1", ("stroke_3",), (), "polylines"]
+    save_usd(tmp_path / "a.usda", ds.Sketch(torch.rand(5, 2, 3)), layers=layers)
+    stage = usd.Stage.Open(str(tmp_path / "a.usda"))
+    shown = [prim.GetDisplayName() for prim in stage.Traverse()]
+    assert sorted(filter(None, shown)) == ["leg 1", "leg_1", "polylines", "stroke_3"]
+    assert len(ds.load(tmp_path / "a.usda")) == 5
+    with pytest.raises(ValueError, match="layers must name one for each of the 5 strokes, got 2"):
+        save_usd(tmp_path / "b.usda", ds.Sketch(torch.rand(5, 2, 3)), layers=["a", "b"])

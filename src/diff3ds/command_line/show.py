@@ -20,7 +20,8 @@ from diff3ds.tasks.style_options import StyleOptions
 class Render:
     """Draw a sketch: one view, several, a sheet of them, or a turntable.
 
-    The suffix says what is written: .png, .svg, .pdf or a flat .dxf; .mp4, .webp or .gif for a turntable.
+    The suffix says what is written: .png, .svg, .pdf, a flat .dxf or .hpgl for plotters; .mp4, .webp or .gif for a
+    turntable.
     """
 
     view: OmitArgPrefixes[OrbitOptions]
@@ -52,9 +53,9 @@ class Render:
 class Export:
     """Write a sketch in another format, in the size, unit and frame that another program wants.
 
-    The suffix says which: .json, .step (.stp), .dxf, .3dm, .usd (.usda, .usdc), .glb, .ply, .obj, .py (for Blender) or
-    .html (a page to turn it in a browser); .svg in a --style, of the view that "diff3ds render" takes by itself. That
-    draws other pictures, and other views.
+    The suffix says which: .json, .step (.stp), .iges, .dxf, .3dm, .usd (.usda, .usdc, .usdz), .glb, .ply, .stl, .obj,
+    .py (for Blender) or .html (a page to turn it in a browser); .svg in a --style, of the view that "diff3ds render"
+    takes by itself. That draws other pictures, and other views.
     """
 
     export: OmitArgPrefixes[ExportOptions]

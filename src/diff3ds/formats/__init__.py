@@ -7,6 +7,7 @@ from diff3ds._files import check_there
 from diff3ds._units import Unit, check_unit
 from diff3ds.camera import Cameras
 from diff3ds.formats.cad.dxf import load_dxf, save_dxf
+from diff3ds.formats.cad.iges import save_iges
 from diff3ds.formats.cad.rhino import load_3dm, save_3dm
 from diff3ds.formats.cad.step import load_step, save_step
 from diff3ds.formats.opening import before_reading, instead_of
@@ -16,6 +17,7 @@ from diff3ds.formats.scenes.glb import save_glb
 from diff3ds.formats.scenes.html import PageSurface, save_html
 from diff3ds.formats.scenes.obj import save_obj
 from diff3ds.formats.scenes.ply import save_ply
+from diff3ds.formats.scenes.stl import save_stl
 from diff3ds.formats.scenes.usd import load_usd, save_usd
 from diff3ds.formats.sketch_json import load_json, save_json
 from diff3ds.formats.vector.pdf import save_pdf
@@ -62,11 +64,15 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".usd": save_usd,
     ".usda": save_usd,
     ".usdc": save_usd,
+    ".usdz": save_usd,
+    ".iges": save_iges,
+    ".igs": save_iges,
+    ".stl": save_stl,
     ".py": save_blender,
     ".html": save_html,
 }
 # Formats whose files say in which unit of length they are.
-_WITH_UNITS = (".step", ".stp", ".dxf", ".3dm", ".glb", ".usd", ".usda", ".usdc")
+_WITH_UNITS = (".step", ".stp", ".iges", ".igs", ".dxf", ".3dm", ".glb", ".usd", ".usda", ".usdc", ".usdz")
 PICTURES = (".svg", ".pdf", ".png")
 _READERS = {
     ".json": load_json,

@@ -6,8 +6,7 @@ from pathlib import Path
 from diff3ds._units import Unit, check_unit
 from diff3ds.sketch import Sketch
 
-_TUBES = ".ply and .glb files hold the strokes as closed tubes: write one of these, and {}"
-_MESHES = "slicers and mesh programs read it and save it as {}"
+_TUBES = ".stl, .ply and .glb files hold the strokes as closed tubes: write one of these; slicers read it"
 _EXACT = "write .step or .3dm, which hold the exact curves, and {}"
 _PATHS = "write .pdf or .svg, which hold the same paths"
 _PICTURE = "write .png, and convert it"
@@ -15,7 +14,7 @@ _SAVE_AS = "save it as {} in the program that made it"
 
 # What a format that is not written has in common with one that is, by its suffixes.
 _INSTEAD = {
-    (".stl", ".3mf", ".amf", ".off"): _TUBES.format(_MESHES.format("this")),
+    (".3mf", ".amf", ".off"): _TUBES,
     (
         ".gltf",
         ".fbx",
@@ -24,16 +23,16 @@ _INSTEAD = {
         ".x3d",
         ".3ds",
     ): "write .glb, which is binary glTF: Blender and others convert it",
-    (".usdz",): "write .usdc and pack it: usdzip a.usdz a.usdc. Viewers that show no curves show the tubes of .glb",
     (".abc", ".blend"): "write .usdc, or .py, which builds the sketch in Blender",
-    (".iges", ".igs", ".brep", ".sat", ".sab", ".x_t", ".x_b"): _EXACT.format("convert it in a CAD program"),
+    (".brep", ".sat", ".sab", ".x_t", ".x_b"): _EXACT.format("convert it in a CAD program"),
     (".sldprt", ".ipt", ".catpart", ".prt", ".f3d", ".fcstd"): _EXACT.format("open it in that program"),
     (".skp",): "write .dxf with --dxf-polylines, or .glb, and import it",
     (".dwg", ".dwt", ".dgn"): "write .dxf, which CAD programs read and save as this",
     (".svgz",): "write .svg, and compress it by gzip",
     (".eps", ".ps", ".ai", ".emf", ".wmf", ".cdr"): f"{_PATHS}, and convert it, by Inkscape for one",
-    (".hpgl", ".hpg", ".plt", ".gcode", ".nc", ".ngc"): "write .svg with --centerline or .dxf with --dxf-polylines, "
-    "which programs of plotters and cutters read",
+    (".hpgl", ".plt"): 'that is a view: "diff3ds render --page A4"',
+    (".hpg", ".gcode", ".nc", ".ngc"): "write .hpgl or .svg with --centerline, by diff3ds render, or .dxf with "
+    "--dxf-polylines, which programs of plotters and cutters read",
     (".gif", ".mp4", ".webp"): 'that is for turntables: "diff3ds render --turntable"',
     (".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".avif", ".heic", ".tga", ".exr"): _PICTURE,
 }

@@ -1,14 +1,38 @@
-"""Layers within layers as groups of an SVG file, with names that Inkscape and Illustrator show."""
+"""Layers within layers, and as groups of an SVG file with names that Inkscape and Illustrator show."""
 
 import html
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
 # From the outermost layer to the innermost.
 Group = tuple[str, ...]
 Held = TypeVar("Held")
 INKSCAPE = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
+
+
+def grouped(layers: Sequence[str | Group] | None, strokes: Sequence[int]) -> dict[Group, list[int]]:
+    """The strokes of each layer, in the order of the first of each; where there are no layers all lie in none.
+
+    Args:
+        layers: of each stroke, those that are left out too, its layer, or layers within layers.
+        strokes: numbers of those that are there.
+    """
+    groups: dict[Group, list[int]] = {}
+    for stroke in strokes:
+        name = () if layers is None else layers[stroke]
+        groups.setdefault((name,) if isinstance(name, str) else tuple(name), []).append(stroke)
+    return groups
+
+
+def check_layers(layers: Sequence[str | Group] | None, strokes: int) -> None:
+    """Sees that layers are one a stroke.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if layers is not None and len(layers) != strokes:
+        raise ValueError(f"layers must name one for each of the {strokes} strokes, got {len(layers)}")
 
 
 def outermost(groups: Mapping[Group, Held]) -> dict[str, dict[Group, Held]]:

@@ -1,4 +1,4 @@
-"""USD files (.usd, .usda, .usdc) for scenes, by usd-core (the extra `usd`).
+"""USD files (.usd, .usda, .usdc, .usdz) for scenes, by usd-core (the extra `usd`).
 
 Each stroke is a NurbsCurves called "stroke_0", "stroke_1" and so on, with its knots and weights, for programs that know
 them, such as Blender: their purpose is "render". Many viewers draw such curves as their control polygons or not at all:
@@ -7,6 +7,8 @@ are float32, weights double. What USD has no words for stands in attributes of t
 """
 
 import importlib.util
+import tempfile
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,29 +23,37 @@ from diff3ds._units import MILLIMETRES, Unit
 from diff3ds.bezier import to_nurbs
 from diff3ds.formats.apart import check_size, nurbs_sketch
 from diff3ds.formats.opening import check_writable
-from diff3ds.formats.scenes.polylines import polylines_of
+from diff3ds.formats.scenes.polylines import Polyline, polylines_of
 from diff3ds.formats.scenes.tubes import width_unit
 from diff3ds.sketch import Sketch
+from diff3ds.svg.layer_groups import Group, check_layers, grouped, outermost
 
 # Of the radius of the sketch: how far the polylines for viewers may be off the curves.
 PROXY = 1e-3
+# The path of all curves.
+STROKES = "/sketch/strokes"
 
 
-def save_usd(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
-    """Writes a USD file, whole or not at all.
+def save_usd(
+    path: str | Path, sketch: Sketch, *, unit: Unit = "m", layers: Sequence[str | Group] | None = None
+) -> None:
+    """Writes a USD file, whole or not at all; a package of one (.usdz) by its suffix.
 
     Widths in image units become those of a picture that the sketch fills; the numbers themselves are kept beside them.
 
     Args:
         unit: what a world unit is.
+        layers: of each stroke, its layer, or layers within layers from the outermost on: groups that show these names.
 
     Raises:
         ImportError: the extra `usd` is not installed.
-        ValueError: no strokes, a unit that is not known, or values that have become invalid since the sketch was made.
+        ValueError: another number of layers than of strokes, no strokes, a unit that is not known, or values that have
+            become invalid since the sketch was made.
         OSError: the file cannot be written.
     """
     path = Path(path)
     check_writable(path, sketch, unit, "USD", "pxr", "usd-core", "usd")
+    check_layers(layers, len(sketch))
     sketch = sketch.detach().to("cpu")
     usd: Any = import_module("pxr.Usd")
     geometry: Any = import_module("pxr.UsdGeom")
@@ -52,36 +62,68 @@ def save_usd(path: str | Path, sketch: Sketch, *, unit: Unit = "m") -> None:
     geometry.SetStageMetersPerUnit(stage, MILLIMETRES[unit] / 1000)
     root = geometry.Xform.Define(stage, "/sketch")
     stage.SetDefaultPrim(root.GetPrim())
-    _curves(stage, sketch)
-    _polylines(stage, sketch)
+    geometry.Scope.Define(stage, STROKES)
+    _layers(stage, sketch, STROKES, grouped(layers, range(len(sketch))), polylines_of(sketch, PROXY))
     with replacing(path) as temporary:
-        _write(stage, temporary)
+        _write(stage, temporary, path.suffix.lower() == ".usdz")
 
 
-def _write(stage: Any, path: Path) -> None:
-    """USD tells of a full disk by an exception of its own, or by a file that is short."""
+def _layers(stage: Any, sketch: Sketch, place: str, groups: Mapping[Group, list[int]], lines: list[Polyline]) -> None:
+    """The strokes of layers and of those within them below a path, and polylines beside the strokes of each."""
+    tf: Any = import_module("pxr.Tf")
+    geometry: Any = import_module("pxr.UsdGeom")
+    loose = groups.get((), [])
+    taken = {"polylines", *(f"stroke_{stroke}" for stroke in loose)}
+    if loose:
+        _curves(stage, sketch, place, loose)
+        _polylines(stage, sketch, loose, lines, "/sketch/polylines" if place == STROKES else f"{place}/polylines")
+    for label, inner in outermost({group: held for group, held in groups.items() if group}).items():
+        # Names of prims have letters of identifiers alone, and different ones may become the same.
+        known = tf.MakeValidIdentifier(label)
+        free = next(name for name in (known, *(f"{known}_{i}" for i in range(len(taken) + 1))) if name not in taken)
+        taken.add(free)
+        group = geometry.Xform.Define(stage, f"{place}/{free}")
+        group.GetPrim().SetDisplayName(label)
+        _layers(stage, sketch, f"{place}/{free}", inner, lines)
+
+
+def _write(stage: Any, path: Path, packed: bool) -> None:
+    """USD tells of a full disk by an exception of its own, or by a file that is short.
+
+    Args:
+        stage: what is written.
+        path: where to.
+        packed: whether as a package of one file.
+    """
     tf: Any = import_module("pxr.Tf")
     try:
-        written = stage.GetRootLayer().Export(str(path))
+        if packed:
+            utils: Any = import_module("pxr.UsdUtils")
+            with tempfile.TemporaryDirectory() as folder:
+                alone = Path(folder) / "sketch.usdc"
+                written = stage.GetRootLayer().Export(str(alone))
+                written = written and utils.CreateNewUsdzPackage(str(alone), str(path))
+        else:
+            written = stage.GetRootLayer().Export(str(path))
     except tf.ErrorException as error:
         raise OSError(f"{path}: {error}") from error
     if not written:
         raise OSError(f"{path}: usd-core cannot write this file")
 
 
-def _curves(stage: Any, sketch: Sketch) -> None:
+def _curves(stage: Any, sketch: Sketch, place: str, strokes: Sequence[int]) -> None:
+    """Some strokes as curves below a path."""
     geometry: Any = import_module("pxr.UsdGeom")
     sdf: Any = import_module("pxr.Sdf").ValueTypeNames
     points, weights = sketch.points.double(), sketch.weights.double()
     widths = sketch.with_widths_along().width.double()
     unit = width_unit(sketch)
     first = range(len(sketch) + 1) if sketch.chains is None else sketch.chains.first.tolist()
-    geometry.Scope.Define(stage, "/sketch/strokes")
-    for stroke in range(len(sketch)):
+    for stroke in strokes:
         rows = slice(first[stroke], first[stroke + 1])
         control, weight, knots = to_nurbs(points[rows], weights[rows])
         along = torch.cat([widths[rows][:1, 0], widths[rows][:, 1:].flatten()])
-        curve = geometry.NurbsCurves.Define(stage, f"/sketch/strokes/stroke_{stroke}")
+        curve = geometry.NurbsCurves.Define(stage, f"{place}/stroke_{stroke}")
         curve.CreatePointsAttr(control.float().numpy())
         curve.CreatePointWeightsAttr(weight.numpy())
         curve.CreateKnotsAttr(knots.numpy())
@@ -101,14 +143,15 @@ def _curves(stage: Any, sketch: Sketch) -> None:
         prim.CreateAttribute("diff3ds:closed", sdf.Bool).Set(_closed(sketch, stroke))
 
 
-def _polylines(stage: Any, sketch: Sketch) -> None:
+def _polylines(stage: Any, sketch: Sketch, strokes: list[int], polylines: list[Polyline], place: str) -> None:
+    """Some strokes as polylines, one prim at a path."""
     geometry: Any = import_module("pxr.UsdGeom")
-    lines = polylines_of(sketch, PROXY)
+    lines = [polylines[stroke] for stroke in strokes]
     vertices = [np.concatenate([line.vertices, line.vertices[:1]]) if line.closed else line.vertices for line in lines]
     counts = [len(some) for some in vertices]
     width = sketch.width.double() if sketch.width.ndim == 1 else _mean_widths(sketch)
-    thick = (width * width_unit(sketch)).numpy()
-    curves = geometry.BasisCurves.Define(stage, "/sketch/polylines")
+    thick = (width * width_unit(sketch))[strokes].numpy()
+    curves = geometry.BasisCurves.Define(stage, place)
     curves.CreateTypeAttr("linear")
     curves.CreateWrapAttr("nonperiodic")
     curves.CreateCurveVertexCountsAttr(counts)
@@ -118,7 +161,7 @@ def _polylines(stage: Any, sketch: Sketch) -> None:
     colors = geometry.PrimvarsAPI(curves).CreatePrimvar(
         "displayColor", import_module("pxr.Sdf").ValueTypeNames.Color3fArray, "uniform"
     )
-    colors.Set(sketch.color.float().numpy())
+    colors.Set(sketch.color[strokes].float().numpy())
     curves.CreatePurposeAttr("proxy")
     curves.CreateExtentAttr(_extent(np.concatenate(vertices), float(thick.max())))
 

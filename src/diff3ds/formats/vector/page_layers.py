@@ -12,7 +12,7 @@ from diff3ds.page.sheet.page_layout import PIXELS_PER_MM, Layout, lay_out, widen
 from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.page.sheet.views_grid import check_page, hexadecimal
 from diff3ds.sketch import Sketch
-from diff3ds.svg.layer_groups import Group
+from diff3ds.svg.layer_groups import Group, check_layers
 
 Layers = Literal["color"]
 
@@ -60,7 +60,7 @@ def layered_page(
     sketches = check_page(sketch, cameras, background, how.tolerance)
     layers = a_view(how.layers, sketch, len(cameras))
     for each, named in zip(sketches, layers, strict=True):
-        check_layers(named, len(each))
+        check_layers(None if isinstance(named, str) else named, len(each))
     check_pen(how.pen_mm, how.centerline, page)
     pen = None if how.pen_mm is None else how.pen_mm * PIXELS_PER_MM
 
@@ -84,16 +84,6 @@ def layered_page(
 def a_view(given: Any, sketch: Sketch | Sequence[Sketch], count: int) -> list[Any]:
     """What is given of strokes, for each view: one thing for all, or of several sketches a list of one each."""
     return [given] * count if given is None or isinstance(given, str) or isinstance(sketch, Sketch) else list(given)
-
-
-def check_layers(layers: Layers | Sequence[str | Group] | None, strokes: int) -> None:
-    """Sees that layers are one a stroke.
-
-    Raises:
-        ValueError: they are not.
-    """
-    if layers is not None and not isinstance(layers, str) and len(layers) != strokes:
-        raise ValueError(f"layers must name one for each of the {strokes} strokes, got {len(layers)}")
 
 
 def check_pen(pen_mm: float | None, centerline: bool, page: PageSetup | None) -> None:

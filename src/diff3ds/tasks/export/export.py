@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from diff3ds._files import write_text
 from diff3ds.formats import PICTURES, save, save_3dm, save_dxf, save_glb, save_step
+from diff3ds.formats.cad.iges import save_iges
 from diff3ds.formats.cad.layers import flat_layers
 from diff3ds.formats.scenes.html import sketch_page
+from diff3ds.formats.scenes.usd import save_usd
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.on_page import SurfaceOnPage
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -22,8 +25,10 @@ from diff3ds.tasks.style_options import StyleOptions
 from diff3ds.tasks.styling import Styling
 from diff3ds.tasks.surface_input import SurfaceInput
 
-# Formats that tell lines and arcs from other curves, and have layers.
-WITH_TOLERANCE = (".step", ".stp", ".dxf", ".3dm")
+USD = (".usd", ".usda", ".usdc", ".usdz")
+# Formats that tell lines and arcs from other curves, and those that have layers.
+WITH_TOLERANCE = (".step", ".stp", ".iges", ".igs", ".dxf", ".3dm")
+WITH_LAYERS = (".step", ".stp", ".dxf", ".3dm", ".glb", *USD)
 
 
 def run_export(
@@ -60,27 +65,30 @@ def run_export(
         write_text(file, Styling(styles).drawn(sketch, views_of(whole, OrbitOptions(), PictureOptions())).svg())
     elif file.suffix.lower() == ".html":
         write_text(file, _page(source, file, sketch, options, say))
-    elif file.suffix.lower() == ".dxf":
-        save_dxf(
-            file,
-            sketch,
-            unit=options.unit or "mm",
-            polylines=options.dxf_polylines,
-            tolerance=options.tolerance,
-            version=options.dxf_version,
-            layers=flat_layers(layers_by(sketch, options.layers)),
-        )
-    elif file.suffix.lower() == ".3dm":
-        layers = layers_by(sketch, options.layers)
-        save_3dm(file, sketch, unit=options.unit or "mm", tolerance=options.tolerance, layers=layers)
-    elif file.suffix.lower() in (".step", ".stp"):
-        named = flat_layers(layers_by(sketch, options.layers))
-        save_step(file, sketch, unit=options.unit or "mm", tolerance=options.tolerance, layers=named)
-    elif options.lines:
-        save_glb(file, sketch, unit=options.unit or "m", lines=True)
     else:
-        save(file, sketch, unit=options.unit)
+        _save(file, sketch, options)
     return sketch
+
+
+def _save(file: Path, sketch: Sketch, options: ExportOptions) -> None:
+    """Writes a sketch in a format that needs no view."""
+    suffix, unit = file.suffix.lower(), options.unit
+    layers, tolerance = layers_by(sketch, options.layers), options.tolerance
+    if suffix == ".dxf":
+        how: dict[str, Any] = {"polylines": options.dxf_polylines, "version": options.dxf_version}
+        save_dxf(file, sketch, unit=unit or "mm", tolerance=tolerance, layers=flat_layers(layers), **how)
+    elif suffix == ".3dm":
+        save_3dm(file, sketch, unit=unit or "mm", tolerance=tolerance, layers=layers)
+    elif suffix in (".step", ".stp"):
+        save_step(file, sketch, unit=unit or "mm", tolerance=tolerance, layers=flat_layers(layers))
+    elif suffix in (".iges", ".igs"):
+        save_iges(file, sketch, unit=unit or "mm", tolerance=tolerance)
+    elif suffix == ".glb":
+        save_glb(file, sketch, unit=unit or "m", lines=options.lines, layers=layers)
+    elif suffix in USD:
+        save_usd(file, sketch, unit=unit or "m", layers=layers)
+    else:
+        save(file, sketch, unit=unit)
 
 
 def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOptions) -> None:
@@ -90,7 +98,9 @@ def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOption
         ValueError: it does not.
     """
     if styles.style is not None and file.suffix.lower() != ".svg":
-        raise ValueError(f"{file}: --style draws .svg files here, and pictures by diff3ds render")
+        drawn = f"diff3ds render {source} -o {file} --style {styles.style}" if file.suffix.lower() in PICTURES else ""
+        said = f'draw it by "{drawn}"' if drawn else "leave --style out, or write .svg"
+        raise ValueError(f"{file}: --style draws .svg files here: {said}")
     if styles.style is None and file.suffix.lower() in PICTURES:
         raise ValueError(f'{file}: a picture is drawn by "diff3ds render {source} -o {file}", which asks for the view')
     for name in ("dxf_polylines", "dxf_version"):
@@ -98,8 +108,8 @@ def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOption
             raise ValueError(f"{file}: --{name.replace('_', '-')} is for .dxf files")
     if options.tolerance is not None and file.suffix.lower() not in WITH_TOLERANCE:
         raise ValueError(f"{file}: --tolerance is for {', '.join(WITH_TOLERANCE)} files")
-    if options.layers and file.suffix.lower() not in WITH_TOLERANCE:
-        raise ValueError(f"{file}: --layers is for {', '.join(WITH_TOLERANCE)} files")
+    if options.layers and file.suffix.lower() not in WITH_LAYERS:
+        raise ValueError(f"{file}: --layers is for {', '.join(WITH_LAYERS)} files, and for drawings by diff3ds render")
     if options.lines and file.suffix.lower() != ".glb":
         raise ValueError(f"{file}: --lines is for .glb files")
     if options.up == "y" and file.suffix.lower() == ".glb":

@@ -27,9 +27,9 @@ class ExportOptions:
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
         dxf_version: of AutoCAD: R12, with polylines, for old cutters that read no other.
         lines: strokes of a GLB file as lines in place of tubes.
-        layers: of .step, .dxf and .3dm files, by thing (and its parts), kind (crease, border, contour, ...) or color,
-            several within each other; "lamp - crease" where a format knows no layers within layers. By default by
-            color.
+        layers: of .step, .dxf, .3dm, .glb and USD files, by thing (and its parts), kind (crease, border, contour, ...)
+            or color, several within each other; "lamp - crease" where a format knows no layers within layers. By
+            default by color in .step, .dxf and .3dm files.
     """
 
     unit: Unit | None = None

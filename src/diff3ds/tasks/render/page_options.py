@@ -97,10 +97,10 @@ class PenOptions:
     """Drawings for plotters and other machines with pens.
 
     Attributes:
-        centerline: SVG and PDF for plotters: nothing is filled or hidden; strokes that meet are one path, nothing is
-            drawn twice, and the pen's ways are short; by default a layer a colour is what one pen draws. How often it
-            is lifted and how far it goes is said.
-        pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline and a --page.
+        centerline: SVG and PDF for plotters, as HPGL files are: nothing is filled or hidden; strokes that meet are one
+            path, nothing is drawn twice, and the pen's ways are short; by default a layer a colour is what one pen
+            draws. How often it is lifted and how far it goes is said.
+        pen_mm: how wide the pen's lines are, millimetres on paper, with --centerline, or in HPGL files, and a --page.
         speed: millimetres a second of the pen, for how long it takes, with these too.
     """
 

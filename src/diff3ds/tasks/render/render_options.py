@@ -13,7 +13,8 @@ from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.page_options import MOST_PIXELS, PageOptions, PenOptions
 
 # Each suffix by what it holds: views, or the frames of a turntable.
-STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf", ".dxf"), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
+PLOTTED = (".hpgl", ".plt")
+STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf", ".dxf", *PLOTTED), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
 MOST_FRAMES = 10_000
 # What makes a layer of strokes in a file.
 LayerBy = Literal["thing", "kind", "visibility", "color"]
@@ -70,8 +71,9 @@ class PictureOptions(PenOptions):
         turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
-        layers: of SVG, PDF and DXF files, by thing (and its parts), kind (crease, border, contour, ...), visibility or
-            color, several within each other; strokes of different layers lie over each other as the layers do.
+        layers: of SVG, PDF, DXF and HPGL files, by thing (and its parts), kind (crease, border, contour, ...),
+            visibility or color, several within each other; strokes of different layers lie over each other as the
+            layers do.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
         dxf_version: of AutoCAD: R12, with polylines, for old cutters that read no other.
         tolerance: of SVG and PDF: how far paths may be off the strokes, pixels; by default
@@ -180,17 +182,23 @@ def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
         raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {written}{instead_of(suffix)}")
     if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background not in (None, "white")):
         raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
-    known = {"centerline": VECTORS, "tolerance": VECTORS, "layers": (*VECTORS, ".dxf")}
+    paths = (*VECTORS, *PLOTTED)
+    known = {"centerline": paths, "tolerance": paths, "layers": (*paths, ".dxf")}
     for name, suffixes in (known | dict.fromkeys(("dxf_polylines", "dxf_version"), (".dxf",))).items():
         if getattr(options, name) != getattr(PictureOptions, name) and suffix not in suffixes:
-            raise ValueError(f"{file}: --{name.replace('_', '-')} is for {' and '.join(suffixes)} files")
+            *most, last = suffixes
+            named = f"{', '.join(most)} and {last}" if most else last
+            raise ValueError(f"{file}: --{name.replace('_', '-')} is for {named} files")
     if page.dpi is not None and suffix not in (".png", *MOVIES):
         raise ValueError(f"{file}: --dpi is for {', '.join(('.png', *MOVIES))} files; others have no pixels")
     if suffix in (".png", *MOVIES):
         page.check_pixels()
     if page.page is None and page.fit is not None and suffix not in MOVIES:
         raise ValueError(f"{file}: --fit is for pages and turntables: give a --page too, such as A4")
-    options.check_on(page)
+    if suffix in PLOTTED and page.page is None:
+        raise ValueError(f"{file}: a plotter draws on paper: give a --page, such as A4")
+    if suffix not in PLOTTED:
+        options.check_on(page)
     if page.page is not None and options.engine == "blender":
         raise ValueError(f"{file}: Blender draws pictures without a --page: leave it or --engine out")
     if suffix in MOVIES and options.turntable is None:

@@ -14,7 +14,14 @@ from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.drawn_scene import Scene
 from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
-from diff3ds.tasks.render.render_options import OrbitOptions, PictureOptions, SurfaceOptions, check_file, parse_size
+from diff3ds.tasks.render.render_options import (
+    PLOTTED,
+    OrbitOptions,
+    PictureOptions,
+    SurfaceOptions,
+    check_file,
+    parse_size,
+)
 from diff3ds.tasks.render.view_files import save_film, save_views
 from diff3ds.tasks.results import SURFACE
 from diff3ds.tasks.sketch_input import at_level, load_sketch
@@ -50,8 +57,9 @@ def run_render(
         raise ValueError("a turntable goes once round from one --azimuth: give no --cameras, and one number")
     if hiding.hides and picture.engine == "blender":
         raise ValueError("a --surface hides lines in pictures by the kernels and in files of paths: leave --engine out")
-    if file.suffix.lower() == ".dxf" and (styles.style is not None or picture.background is not None):
-        raise ValueError(f"{file}: a .dxf file has lines alone: leave --style and --background out, or write .pdf")
+    suffix = file.suffix.lower()
+    if suffix in (".dxf", *PLOTTED) and (styles.style is not None or picture.background is not None):
+        raise ValueError(f"{file}: a {suffix} file has lines alone: leave --style and --background out, or write .pdf")
     if styles.style is not None:
         _check_styled(picture, styles.style)
     if picture.centerline and picture.color is not None:

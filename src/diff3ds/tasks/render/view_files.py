@@ -11,6 +11,7 @@ from diff3ds.camera import Cameras
 from diff3ds.formats import save_dxf, save_pdf, save_png, save_svg, tile_images
 from diff3ds.formats.cad.layers import flat_layers
 from diff3ds.formats.movie import save_movie
+from diff3ds.formats.vector.hpgl import save_hpgl
 from diff3ds.formats.vector.pdf import pdf_of
 from diff3ds.page.drawn_paths import TOLERANCE, ink_boxes
 from diff3ds.page.flat_strokes import flat_strokes
@@ -21,6 +22,7 @@ from diff3ds.svg.path_ids import KEPT
 from diff3ds.tasks.progress import Progress, Report
 from diff3ds.tasks.render.drawn_scene import Scene, Shown
 from diff3ds.tasks.render.page_pictures import Image
+from diff3ds.tasks.render.render_options import PLOTTED
 
 # Millimetres on paper by which lines and arcs, and polylines, of a flat file may be off: less than any machine draws.
 CURVE_MM, POLYLINE_MM = 1e-4, 5e-3
@@ -52,20 +54,17 @@ def save_views(file: Path, scene: Scene, cameras: Cameras, report: Report, say: 
         drawing = scene.styling.drawn(sketches, cameras, picture.color, page, alone, layers, numbers)
         _save_styled(file, drawing, alone)
         return
-    how: dict[str, Any] = {
-        "background": picture.color,
-        "page": page,
-        "layers": layers,
-        "centerline": picture.centerline,
-        "pen_mm": picture.pen_mm,
-        "tolerance": picture.tolerance or TOLERANCE,
-    }
-    if suffix == ".pdf":
-        travel = save_pdf(file, sketches, cameras, alone=alone, **how)
+    how: dict[str, Any] = {"layers": layers, "pen_mm": picture.pen_mm, "tolerance": picture.tolerance or TOLERANCE}
+    told: dict[str, Any] = {"background": picture.color, "page": page, "centerline": picture.centerline}
+    if suffix in PLOTTED:
+        assert page is not None
+        travel = save_hpgl(file, sketches, cameras, page, **how)
+    elif suffix == ".pdf":
+        travel = save_pdf(file, sketches, cameras, alone=alone, **how, **told)
     else:
         faint = scene.surface is not None and scene.hiding.hidden == "faint"
         kept = [field for field in KEPT if field != "opacity" or not faint]
-        travel = save_svg(file, sketches, cameras, numbers=numbers, kept=kept, **how)
+        travel = save_svg(file, sketches, cameras, numbers=numbers, kept=kept, **how, **told)
     if travel is not None:
         say(travel.told("pixels" if page is None else "mm", picture.speed))
 
