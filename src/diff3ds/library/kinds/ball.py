@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, Vector, around, ball, ellipse, mirror, ring
+from diff3ds.library.shapes import Part, Vector, around, ball, ellipse, mirror, reflect, ring, turn
 
 
 def _seam(a: Vector, b: Vector) -> Part:
@@ -13,6 +13,21 @@ def _seam(a: Vector, b: Vector) -> Part:
     beside = math.sqrt(1 - straight**2)
     across = [(there - straight * here) / beside for here, there in zip(a, b, strict=True)]
     return ellipse((0, 0, 0), a, across, 0, math.degrees(math.acos(straight)))
+
+
+def _bow(high: float) -> Part:
+    """The circle on the ball from one corner of a square around its middle to the next, over a point so high.
+
+    Half a turn about a corner makes a bow up one down: they meet smoothly, however high.
+    """
+    corner = math.sqrt(0.5)
+    rise = (math.sqrt(1 - high**2) - corner, high)
+    along = [part / math.hypot(*rise) for part in rise]
+    below = corner * along[0]
+    x, z = corner - below * along[0], -below * along[1]
+    radius = math.sqrt(1 - x**2 - z**2)
+    half = math.degrees(math.atan2(corner, below))
+    return ellipse((x, 0, z), (radius * along[0], 0, radius * along[1]), (0, radius, 0), -half, half)
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -30,10 +45,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     elif "stripes" in attributes:
         parts += [ring((0, 0, z), math.sqrt(1 - z * z)) for z in (-seam, seam)]
     else:
-        # Four half circles on the ball, two up and two down, which meet upright.
-        away = math.sqrt(0.5)
-        parts.append(mirror(ring((away, 0, 0), away, "x", 0, 180), "x"))
-        parts.append(mirror(ring((0, away, 0), away, "y", 180, 360), "y"))
+        up = mirror(_bow(seam), "x")
+        parts += [up, reflect(turn(up, 90), "z")]
     return parts
 
 
