@@ -29,9 +29,11 @@ def test_each_thing_is_a_run_and_they_are_placed(tmp_path) -> None:
     assert things == ["1_table", "2_mug", "3_chair"]
     table, mug, chair = (load(tmp_path / "run/things" / name / "sketch.json") for name in things)
     assert len(sketch) == len(table) + len(mug) + 2 * len(chair)
-    # Placed, never bent: the two chairs differ by a shift, so that each of their strokes has a twin.
-    shapes = (sketch.points - sketch.points[:, :1]).flatten(1)
-    apart = torch.cdist(shapes, shapes, compute_mode="donot_use_mm_for_euclid_dist").fill_diagonal_(1)
+    # Placed, never bent: the two chairs face their table from both sides, half a turn and a shift apart, so that
+    # each of their strokes has a twin.
+    shapes = sketch.points - sketch.points[:, :1]
+    turned = (shapes * torch.tensor([-1.0, -1.0, 1.0])).flatten(1)
+    apart = torch.cdist(shapes.flatten(1), turned, compute_mode="donot_use_mm_for_euclid_dist").fill_diagonal_(1)
     assert (apart.amin(1) < 1e-5).sum() == 2 * len(chair)
     assert "'chiars' is taken for 'chairs'" in said
     assert "'old' changes nothing: lines do not show it" in said
