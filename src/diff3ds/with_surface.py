@@ -108,9 +108,9 @@ def save(
     Args:
         cameras: the views of a picture; formats that hold the sketch itself need none.
         unit: what a world unit is, in formats that know units of length: "mm", "cm", "m", "in" or "ft"; by default mm
-            in those for CAD, m in GLB and USD.
-        surface: what hides lines on a `.html` page, such as `load_surface` gives; pictures with hidden lines are drawn
-            by `render`.
+            in those for CAD, m in GLB and USD, and in Blender its own unit.
+        surface: what hides lines on a `.html` page, or in Blender, such as `load_surface` gives; pictures with hidden
+            lines are drawn by `render`.
 
     Raises:
         TypeError: not a sketch, or another surface than a `TriangleMesh`.

@@ -1,11 +1,8 @@
-"""Scripts for Blender: what they build, read by SciPy, and by Blender itself where there is one."""
+"""Scripts for Blender: what they build, read by SciPy; `in_blender` has them run by Blender itself."""
 
 import ast
-import importlib.util
 import json
 import re
-import shutil
-import subprocess
 import sys
 from types import SimpleNamespace
 from unittest.mock import MagicMock
@@ -17,20 +14,7 @@ from scipy.interpolate import BSpline
 
 from diff3ds import Chains, Sketch, bezier, save
 from diff3ds.bezier import evaluate
-from diff3ds.formats.scenes.blender import FRAMES
-
-CHECK = """
-import bpy, json
-found = {}
-for made in bpy.data.objects:
-    if made.type == "CURVE":
-        made.data.bevel_depth = 0
-        mesh = made.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-        found[made.name] = [list(v.co) for v in mesh.vertices]
-materials = sum(m.name.startswith("stroke") for m in bpy.data.materials)
-names = sorted(c.name for c in bpy.data.collections), materials, bpy.context.scene.camera.name
-print("FOUND " + json.dumps([found, names]))
-"""
+from diff3ds.formats.scenes.blender import FRAMES, save_blender
 
 
 def sketch() -> Sketch:
@@ -122,7 +106,14 @@ class Told:
 
 
 def thing(name, kind, **data) -> SimpleNamespace:
-    return SimpleNamespace(name=name, type=kind, data=SimpleNamespace(**data))
+    """An object that stands where Blender's own does."""
+    place = {"Light": (4.07625, 1.00545, 5.90386), "Camera": (7.35889, -6.92579, 4.95831)}.get(name, (0.0, 0.0, 0.0))
+    none = dict.fromkeys(("animation_data", "parent", "modifiers", "constraints"))
+    return SimpleNamespace(name=name, type=kind, data=SimpleNamespace(**data), location=place, scale=(1, 1, 1), **none)
+
+
+def corners(count, side=1.0) -> list[SimpleNamespace]:
+    return [SimpleNamespace(co=(side, -side, side)) for _ in range(count)]
 
 
 def opened(monkeypatch, tmp_path, objects, image, arguments=(), file="", camera=None, world=None):
@@ -141,21 +132,25 @@ def opened(monkeypatch, tmp_path, objects, image, arguments=(), file="", camera=
     return scene, bpy
 
 
-BEGUN = [("Cube", "MESH", {"vertices": range(8)}), ("Light", "LIGHT", {}), ("Camera", "CAMERA", {})]
+BEGUN = [("Cube", "MESH", {"vertices": corners(8)}), ("Light", "LIGHT", {}), ("Camera", "CAMERA", {})]
 
 
 @pytest.mark.parametrize(
-    ("file", "names", "corners"),
+    ("file", "names", "cube", "changed"),
     [
-        ("house.blend", ("Cube", "Light", "Camera"), 8),
-        ("", ("Cube", "Light", "Camera"), 240),
-        ("", ("Cube", "Light", "Camera.001"), 8),
-        ("", ("three weeks of work", "Light", "Camera"), 8),
+        ("house.blend", ("Cube", "Light", "Camera"), corners(8), {}),
+        ("", ("Cube", "Light", "Camera"), corners(240), {}),
+        ("", ("Cube", "Light", "Camera"), corners(8, 1.5), {}),
+        ("", ("Cube", "Light", "Camera"), corners(8), {"location": (0.0, 0.0, 1.0)}),
+        ("", ("Cube", "Light", "Camera"), corners(8), {"modifiers": ["subdivision"]}),
+        ("", ("Cube", "Light", "Camera.001"), corners(8), {}),
+        ("", ("three weeks of work", "Light", "Camera"), corners(8), {}),
     ],
 )
-def test_what_was_there_stays_as_it_was(monkeypatch, tmp_path, file, names, corners) -> None:
+def test_what_was_there_stays_as_it_was(monkeypatch, tmp_path, file, names, cube, changed) -> None:
     kinds = ("MESH", "LIGHT", "CAMERA")
-    objects = [thing(name, kind, vertices=range(corners)) for name, kind in zip(names, kinds, strict=True)]
+    objects = [thing(name, kind, vertices=cube) for name, kind in zip(names, kinds, strict=True)]
+    vars(objects[0]).update(changed)
     camera, world = objects[2], object()
     scene, bpy = opened(monkeypatch, tmp_path, objects, Told(), file=file, camera=camera, world=world)
     assert [made.name for made in objects] == list(names)
@@ -193,35 +188,54 @@ def test_pictures_and_films_leave_the_settings_as_they_were(monkeypatch, tmp_pat
     scene.frame_set.assert_called_once_with(8)
 
 
-def in_blender(*arguments: str) -> str:
-    """What a script says, run by the Blender of this machine."""
-    blender = shutil.which("blender")
-    if not blender and not importlib.util.find_spec("bpy"):
-        pytest.skip("no Blender: neither `blender` on the PATH nor bpy")
-    command = [blender, "-b", "--factory-startup", "--python"] if blender else [sys.executable]
-    return subprocess.run([*command, *arguments], capture_output=True, text=True, check=True).stdout
+def test_strokes_have_names_and_lie_in_collections_of_things_and_kinds(tmp_path) -> None:
+    whole = sketch().replace(names=("lamp/rod/edge 1", "lamp/edge", "", "", "", ""), kinds=["crease", *[""] * 4, "rim"])
+    save(tmp_path / "scene.py", whole)
+    strokes = scene_of(tmp_path / "scene.py")["strokes"]
+    assert [stroke["name"] for stroke in strokes[:3]] == ["lamp/rod/edge 1", "lamp/edge", "stroke 2"]
+    assert [stroke["layers"] for stroke in strokes[:3]] == [["lamp", "rod", "crease"], ["lamp"], ["strokes"]]
+    assert strokes[5]["layers"] == ["rim"]
 
 
-def test_blender_films_a_turn(tmp_path) -> None:
-    save(tmp_path / "scene.py", sketch())
-    text = (tmp_path / "scene.py").read_text().replace(f'"frames":{FRAMES}', '"frames":3')
-    (tmp_path / "scene.py").write_text(text)
-    in_blender(str(tmp_path / "scene.py"), "--", str(tmp_path / "turn.mp4"), "32", "32", "--turntable")
-    assert b"ftyp" in (tmp_path / "turn.mp4").read_bytes()[:16]
+def test_widths_of_weighted_strokes_are_those_of_the_sketch(tmp_path) -> None:
+    """Blender weighs radii as it does points: a stroke whose width changes is cut until that makes no difference."""
+    weights = torch.tensor([[1.0, 6.0, 0.3, 2.0]], dtype=torch.float64)
+    width = torch.tensor([[0.0, 0.3, 0.05, 0.2]], dtype=torch.float64)
+    points = torch.rand(1, 4, 3, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    whole = Sketch(points, weights, width=width, width_space="world")
+    save(tmp_path / "scene.py", whole)
+    (stroke,) = scene_of(tmp_path / "scene.py")["strokes"]
+    control, radii = torch.tensor(stroke["points"], dtype=torch.float64), torch.tensor(stroke["radii"]).double()
+    rows = torch.arange((len(control) - 1) // 3)[:, None] * 3 + torch.arange(4)
+    assert len(rows) > 1
+    t = torch.linspace(0, 1, 33, dtype=torch.float64)
+    basis = bezier.curves.bernstein(t, 3)
+    there = evaluate(control[rows][..., :3], control[rows][..., 3], t).flatten(0, 1)
+    weighed = (basis @ (radii * control[:, 3])[rows].T / (basis @ control[:, 3][rows].T)).T.flatten()
+    at, _, away = bezier.closest_point(points[0], weights[0], there)
+    assert away.max() < 1e-9
+    np.testing.assert_allclose(weighed, bezier.curves.bernstein(at, 3) @ width[0] / 2, atol=3e-3 * 0.15)
 
 
-def test_blender_builds_the_curves(tmp_path) -> None:
+def test_grease_pencil_is_within_a_thousandth_of_the_sketch(tmp_path) -> None:
     whole = sketch()
-    path = tmp_path / "scene.py"
-    save(path, whole)
-    path.write_text(path.read_text() + CHECK)
-    line = next(line for line in in_blender(str(path)).splitlines() if line.startswith("FOUND "))
-    found, (collections, materials, camera) = json.loads(line.removeprefix("FOUND "))
-    assert len(found) == len(whole)
-    assert (collections[:3], materials, camera) == (["#000000", "#1a1acc", "#cc1a1a"], 3, "camera")
-    for n in range(len(whole)):
-        vertices, exact = np.array(found[f"stroke {n}"]), along(whole, n, 4001).reshape(-1, 3)
-        away = np.sqrt(((vertices[:, None] - exact[None]) ** 2).sum(-1)).min(1)
-        # Half a step of the sampled curve.
-        assert away.max() < 5e-4
-        np.testing.assert_allclose(vertices[[0, -1]], exact[[0, -1]], atol=1e-6)
+    save_blender(tmp_path / "scene.py", whole, strokes="grease-pencil", unit="cm")
+    scene = scene_of(tmp_path / "scene.py")
+    assert [layer["name"] for layer in scene["layers"]] == ["#000000", "#cc1a1a", "#1a1acc"]
+    assert scene["metres"] == 0.01
+    strokes = [stroke for layer in scene["layers"] for stroke in layer["frames"][0]]
+    assert [stroke["cyclic"] for stroke in strokes] == [True, *[False] * 5]
+    for n, stroke in enumerate(strokes):
+        knots = torch.tensor([*stroke["points"], *stroke["points"][: stroke["cyclic"]]], dtype=torch.float64)
+        cubics = torch.cat([knots[:-1, 1:], knots[1:, :2]], 1)
+        there = evaluate(cubics, torch.ones(len(cubics), 4).double(), torch.linspace(0, 1, 17).double()).numpy()
+        exact = along(whole, n, 4001).reshape(-1, 3)
+        away = np.sqrt(((there.reshape(-1, 1, 3) - exact) ** 2).sum(-1)).min(1)
+        assert away.max() < 1e-3
+
+
+@pytest.mark.parametrize("given", [{"strokes": "tubes"}, {"unit": "parsec"}])
+def test_what_blender_cannot_be_told_is_refused(unchecked, tmp_path, given) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        save_blender(tmp_path / "scene.py", sketch(), **given)
+    assert not (tmp_path / "scene.py").exists()

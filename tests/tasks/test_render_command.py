@@ -222,7 +222,7 @@ def test_sizes():
     [
         (["-o", "a.jpg"], "a.jpg: cannot draw to '.jpg', only to .png, .svg, .pdf, .dxf, .hpgl, .plt, .mp4"),
         (["-o", "a.mp4"], "a .mp4 file holds a turntable: give --turntable"),
-        (["-o", "a.png", "--turntable", "5"], "a turntable goes to .mp4, .webp, .gif, not to .png"),
+        (["-o", "a.png", "--turntable", "5"], "a turntable goes to .mp4, .webp, .gif, .py, not to .png"),
         (["-o", "a.gif", "--turntable", "5", "--background", "transparent"], "no partly transparent pixels"),
         (["-o", "a.gif", "--turntable", "5", "--fps", "60"], "fps must be at most 50"),
         (["-o", "a.mp4", "--turntable", "5", "--size", "5x4"], "size must be even both ways"),
@@ -246,7 +246,7 @@ def test_sizes():
         (["-o", "a.svg", "--page", "A4", "--dpi", "300"], "--dpi is for .png, .mp4, .webp, .gif files"),
         (["-o", "a.png", "--page", "A0", "--dpi", "300"], "of 9933 x 14043 pixels, more than"),
         (["-o", "a.eps"], "write .pdf or .svg, which hold the same paths, and convert it"),
-        (["-o", "a.png", "--layers", "color"], "--layers is for .svg, .pdf, .hpgl, .plt and .dxf files"),
+        (["-o", "a.png", "--layers", "color"], "--layers is for .svg, .pdf, .hpgl, .plt, .dxf and .py files"),
         (["-o", "a.png", "--centerline"], "--centerline is for .svg, .pdf, .hpgl and .plt files"),
         (["-o", "a.pdf", "--tolerance", "0"], "--tolerance must be positive"),
         (["-o", "a.png", "--elevation", "91"], "--elevation must be from -90 to 90"),

@@ -379,7 +379,7 @@ def test_surfaces_that_no_page_takes(tmp_path, monkeypatch):
     sketch = ds.Sketch(edges())
     with pytest.raises(TypeError, match="surface must be a TriangleMesh on a page, got str"):
         ds.save(tmp_path / "a.html", sketch, surface="a.glb")
-    with pytest.raises(ValueError, match=r"a surface goes on \.html pages alone"):
+    with pytest.raises(ValueError, match=r"a surface goes into \.html and \.py files"):
         ds.save(tmp_path / "a.json", sketch, surface=box())
     monkeypatch.setattr(on_page, "MOST_TRIANGLES", 11)
     with pytest.raises(ValueError, match="up to 11 triangles, this one has 12: give one with fewer"):
@@ -395,7 +395,7 @@ def test_surfaces_that_no_page_takes(tmp_path, monkeypatch):
     options = ExportOptions(surface=tmp_path / "surface.glb")
     with pytest.raises(ValueError, match="up to 11 triangles"):
         run_export(tmp_path / "sketch.json", tmp_path / "b.html", options, StyleOptions())
-    with pytest.raises(ValueError, match=r"--surface is for \.html files"):
+    with pytest.raises(ValueError, match=r"--surface is for \.html and \.py files"):
         run_export(tmp_path / "sketch.json", tmp_path / "b.obj", options, StyleOptions())
     assert not (tmp_path / "b.html").exists()
 

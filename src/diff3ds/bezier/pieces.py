@@ -16,6 +16,10 @@ from diff3ds.bezier.polynomial import multiply
 TAME_RATIO = 20.0
 # Width of a piece in the logarithm of the odds t / (1 - t): a weight term changes by at most exp(3 * 2) over one.
 PIECE_LOG_ODDS = 2.0
+# Bernstein coefficients of the cubic through values at 0, 1/3, 2/3 and 1.
+CUBIC_THROUGH_THIRDS = (
+    torch.tensor([[6.0, 0, 0, 0], [-5, 18, -9, 2], [2, -9, 18, -5], [0, 0, 0, 6]], dtype=torch.float64) / 6
+)
 
 
 def standard_form(control: Float[Tensor, "*B K E"]) -> tuple[Float[Tensor, "*B K E"], Float[Tensor, "*B"]]:
@@ -75,3 +79,33 @@ def derivative_numerator(x: Float[Tensor, "*B D K"], w: Float[Tensor, "*B 1 K"])
     order = torch.arange(1, x.shape[-1]).to(x)
     numerator = multiply(x[..., 1:] * order, w) - multiply(x, w[..., 1:] * order)
     return numerator[..., :-1]
+
+
+def polynomial_cubics(part: Float[Tensor, "P 4 E"]) -> tuple[Float[Tensor, "P 4 D"], Float[Tensor, " P"]]:
+    """Polynomial cubics for rational ones in standard form, with their ends and tangents, and bounds of the error.
+
+    The velocity of such a rational cubic at its ends is 3 w1 (P1 - P0) and 3 w2 (P3 - P2). The difference N / W - Q has
+    the numerator N - Q W, whose Bernstein coefficients (degree 6) over those of W, raised to degree 6 too, bound it,
+    for W > 0.
+    """
+    origin = part[:, :1, :-1]
+    weights = part[..., -1:]
+    moved = part[..., :-1] - origin * weights
+    end = moved[:, 3:]
+    zero = torch.zeros_like(end)
+    q = torch.cat([zero, moved[:, 1:2], end + moved[:, 2:3] - end * weights[:, 2:3], end], 1)
+    table = _product_table().to(part)
+    numerator = torch.einsum("kij,pijd->pkd", table, moved[:, None] - q[:, :, None] * weights[:, None])
+    denominator = torch.einsum("kij,pjd->pkd", table, weights)
+    error = torch.linalg.vector_norm(numerator / denominator, dim=-1).amax(-1)
+    # A weight that is not positive gives no bound: NaN compares as too far.
+    return q + origin, error
+
+
+def _product_table() -> Float[Tensor, "7 4 4"]:
+    """Coefficients k of the product of two cubics in Bernstein form: sum over i + j = k of table[k, i, j] a_i b_j."""
+    table = torch.zeros(7, 4, 4, dtype=torch.float64)
+    for i in range(4):
+        for j in range(4):
+            table[i + j, i, j] = math.comb(3, i) * math.comb(3, j) / math.comb(6, i + j)
+    return table

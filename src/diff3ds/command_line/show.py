@@ -21,7 +21,8 @@ class Render:
     """Draw a sketch: one view, several, a sheet of them, or a turntable.
 
     The suffix says what is written: .png, .svg, .pdf, a flat .dxf or .hpgl for plotters; .mp4, .webp or .gif for a
-    turntable.
+    turntable; .json for the strokes that a view shows, in space; .py for these in Blender's Grease Pencil, a frame each
+    of a turntable.
     """
 
     view: OmitArgPrefixes[OrbitOptions]

@@ -72,7 +72,9 @@ _GEOMETRY: dict[str, Callable[..., None]] = {
     ".html": save_html,
 }
 # Formats whose files say in which unit of length they are.
-_WITH_UNITS = (".step", ".stp", ".iges", ".igs", ".dxf", ".3dm", ".glb", ".usd", ".usda", ".usdc", ".usdz")
+_WITH_UNITS = (".step", ".stp", ".iges", ".igs", ".dxf", ".3dm", ".glb", ".usd", ".usda", ".usdc", ".usdz", ".py")
+# Those of scenes, in which a surface hides lines.
+WITH_SURFACE = (".html", ".py")
 PICTURES = (".svg", ".pdf", ".png")
 _READERS = {
     ".json": load_json,
@@ -99,7 +101,7 @@ def save(
     """Writes a sketch, whole or not at all, in the format of the suffix: `ds.save`, which says more, takes a mesh.
 
     Args:
-        surface: what hides lines on a `.html` page.
+        surface: what hides lines on a `.html` page, or in Blender.
 
     Raises:
         TypeError, ValueError, ImportError, OSError: as `ds.save`.
@@ -113,9 +115,11 @@ def save(
         check_unit(unit)
         if suffix in (*_GEOMETRY, *PICTURES) and suffix not in _WITH_UNITS:
             raise ValueError(f"{path}: a {suffix} file says no unit of length: scale the sketch instead")
-    if surface is not None and suffix != ".html":
-        raise ValueError(f"{path}: a surface goes on .html pages alone: leave it out, or draw with it by ds.render")
-    if surface is not None:
+    if surface is not None and suffix not in WITH_SURFACE:
+        raise ValueError(f"{path}: a surface goes into .html and .py files: leave it out, or draw with it by ds.render")
+    if suffix == ".py":
+        save_blender(path, sketch, unit=unit, surface=surface)
+    elif surface is not None:
         save_html(path, sketch, surface=surface)
     elif suffix in _WITH_UNITS and unit is not None:
         _GEOMETRY[suffix](path, sketch, unit=unit)

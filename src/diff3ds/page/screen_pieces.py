@@ -4,7 +4,6 @@ Strokes are homogeneous cubics whose coordinates, divided by the last one, are x
 perspective width of a tube is as rational as its position, and is approximated along with it.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ import torch
 
 from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.bezier.curves import bernstein, subcurve_matrix
-from diff3ds.bezier.pieces import from_standard, standard_form
+from diff3ds.bezier.pieces import CUBIC_THROUGH_THIRDS, from_standard, polynomial_cubics, standard_form
 from diff3ds.project import Strokes2D
 from diff3ds.render.near_plane import visible_spans
 from diff3ds.sketch import WidthSpace
@@ -93,7 +92,7 @@ def screen_pieces(strokes: Strokes2D, view: int, size: tuple[int, int], toleranc
         # Hulls need positive weights; in front of the near plane they become so by halving.
         ahead = (part[..., 3] > 0).all(-1)
         part, hurry = standard_form(part)
-        points, error = _approximation(part)
+        points, error = polynomial_cubics(part)
         if along:
             radii, off = _widths(cut, hurry, half_width[segment], cubics[segment], strokes.width_space)
             points, error = torch.cat([points[..., :2], radii[..., None]], -1), error + off
@@ -128,43 +127,9 @@ def _widths(
     if space == "world":
         place = basis @ cubics
         radius = radius * place[..., 3] / place[..., 2]
-    through = radius[:, ::2] @ _INTERPOLATION.to(radius).T
+    through = radius[:, ::2] @ CUBIC_THROUGH_THIRDS.to(radius).T
     sixths = bernstein(torch.tensor([1.0, 3.0, 5.0], dtype=t.dtype, device=t.device) / 6, 3)
     return through, (through @ sixths.T - radius[:, 1::2]).abs().amax(-1)
-
-
-# Bernstein coefficients of the cubic through values at 0, 1/3, 2/3 and 1.
-_INTERPOLATION = torch.tensor([[6.0, 0, 0, 0], [-5, 18, -9, 2], [2, -9, 18, -5], [0, 0, 0, 6]], dtype=torch.float64) / 6
-
-
-def _approximation(part: Float[Tensor, "P 4 4"]) -> tuple[Float[Tensor, "P 4 3"], Float[Tensor, " P"]]:
-    """Polynomial cubics for rational ones in standard form, with their ends and tangents, and bounds of the error.
-
-    The velocity of such a rational cubic at its ends is 3 w1 (P1 - P0) and 3 w2 (P3 - P2). The difference N / W - Q has
-    the numerator N - Q W, whose Bernstein coefficients (degree 6) over those of W, raised to degree 6 too, bound it,
-    for W > 0.
-    """
-    origin = part[:, :1, :3]
-    weights = part[..., 3:]
-    moved = part[..., :3] - origin * weights
-    end = moved[:, 3:]
-    zero = torch.zeros_like(end)
-    q = torch.cat([zero, moved[:, 1:2], end + moved[:, 2:3] - end * weights[:, 2:3], end], 1)
-    table = _product_table().to(part)
-    numerator = torch.einsum("kij,pijd->pkd", table, moved[:, None] - q[:, :, None] * weights[:, None])
-    denominator = torch.einsum("kij,pjd->pkd", table, weights)
-    error = torch.linalg.vector_norm(numerator / denominator, dim=-1).amax(-1)
-    # A weight that is not positive gives no bound: NaN compares as too far.
-    return q + origin, error
-
-
-def _product_table() -> Float[Tensor, "7 4 4"]:
-    """Coefficients k of the product of two cubics in Bernstein form: sum over i + j = k of table[k, i, j] a_i b_j."""
-    table = torch.zeros(7, 4, 4, dtype=torch.float64)
-    for i in range(4):
-        for j in range(4):
-            table[i + j, i, j] = math.comb(3, i) * math.comb(3, j) / math.comb(6, i + j)
-    return table
 
 
 def _beyond(points: Float[Tensor, "P K 3"], size: tuple[int, int]) -> Bool[Tensor, " P"]:

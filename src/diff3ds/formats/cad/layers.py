@@ -1,7 +1,8 @@
-"""The layers on which strokes lie in files for CAD programs."""
+"""The layers on which strokes lie in files for CAD programs, and in Blender."""
 
 from collections.abc import Sequence
 
+from diff3ds.page.sheet.views_grid import hexadecimal
 from diff3ds.sketch import Sketch
 
 # Characters that names of layers may not have in DXF files.
@@ -33,3 +34,17 @@ def checked_layers(layers: Sequence[str] | None, sketch: Sketch) -> list[str] | 
     if not all(named):
         raise ValueError(f"a layer needs a name, got {layers[named.index('')]!r}")
     return named
+
+
+def thing_of(name: str) -> tuple[str, ...]:
+    """The thing that a stroke of this name is part of, and its parts down to the stroke's."""
+    return tuple(part for part in name.partition(", ")[0].split("/")[:-1] if part)
+
+
+def known_layers(sketch: Sketch) -> list[tuple[str, ...]]:
+    """Layers within layers of what a sketch says of its strokes: things, their parts and kinds, or else colours."""
+    if sketch.names is None and sketch.kinds is None:
+        return [(hexadecimal(color),) for color in sketch.color.detach().tolist()]
+    names, kinds = (texts or ("",) * len(sketch) for texts in (sketch.names, sketch.kinds))
+    found = [(*thing_of(name), *([kind] if kind else [])) for name, kind in zip(names, kinds, strict=True)]
+    return [layers or ("strokes",) for layers in found]

@@ -23,6 +23,10 @@ AZIMUTH, ELEVATION = 30.0, 20.0
 class PageSurface(Protocol):
     """A surface that hides lines on a page; `SurfaceOnPage` of `surfaces` makes one of a mesh."""
 
+    @property
+    def mesh(self) -> Any:
+        """Its triangles: vertices (V, 3), world units, and faces (F, 3) of these."""
+
     def data(self, sketch: Sketch) -> dict[str, Any]:
         """What the page knows of it, as JSON has it, where it shows this sketch."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 
 from diff3ds._files import write_text
-from diff3ds.formats import PICTURES, save, save_3dm, save_dxf, save_glb, save_step
+from diff3ds.formats import PICTURES, WITH_SURFACE, save, save_3dm, save_blender, save_dxf, save_glb, save_step
 from diff3ds.formats.cad.iges import save_iges
 from diff3ds.formats.cad.layers import flat_layers
 from diff3ds.formats.scenes.html import sketch_page
@@ -28,7 +28,7 @@ from diff3ds.tasks.surface_input import SurfaceInput
 USD = (".usd", ".usda", ".usdc", ".usdz")
 # Formats that tell lines and arcs from other curves, and those that have layers.
 WITH_TOLERANCE = (".step", ".stp", ".iges", ".igs", ".dxf", ".3dm")
-WITH_LAYERS = (".step", ".stp", ".dxf", ".3dm", ".glb", *USD)
+WITH_LAYERS = (".step", ".stp", ".dxf", ".3dm", ".glb", *USD, ".py")
 
 
 def run_export(
@@ -65,6 +65,10 @@ def run_export(
         write_text(file, Styling(styles).drawn(sketch, views_of(whole, OrbitOptions(), PictureOptions())).svg())
     elif file.suffix.lower() == ".html":
         write_text(file, _page(source, file, sketch, options, say))
+    elif file.suffix.lower() == ".py":
+        surface = _solid(SurfaceInput(source, options.surface, options.surface_up, say), options)
+        layers = layers_by(sketch, options.layers)
+        save_blender(file, sketch, strokes=options.built, unit=options.unit, layers=layers, surface=surface)
     else:
         _save(file, sketch, options)
     return sketch
@@ -110,6 +114,8 @@ def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOption
         raise ValueError(f"{file}: --tolerance is for {', '.join(WITH_TOLERANCE)} files")
     if options.layers and file.suffix.lower() not in WITH_LAYERS:
         raise ValueError(f"{file}: --layers is for {', '.join(WITH_LAYERS)} files, and for drawings by diff3ds render")
+    if options.built != "curves" and file.suffix.lower() != ".py":
+        raise ValueError(f"{file}: --as is for .py files, which build the sketch in Blender")
     if options.lines and file.suffix.lower() != ".glb":
         raise ValueError(f"{file}: --lines is for .glb files")
     if options.up == "y" and file.suffix.lower() == ".glb":
@@ -118,9 +124,9 @@ def _check(source: Path, file: Path, options: ExportOptions, styles: StyleOption
         raise ValueError(f"{file}: pages show sketches with z up: leave --up out")
     if options.unit is not None and file.suffix.lower() == ".html":
         raise ValueError(f"{file}: a .html file says no unit of length: leave --unit out")
-    for name in ("beside", "surface"):
-        if getattr(options, name) is not None and file.suffix.lower() != ".html":
-            raise ValueError(f"{file}: --{name} is for .html files")
+    for name, suffixes in {"beside": (".html",), "surface": WITH_SURFACE}.items():
+        if getattr(options, name) is not None and file.suffix.lower() not in suffixes:
+            raise ValueError(f"{file}: --{name} is for {' and '.join(suffixes)} files")
 
 
 def _page(source: Path, file: Path, sketch: Sketch, options: ExportOptions, say: Callable[[str], None]) -> str:

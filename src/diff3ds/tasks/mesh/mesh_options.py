@@ -8,7 +8,7 @@ from tyro.conf import arg
 from diff3ds._settings import MAX_SIZE, check_level
 from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions, PenOptions
-from diff3ds.tasks.render.render_options import MOST_FRAMES, LayerBy, OrbitOptions
+from diff3ds.tasks.render.render_options import ALL_AROUND, MOST_FRAMES, LayerBy, OrbitOptions
 
 # A smooth thing's strokes where nobody says how many.
 SMOOTH_STROKES = 24
@@ -44,7 +44,7 @@ class MeshOptions(PenOptions):
         overwrite: the folder's run may be lost.
     """
 
-    view: OrbitOptions = field(default_factory=lambda: OrbitOptions(azimuth=(30.0, 120.0, 210.0, 300.0)))
+    view: OrbitOptions = field(default_factory=lambda: OrbitOptions(azimuth=ALL_AROUND))
     up: Literal["z", "y"] = "z"
     angle: float | None = None
     strokes: int | None = None

@@ -16,7 +16,7 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.render.page_options import PageOptions
 from diff3ds.tasks.render.page_pictures import Image, page_pictures, view_pictures
 from diff3ds.tasks.render.render_options import LayerBy, PictureOptions, SurfaceOptions
-from diff3ds.tasks.render.stroke_layers import layers_by
+from diff3ds.tasks.render.stroke_layers import HIDDEN, PLAIN, layers_by
 from diff3ds.tasks.styling import Styling
 
 
@@ -30,6 +30,13 @@ class Shown(NamedTuple):
     def layers(self, by: Sequence[LayerBy]) -> list[tuple[str, ...]] | None:
         """The layers that are asked for."""
         return layers_by(self.sketch, by, self.seen)
+
+    def told(self) -> list[str] | None:
+        """What each stroke is, and whether it is hidden: "crease", "crease, hidden"; None where nothing is known."""
+        if self.seen is None:
+            return None if self.sketch.kinds is None else list(self.sketch.kinds)
+        kinds = self.sketch.kinds or ("",) * len(self.sketch)
+        return [kind if seen else f"{kind or PLAIN}, {HIDDEN}" for kind, seen in zip(kinds, self.seen, strict=True)]
 
 
 @dataclass(frozen=True)

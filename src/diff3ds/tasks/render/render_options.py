@@ -12,10 +12,13 @@ from diff3ds.pictures.picture_options import parse_color
 from diff3ds.tasks.hatch_options import HatchOptions
 from diff3ds.tasks.render.page_options import MOST_PIXELS, PageOptions, PenOptions
 
-# Each suffix by what it holds: views, or the frames of a turntable.
+# Each suffix by what it holds: views, or the frames of a turntable; a view's strokes in space.
 PLOTTED = (".hpgl", ".plt")
 STILLS, VECTORS, MOVIES = (".png", ".svg", ".pdf", ".dxf", *PLOTTED), (".svg", ".pdf"), (".mp4", ".webp", ".gif")
+IN_SPACE = (".json", ".py")
 MOST_FRAMES = 10_000
+# From where meshes are drawn unless one says: cameras of a file stand for these too.
+ALL_AROUND = (30.0, 120.0, 210.0, 300.0)
 # What makes a layer of strokes in a file.
 LayerBy = Literal["thing", "kind", "visibility", "color"]
 
@@ -56,7 +59,7 @@ class OrbitOptions:
             raise ValueError("give either --fov or --height: orthographic views have no field of view")
         if self.cameras is not None:
             for field in fields(self):
-                if field.name != "cameras" and getattr(self, field.name) != field.default:
+                if field.name != "cameras" and getattr(self, field.name) not in (field.default, ALL_AROUND):
                     raise ValueError(f"give either --cameras or --{field.name}: the file says where the cameras are")
 
 
@@ -68,10 +71,10 @@ class PictureOptions(PenOptions):
         size: pixels: 512, or width x height as 1280x720; by default 512, or what --cameras says.
         background: white, black, R,G,B with numbers from 0 to 1, or transparent; by default white, with --centerline
             none: plotters would draw the edge of it.
-        turntable: so many frames, once round the sketch, as MP4, WebP or GIF.
+        turntable: so many frames, once round the sketch, as MP4, WebP or GIF, or in Blender.
         fps: frames a second of a turntable.
         sheet: all views in one picture; otherwise each has a file of its own, numbered where there are several.
-        layers: of SVG, PDF, DXF and HPGL files, by thing (and its parts), kind (crease, border, contour, ...),
+        layers: of SVG, PDF, DXF, HPGL and PY files, by thing (and its parts), kind (crease, border, contour, ...),
             visibility or color, several within each other; strokes of different layers lie over each other as the
             layers do.
         dxf_polylines: strokes of a DXF file as polylines, for programs that ignore the weights of splines.
@@ -174,16 +177,16 @@ def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
         ValueError: it cannot.
     """
     suffix = file.suffix.lower()
-    if suffix not in (*STILLS, *MOVIES):
+    if suffix not in (*STILLS, *MOVIES, *IN_SPACE):
         # The formats load torch, without which options are told.
         from diff3ds.formats.opening import instead_of
 
-        written = ", ".join((*STILLS, *MOVIES))
+        written = ", ".join((*STILLS, *MOVIES, *IN_SPACE))
         raise ValueError(f"{file}: cannot draw to {suffix!r}, only to {written}{instead_of(suffix)}")
     if options.engine == "blender" and (suffix not in (".png", ".mp4") or options.background not in (None, "white")):
         raise ValueError(f"{file}: Blender draws .png files and .mp4 turntables here, over white: leave --engine out")
     paths = (*VECTORS, *PLOTTED)
-    known = {"centerline": paths, "tolerance": paths, "layers": (*paths, ".dxf")}
+    known = {"centerline": paths, "tolerance": paths, "layers": (*paths, ".dxf", ".py")}
     for name, suffixes in (known | dict.fromkeys(("dxf_polylines", "dxf_version"), (".dxf",))).items():
         if getattr(options, name) != getattr(PictureOptions, name) and suffix not in suffixes:
             *most, last = suffixes
@@ -203,8 +206,10 @@ def check_file(file: Path, options: PictureOptions, page: PageOptions) -> None:
         raise ValueError(f"{file}: Blender draws pictures without a --page: leave it or --engine out")
     if suffix in MOVIES and options.turntable is None:
         raise ValueError(f"{file}: a {suffix} file holds a turntable: give --turntable 120, or a .png or .svg file")
-    if suffix in STILLS and options.turntable is not None:
-        raise ValueError(f"{file}: a turntable goes to {', '.join(MOVIES)}, not to {suffix}")
+    if suffix in (*STILLS, ".json") and options.turntable is not None:
+        raise ValueError(f"{file}: a turntable goes to {', '.join((*MOVIES, '.py'))}, not to {suffix}")
+    if suffix in IN_SPACE and (page.page is not None or options.background is not None or options.sheet):
+        raise ValueError(f"{file}: strokes in space have no page: leave --page, --background and --sheet out")
     if suffix in (".mp4", ".gif") and options.color is None:
         raise ValueError(f"{file}: {suffix} has no partly transparent pixels: give a --background, or a .webp file")
     if suffix == ".gif" and options.fps > 50:

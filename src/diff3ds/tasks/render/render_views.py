@@ -15,6 +15,7 @@ from diff3ds.tasks.render.blender_engine import draw_in_blender
 from diff3ds.tasks.render.drawn_scene import Scene
 from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
 from diff3ds.tasks.render.render_options import (
+    IN_SPACE,
     PLOTTED,
     OrbitOptions,
     PictureOptions,
@@ -22,7 +23,7 @@ from diff3ds.tasks.render.render_options import (
     check_file,
     parse_size,
 )
-from diff3ds.tasks.render.view_files import save_film, save_views
+from diff3ds.tasks.render.view_files import save_film, save_in_space, save_views
 from diff3ds.tasks.results import SURFACE
 from diff3ds.tasks.sketch_input import at_level, load_sketch
 from diff3ds.tasks.style_options import StyleOptions
@@ -62,6 +63,10 @@ def run_render(
         raise ValueError(f"{file}: a {suffix} file has lines alone: leave --style and --background out, or write .pdf")
     if styles.style is not None:
         _check_styled(picture, styles.style)
+    if file.suffix.lower() in IN_SPACE and styles.style is not None:
+        raise ValueError(f"{file}: strokes in space have no style: leave --style out, or write .svg")
+    if file.suffix.lower() == ".py" and (len(view.azimuth) > 1 or view.height is not None or view.cameras is not None):
+        raise ValueError(f"{file}: Blender gets one perspective view: give one --azimuth, no --height and no --cameras")
     if picture.centerline and picture.color is not None:
         warnings.warn("the --background is a filled shape: plotters and cutters draw its edge", stacklevel=2)
     sketch = load_sketch(source).detach()
@@ -76,6 +81,9 @@ def run_render(
     cameras = views_of(sketch, view, picture)
     styling = None if styles.style is None else Styling(styles)
     scene = Scene(drawn, numbers, surface, hiding, styling, picture, page)
+    if file.suffix.lower() == ".py" or (file.suffix.lower() == ".json" and len(cameras) == 1):
+        save_in_space(file, scene, cameras, view.fov)
+        return [file]
     if picture.turntable is not None:
         save_film(file, scene, cameras, report)
         return [file]
@@ -85,7 +93,10 @@ def run_render(
     digits = len(str(len(cameras)))
     files = [file.with_stem(f"{file.stem}-{i + 1:0{digits}}") for i in range(len(cameras))]
     for i, name in enumerate(files):
-        save_views(name, scene, cameras[i], lambda _: None, say)
+        if file.suffix.lower() == ".json":
+            save_in_space(name, scene, cameras[i], view.fov)
+        else:
+            save_views(name, scene, cameras[i], lambda _: None, say)
         report(Progress("views", i + 1, len(files), None, 0))
     return files
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from diff3ds.formats.cad.layers import thing_of
 from diff3ds.page.sheet.views_grid import hexadecimal
 from diff3ds.sketch import Sketch
 from diff3ds.tasks.render.render_options import LayerBy
@@ -31,8 +32,3 @@ def layers_by(
         "color": [(hexadecimal(color),) for color in sketch.color.detach().tolist()],
     }
     return [tuple(name for level in by for name in levels[level][stroke]) for stroke in range(len(sketch))]
-
-
-def thing_of(name: str) -> tuple[str, ...]:
-    """The thing that a stroke of this name is part of, and its parts down to the stroke's."""
-    return tuple(part for part in name.partition(", ")[0].split("/")[:-1] if part)

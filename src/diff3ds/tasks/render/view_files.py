@@ -1,4 +1,4 @@
-"""Views of a scene in files of drawings and pictures."""
+"""Views of a scene in files of drawings and pictures, and as strokes in space."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,9 +8,10 @@ import torch
 
 from diff3ds._files import write_bytes, write_text
 from diff3ds.camera import Cameras
-from diff3ds.formats import save_dxf, save_pdf, save_png, save_svg, tile_images
+from diff3ds.formats import save_dxf, save_json, save_pdf, save_png, save_svg, tile_images
 from diff3ds.formats.cad.layers import flat_layers
 from diff3ds.formats.movie import save_movie
+from diff3ds.formats.scenes.blender import FRAMES, blender_script
 from diff3ds.formats.vector.hpgl import save_hpgl
 from diff3ds.formats.vector.pdf import pdf_of
 from diff3ds.page.drawn_paths import TOLERANCE, ink_boxes
@@ -31,6 +32,31 @@ CURVE_MM, POLYLINE_MM = 1e-4, 5e-3
 def save_film(file: Path, scene: Scene, cameras: Cameras, report: Report) -> None:
     """A film of all views."""
     save_movie(file, _told(scene.images(cameras), "frames", len(cameras), report), len(cameras), scene.picture.fps)
+
+
+def save_in_space(file: Path, scene: Scene, cameras: Cameras, fov: float) -> None:
+    """The strokes of a view as it shows them, those that are hidden said to be; in Blender all of a turn, a frame each.
+
+    Args:
+        file: a sketch.json, or a script for Blender.
+        scene: what is drawn.
+        cameras: one view, or those of the turntable.
+        fov: of Blender's camera, degrees.
+    """
+    shown, picture = scene.shown(cameras, alone=True), scene.picture
+    if file.suffix.lower() == ".json":
+        (view,) = shown
+        save_json(file, view.sketch.replace(kinds=view.told()))
+        return
+    by = picture.layers or ("thing", "kind", *(() if scene.surface is None else ("visibility",)))
+    views = [(each.sketch, each.layers(by) or []) for each in shown]
+    frames = picture.turntable or FRAMES
+    turning = views if picture.turntable else None
+    sketch, layers = (scene.sketch, None) if turning else views[0]
+    pencil = blender_script(
+        sketch, cameras, fov, frames, picture.fps, strokes="grease-pencil", layers=layers, views=turning
+    )
+    write_text(file, pencil)
 
 
 def save_views(file: Path, scene: Scene, cameras: Cameras, report: Report, say: Callable[[str], None]) -> None:
