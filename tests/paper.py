@@ -10,11 +10,29 @@ def svg_page(file):
     """By svgelements: ((width, height), (x0, y0, x1, y1)), the ink with its widths, but for the ground."""
     import svgelements
 
+    page, mm = _svg(file)
+    boxes = [e.bbox(with_stroke=True) for e in page.elements() if isinstance(e, svgelements.Path) and len(e)]
+    return (page.width / mm, page.height / mm), around(np.array(boxes) / mm)
+
+
+def svg_layer(file, name):
+    """By svgelements: the ends (n, 2) of the lines and cubics of a group, and their length, millimetres."""
+    from svgelements import Group, Move, Path
+
+    page, mm = _svg(file)
+    group = next(e for e in page.elements() if isinstance(e, Group) and e.id == name)
+    drawn = [part for path in group if isinstance(path, Path) for part in path if not isinstance(part, Move)]
+    ends = [(point.x, point.y) for part in drawn for point in (part.start, part.end)]
+    return np.array(ends) / mm, sum(part.length(error=1e-3) for part in drawn) / mm
+
+
+def _svg(file):
+    """What svgelements reads, and how many of its units are a millimetre."""
+    import svgelements
+
     # A thousandth of a millimetre to a unit: svgelements knows an inch by four digits.
     page = svgelements.SVG.parse(str(file), ppi=25400)
-    boxes = [e.bbox(with_stroke=True) for e in page.elements() if isinstance(e, svgelements.Path) and len(e)]
-    mm = page.width / float(page.values["width"].removesuffix("mm"))
-    return (page.width / mm, page.height / mm), around(np.array(boxes) / mm)
+    return page, page.width / float(page.values["width"].removesuffix("mm"))
 
 
 def pdf_pages(file):

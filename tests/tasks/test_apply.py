@@ -8,6 +8,7 @@ import torch
 
 import diff3ds as ds
 from diff3ds.cli import main
+from diff3ds.formats import load_image
 
 
 def strokes(count=12):
@@ -153,6 +154,21 @@ def test_a_run_stays_one(drawn, tmp_path, capsys):
     for name in ("sketch.json", "run.json"):
         assert (tmp_path / "new" / name).read_bytes() == (run / name).read_bytes()
     assert len(ds.load(tmp_path / "new")) == 12
+
+
+def test_pictures_of_a_run_show_the_edits(drawn, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    (drawn / "a.json").rename(run / "sketch.json")
+    text = re.sub(r'stroke="#\w+"', 'stroke="#00ff00"', (drawn / "a.svg").read_text())
+    (drawn / "a.svg").write_text(re.sub(r'fill="#(?!ffffff)\w+"', 'fill="#00ff00"', text))
+    main(["apply", str(drawn / "a.svg"), str(run), "-o", str(tmp_path / "new"), "--quiet"])
+    colors = set(re.findall(r'(?:stroke|fill)="(#\w+)"', (tmp_path / "new" / "sketch.svg").read_text()))
+    assert colors == {"#00ff00", "#ffffff"}
+    pixels = load_image(tmp_path / "new" / "preview.png")
+    # White and green alone: no more red than blue, and much more green.
+    assert (pixels[..., 0] - pixels[..., 2]).abs().max() < 0.01
+    assert (pixels[..., 1] - pixels[..., 0]).max() > 0.5
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,10 @@ from diff3ds.formats import load_image
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.config import FitConfig
-from diff3ds.tasks.results import check_output_folder
+from diff3ds.tasks.results import check_output_folder, turntable
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.conditioned_prior import BuiltIn, ConditionedPrior
-from diff3ds.tasks.text_image.distillation import distill, start_of, turntable
+from diff3ds.tasks.text_image.distillation import distill, start_of
 from diff3ds.tasks.text_image.reference_view import Reference
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 import diff3ds as ds
-from diff3ds.tasks.text_image.distillation import seen_around, turntable
+from diff3ds.tasks.results import seen_around, turntable
 
 
 def test_a_preview_leaves_out_the_lines_that_a_surface_hides():

@@ -172,11 +172,13 @@ def test_names_of_layers_that_are_alike_as_identifiers_stay_apart(tmp_path):
     usd = pytest.importorskip("pxr.Usd", reason="takes the extra usd")
     from diff3ds.formats import save_usd
 
-    layers = ["leg 1", "leg_1", ("stroke_3",), (), "polylines"]
-    save_usd(tmp_path / "a.usda", ds.Sketch(torch.rand(5, 2, 3)), layers=layers)
+    layers = ["leg 1", "leg_1", ("stroke_3",), (), "polylines", ("leg 1", "polylines")]
+    save_usd(tmp_path / "a.usda", ds.Sketch(torch.rand(6, 2, 3)), layers=layers)
     stage = usd.Stage.Open(str(tmp_path / "a.usda"))
     shown = [prim.GetDisplayName() for prim in stage.Traverse()]
-    assert sorted(filter(None, shown)) == ["leg 1", "leg_1", "polylines", "stroke_3"]
-    assert len(ds.load(tmp_path / "a.usda")) == 5
+    assert sorted(filter(None, shown)) == ["leg 1", "leg_1", "polylines", "polylines", "stroke_3"]
+    # Each of the six places has what viewers show in place of its strokes, which has that name too.
+    assert [prim.GetTypeName() for prim in stage.Traverse()].count("BasisCurves") == 6
+    assert len(ds.load(tmp_path / "a.usda")) == 6
     with pytest.raises(ValueError, match="layers must name one for each of the 5 strokes, got 2"):
         save_usd(tmp_path / "b.usda", ds.Sketch(torch.rand(5, 2, 3)), layers=["a", "b"])

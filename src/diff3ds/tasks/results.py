@@ -15,8 +15,9 @@ from diff3ds._files import existing_folder, write_text
 from diff3ds._shapes import Float, Tensor
 from diff3ds._version import __version__
 from diff3ds.camera import Cameras, evenly_spaced
-from diff3ds.formats import save, save_png, save_svg
+from diff3ds.formats import save, save_png, save_svg, tile_images
 from diff3ds.formats.cad.step import save_step
+from diff3ds.formats.framing import framed
 from diff3ds.formats.mesh import save_surface
 from diff3ds.render import available_backends, get_num_threads
 from diff3ds.sketch import Sketch
@@ -25,6 +26,7 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.render.drawn_scene import Scene
 from diff3ds.tasks.render.page_options import NO_PAGE, PageOptions
 from diff3ds.tasks.render.render_options import PictureOptions, SurfaceOptions
+from diff3ds.with_surface import render as render_with_surface
 
 SVG_VIEWS = 4
 # What hides lines of the sketch, in its frame.
@@ -34,6 +36,9 @@ SURFACE = "surface.glb"
 ROOM, ROOM_FOR_NETWORKS = 1 << 26, 1 << 28
 # Losses in run.json: enough for a plot.
 MOST_LOSSES = 500
+
+# What a preview shows: all around, seen a little from above.
+PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
 
 
 @dataclass(frozen=True)
@@ -89,11 +94,7 @@ def write_results(
         save_surface(out / SURFACE, surface.vertices, surface.faces)
     save(out / "sketch.json", sketch)
     save_step(out / "sketch.step", sketch, layers=layers)
-    views = cameras[evenly_spaced(len(cameras), SVG_VIEWS)]
-    save_svg(out / "sketch.svg", sketch, views, page=page.setup)
-    if preview is None:
-        preview = _sheet(sketch, views, surface, page)
-    save_png(out / "preview.png", preview, pixels_per_mm=page.picture_per_mm)
+    write_pictures(out, sketch, cameras, preview, surface, page)
     every = -(-len(info.losses) // MOST_LOSSES) or 1
     content = {
         "options": {k: str(v) if isinstance(v, Path) else v for k, v in info.options.items()},
@@ -117,6 +118,33 @@ def write_results(
     if surface is None:
         (out / SURFACE).unlink(missing_ok=True)
     return sketch
+
+
+def write_pictures(
+    out: Path,
+    sketch: Sketch,
+    cameras: Cameras,
+    preview: Float[Tensor, "H W 3"] | None,
+    surface: TriangleMesh | None,
+    page: PageOptions = NO_PAGE,
+) -> None:
+    """Writes sketch.svg and preview.png; the arguments are those of `write_results`."""
+    views = cameras[evenly_spaced(len(cameras), SVG_VIEWS)]
+    save_svg(out / "sketch.svg", sketch, views, page=page.setup)
+    if preview is None:
+        preview = _sheet(sketch, views, surface, page)
+    save_png(out / "preview.png", preview, pixels_per_mm=page.picture_per_mm)
+
+
+def turntable(sketch: Sketch) -> Cameras:
+    """Eight views all around, in which the sketch is whole."""
+    azimuths = [360 * i / PREVIEWS for i in range(PREVIEWS)]
+    return framed(sketch, azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
+
+
+def seen_around(sketch: Sketch, cameras: Cameras, surface: TriangleMesh | None) -> Float[Tensor, "H W 3"]:
+    """The preview: a view beside the other, without the lines that the surface hides, and with its contours."""
+    return tile_images(render_with_surface(sketch, cameras, surface=surface).color, columns=4)
 
 
 def _sheet(sketch: Sketch, cameras: Cameras, surface: TriangleMesh | None, page: PageOptions) -> Float[Tensor, "H W 3"]:

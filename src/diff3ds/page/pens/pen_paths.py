@@ -35,7 +35,8 @@ class Travel(NamedTuple):
         if speed is not None:
             minutes, seconds = divmod(round((self.drawn + self.moved) / speed), 60)
             ways += f", {minutes} min {seconds} s at {speed:g} {unit} a second"
-        return f"the pen is lifted {self.lifts} times: {ways}"
+        times = "once" if self.lifts == 1 else f"{self.lifts} times"
+        return f"the pen is lifted {times}: {ways}"
 
 
 def pen_paths(paths: Sequence[DrawnPath], pen: float | None = None) -> list[DrawnPath]:

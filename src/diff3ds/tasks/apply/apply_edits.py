@@ -9,8 +9,9 @@ import torch
 
 from diff3ds.formats import save
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.shape.load_surface import load_surface
 from diff3ds.tasks.apply.edited_paths import EditedFile, EditedPath, read_edited
-from diff3ds.tasks.results import SURFACE, check_output_folder
+from diff3ds.tasks.results import SURFACE, check_output_folder, seen_around, turntable, write_pictures
 from diff3ds.tasks.sketch_input import load_sketch
 
 # Widths and opacities in files have so many digits: what differs by less is as it was. Shares.
@@ -165,13 +166,16 @@ def _check_out(source: Path, out: Path, overwrite: bool) -> None:
 
 
 def _write(source: Path, out: Path, sketch: Sketch) -> None:
-    """The new sketch; of a run the surface and what it says of itself as well."""
+    """The new sketch; of a run views of it, the surface and what it says of itself as well."""
     if not source.is_dir():
         save(out, sketch)
         return
     out.mkdir(parents=True, exist_ok=True)
     save(out / "sketch.json", sketch)
     save(out / "sketch.step", sketch)
+    surface = load_surface(source / SURFACE) if (source / SURFACE).exists() else None
+    around = turntable(sketch)
+    write_pictures(out, sketch, around, seen_around(sketch, around, surface), surface)
     for name in (SURFACE, "run.json"):
         if (source / name).exists():
             shutil.copyfile(source / name, out / name)

@@ -12,7 +12,6 @@ from diff3ds._settings import option_values
 from diff3ds._shapes import Float, Tensor
 from diff3ds.camera import Cameras
 from diff3ds.formats import save_png, tile_images
-from diff3ds.formats.framing import framed
 from diff3ds.guidance.denoiser import Denoiser
 from diff3ds.guidance.objective import ScoreDistillation
 from diff3ds.guidance.orbits import Orbits
@@ -27,21 +26,18 @@ from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.exact_prior.exemplars import painted
 from diff3ds.tasks.progress import Progress, Report, ShownLoss, Stopped
-from diff3ds.tasks.results import RunInfo, write_results
+from diff3ds.tasks.results import RunInfo, seen_around, turntable, write_results
 from diff3ds.tasks.start_sketch import digest_of, finished, held, load_start
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior, Network
 from diff3ds.tasks.text_image.redraw import tidied
 from diff3ds.tasks.text_image.reference_view import followed
 from diff3ds.tasks.text_image.run_spec import AnyRun, CameraOptions, OutputOptions
-from diff3ds.with_surface import render as render_with_surface
 
 # A sketch that reaches less than this fraction of the cameras' distance is too small to be seen. Empirical.
 SMALLEST = 0.05
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
 # Of what a built-in prior was shown, where nothing else was asked for.
 BLACK = (0.0, 0.0, 0.0)
-# What a preview shows: all around, seen a little from above.
-PREVIEWS, PREVIEW_ELEVATION, PREVIEW_SIZE = 8, 15.0, 256
 
 
 def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = lambda progress: None) -> Sketch:
@@ -153,17 +149,6 @@ def placed(objective: Objective, cameras: CameraSampler, place: torch.device) ->
         return replace(views, world_to_camera=poses, intrinsics=intrinsics)
 
     return judged, drawn
-
-
-def turntable(sketch: Sketch) -> Cameras:
-    """Eight views all around, in which the sketch is whole."""
-    azimuths = [360 * i / PREVIEWS for i in range(PREVIEWS)]
-    return framed(sketch, azimuths, PREVIEW_ELEVATION, size=PREVIEW_SIZE)
-
-
-def seen_around(sketch: Sketch, cameras: Cameras, surface: TriangleMesh | None) -> Float[Tensor, "H W 3"]:
-    """The preview: a view beside the other, without the lines that the surface hides, and with its contours."""
-    return tile_images(render_with_surface(sketch, cameras, surface=surface).color, columns=4)
 
 
 def contact_sheet(step: Step, score: ScoreDistillation) -> Float[Tensor, "H W 3"]:

@@ -20,9 +20,9 @@ from diff3ds.library.scene import Scene
 from diff3ds.sketch import Sketch
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 from diff3ds.tasks.progress import Progress, Report, Stopped
-from diff3ds.tasks.results import SURFACE, RunInfo, write_results
+from diff3ds.tasks.results import SURFACE, RunInfo, seen_around, turntable, write_results
 from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
-from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill, seen_around, turntable
+from diff3ds.tasks.text_image.distillation import CHECKPOINT, distill
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
 
