@@ -27,6 +27,8 @@ from workloads import Workload, scene
 import diff3ds as ds
 
 LIMIT = 600
+# Processor seconds beyond the start, below which its own spread is what is measured; empirical.
+NOISE = 0.3
 # Of the largest memory of a process that has ended, in kB but on macOS.
 UNIT = 1 if sys.platform == "darwin" else 1024
 # Runs a command from a small process: the memory of the one that it is started by counts as the command's.
@@ -60,8 +62,8 @@ def _render(count: int, folder: Path) -> list[str]:
     return ["render", _strokes(count, folder), "-o", str(folder / "out.png")]
 
 
-def _render_pixels(side: int, folder: Path) -> list[str]:
-    return ["render", _strokes(100, folder), "-o", str(folder / "out.png"), "--size", str(side)]
+def _render_pixels(count: int, folder: Path) -> list[str]:
+    return ["render", _strokes(100, folder), "-o", str(folder / "out.png"), "--size", str(math.isqrt(count))]
 
 
 def _ink(count: int, folder: Path) -> list[str]:
@@ -132,13 +134,13 @@ def _text(steps: int, folder: Path) -> list[str]:
 
 JOBS = {
     "render": Job("strokes", (100, 1_000, 10_000), _render),
-    "render, larger": Job("pixels a side", (512, 1_600, 5_120), _render_pixels),
+    "render, larger": Job("pixels", (512**2, 1_600**2, 5_120**2), _render_pixels),
     "render, ink": Job("strokes", (100, 1_000, 10_000), _ink),
     "render, turntable": Job("frames", (24, 240, 2_400), _frames),
     "export, STEP": Job("strokes", (100, 1_000, 10_000), _export(".step")),
     "export, page": Job("strokes", (100, 1_000, 10_000), _export(".html")),
     "mesh, finer": Job("faces", (3_000, 30_000, 300_000), lambda n, folder: _mesh(_ball(n), folder)),
-    "mesh, more boxes": Job("faces", (1_200, 12_000, 120_000), lambda n, folder: _mesh(_boxes(n // 12), folder)),
+    "mesh, more boxes": Job("faces", (120, 1_200, 12_000), lambda n, folder: _mesh(_boxes(n // 12), folder)),
     "points": Job("points", (30_000, 300_000, 3_000_000), _points),
     "views": Job("views", (10, 100, 1_000), _views),
     "text": Job("steps", (40, 400, 4_000), _text),
@@ -158,8 +160,8 @@ def measure(arguments: list[str], limit: int) -> dict[str, float] | None:
 
 
 def exponent(sizes: list[int], seconds: list[float]) -> float | None:
-    """The slope between the last two, of their logarithms; None of less than two."""
-    if len(sizes) < 2 or min(seconds[-2:]) <= 0:
+    """The slope between the last two, of their logarithms; None of less than two, or where the first hides in noise."""
+    if len(sizes) < 2 or min(seconds[-2:]) < NOISE:
         return None
     return math.log(seconds[-1] / seconds[-2]) / math.log(sizes[-1] / sizes[-2])
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE
 
 # Both ask for Python 3.11: the last with data blocks called as before 5.0, and the first ones after.
 VERSIONS = ("4.5.0", "5.0.1")
@@ -44,7 +45,7 @@ def blender(request) -> Callable[..., str]:
         # Nothing of this process's Python but the path.
         quiet = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/")}
         command = [python, script, *arguments]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=quiet)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=quiet, timeout=PATIENCE)
         assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
         return done.stdout
 

@@ -47,6 +47,7 @@ sys.modules["lines"] = module = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(module)
 module.register()
 bpy.ops.diff3ds.import_sketch(filepath="FILE", kind="KIND", scale=2)
+module.unregister()
 """
 
 

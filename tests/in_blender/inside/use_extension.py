@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import sys
 
 import bpy
@@ -50,3 +51,6 @@ if program:
         found[name] = came(before) | {"state": sorted(state)}
 module.unregister()
 print("FOUND " + json.dumps(found))
+# As a module Blender may wait for ever for its own threads when it ends.
+sys.stdout.flush()
+os._exit(0)

@@ -285,14 +285,22 @@ def render(file: str, resolution: tuple[int, ...], camera: Any) -> None:
             (scene, "camera", camera),
         ]
     settings = [(owner, name, value) for owner, name, value in settings if hasattr(owner, name)]
-    before, frame = [(owner, name, getattr(owner, name)) for owner, name, _ in settings], scene.frame_current
+    # A format of files changes what else is said of them.
+    told = [(owner, name) for owner, name, _ in settings] + [
+        (owner, known.identifier)
+        for owner in (image, picture.ffmpeg)
+        for known in owner.bl_rna.properties
+        if not known.is_readonly and known.type not in ("POINTER", "COLLECTION")
+    ]
+    before, frame = [(owner, name, getattr(owner, name)) for owner, name in told], scene.frame_current
     try:
         for owner, name, value in settings:
             setattr(owner, name, value)
         bpy.ops.render.render(animation=turntable, write_still=not turntable)
     finally:
         for owner, name, value in before:
-            setattr(owner, name, value)
+            if getattr(owner, name) != value:
+                setattr(owner, name, value)
         scene.frame_set(frame)
 
 
