@@ -93,16 +93,22 @@ def test_a_sketch_that_has_become_invalid_leaves_the_old_file(tmp_path) -> None:
 
 
 class Told:
-    """Settings of a scene that remember in which order they were set; a video is none before its kind is said."""
+    """Settings of a scene that remember in which order they were set.
+
+    A video is none before its kind is said, and has no transparency.
+    """
 
     def __init__(self, **values) -> None:
-        self.__dict__.update(values, told=[])
+        known = [SimpleNamespace(identifier=name, is_readonly=False, type="ENUM") for name in values]
+        self.__dict__.update(values, told=[], bl_rna=SimpleNamespace(properties=known))
 
     def __setattr__(self, name, value) -> None:
         if (name, value) == ("file_format", "FFMPEG") and getattr(self, "media_type", "VIDEO") != "VIDEO":
             raise TypeError('enum "FFMPEG" not found in ("JPEG", "PNG")')
         self.told.append((name, value))
         self.__dict__[name] = value
+        if value == "FFMPEG":
+            self.__dict__["color_mode"] = "RGB"
 
 
 def thing(name, kind, **data) -> SimpleNamespace:
@@ -176,12 +182,13 @@ def test_only_what_blender_begins_with_gives_way(monkeypatch, tmp_path) -> None:
 @pytest.mark.parametrize("turning", [True, False])
 def test_pictures_and_films_leave_the_settings_as_they_were(monkeypatch, tmp_path, newest, turning) -> None:
     """Since Blender 5.0 the kind of media comes before the format, which it changes."""
-    image = Told(file_format="OPEN_EXR", **({"media_type": "IMAGE"} if newest else {}))
+    image = Told(file_format="OPEN_EXR", color_mode="RGBA", **({"media_type": "IMAGE"} if newest else {}))
     camera, arguments = object(), ["film.mp4", "64", "32", *(["--turntable"] if turning else [])]
     scene, bpy = opened(monkeypatch, tmp_path, [], image, arguments, "house.blend", camera)
     bpy.ops.render.render.assert_called_once_with(animation=turning, write_still=not turning)
     expected = [("media_type", "VIDEO" if turning else "IMAGE"), ("file_format", "FFMPEG" if turning else "PNG")]
-    expected += [("media_type", "IMAGE"), ("file_format", "OPEN_EXR")]
+    # Back again, but for what stayed as it was.
+    expected += [*[("media_type", "IMAGE")] * turning, ("file_format", "OPEN_EXR"), *[("color_mode", "RGBA")] * turning]
     assert image.told == [told for told in expected if newest or told[0] != "media_type"]
     assert (scene.camera, scene.frame_start, scene.frame_end) == (camera, 7, 999)
     assert bpy.data.cameras.new.called == turning

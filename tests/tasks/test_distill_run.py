@@ -16,7 +16,7 @@ from diff3ds.formats import load_image
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
 from diff3ds.optimize.checkpoint import read_checkpoint
 from diff3ds.optimize.config import FitConfig
-from diff3ds.tasks.results import check_output_folder, turntable
+from diff3ds.tasks.results import PREVIEW_SIZE, check_output_folder, turntable
 from diff3ds.tasks.text_image import distillation
 from diff3ds.tasks.text_image.conditioned_prior import BuiltIn, ConditionedPrior
 from diff3ds.tasks.text_image.distillation import distill, start_of
@@ -310,7 +310,7 @@ def test_pictures_of_the_result_show_it_whole():
     seen, _ = cameras.seen(torch.cat([long.points[0].double(), torch.ones(2, 1)], -1) @ cameras.projection.mT)
     assert len(cameras) == 8
     assert (seen > 0).all()
-    assert (seen < distillation.PREVIEW_SIZE).all()
+    assert (seen < PREVIEW_SIZE).all()
 
 
 # The options of a run whose strokes are given.
