@@ -1,12 +1,12 @@
 # diff3ds with all its optional parts and the small network, for CPUs:
 #
 #     docker build -t diff3ds .
-#     docker run --rm -v "$PWD:/work" -u "$(id -u):$(id -g)" diff3ds text "a chair" -o chair
+#     docker run --rm -v "$PWD:/sketches" -u "$(id -u):$(id -g)" diff3ds text "a chair" -o chair
 #
 # With PyTorch for NVIDIA GPUs, which is some 4 GB larger, and the renderer's kernels for them:
 #
 #     docker build -t diff3ds:cuda --build-arg TORCH_INDEX=https://pypi.org/simple --build-arg EXTRAS=all,cuda .
-#     docker run --rm --gpus all -v "$PWD:/work" -u "$(id -u):$(id -g)" diff3ds:cuda doctor
+#     docker run --rm --gpus all -v "$PWD:/sketches" -u "$(id -u):$(id -g)" diff3ds:cuda doctor
 FROM python:3.13-slim AS build
 
 # Whatever compiler the image's own release has: any of them builds the kernels.
@@ -36,7 +36,7 @@ RUN pip install --no-cache-dir -c /wheels/constraints-cpu.txt --index-url "$TORC
 
 # Nothing needs more rights than those of a user; caches of any user go where all may write.
 USER 1000
-ENV HOME=/tmp HF_HOME=/work/.cache/huggingface
-WORKDIR /work
+ENV HOME=/tmp HF_HOME=/sketches/.cache/huggingface
+WORKDIR /sketches
 ENTRYPOINT ["diff3ds"]
 CMD ["--help"]

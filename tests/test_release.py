@@ -102,5 +102,5 @@ def test_the_image_draws_a_chair():
     if docker is None or subprocess.run([docker, "info"], capture_output=True, check=False).returncode:
         pytest.skip("no docker is running here")
     subprocess.run([docker, "build", "-t", "diff3ds:tried", ROOT], check=True, timeout=1800)
-    run = [docker, "run", "--rm", "--network", "none", "--tmpfs", "/work:mode=1777", "diff3ds:tried"]
+    run = [docker, "run", "--rm", "--network", "none", "--tmpfs", "/sketches:mode=1777", "diff3ds:tried"]
     subprocess.run([*run, "text", "a chair", "--steps", "20", "-o", "chair"], check=True, timeout=600)
