@@ -7,7 +7,7 @@ import pytest
 
 from diff3ds.bezier.curves import bernstein
 from diff3ds.curves.directions import turns
-from diff3ds.curves.fit_cubics import fit_outline, fit_points, fit_rows, is_straight
+from diff3ds.curves.fit_cubics import fit_outline, fit_outlines, fit_points, fit_rows, is_straight
 
 
 def dense(cubics):
@@ -91,3 +91,14 @@ def test_few_or_no_points():
     two = fit_outline(np.array([[0.0, 0], [3, 4]]), 0.1)
     assert is_straight(two[0])
     assert len(fit_rows(wave(), np.zeros(0, np.int64), np.zeros(0, np.int64), 1.0).control) == 0
+
+
+def test_outlines_of_many_lines_are_those_of_each():
+    t = np.linspace(0, 1, 60)[:, None]
+    wave = np.hstack([80 * t, 9 * np.sin(11 * t)])
+    ring = 20 * np.hstack([np.cos(2 * np.pi * t), np.sin(2 * np.pi * t)])[:-1]
+    square = np.array([[0.0, 0], [5, 0], [9, 0], [9, 9], [0, 9]])
+    outlines, closed = [wave, np.zeros((3, 2)), ring, square, wave[::-7]], [False, False, True, True, False]
+    for one, points, loop in zip(fit_outlines(outlines, closed, 0.05), outlines, closed, strict=True):
+        np.testing.assert_array_equal(one, fit_outline(points, 0.05, loop))
+    assert fit_outlines([], [], 0.05) == []

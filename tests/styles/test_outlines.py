@@ -12,7 +12,8 @@ from style_pages import CAMERA, circle, lines, stroke
 
 import diff3ds as ds
 from diff3ds.curves.fit_cubics import fit_outline, is_straight
-from diff3ds.page.ink_outlines import TOLERANCE, add_contour, add_strip
+from diff3ds.page.ink_outlines import TOLERANCE, add_contour, add_contours
+from diff3ds.page.ink_outlines import strip as contours_of_strip
 from diff3ds.page.union import pathops, svg_data, united, within, without
 
 pytestmark = needs("pathops")
@@ -20,7 +21,7 @@ pytestmark = needs("pathops")
 
 def strip(line, half_width, **others):
     path = pathops().Path()
-    add_strip(path, line, half_width, **others)
+    add_contours(path, contours_of_strip(line, half_width, **others))
     return united(path)
 
 

@@ -14,11 +14,12 @@ from style_pages import CAMERA, circle, lines, stroke
 import diff3ds as ds
 from diff3ds import styles
 from diff3ds.page.noise import grain, uniform, wander
+from diff3ds.page.sheet.ink_boxes import union
 from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.page.union import pathops, united
 from diff3ds.styles.brush_file import load_brush
+from diff3ds.styles.painted import LARGEST, THIN, SeenStrokes, Strokes
 from diff3ds.styles.pens import ISO_WIDTHS, tapered
-from diff3ds.styles.styled_svg import LARGEST, THIN
 
 pytestmark = needs("pathops")
 
@@ -190,6 +191,22 @@ def test_either_fill_rule_shows_the_same(every, name):
     assert (styles.svg_pixels(text) - styles.svg_pixels(other)).abs().max() < 2.5 / 255
     # Black and gray ink on white.
     assert 0.5 < styles.svg_pixels(text)[..., :3].mean() < 0.999
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_box_of_a_view_is_that_of_all_its_ink(every, name):
+    """Though few lines are drawn for it: rays of many lengths, whose widths differ, with cut ones among them."""
+    ways = torch.linspace(0, 2 * torch.pi, 24, dtype=torch.float64)[:-1]
+    reach = 0.5 + 0.45 * (7 * ways).sin()
+    ends = torch.stack([0 * ways, reach * ways.cos(), reach * ways.sin()], -1)
+    rays = ds.Sketch(
+        torch.stack([0.2 * ends, ends], 1),
+        width=0.01 + 0.03 * torch.rand(23, generator=torch.Generator().manual_seed(8)).double(),
+    )
+    for moved in (rays, rays.transform(torch.tensor([[1.0, 0, 0, 0], [0, 1, 0, 0.7], [0, 0, 1, 0], [0, 0, 0, 1]]))):
+        view = Strokes(moved, [[stroke] for stroke in range(23)], [()] * 23)
+        seen = SeenStrokes(view, ds.project(moved, CAMERA), every[name], PAGE, 0.0)
+        assert seen.box() == union(each.box for some in seen.painted((1, 1, 1)).values() for each in some)
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -4,6 +4,7 @@ All rows are fitted at once, by least squares with parameters that move towards 
 fits are cut, and their parts fitted again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -83,7 +84,7 @@ def fit_rows(
         start: the first point of each row.
         stop: and its last one, which may be the first of the next row.
         tolerance: largest distance of the points from the cubics.
-        length: how far along each point lies, by which parameters begin; by default along the points.
+        length: how far along its row each point lies, by which parameters begin; by default along the points.
         measured: distances are those of so many coordinates, which the others follow; by default of all.
         ways: unit vectors from the ends of each row into it, along which cubics leave these; they go on smoothly in
             each other then.
@@ -106,8 +107,10 @@ def fit_rows(
         good = (error <= tolerance) | (rows.counts < 3)
         done.append((control[good], start[good], stop[good]))
         # In the middle of the length, and not at an end.
+        nearer = length[rows.at] < ((length[start] + length[stop]) / 2)[rows.row]
+        middle = (start + np.add.reduceat(nearer, rows.offset, dtype=np.int64))[~good]
         start, stop = start[~good], stop[~good]
-        middle = np.clip(np.searchsorted(length, (length[start] + length[stop]) / 2), start + 1, stop - 1)
+        middle = np.clip(middle, start + 1, stop - 1)
         start, stop = np.concatenate([start, middle]), np.concatenate([middle, stop])
         if ways is not None:
             along, rest = unit(points[middle + 1] - points[middle - 1]), ways[~good]
@@ -139,12 +142,34 @@ def fit_outline(
         tolerance: largest distance of the points from the cubics.
         corner: radians; points at which the row turns by more are corners.
     """
+    return fit_outlines([points], [closed], tolerance, corner)[0]
+
+
+def fit_outlines(
+    outlines: Sequence[Float[Array, "_ D"]], closed: Sequence[bool], tolerance: float, corner: float = CORNER
+) -> list[Float[Array, "_ 4 D"]]:
+    """As `fit_outline`, of many at once: the same cubics in a tenth of the time."""
+    if not outlines:
+        return []
+    rows = [_between_corners(points, tolerance, loop, corner) for points, loop in zip(outlines, closed, strict=True)]
+    first = np.cumsum([len(points) for points, _, _ in rows])[:-1]
+    length = np.concatenate([_along_points(points) for points, _, _ in rows])
+    points, ends, ways = (np.concatenate(column) for column in zip(*rows, strict=True))
+    start, stop = (ends + np.repeat([0, *first], [len(each) for _, each, _ in rows])[:, None]).T
+    fitted = fit_rows(points, start, stop, tolerance, length, ways=ways, rounds=OUTLINE_ROUNDS)
+    return np.split(fitted.control, np.searchsorted(fitted.start, first))
+
+
+def _between_corners(
+    points: Float[Array, "N D"], tolerance: float, closed: bool, corner: float
+) -> tuple[Float[Array, "M D"], Int[Index, "R 2"], Float[Array, "R 2 D"]]:
+    """The points of an outline, the first and the last of each row between corners, and `ways` of `fit_rows`."""
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1) > SHORTEST * tolerance
     points = points[np.append(True, apart)[: len(points)]]
     if closed and len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= SHORTEST * tolerance:
         points = points[:-1]
     if len(points) < 2:
-        return np.zeros((0, 4, points.shape[1]))
+        return points[:0], np.zeros((0, 2), np.int64), np.zeros((0, 2, points.shape[1]))
     smooth_seam = False
     if closed:
         around = turns(points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points) > corner
@@ -158,8 +183,7 @@ def fit_outline(
     start, stop = np.append(0, corners), np.append(corners, len(points) - 1)
     seam = unit(points[1] - points[-2])
     ends = np.stack([_leaving(points, start, stop, 1), _leaving(points, stop, start, -1)], 1)
-    ways = np.stack([seam, -seam])[None] if smooth_seam else ends
-    return fit_rows(points, start, stop, tolerance, ways=ways, rounds=OUTLINE_ROUNDS).control
+    return points, np.stack([start, stop], 1), np.stack([seam, -seam])[None] if smooth_seam else ends
 
 
 def is_straight(cubic: Float[Array, "4 D"]) -> bool:

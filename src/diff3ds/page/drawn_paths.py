@@ -50,7 +50,13 @@ class DrawnPath(NamedTuple):
 
 
 def drawn_paths(
-    sketch: Sketch, cameras: Cameras, view: int, *, centerline: bool = False, tolerance: float = TOLERANCE
+    sketch: Sketch,
+    cameras: Cameras,
+    view: int,
+    *,
+    centerline: bool = False,
+    tolerance: float = TOLERANCE,
+    ordered: bool = True,
 ) -> list[DrawnPath]:
     """What one view shows, far paths first; parts of strokes that would leave the page are cut off.
 
@@ -60,6 +66,7 @@ def drawn_paths(
     Args:
         centerline: one path a stroke, in the order of the sketch, as a pen draws it: nothing hides anything.
         tolerance: how far a path may be off the exact stroke, pixels.
+        ordered: otherwise paths are in the order of the sketch, and none is cut for its depth.
     """
     projected = project(sketch, cameras)
     strokes, size, page = _where_square(projected, view, cameras.size)
@@ -67,7 +74,7 @@ def drawn_paths(
     even = centerline or (strokes.width_space == "image" and strokes.half_width.ndim == 2 and not oblong)
     pieces = screen_pieces(strokes, view, size, tolerance if centerline else _CURVE * tolerance)
     pieces = on_page(pieces, size)
-    if centerline:
+    if centerline or not ordered:
         shown = torch.unique(pieces.stroke).tolist()
         parts = [Part(pieces.rows(pieces.stroke == stroke), (False, False)) for stroke in shown]
     else:
@@ -117,7 +124,7 @@ def ink_boxes(sketches: Sequence[Sketch], **how: Unpack[Drawing]) -> Callable[[C
 
     def boxes(cameras: Cameras, widen: float) -> Iterator[Box | None]:
         for view, sketch in enumerate(sketches):
-            yield box_of_paths(drawn_paths(widened(sketch, widen), cameras, view, **how))
+            yield box_of_paths(drawn_paths(widened(sketch, widen), cameras, view, ordered=False, **how))
 
     return boxes
 

@@ -5,13 +5,14 @@ union (`union.py`) by nonzero winding is exactly what a pen of these widths cove
 """
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.fit_cubics import fit_outline, is_straight
+from diff3ds.curves.fit_cubics import fit_outlines, is_straight
 from diff3ds.page.lines import Line
 
 # px. Of cubics from the outline at the samples.
@@ -28,45 +29,64 @@ QUARTER = 0.5522847498
 Cap = Literal["round", "flat"]
 
 
-def add_strip(
-    path: Any,
+class Side:
+    """A side of a line: points, along which cubics are fitted, together with those of other lines."""
+
+    def __init__(self, points: Float[Array, "n 2"], closed: bool = False) -> None:
+        self.points, self.closed = points, closed
+        self.cubics: Float[Array, "m 4 2"] | None = None
+
+
+# Cubics and sides that follow on each other round what is covered.
+Contour = list[Float[Array, "m 4 2"] | Side]
+
+
+def fit_sides(contours: Iterable[Contour]) -> None:
+    """Fits cubics along all sides that have none yet."""
+    sides = [part for contour in contours for part in contour if isinstance(part, Side) and part.cubics is None]
+    fitted = fit_outlines([side.points for side in sides], [side.closed for side in sides], TOLERANCE)
+    for side, cubics in zip(sides, fitted, strict=True):
+        side.cubics = cubics
+
+
+def add_contours(path: Any, contours: Sequence[Contour]) -> None:
+    """Adds contours to a path of pathops; what it has winds the same way round."""
+    fit_sides(contours)
+    for contour in contours:
+        add_contour(path, np.concatenate([part.cubics if isinstance(part, Side) else part for part in contour]))
+
+
+def strip(
     line: Line,
     half_width: Float[Array, " n"],
     cap: Cap = "round",
     left: Float[Array, " n"] | None = None,
-) -> None:
-    """Adds the outline of a line to a path: all that lies within its half widths, across it.
+) -> list[Contour]:
+    """The outline of a line: all that lies within its half widths, across it.
 
     Args:
-        path: of pathops; what it has winds the same way round.
         half_width: at the samples, pixels, not negative; only to the right, the side of the normals, with `left`.
         cap: how the line ends.
         left: half widths to the left, if they differ.
     """
     left = half_width if left is None else left
     if len(line.points) < 2:
-        add_disc(path, line.points[0], float(half_width[0] + left[0]) / 2)
-        return
+        return disc(line.points[0], float(half_width[0] + left[0]) / 2)
     near_right, near_left = inside_bends(line, half_width, left)
     right = line.points + near_right[:, None] * line.normals
     other = line.points - near_left[:, None] * line.normals
+    contours: list[Contour]
     if line.closed:
-        add_contour(path, fit_outline(other, TOLERANCE, closed=True))
-        add_contour(path, fit_outline(right[::-1], TOLERANCE, closed=True))
+        contours = [[Side(other, True)], [Side(right[::-1], True)]]
     else:
         stop, start = _cap(line, -1, half_width, left, cap), _cap(line, 0, half_width, left, cap)
-        sides = fit_outline(other, TOLERANCE), fit_outline(right[::-1], TOLERANCE)
-        add_contour(path, np.concatenate([sides[0], stop, sides[1], start]))
-    _add_wedges(path, line, half_width, near_right, 1.0)
-    _add_wedges(path, line, left, near_left, -1.0)
+        contours = [[Side(other), stop, Side(right[::-1]), start]]
+    return [*contours, *_wedges(line, half_width, near_right, 1.0), *_wedges(line, left, near_left, -1.0)]
 
 
-def add_disc(path: Any, centre: Float[Array, " 2"], radius: float) -> None:
-    """Adds a disc."""
-    if radius <= POINT:
-        return
-    start = np.array([radius, 0.0])
-    add_contour(path, centre + _arc(start, 2 * math.pi))
+def disc(centre: Float[Array, " 2"], radius: float) -> list[Contour]:
+    """A disc; nothing of one that is too small."""
+    return [] if radius <= POINT else [[centre + _arc(np.array([radius, 0.0]), 2 * math.pi)]]
 
 
 def add_contour(path: Any, cubics: Float[Array, "m 4 2"]) -> None:
@@ -103,8 +123,8 @@ def inside_bends(line: Line, right: Float[Array, " n"], left: Float[Array, " n"]
     return sides[0], sides[1]
 
 
-def _add_wedges(path: Any, line: Line, half_width: Array, clamped: Array, sign: float) -> None:
-    """Adds what the pen covers on the inner side of tight bends, beyond what the strip has of it."""
+def _wedges(line: Line, half_width: Array, clamped: Array, sign: float) -> Iterator[Contour]:
+    """What the pen covers on the inner side of tight bends, beyond what the strip has of it."""
     short = clamped < half_width - POINT
     if not short.any():
         return
@@ -117,11 +137,11 @@ def _add_wedges(path: Any, line: Line, half_width: Array, clamped: Array, sign: 
         cuts = np.linspace(start, stop - 1, count + 1).round().astype(int).tolist()
         for first, last in pairwise(cuts):
             rows = slice(first, last + 1)
-            _add_hull(path, np.concatenate([line.points[rows], far[rows]]))
+            yield from _hull(np.concatenate([line.points[rows], far[rows]]))
 
 
-def _add_hull(path: Any, points: Array) -> None:
-    """Adds the convex hull of points, wound positively."""
+def _hull(points: Array) -> Iterator[Contour]:
+    """The convex hull of points, wound positively; none of points on a line."""
     order = np.lexsort((points[:, 1], points[:, 0]))
     rows = points[order].tolist()
 
@@ -136,12 +156,9 @@ def _add_hull(path: Any, points: Array) -> None:
         return hull[:-1]
 
     hull = half(rows) + half(rows[::-1])
-    if len(hull) < 3:
-        return
-    path.moveTo(*hull[0])
-    for p in hull[1:]:
-        path.lineTo(*p)
-    path.close()
+    if len(hull) >= 3:
+        begin, end = np.array(hull[:-1]), np.array(hull[1:])
+        yield [np.stack([begin, begin, end, end], 1)]
 
 
 def _cap(line: Line, end: int, right: Array, left: Array, cap: Cap) -> Array:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.fit_cubics import fit_outline
-from diff3ds.page.ink_outlines import TOLERANCE, add_contour, inside_bends
+from diff3ds.page.ink_outlines import Side, inside_bends
 from diff3ds.page.lines import Line
 from diff3ds.page.noise import seed_of, uniform
 from diff3ds.page.union import pathops, united
 from diff3ds.styles.brush_file import contours_of, load_brush
-from diff3ds.styles.style import Mark, Page
+from diff3ds.styles.style import InkMark, Mark, Page
 
 # Points of a cubic of a brush that is bent along a line: at most so many, and no more than one in so many pixels.
 MOST_POINTS, SPACING = 200, 3.0
@@ -45,12 +44,8 @@ class Stretched:
         line = line.refined(SPACING / 2)
         half_width = self.width * line.half_width
         right, left = inside_bends(line, half_width, half_width)
-        path = pathops().Path()
-        for cubics in contours_of(self.shape):
-            place = (cubics - [x0, (y0 + y1) / 2]) / [x1 - x0, (y1 - y0) / 2]
-            points = _bent(place, line, right, left)
-            add_contour(path, fit_outline(points, TOLERANCE, closed=True))
-        return [Mark(united(path))]
+        places = [(cubics - [x0, (y0 + y1) / 2]) / [x1 - x0, (y1 - y0) / 2] for cubics in contours_of(self.shape)]
+        return [InkMark([[Side(_bent(place, line, right, left), True)] for place in places])]
 
 
 def _bent(place: Float[Array, "m 4 2"], line: Line, right: Array, left: Array) -> Float[Array, "n 2"]:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Array, Bool, Float
-from diff3ds.page.ink_outlines import add_strip, inside_bends
+from diff3ds.page.ink_outlines import inside_bends, strip
 from diff3ds.page.lines import Line
 from diff3ds.page.noise import grain, seed_of, wander
 from diff3ds.page.union import pathops, united
 from diff3ds.styles.pens import tapered
-from diff3ds.styles.style import Mark, Page
+from diff3ds.styles.style import InkMark, Mark, Page
 
 # Samples a bump of the paper: four show its shape. [empirical]
 SAMPLES = 1.7
@@ -61,10 +61,10 @@ class Dry:
         scale = 20 * size
         line = line.refined(size / SAMPLES)
         half_width = self.width * line.half_width * tapered(line, 5 * size, 9 * size, 0.4)
-        paths = [pathops().Path() for _ in self.layers]
         if line.length < size or half_width.max() < THINNEST:
-            add_strip(paths[0], line, half_width)
-            return [Mark(united(paths[0]), opacity) for _, opacity in self.layers]
+            outline = strip(line, half_width)
+            return [InkMark(outline, opacity) for _, opacity in self.layers]
+        paths = [pathops().Path() for _ in self.layers]
         for k in range(self.passes):
             period = line.length / scale if line.closed else None
             hand, press = (wander(seed_of(seed, k, j), line.along / scale, period) for j in range(2))

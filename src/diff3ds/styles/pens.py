@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.page.ink_outlines import add_strip
+from diff3ds.page.ink_outlines import strip
 from diff3ds.page.lines import Line
 from diff3ds.page.noise import wander
-from diff3ds.page.union import pathops, united
-from diff3ds.styles.style import Mark, Page
+from diff3ds.styles.style import InkMark, Mark, Page
 
 # Line widths of ISO 128-2, millimetres: each is the square root of 2 times the one before.
 ISO_WIDTHS = (0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
@@ -49,9 +48,7 @@ class Ink:
         lifted = self.pressure * (0.5 + 0.5 * wander(seed, line.along / scale, period))
         first, last = self.taper
         ends = tapered(line, 2 * mean * first, 2 * mean * last, self.tip)
-        path = pathops().Path()
-        add_strip(path, line, self.width * line.half_width * (1 - lifted) * ends)
-        return [Mark(united(path))]
+        return [InkMark(strip(line, self.width * line.half_width * (1 - lifted) * ends))]
 
 
 def tapered(line: Line, first: float, last: float, tip: float) -> Float[Array, " n"]:
@@ -104,10 +101,9 @@ class Nib:
         # Turned so that the nib lies along x, then stretched across it.
         to_round = np.array([[cosine, sine], [-sine / thin, cosine / thin]])
         back = np.linalg.inv(to_round)
-        path = pathops().Path()
         round_line = _mapped(line, to_round)
-        add_strip(path, round_line, self.width * round_line.half_width)
-        return [Mark(united(path.transform(back[0, 0], back[1, 0], back[0, 1], back[1, 1], 0, 0)))]
+        moved = (back[0, 0], back[1, 0], back[0, 1], back[1, 1], 0, 0)
+        return [InkMark(strip(round_line, self.width * round_line.half_width), moved=moved)]
 
 
 def _mapped(line: Line, matrix: Float[Array, "2 2"]) -> Line:
@@ -140,9 +136,7 @@ class Technical:
 
     def marks(self, line: Line, page: Page, seed: int) -> list[Mark]:
         """As `Style` says."""
-        path = pathops().Path()
-        add_strip(path, line, np.full(len(line.points), self.half_width(line, page)))
-        return [Mark(united(path))]
+        return [InkMark(strip(line, np.full(len(line.points), self.half_width(line, page))))]
 
     def half_width(self, line: Line, page: Page) -> float:
         """Pixels."""
@@ -173,10 +167,9 @@ class Dashed:
     def marks(self, line: Line, page: Page, seed: int) -> list[Mark]:
         """As `Style` says."""
         half_width = self.width * float(line.half_width.mean())
-        path = pathops().Path()
-        for part in self.dashes(line, 2 * half_width):
-            add_strip(path, part, np.full(len(part.points), half_width), cap="flat")
-        return [Mark(united(path))]
+        dashes = self.dashes(line, 2 * half_width)
+        strips = [strip(part, np.full(len(part.points), half_width), cap="flat") for part in dashes]
+        return [InkMark([contour for some in strips for contour in some])]
 
     def dashes(self, line: Line, width: float) -> list[Line]:
         """The dashes of a line of this width, in pixels."""

@@ -1,9 +1,13 @@
 """What a style is: it makes marks on a page of a line; and the page as styles see it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
+from diff3ds.page.ink_outlines import Contour, add_contours
 from diff3ds.page.lines import Line
+from diff3ds.page.union import pathops, united, without
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,40 @@ class Mark:
     path: Any
     opacity: float = 1.0
     multiplied: bool = False
+
+
+class InkMark(Mark):
+    """A mark of contours: its path is found when it is asked for, so that sides of many lines are fitted together.
+
+    Attributes:
+        contours: that wind the same way round what they cover.
+        moved: the map of pathops from where the contours are to the page, or None.
+        out_of: a mark whose path without these contours is this one's; None fills the contours.
+    """
+
+    contours: Sequence[Contour]
+    moved: tuple[float, ...] | None
+    out_of: Mark | None
+
+    def __init__(
+        self,
+        contours: Sequence[Contour],
+        opacity: float = 1.0,
+        multiplied: bool = False,
+        *,
+        moved: tuple[float, ...] | None = None,
+        out_of: Mark | None = None,
+    ) -> None:
+        fields = {"contours": contours, "opacity": opacity, "multiplied": multiplied, "moved": moved, "out_of": out_of}
+        self.__dict__.update(fields)
+
+    @cached_property
+    def path(self) -> Any:
+        """As of `Mark`."""
+        path = pathops().Path()
+        add_contours(path, self.contours)
+        found = united(path if self.moved is None else path.transform(*self.moved))
+        return found if self.out_of is None else without(self.out_of.path, found)
 
 
 @runtime_checkable

@@ -1,28 +1,25 @@
 """A sketch in a style, from any cameras: as painted outlines on a page, and as SVG text."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
-import numpy as np
-
-from diff3ds._shapes import Array, Float
 from diff3ds.camera import Cameras
 from diff3ds.curves.join import Joined, join_smooth
 from diff3ds.page.drawn_paths import DrawnPath
 from diff3ds.page.ink_outlines import TOLERANCE
-from diff3ds.page.lines import Line, lines_of
 from diff3ds.page.noise import seed_of
-from diff3ds.page.sheet.ink_boxes import Box, union
+from diff3ds.page.sheet.ink_boxes import union
 from diff3ds.page.sheet.page_layout import PIXELS_PER_MM, PIXELS_PER_MM_OF_SCREENS, Layout, lay_out, to_frame, widened
 from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.page.sheet.views_grid import check_page, hexadecimal
-from diff3ds.page.union import cubics_of, pathops, svg_data, within
+from diff3ds.page.union import pathops, svg_data
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
+from diff3ds.styles.painted import Painted, SeenStrokes, Strokes
 from diff3ds.styles.paper import WARM, Fibres, paper_fibres
-from diff3ds.styles.style import Mark, Page, Style
+from diff3ds.styles.style import Page, Style
 from diff3ds.svg.layer_groups import INKSCAPE, Group, layer_elements
 from diff3ds.svg.path_ids import KEPT, PathIds, said_of_strokes
 
@@ -32,50 +29,7 @@ NEAR, TURN = 2e-4, math.radians(30)
 # A page is looked at so often before its ink is drawn: then widths that do not grow with the picture, as of technical
 # pens, are right to a thousandth. [empirical]
 LOOKS = 2
-# px. Half widths below leave no ink.
-THINNEST = 0.005
-# Half widths of strokes, in pages: larger ones are taken for a mistake.
-LARGEST = 4
-# Of the way to the colour of the ground that the farthest strokes go, and of their width that they lose, with a depth
-# cue of 1.
-FADE, THIN = 0.8, 0.6
 Held = TypeVar("Held")
-
-
-class Painted(NamedTuple):
-    """A filled outline of a view.
-
-    Attributes:
-        path: of pathops, in pixels from the view's corner, cut at its border.
-        color: RGB in [0, 1].
-        opacity: in [0, 1].
-        multiplied: whether its colour is multiplied with what lies below.
-    """
-
-    path: Any
-    color: Sequence[float]
-    opacity: float
-    multiplied: bool
-
-    @property
-    def box(self) -> Box:
-        """Of the outline, pixels."""
-        x0, y0, x1, y1 = self.path.bounds
-        return x0, y0, x1, y1
-
-    def drawn(self, stroke: int) -> DrawnPath:
-        """As cubics, as what is drawn of a stroke."""
-        r, g, b = self.color
-        curves, multiplied = cubics_of(self.path), self.multiplied
-        return DrawnPath((stroke,), curves, True, None, (r, g, b), self.opacity, multiplied=multiplied)
-
-
-class Strokes(NamedTuple):
-    """Strokes that are drawn in a view, which of the sketch's each is made of, and in which layer it is."""
-
-    sketch: Sketch
-    made: list[list[int]]
-    groups: list[Group]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,22 +195,16 @@ def styled(
         background = WARM
     per_mm = PIXELS_PER_MM_OF_SCREENS if page is None else PIXELS_PER_MM
 
-    def drawn(cameras: Cameras, widen: float) -> list[dict[int, list[Painted]]]:
-        return [
-            _strokes(
-                each._replace(sketch=widened(each.sketch, widen)),
-                lines_of(project(widened(each.sketch, widen), cameras[view]), 0, cameras.size, style.widest),
-                style,
-                Page(cameras.size, per_mm, seed_of(seed)),
-                depth_cue,
-                background or (1.0, 1.0, 1.0),
-            )
-            for view, each in enumerate(joined)
-        ]
+    def seen(cameras: Cameras, widen: float) -> Iterator[SeenStrokes]:
+        for view, each in enumerate(joined):
+            wide = each._replace(sketch=widened(each.sketch, widen))
+            sheet = Page(cameras.size, per_mm, seed_of(seed))
+            yield SeenStrokes(wide, project(wide.sketch, cameras[view]), style, sheet, depth_cue)
 
-    layout = lay_out(cameras, page, lambda *how: map(_box, drawn(*how)), alone=alone, looks=LOOKS)
-    views = drawn(layout.cameras, layout.widen)
-    box = union(map(_box, views))
+    layout = lay_out(cameras, page, lambda *how: (view.box() for view in seen(*how)), alone=alone, looks=LOOKS)
+    ground = background or (1.0, 1.0, 1.0)
+    views = [view.painted(ground) for view in seen(layout.cameras, layout.widen)]
+    box = union(painted.box for strokes in views for some in strokes.values() for painted in some)
     if page is not None and page.fit != "none" and box is not None:
         views = _moved(views, *to_frame(box, layout.frame, page.fit))
     kept = KEPT[:1] if depth_cue == 0 else ()
@@ -292,88 +240,6 @@ def _joined(sketch: Sketch, width: float, groups: Sequence[Group]) -> Strokes:
         ]
         joined = Joined(Sketch.concatenate([part.sketch for part in parts]), made)
     return Strokes(joined.sketch, joined.strokes, [groups[strokes[0]] for strokes in joined.strokes])
-
-
-def _box(strokes: dict[int, list[Painted]]) -> Box | None:
-    return union(painted.box for some in strokes.values() for painted in some)
-
-
-def _strokes(
-    drawn: Strokes,
-    lines: list[Line],
-    style: Style,
-    page: Page,
-    depth_cue: float,
-    ground: Sequence[float],
-) -> dict[int, list[Painted]]:
-    """What is painted of the strokes of one view, in the order of the lines."""
-    sketch = drawn.sketch
-    far = _Distance(lines)
-    by_stroke: dict[int, list[Line]] = {}
-    for line in lines:
-        if line.half_width.max() < THINNEST:
-            continue
-        if line.half_width.max() > LARGEST * max(page.size):
-            wide = 2 * float(line.half_width.max())
-            stroke = min(drawn.made[line.stroke])
-            raise ValueError(
-                f"stroke {stroke} is {wide:.3g} pixels wide in this view, more than {2 * LARGEST} pages: "
-                "make its width smaller, or the camera's `near` larger if it passes there"
-            )
-        by_stroke.setdefault(line.stroke, []).append(line)
-    found: dict[int, list[Painted]] = {}
-    for stroke, some in by_stroke.items():
-        layers: list[list[Mark]] = []
-        for k, line in enumerate(some):
-            thinned = replace(line, half_width=line.half_width * (1 - THIN * depth_cue * far(line.depth)))
-            layers.append(style.marks(thinned, page, seed_of(page.seed, stroke, k)))
-        fade = FADE * depth_cue * far.mean(some)
-        color = [c + fade * (g - c) for c, g in zip(sketch.color[stroke].tolist(), ground, strict=True)]
-        opacity = float(sketch.opacity[stroke])
-        painted = [
-            Painted(path, color, mark.opacity * opacity, mark.multiplied)
-            for marks in zip(*layers, strict=True)
-            for mark in marks
-            if (path := _on_page(mark.path, page.size)) is not None
-        ]
-        if painted:
-            found[stroke] = painted
-    return found
-
-
-class _Distance:
-    """How far depths lie between the nearest and the farthest of a view: from 0 to 1."""
-
-    def __init__(self, lines: list[Line]) -> None:
-        self.near = min((float(line.depth.min()) for line in lines), default=0.0)
-        self.far = max((float(line.depth.max()) for line in lines), default=0.0)
-
-    def __call__(self, depth: Float[Array, " n"]) -> Float[Array, " n"]:
-        return (depth - self.near) / max(self.far - self.near, 1e-9)
-
-    def mean(self, lines: list[Line]) -> float:
-        """Along the lines of a stroke; of dots, their own."""
-        total = sum(line.length for line in lines)
-        if total <= 0:
-            return float(np.mean([self(line.depth[:1])[0] for line in lines]))
-        middles = [np.diff(line.along) @ self((line.depth[1:] + line.depth[:-1]) / 2) for line in lines]
-        return float(sum(middles)) / total
-
-
-def _on_page(path: Any, size: tuple[int, int]) -> Any:
-    """A path, cut at the page's border; None if the page shows nothing of it."""
-    height, width = size
-    if not list(path.segments):
-        return None
-    x0, y0, x1, y1 = path.bounds
-    if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
-        page = pathops().Path()
-        page.moveTo(0, 0)
-        for corner in ((width, 0), (width, height), (0, height)):
-            page.lineTo(*corner)
-        page.close()
-        path = within(path, page)
-    return path if list(path.segments) else None
 
 
 def _element(name: str, painted: Sequence[Painted], at: tuple[float, float]) -> str:

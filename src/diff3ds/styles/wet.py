@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 from diff3ds._shapes import Array, Float
-from diff3ds.page.ink_outlines import add_strip
+from diff3ds.page.ink_outlines import strip
 from diff3ds.page.lines import Line
 from diff3ds.page.noise import seed_of, wander
-from diff3ds.page.union import pathops, united, without
 from diff3ds.styles.pens import tapered
-from diff3ds.styles.style import Mark, Page
+from diff3ds.styles.style import InkMark, Mark, Page
 
 
 @dataclass(frozen=True)
@@ -33,9 +32,7 @@ class Marker:
         half_width = self.width * float(line.half_width.mean())
         line = line.refined(max(half_width, 1.0))
         widths = _wavering(line, seed, self.width * line.half_width, 0.05, 4 * half_width)
-        band = pathops().Path()
-        add_strip(band, line, widths[0], cap="flat", left=widths[1])
-        return [Mark(united(band), self.opacity, multiplied=True)]
+        return [InkMark(strip(line, widths[0], cap="flat", left=widths[1]), self.opacity, multiplied=True)]
 
 
 @dataclass(frozen=True)
@@ -65,18 +62,14 @@ class Watercolour:
         line = line.refined(max(0.7 * half_width, 0.5))
         brush = self.width * line.half_width * tapered(line, 3 * half_width, 5 * half_width, 0.55)
         right, left = _wavering(line, seed, brush, 0.3, 2.5 * half_width)
-        outer, inner, middle = pathops().Path(), pathops().Path(), pathops().Path()
-        add_strip(outer, line, right, left=left)
+        wash = InkMark(strip(line, right, left=left), self.wash, multiplied=True)
         rim = self.rim_width * half_width
-        add_strip(inner, line, (right - rim).clip(0), left=(left - rim).clip(0))
+        inner = strip(line, (right - rim).clip(0), left=(left - rim).clip(0))
         blot = _wavering(line, seed_of(seed, 9), 0.6 * brush, 0.5, 4 * half_width)
-        add_strip(middle, line, blot[0], left=blot[1])
-        wash = united(outer)
-        edge = without(wash, united(inner))
         return [
-            Mark(wash, self.wash, multiplied=True),
-            Mark(united(middle), self.wash / 2, multiplied=True),
-            Mark(edge, self.rim, multiplied=True),
+            wash,
+            InkMark(strip(line, blot[0], left=blot[1]), self.wash / 2, multiplied=True),
+            InkMark(inner, self.rim, multiplied=True, out_of=wash),
         ]
 
 

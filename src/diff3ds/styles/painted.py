@@ -1,0 +1,193 @@
+"""What a style paints of the strokes of one view: filled outlines, and the box of them all."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diff3ds._shapes import Array, Float
+from diff3ds.page.drawn_paths import DrawnPath
+from diff3ds.page.ink_outlines import fit_sides
+from diff3ds.page.lines import MARGIN, Line, lines_of
+from diff3ds.page.noise import seed_of
+from diff3ds.page.sheet.ink_boxes import Box, union
+from diff3ds.page.union import cubics_of, pathops, within
+from diff3ds.project import Strokes2D
+from diff3ds.sketch import Sketch
+from diff3ds.styles.style import InkMark, Mark, Page, Style
+from diff3ds.svg.layer_groups import Group
+
+# px. Half widths below leave no ink.
+THINNEST = 0.005
+# Half widths of strokes, in pages: larger ones are taken for a mistake.
+LARGEST = 4
+# Of the way to the colour of the ground that the farthest strokes go, and of their width that they lose, with a depth
+# cue of 1.
+FADE, THIN = 0.8, 0.6
+
+
+class Painted(NamedTuple):
+    """A filled outline of a view.
+
+    Attributes:
+        path: of pathops, in pixels from the view's corner, cut at its border.
+        color: RGB in [0, 1].
+        opacity: in [0, 1].
+        multiplied: whether its colour is multiplied with what lies below.
+    """
+
+    path: Any
+    color: Sequence[float]
+    opacity: float
+    multiplied: bool
+
+    @property
+    def box(self) -> Box:
+        """Of the outline, pixels."""
+        return _box(self.path)
+
+    def drawn(self, stroke: int) -> DrawnPath:
+        """As cubics, as what is drawn of a stroke."""
+        r, g, b = self.color
+        curves, multiplied = cubics_of(self.path), self.multiplied
+        return DrawnPath((stroke,), curves, True, None, (r, g, b), self.opacity, multiplied=multiplied)
+
+
+class Strokes(NamedTuple):
+    """Strokes that are drawn in a view, which of the sketch's each is made of, and in which layer it is."""
+
+    sketch: Sketch
+    made: list[list[int]]
+    groups: list[Group]
+
+
+class SeenStrokes:
+    """The strokes of one view as lines, of which a style makes marks."""
+
+    def __init__(self, drawn: Strokes, strokes: Strokes2D, style: Style, page: Page, depth_cue: float) -> None:
+        """Finds the lines.
+
+        Args:
+            drawn: the strokes.
+            strokes: the same as they are seen.
+            style: that draws them.
+            page: the picture of the view.
+            depth_cue: how much lighter and thinner strokes become with their depth, from 0 to 1.
+
+        Raises:
+            ValueError: a stroke is much wider than the page.
+        """
+        lines = lines_of(strokes, 0, page.size, style.widest)
+        self.sketch, self.style, self.page = drawn.sketch, style, page
+        self.depth_cue, self.far = depth_cue, _Distance(lines)
+        self.lines: dict[int, list[Line]] = {}
+        for line in lines:
+            if line.half_width.max() < THINNEST:
+                continue
+            if line.half_width.max() > LARGEST * max(page.size):
+                wide = 2 * float(line.half_width.max())
+                stroke = min(drawn.made[line.stroke])
+                raise ValueError(
+                    f"stroke {stroke} is {wide:.3g} pixels wide in this view, more than {2 * LARGEST} pages: "
+                    "make its width smaller, or the camera's `near` larger if it passes there"
+                )
+            self.lines.setdefault(line.stroke, []).append(line)
+
+    def painted(self, ground: Sequence[float]) -> dict[int, list[Painted]]:
+        """What is painted of each stroke, in the order of the lines.
+
+        Args:
+            ground: RGB of what lies below.
+        """
+        made = iter(self._marks([(stroke, k) for stroke, some in self.lines.items() for k in range(len(some))]))
+        found: dict[int, list[Painted]] = {}
+        for stroke, some in self.lines.items():
+            layers = [next(made) for _ in some]
+            fade = FADE * self.depth_cue * self.far.mean(some)
+            color = [c + fade * (g - c) for c, g in zip(self.sketch.color[stroke].tolist(), ground, strict=True)]
+            opacity = float(self.sketch.opacity[stroke])
+            painted = [
+                Painted(path, color, mark.opacity * opacity, mark.multiplied)
+                for marks in zip(*layers, strict=True)
+                for mark in marks
+                if (path := _on_page(mark.path, self.page.size)) is not None
+            ]
+            if painted:
+                found[stroke] = painted
+        return found
+
+    def box(self) -> Box | None:
+        """The box of all that is painted, pixels: only lines that may reach its sides are drawn for it."""
+        names = [(stroke, k) for stroke, some in self.lines.items() for k in range(len(some))]
+        reach = np.array([self._reach(self.lines[stroke][k]) for stroke, k in names]).reshape(-1, 4)
+        outwards, left, found = np.array([-1, -1, 1, 1]), np.ones(len(names), bool), None
+        for count in 2 ** np.arange(len(names) + 1):
+            beyond = left[:, None] & (True if found is None else outwards * reach > outwards * np.array(found))
+            farthest = np.argsort(np.where(beyond, -outwards * reach, np.inf), axis=0, kind="stable")[:count]
+            some = np.unique(farthest[np.take_along_axis(beyond, farthest, 0)])
+            if not len(some):
+                break
+            left[some] = False
+            marks = (mark for each in self._marks([names[row] for row in some]) for mark in each)
+            paths = (_on_page(mark.path, self.page.size) for mark in marks)
+            found = union([found, *(_box(path) for path in paths if path is not None)])
+        return found
+
+    def _reach(self, line: Line) -> Box:
+        """A box that holds all ink of a line on the page."""
+        most = MARGIN + self.style.widest * line.half_width.max()
+        height, width = self.page.size
+        (x0, y0), (x1, y1) = line.points.min(0) - most, line.points.max(0) + most
+        return max(x0, 0), max(y0, 0), min(x1, width), min(y1, height)
+
+    def _marks(self, names: Sequence[tuple[int, int]]) -> list[list[Mark]]:
+        """The marks of lines, each given by its stroke and its number there."""
+        found = []
+        for stroke, k in names:
+            line = self.lines[stroke][k]
+            thinned = replace(line, half_width=line.half_width * (1 - THIN * self.depth_cue * self.far(line.depth)))
+            found.append(self.style.marks(thinned, self.page, seed_of(self.page.seed, stroke, k)))
+        inked = [mark for marks in found for mark in marks if isinstance(mark, InkMark)]
+        fit_sides(contour for mark in inked for contour in mark.contours)
+        return found
+
+
+class _Distance:
+    """How far depths lie between the nearest and the farthest of a view: from 0 to 1."""
+
+    def __init__(self, lines: list[Line]) -> None:
+        self.near = min((float(line.depth.min()) for line in lines), default=0.0)
+        self.far = max((float(line.depth.max()) for line in lines), default=0.0)
+
+    def __call__(self, depth: Float[Array, " n"]) -> Float[Array, " n"]:
+        return (depth - self.near) / max(self.far - self.near, 1e-9)
+
+    def mean(self, lines: list[Line]) -> float:
+        """Along the lines of a stroke; of dots, their own."""
+        total = sum(line.length for line in lines)
+        if total <= 0:
+            return float(np.mean([self(line.depth[:1])[0] for line in lines]))
+        middles = [np.diff(line.along) @ self((line.depth[1:] + line.depth[:-1]) / 2) for line in lines]
+        return float(sum(middles)) / total
+
+
+def _box(path: Any) -> Box:
+    x0, y0, x1, y1 = path.bounds
+    return x0, y0, x1, y1
+
+
+def _on_page(path: Any, size: tuple[int, int]) -> Any:
+    """A path, cut at the page's border; None if the page shows nothing of it."""
+    height, width = size
+    if not list(path.segments):
+        return None
+    x0, y0, x1, y1 = path.bounds
+    if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
+        page = pathops().Path()
+        page.moveTo(0, 0)
+        for corner in ((width, 0), (width, height), (0, height)):
+            page.lineTo(*corner)
+        page.close()
+        path = within(path, page)
+    return path if list(path.segments) else None
