@@ -134,6 +134,14 @@ class Browser:
                 self.mouse("mouseMoved", *place, button="left", buttons=1)
             self.mouse("mouseReleased", *places[-1], button="left", clickCount=1)
 
+    def keep_downloads(self, folder: Path) -> None:
+        """What pages save goes into this folder."""
+        self.ask("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+
+    def prefer(self, scheme: str) -> None:
+        """The colours that the system wishes: "light" or "dark"."""
+        self.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+
     def canvas_box(self) -> dict[str, float]:
         box = "(b => ({x: b.x, y: b.y, width: b.width, height: b.height}))"
         return self.value(f"{box}(document.querySelector('canvas').getBoundingClientRect())")

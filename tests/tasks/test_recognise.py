@@ -17,7 +17,7 @@ from diff3ds.formats import load_image, save_png
 from diff3ds.library import CATEGORIES, member
 from diff3ds.library.members import added_strokes
 from diff3ds.pictures.reference_picture import read_reference
-from diff3ds.recognition.network import trained
+from diff3ds.recognition.network import TURNS, trained
 from diff3ds.recognition.picture_lines import Lines, lines_of
 from diff3ds.recognition.recognise import Guess, NotRecognised, recognise, recognised, seen_as
 from diff3ds.recognition.side_seen import alike, cameras_at, confidence, descriptors, gap, pieces, placed_over
@@ -176,6 +176,36 @@ def test_a_house_without_its_hidden_lines(tmp_path):
     found = recognised(lines_in(tmp_path / "house.png"))
     assert (found.kind, found.attributes) == ("house", ())
     assert abs(found.azimuth - 35) <= 10
+
+
+def test_a_drawing_is_looked_at_turned_a_little_too(monkeypatch):
+    # An L whose arms are as long as each other, turned by a quarter about its middle.
+    arm = np.linspace(-0.5, 0.5, 11)
+    lines = Lines(
+        np.concatenate([np.stack([arm, np.full(11, 0.5)], 1), np.stack([np.full(11, -0.5), arm], 1)]),
+        np.repeat([[0.1, 0.0], [0.0, 0.1]], 11, 0),
+    )
+    turned = lines.turned(90)
+    assert np.allclose(turned.points[:11], np.stack([np.full(11, -0.5), arm], 1))
+    assert np.allclose(turned.tangents[:11], [0.0, 0.1])
+    eighth = lines.turned(45)
+    assert np.allclose(np.ptp(eighth.points, 0).max(), 1)
+    assert np.allclose(np.linalg.norm(eighth.tangents, axis=1), 0.1 / 2**0.5)
+    # The network is asked about all turns, and its probabilities are averaged.
+    network, asked = trained(), []
+
+    def logits(self, pictures):
+        asked.append(pictures)
+        kinds = torch.zeros(len(pictures), len(self.kinds) + 1)
+        kinds[0, 3], kinds[1:, 5] = 20.0, 20.0
+        return kinds * self.temperature, torch.zeros(len(pictures), 24), torch.zeros(len(pictures), 3)
+
+    monkeypatch.setattr(type(network), "logits", logits)
+    found = network.opinion(lines).kinds
+    assert len(asked[0]) == len(TURNS)
+    assert torch.equal(asked[0][0, 0], torch.from_numpy(lines.ink(64, 2 / 64, 54 / 64)))
+    assert found[3] == pytest.approx(1 / len(TURNS), abs=1e-6)
+    assert found[5] == pytest.approx(1 - 1 / len(TURNS), abs=1e-6)
 
 
 def test_descriptors_are_unit_vectors_that_count_a_line_once():

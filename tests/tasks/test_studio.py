@@ -243,6 +243,38 @@ def test_things_are_made_one_after_the_other_stopped_and_gone_on_with(tmp_path):
     }  # fmt: skip
 
 
+def test_the_time_that_is_left_is_that_of_all_stages(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("diff3ds.tasks.studio.entry.monotonic", lambda: now[0])
+    entry = Entry("a-chair", "a chair", "text", {}, 0.0, "running")
+    entry.begin()
+    before = {"starting": 2.0, "distill": 20.0, "redraw": 4.0}
+    assert entry.times(before) == {"spent": 0.0, "stage": None, "all": pytest.approx(26.0)}
+    now[0] = 4.0
+    entry.tell({"stage": "distill", "done": 0, "total": 400})
+    # Getting ready took twice as long as before: what is ahead goes by the pace of 24 in place of 22 seconds.
+    assert entry.times(before)["all"] == pytest.approx(20 + 24 / 22 * 4)
+    now[0] = 14.0
+    entry.tell({"stage": "distill", "done": 100, "total": 400})
+    # Ten seconds for a quarter: forty for all of it, which is half the pace of before.
+    assert entry.times(before) == {"spent": 14.0, "stage": pytest.approx(30.0), "all": pytest.approx(30 + 2 * 4)}
+    assert entry.times({})["all"] is None
+    entry.tell({"stage": "new", "done": 0, "total": None})
+    assert entry.times(before) == {"spent": 14.0, "stage": None, "all": None}
+    assert entry.took == {"starting": 4.0, "distill": 10.0}
+
+
+def test_what_is_made_alike_tells_the_time(tmp_path):
+    with Line(tmp_path, lambda text: None) as line:
+        first = settled(line, line.add("a chair", "text", {"phrase": "a chair", **SHORT}).name, "done")
+        assert {"starting", "distill"} <= {*first.took}
+        assert sum(first.took.values()) > 0.1
+    # It is kept, and told of what is made with the same options alone.
+    line = Line(tmp_path, lambda text: None)
+    assert line.took_before(line.add("a table", "text", {"phrase": "a table", **SHORT})) == first.took
+    assert line.took_before(line.add("a table", "text", {"phrase": "a table", "steps": 99})) == {}
+
+
 def test_what_cannot_be_made_says_why(tmp_path):
     (tmp_path / "sources").mkdir()
     (tmp_path / "sources/flat.obj").write_text("nonsense\n")

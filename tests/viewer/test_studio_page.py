@@ -1,7 +1,9 @@
 """The studio's page in a real browser: what is said, drawn and dropped there becomes sketches that are shown."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from served_page import served_studio
@@ -137,6 +139,102 @@ def test_every_screen_shows_all_of_it(browser, tmp_path, width):
         named = [node.get("name", {}).get("value") for node in tree if node.get("role", {}).get("value") in roles]
         assert named
         assert all(named)
+
+
+def test_a_result_is_dark_where_the_system_is(browser, tmp_path):
+    ds.save(tmp_path / "mine.json", ds.Sketch(torch.arange(18.0).reshape(3, 2, 3).sin()))
+    with served_studio(tmp_path / "out") as server:
+        server.line.put("mine", lambda folder: ds.save(folder / "sketch.json", ds.load(tmp_path / "mine.json")))
+        dark = "document.documentElement.classList.contains('dark')"
+        ground = "getComputedStyle(document.body).backgroundColor"
+        try:
+            browser.prefer("dark")
+            browser.open(server.address, 1000, 900)
+            assert browser.value(ground) == "rgb(21, 23, 27)"
+            browser.open(f"{server.address}runs/mine/", 1000, 900)
+            assert browser.value(dark)
+            browser.prefer("light")
+            browser.settle(f"!{dark}")
+            assert browser.value(ground) == "rgb(255, 255, 255)"
+        finally:
+            browser.prefer("light")
+
+
+@pytest.mark.slow
+def test_a_persons_drawing_is_corrected_made_and_saved_in_six_formats(browser, tmp_path):
+    drawing = json.loads(Path(__file__).with_name("drawn_by_a_person.json").read_text())
+    # Point by point, as it was recorded, in the middle of the canvas.
+    strokes = [
+        [(0.1 + x / 320, 0.1 + y / 320) for x, y in zip(*stroke[:2], strict=True)] for stroke in drawing["strokes"]
+    ]
+    with served_studio(tmp_path / "out") as server, server.line:
+        browser.open(server.address, 1000, 900)
+        browser.value("document.getElementById('tab-draw').click()")
+        browser.draw(strokes)
+        names = "[...document.querySelectorAll('#guesses button')].map(each => each.textContent)"
+        browser.settle(f"{names}.includes('an umbrella')")
+        guesses = browser.value(names)
+        assert guesses[0] != "an umbrella"
+        browser.value(f"document.querySelectorAll('#guesses button')[{guesses.index('an umbrella')}].click()")
+        browser.value("document.getElementById('make-drawing').click()")
+        browser.settle("document.querySelector('[data-state=done]') !== null")
+        (entry,) = server.line.entries()
+        assert entry.options["shows"] == "an umbrella"
+        browser.open(browser.value("document.querySelector('#cards h3 a').href"), 1000, 900)
+        browser.settle("document.querySelectorAll('#desk select').length === 3")
+        saved = tmp_path / "saved"
+        saved.mkdir()
+        browser.keep_downloads(saved)
+        for key, suffix in (
+            ("svg", "svg"),
+            ("pdf", "pdf"),
+            ("step", "step"),
+            ("dxf", "dxf"),
+            ("3dm", "3dm"),
+            ("glb", "glb"),
+        ):
+            browser.value(
+                f"(([, , format]) => {{ format.value = '{key}'; format.dispatchEvent(new Event('change')); }})"
+                "(document.querySelectorAll('#desk select'));"
+                "[...document.querySelectorAll('#desk button')].find(b => b.textContent === 'Save').click()"
+            )
+            until((saved / f"an-umbrella.{suffix}").is_file, f"saving {suffix}")
+        assert_read_by_others(saved, ds.load(tmp_path / "out/an-umbrella/sketch.json"))
+        assert not browser.errors
+
+
+def assert_read_by_others(folder: Path, sketch: ds.Sketch) -> None:
+    """Each file is read by a program that is not ours, and holds the sketch."""
+    import ezdxf
+    import pypdfium2
+    import rhino3dm
+    import trimesh
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopAbs import TopAbs_EDGE
+    from OCP.TopExp import TopExp_Explorer
+    from svgpathtools import svg2paths
+
+    def file(suffix: str) -> str:
+        return str(folder / f"an-umbrella.{suffix}")
+
+    count = len(sketch)
+    assert len(svg2paths(file("svg"))[0]) > 3
+    assert np.asarray(pypdfium2.PdfDocument(file("pdf"))[0].render(scale=1).to_pil().convert("L")).min() < 100
+    reader, edges = STEPControl_Reader(), 0
+    reader.ReadFile(file("step"))
+    reader.TransferRoots()
+    explorer = TopExp_Explorer(reader.OneShape(), TopAbs_EDGE)
+    while explorer.More():
+        edges += 1
+        explorer.Next()
+    assert edges >= count
+    assert len(ezdxf.readfile(file("dxf")).modelspace()) >= count
+    assert len(rhino3dm.File3dm.Read(file("3dm")).Objects) >= count
+    low, high = trimesh.load(file("glb"), force="mesh").bounds
+    places = ds.bezier.evaluate(sketch.points, sketch.weights, torch.linspace(0, 1, 33)).flatten(0, 1)
+    # Y is up in GLB files; wires are thicker than their lines.
+    extents = (places.amax(0) - places.amin(0))[[1, 2, 0]].numpy()
+    assert np.allclose(high - low, extents, atol=0.1)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from diff3ds.library.shapes import Part, body, curve, ellipse, flesh, join, line, mirror, ring
+from diff3ds.library.shapes import Part, body, curve, detail, ellipse, flesh, join, line, mirror, ring
 
 # (x, z), as one sees it from the side.
 Point = Sequence[float]
@@ -49,4 +49,4 @@ def girth(middle: Point, wide: float, high: float) -> Part:
 
 def eyes(x: float, y: float, z: float, radius: float, axis: str = "y") -> Part:
     """One on each side of the head, facing along an axis."""
-    return mirror(ring((x, y, z), radius, axis))
+    return detail(mirror(ring((x, y, z), radius, axis)))

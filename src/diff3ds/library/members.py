@@ -1,14 +1,14 @@
 """Members of the categories: seeded 3D sketches that fill the unit ball, with captions."""
 
 import difflib
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
 
 from diff3ds._checks import check_generator
-from diff3ds._shapes import Bool, Float, Tensor
+from diff3ds._shapes import Bool, Float, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.library.categories import CATEGORIES
 from diff3ds.library.category import Category
@@ -34,6 +34,7 @@ class Member:
         attributes: names of what it has, in the category's order.
         captions: ways to call it, the usual one first.
         solids: what of it hides things that lie behind it.
+        details: which detail each stroke is of, such as the windows of a house; -1 for none.
     """
 
     sketch: Sketch
@@ -41,6 +42,7 @@ class Member:
     attributes: tuple[str, ...]
     captions: tuple[str, ...]
     solids: tuple[Solid, ...] = ()
+    details: Int[Tensor, " N"] = field(default_factory=lambda: torch.zeros(0, dtype=torch.int64))
 
     @cached_property
     def faces(self) -> Faces:
@@ -64,13 +66,16 @@ def member(category: str, generator: torch.Generator, attributes: Collection[str
     kind = _find(category)
     names = _check(kind, attributes)
     check_generator(generator)
-    made = _made(kind, generator, names)
+    parts = _made(kind, generator, names)
+    made = join(*parts)
     center, scale = _ball_around(made.strokes)
     matrix = torch.eye(4, dtype=torch.float64) * scale
     matrix[:3, 3] = -scale * center
     matrix[3, 3] = 1
     solids = tuple(solid.moved(matrix) for solid in made.solids)
-    return Member(fill_ball(made.strokes), kind.name, names, kind.captions(names), solids)
+    owners = torch.tensor([i if part.detail else -1 for i, part in enumerate(parts)])
+    details = owners.repeat_interleave(torch.tensor([len(part) for part in parts]))
+    return Member(fill_ball(made.strokes), kind.name, names, kind.captions(names), solids, details)
 
 
 def added_strokes(category: str, seed: int, attributes: Collection[str]) -> Bool[Tensor, " N"]:
@@ -81,18 +86,19 @@ def added_strokes(category: str, seed: int, attributes: Collection[str]) -> Bool
     """
     kind = _find(category)
     whole, plain = (
-        _made(kind, torch.Generator().manual_seed(seed), names).strokes for names in (_check(kind, attributes), ())
+        join(*_made(kind, torch.Generator().manual_seed(seed), names)).strokes
+        for names in (_check(kind, attributes), ())
     )
     return ~(whole[:, None] == plain).all(-1).all(-1).any(1)
 
 
-def _made(kind: Category, generator: torch.Generator, names: tuple[str, ...]) -> Part:
-    """A member as its kind makes it, of any size and anywhere."""
+def _made(kind: Category, generator: torch.Generator, names: tuple[str, ...]) -> Sequence[Part]:
+    """The parts of a member as its kind makes them, of any size and anywhere."""
 
     def vary(low: float, high: float) -> float:
         return low + (high - low) * torch.rand((), generator=generator, dtype=torch.float64).item()
 
-    return join(*kind.make(vary, names))
+    return kind.make(vary, names)
 
 
 def _find(category: str) -> Category:

@@ -6,7 +6,7 @@ circles stay exact. Axes: x to the front, y to the right of someone who looks at
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
@@ -34,10 +34,12 @@ class Part:
     Attributes:
         strokes: that draw it.
         solids: what of it hides things that lie behind it; wires have none.
+        detail: whether drawings of the thing may lack it.
     """
 
     strokes: Strokes
     solids: tuple[Solid, ...] = ()
+    detail: bool = False
 
     def __len__(self) -> int:
         return len(self.strokes)
@@ -54,6 +56,14 @@ class Part:
     def mapped(self, matrix: Float[Tensor, "4 4"]) -> "Part":
         """The part after an affine map of homogeneous points."""
         return Part(self.strokes @ matrix.T, tuple(solid.moved(matrix) for solid in self.solids))
+
+
+def detail(part: Part) -> Part:
+    """The part as a detail, such as the windows of a house: what a drawing lacks of these is left out of the thing.
+
+    Said last: of a part that is moved or joined to others after that it is forgotten.
+    """
+    return replace(part, detail=True)
 
 
 def join(*parts: Part) -> Part:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -19,6 +20,9 @@ SIZE, THING, LINE = 64, 54 / 64, 2 / 64
 AZIMUTHS, ELEVATIONS = tuple(15.0 * i for i in range(24)), (0.0, 15.0, 30.0)
 # Channels of the layers; features before the heads.
 CHANNELS, FEATURES = (24, 48, 96, 128, 192), 256
+# Degrees by which a drawing is turned: what the network makes of its kind is averaged over all. Chosen on drawings that
+# had no part in training, of which it takes a tenth more so, where as much of what is nothing is taken.
+TURNS = (0.0, 5.0, -5.0, 8.0, -8.0)
 WEIGHTS = Path(__file__).with_name("drawings.safetensors")
 # Kept in the file: a condition of the licence.
 SOURCE = "Trained on drawings of Quick, Draw! by Google (CC BY 4.0), simplified, and on the library of diff3ds."
@@ -93,12 +97,11 @@ class Trained:
     threshold: float
 
     def opinion(self, lines: Lines) -> Opinion:
-        """What it makes of lines."""
-        picture = torch.from_numpy(lines.ink(SIZE, LINE, THING))[None, None]
-        kinds, azimuths, elevations = self.logits(picture)
-        return Opinion(
-            (kinds / self.temperature).softmax(1)[0], azimuths.log_softmax(1)[0], elevations.log_softmax(1)[0]
-        )
+        """What it makes of lines: turned a little too for their kind, as they are for the side that is seen."""
+        pictures = np.stack([lines.turned(degrees).ink(SIZE, LINE, THING) for degrees in TURNS])
+        kinds, azimuths, elevations = self.logits(torch.from_numpy(pictures)[:, None])
+        likely = (kinds / self.temperature).softmax(1).mean(0)
+        return Opinion(likely, azimuths.log_softmax(1)[0], elevations.log_softmax(1)[0])
 
     @torch.no_grad()
     def logits(self, pictures: Float[Tensor, "B 1 S S"]) -> tuple[Tensor, Tensor, Tensor]:

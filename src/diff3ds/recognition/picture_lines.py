@@ -3,7 +3,7 @@
 Points on them, with directions, are what `recognise` compares; drawn again with one width they are a reference.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -47,6 +47,15 @@ class Lines:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "colors", np.broadcast_to(self.colors, (len(self.points), 3)))
+
+    def turned(self, degrees: float) -> "Lines":
+        """The lines turned about their middle, from x towards y."""
+        turn = np.deg2rad(degrees)
+        across = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]).T
+        points = self.points @ across
+        low, high = points.min(0), points.max(0)
+        side = float((high - low).max()) or 1.0
+        return replace(self, points=(points - (low + high) / 2) / side, tangents=self.tangents @ across / side)
 
     def ink(
         self, size: int, width: float, scale: float, middle: tuple[float, float] = (0.5, 0.5)

@@ -6,6 +6,7 @@ from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
     Part,
     box,
+    detail,
     join,
     line,
     mirror,
@@ -26,11 +27,11 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         bars = [
             line((x * long, half, sill + rise), (x * long, half, head + rise)) for x in (-0.9, -0.45, 0, 0.45, 0.85)
         ]
-        parts.append(mirror(join(*strip, *bars)))
+        parts.append(detail(mirror(join(*strip, *bars))))
         parts.append(rectangle((long, 0, (sill + head) / 2 + rise), (1.7 * half, head - sill), "x"))
     for x in (0.6 * long, -0.6 * long):
         parts.append(mirror(ring((x, half, wheel), wheel, "y")))
-    parts.append(mirror(ring((long, 0.7 * half, 0.45), 0.09, "x")))
+    parts.append(detail(mirror(ring((long, 0.7 * half, 0.45), 0.09, "x"))))
     if "hood" in attributes:
         parts.append(box((long + 0.3, 0, (low + 0.75) / 2), (0.6, 1.7 * half, 0.75 - low)))
         parts[-2] = mirror(ring((long + 0.6, 0.6 * half, 0.5), 0.09, "x"))

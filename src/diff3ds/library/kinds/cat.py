@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import eyes, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, ball, curve, line, mirror, polyline, ring, side, spline
+from diff3ds.library.shapes import Part, ball, curve, detail, line, mirror, polyline, ring, side, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -20,23 +20,32 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     front = x + 0.94 * r
     parts.append(eyes(x + 0.86 * r, 0.38 * r, top + 0.2 * r, 0.13 * r, "x"))
     parts.append(
-        polyline(
-            (front, 0.1 * r, top - 0.12 * r), (front, -0.1 * r, top - 0.12 * r), (x + r, 0, top - 0.25 * r), closed=True
+        detail(
+            polyline(
+                (front, 0.1 * r, top - 0.12 * r),
+                (front, -0.1 * r, top - 0.12 * r),
+                (x + r, 0, top - 0.25 * r),
+                closed=True,
+            )
         )
     )
     parts.append(
-        mirror(
-            curve(
-                (x + r, 0, top - 0.25 * r),
-                (x + r, 0.02 * r, top - 0.5 * r),
-                (front, 0.22 * r, top - 0.5 * r),
-                (front, 0.3 * r, top - 0.35 * r),
+        detail(
+            mirror(
+                curve(
+                    (x + r, 0, top - 0.25 * r),
+                    (x + r, 0.02 * r, top - 0.5 * r),
+                    (front, 0.22 * r, top - 0.5 * r),
+                    (front, 0.3 * r, top - 0.35 * r),
+                )
             )
         )
     )
     for dz in (0.12, -0.12):
         parts.append(
-            mirror(line((front, 0.25 * r, top - (0.25 - 0.3 * dz) * r), (front, 1.4 * r, top + (dz * 2 - 0.2) * r)))
+            detail(
+                mirror(line((front, 0.25 * r, top - (0.25 - 0.3 * dz) * r), (front, 1.4 * r, top + (dz * 2 - 0.2) * r)))
+            )
         )
     # Chest with forelegs, and back, from the side; the pear of the body from the front.
     chest = side((x + 0.6 * r, top - 0.8 * r), (0.42, 0.72 * high), (0.36, 0.35 * high), (0.38, 0.06), (0.5, 0))

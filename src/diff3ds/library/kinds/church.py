@@ -6,6 +6,7 @@ from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
     Part,
     box,
+    detail,
     ellipse,
     extrude,
     join,
@@ -43,9 +44,9 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     else:
         parts.append(move(join(*steeple), (wide, 0, 0)))
         front = 2 * wide
-    parts.append(ellipse((front, 0, 0), (0, 0.15, 0), (0, 0, 0.6), 0, 180))
+    parts.append(detail(ellipse((front, 0, 0), (0, 0.15, 0), (0, 0, 0.6), 0, 180)))
     for x in (-0.3 * long, -0.7 * long):
-        parts.append(mirror(ellipse((x, half, 0.2), (0.1, 0, 0), (0, 0, 0.4), 0, 180)))
+        parts.append(detail(mirror(ellipse((x, half, 0.2), (0.1, 0, 0), (0, 0, 0.4), 0, 180))))
     return parts
 
 

@@ -7,6 +7,7 @@ from diff3ds.library.shapes import (
     Part,
     around,
     box,
+    detail,
     ellipse,
     extrude,
     filled,
@@ -28,7 +29,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     parts = [ring((x, 0, 0), rim, "x") for x in (0, -deep)]
     parts.append(sheet(*parts))
     tick = around(line((0, 0, 0.86 * rim), (0, 0, 0.97 * rim)), 12, "x")
-    parts += [tick, ring((0, 0, 0), 0.05, "x")]
+    parts += [detail(tick), detail(ring((0, 0, 0), 0.05, "x"))]
     parts.append(turn(line((0, 0, 0), (0, 0, 0.5 * rim)), -30 * (10 + minute / 60), "x"))
     parts.append(turn(line((0, 0, 0), (0, 0, 0.78 * rim)), -6 * minute, "x"))
     if "square" in attributes:

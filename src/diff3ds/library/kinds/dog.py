@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from diff3ds.library.animals import Point, eyes, girth, legs, torso
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, curve, mirror, ring, side, spline
+from diff3ds.library.shapes import Part, curve, detail, mirror, ring, side, spline
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -51,7 +51,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     x, z = head(0.82, 1.22)
     parts.append(eyes(x, 0.1, z, 0.035))
     x, z = head(1.04, 1.12)
-    parts.append(ring((x, 0, z), 0.045, "x"))
+    parts.append(detail(ring((x, 0, z), 0.045, "x")))
     if "collar" in attributes:
         parts.append(girth(body(0.46, 0.97), 0.17, 0.2))
     return parts

@@ -6,6 +6,7 @@ from diff3ds.library.category import Attribute, Category, Vary
 from diff3ds.library.shapes import (
     Part,
     curve,
+    detail,
     ellipse,
     filled,
     flesh,
@@ -39,8 +40,8 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     )
     pectoral = smooth((0.35 * long, wide, -0.1), (-0.05, wide + 0.25 * fin, -0.25), (0.05 * long, wide, -0.2))
     parts.append(mirror(filled(pectoral)))
-    parts.append(mirror(ring((0.68 * long, 0.5 * wide, 0.12), 0.05, "y")))
-    parts.append(ellipse((0.4 * long, 0, 0), (0, 0.9 * wide, 0), (0, 0, 0.82 * high)))
+    parts.append(detail(mirror(ring((0.68 * long, 0.5 * wide, 0.12), 0.05, "y"))))
+    parts.append(detail(ellipse((0.4 * long, 0, 0), (0, 0.9 * wide, 0), (0, 0, 0.82 * high))))
     if "stripes" in attributes:
         for x, size in ((0.1, 0.97), (-0.2, 0.93), (-0.5, 0.72)):
             parts.append(ellipse((x * long, 0, 0), (0, 0.98 * size * wide, 0), (0, 0, size * high)))

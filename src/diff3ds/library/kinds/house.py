@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, box, extrude, mirror, polyline, rectangle
+from diff3ds.library.shapes import Part, box, detail, extrude, mirror, polyline, rectangle
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -19,10 +19,10 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         gable = polyline((deep, -half, 0), (deep, half, 0), (deep, half, eaves), (deep, 0, eaves + roof),
                          (deep, -half, eaves), closed=True)  # fmt: skip
         parts = [extrude(gable, (-2 * deep, 0, 0))]
-    parts.append(polyline((deep, -door, 0), (deep, -door, 0.58), (deep, door, 0.58), (deep, door, 0)))
+    parts.append(detail(polyline((deep, -door, 0), (deep, -door, 0.58), (deep, door, 0.58), (deep, door, 0))))
     for floor in range(floors):
         height = 0.44 + floor * walls
-        parts.append(mirror(rectangle((deep, 0.55 * half + 0.05, height), (0.24, 0.28), "x")))
+        parts.append(detail(mirror(rectangle((deep, 0.55 * half + 0.05, height), (0.24, 0.28), "x"))))
     if "chimney" in attributes:
         x, low, high = -0.45 * deep, eaves + roof - 0.12, eaves + roof + 0.28
         parts.append(box((x, 0, (low + high) / 2), (0.24, 0.24, high - low)))

@@ -7,6 +7,7 @@ from diff3ds.library.shapes import (
     Part,
     around,
     curve,
+    detail,
     join,
     lathe,
     line,
@@ -26,7 +27,7 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
     roof = curve((lamp, 0, light), (lamp, 0, light + 0.15), (0.1, 0, light + 0.2), (0, 0, light + 0.32))
     parts.append(lathe(join(line((lamp, 0, height), (lamp, 0, light)), roof), [(lamp, light)], 4, 45))
     x = foot - 0.02
-    parts.append(polyline((x, -0.1, 0), (x, -0.1, 0.3), (x, 0.1, 0.3), (x, 0.1, 0)))
+    parts.append(detail(polyline((x, -0.1, 0), (x, -0.1, 0.3), (x, 0.1, 0.3), (x, 0.1, 0))))
     if "stripes" in attributes:
         for share in (0.2, 0.4, 0.6, 0.8):
             parts.append(ring((0, 0, share * height), foot + (head - foot) * share))

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 
 from diff3ds.library.category import Attribute, Category, Vary
-from diff3ds.library.shapes import Part, around, ball, lathe, line, mirror, move, polyline, ring
+from diff3ds.library.shapes import Part, around, ball, detail, lathe, line, mirror, move, polyline, ring
 
 
 def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
@@ -17,13 +17,13 @@ def _make(vary: Vary, attributes: Collection[str]) -> list[Part]:
         middles.append(z)
         top = z + 0.9 * size
     face, head = sizes[2], middles[2]
-    parts.append(mirror(line((0.98 * face, 0.05, head), (face + 0.4, 0, head - 0.06))))
-    parts.append(mirror(ring((0.85 * face, 0.13, head + 0.11), 0.045, "x")))
-    parts += [ring((sizes[1], 0, middles[1] + dz), 0.05, "x") for dz in (-0.12, 0.12)]
+    parts.append(detail(mirror(line((0.98 * face, 0.05, head), (face + 0.4, 0, head - 0.06)))))
+    parts.append(detail(mirror(ring((0.85 * face, 0.13, head + 0.11), 0.045, "x"))))
+    parts += [detail(ring((sizes[1], 0, middles[1] + dz), 0.05, "x")) for dz in (-0.12, 0.12)]
     shoulder, z = sizes[1], middles[1]
     hand = (0, shoulder + 0.42, z + 0.35)
-    parts.append(mirror(line((0, shoulder, z), hand)))
-    parts.append(mirror(line((0, shoulder + 0.28, z + 0.23), (0, shoulder + 0.46, z + 0.2))))
+    parts.append(detail(mirror(line((0, shoulder, z), hand))))
+    parts.append(detail(mirror(line((0, shoulder + 0.28, z + 0.23), (0, shoulder + 0.46, z + 0.2)))))
     if "hat" in attributes:
         hat = lathe(
             line((0.8 * face, 0, 0), (0.8 * face, 0, 0.45)), [(0.8 * face, 0), (0.8 * face, 0.45), (1.4 * face, 0)]

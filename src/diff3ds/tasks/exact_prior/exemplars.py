@@ -6,7 +6,7 @@ from functools import partial
 
 import torch
 
-from diff3ds._shapes import Float, Tensor
+from diff3ds._shapes import Float, Int, Tensor
 from diff3ds.bezier import evaluate
 from diff3ds.camera import Cameras
 from diff3ds.guidance.built_in.exemplar import ExemplarDenoiser
@@ -51,6 +51,7 @@ class Exemplars:
         mirrored: whether the left and the right side of what it means are alike.
         faces: of each member that the phrase means, the triangles of its solid parts in its frame, made when they are
             asked for; empty if nothing is known of any.
+        details: of each of those members, which detail each stroke is of, as `Member` has it; empty like `faces`.
     """
 
     members: tuple[Sketch, ...]
@@ -59,6 +60,7 @@ class Exemplars:
     ignored: tuple[str, ...] = ()
     mirrored: bool = False
     faces: tuple[Callable[[], Faces], ...] = ()
+    details: tuple[Int[Tensor, " N"], ...] = ()
 
     @property
     def meant(self) -> list[Sketch]:
@@ -103,7 +105,8 @@ def exemplars_like(wanted: Sequence[Member], category: str, seed: int, color: Co
     """
     sketches = [painted(one.sketch, color) for one in wanted]
     found = _among_others(sketches, category, torch.Generator().manual_seed(seed), color)
-    return replace(found, faces=tuple(partial(getattr, one, "faces") for one in wanted))
+    faces = tuple(partial(getattr, one, "faces") for one in wanted)
+    return replace(found, faces=faces, details=tuple(one.details for one in wanted))
 
 
 def exemplars_in(folder: SketchFolder, phrase: str) -> Exemplars:

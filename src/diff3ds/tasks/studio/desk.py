@@ -70,7 +70,7 @@ class Desk:
         shown = ("name", "title", "command", "made", "state", "message", "stage", "done", "total")
         return {
             **{name: getattr(entry, name) for name in shown},
-            "left": entry.left(),
+            "left": entry.times(self._line.took_before(entry)),
             "line": entry.line(self._line.out),
             "said": entry.lines[-1] if entry.lines else "",
             "face": face,

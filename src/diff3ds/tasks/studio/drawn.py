@@ -49,6 +49,16 @@ def picture_of(strokes: Any) -> Float[Tensor, "S S 1"]:
     return torch.from_numpy(small[..., None].copy())
 
 
+def as_reference(strokes: Any) -> ReferencePicture:
+    """A drawing as ink on nothing: where the paper is need not be found out.
+
+    Raises:
+        ValueError: as `picture_of`.
+    """
+    ink = 1 - picture_of(strokes)
+    return ReferencePicture(torch.cat([torch.zeros_like(ink).expand(-1, -1, 3), ink], -1))
+
+
 def _checked(strokes: Any) -> list[Any]:
     if not isinstance(strokes, list) or not strokes:
         raise ValueError("nothing is drawn yet")
@@ -74,9 +84,7 @@ def guesses_of(strokes: Any) -> dict[str, Any]:
     Raises:
         ValueError: as `picture_of`; too little is drawn to tell.
     """
-    # Ink on nothing: where the paper is need not be found out.
-    ink = 1 - picture_of(strokes)
-    found = recognise(lines_of(ReferencePicture(torch.cat([torch.zeros_like(ink).expand(-1, -1, 3), ink], -1))))
+    found = recognise(lines_of(as_reference(strokes)))
     guesses = [
         {"caption": guess.caption, "sure": guess.confidence, "picture": _as_address(guess.picture(SHOWN))}
         for guess in found.guesses

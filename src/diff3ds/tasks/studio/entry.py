@@ -3,10 +3,10 @@
 import json
 import re
 import shlex
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
 from typing import Any, Literal
 
 from diff3ds._files import read_json, write_text
@@ -19,7 +19,7 @@ NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,63}")
 MOST_LINES = 40
 
 State = Literal["waiting", "running", "done", "stopped", "failed"]
-KEPT = ("title", "command", "options", "made", "state", "message")
+KEPT = ("title", "command", "options", "made", "state", "message", "took")
 
 
 @dataclass
@@ -35,7 +35,8 @@ class Entry:
         state: of its making.
         message: why it failed.
         stage, done, total: where its command is.
-        since: when this stage began, seconds of a clock that runs evenly.
+        began, since: when its making and when this stage began, seconds of a clock that runs evenly.
+        took: seconds of each stage that is over, in their order.
         lines: what its command said.
     """
 
@@ -49,7 +50,9 @@ class Entry:
     stage: str = ""
     done: int = 0
     total: int | None = None
+    began: float = 0.0
     since: float = 0.0
+    took: dict[str, float] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
 
     def keep(self, out: Path) -> None:
@@ -67,14 +70,43 @@ class Entry:
             self.lines = [*self.lines, str(told["line"])][-MOST_LINES:]
             return
         if told["stage"] != self.stage:
-            self.since = time.monotonic()
-        self.stage, self.done, self.total = told["stage"], told["done"], told["total"]
+            self.enter(told["stage"])
+        self.done, self.total = told["done"], told["total"]
 
-    def left(self) -> float | None:
-        """Seconds that this stage will take from here, once a tenth of it is done; None where nobody knows."""
-        if self.state != "running" or not self.total or self.done < max(self.total / 10, 1):
-            return None
-        return (self.total - self.done) * (time.monotonic() - self.since) / self.done
+    def begin(self) -> None:
+        """Its making begins."""
+        self.began = self.since = monotonic()
+        self.stage, self.done, self.total, self.took = "starting", 0, None, {}
+
+    def enter(self, stage: str) -> None:
+        """The stage before is over."""
+        now = monotonic()
+        self.took[self.stage] = self.took.get(self.stage, 0.0) + now - self.since
+        self.stage, self.since = stage, now
+
+    def times(self, before: Mapping[str, float]) -> dict[str, float | None]:
+        """Seconds that its making has `spent`, and that are left of this `stage` and of `all`; None where nobody knows.
+
+        Of the stage so much is known once a tenth of it is done; of those ahead what they took before, by the pace of
+        what is behind.
+
+        Args:
+            before: the seconds of the stages of something that was made alike; none if there is nothing.
+        """
+        if self.state != "running":
+            return {"spent": None, "stage": None, "all": None}
+        now = monotonic()
+        spent = now - self.since
+        known = self.total is not None and self.done >= max(self.total / 10, 1)
+        whole = spent * (self.total or 0) / self.done if known else None
+        left = None
+        if self.stage in before:
+            here = max(before[self.stage], spent) if whole is None else whole
+            behind = sum(before.get(stage, 0.0) for stage in self.took) + before[self.stage]
+            pace = (sum(self.took.values()) + here) / max(behind, 1e-3)
+            ahead = sum(took for stage, took in before.items() if stage not in self.took and stage != self.stage)
+            left = here - spent + pace * ahead
+        return {"spent": now - self.began, "stage": None if whole is None else whole - spent, "all": left}
 
     def line(self, out: Path) -> str:
         """What does the same in a terminal."""
@@ -99,7 +131,7 @@ def entries_in(out: Path) -> list[Entry]:
         try:
             content = read_json(path)
             if NAME.fullmatch(path.parent.name) and content["version"] == VERSION:
-                found.append(Entry(path.parent.name, **{name: content[name] for name in KEPT}))
+                found.append(Entry(path.parent.name, **{name: content[name] for name in KEPT if name in content}))
         except (OSError, ValueError, KeyError, TypeError):
             continue
     return sorted(found, key=lambda entry: entry.made)

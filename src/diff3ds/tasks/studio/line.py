@@ -67,6 +67,18 @@ class Line:
         with self._changed:
             return self._entries.get(name)
 
+    def took_before(self, entry: Entry) -> dict[str, float]:
+        """The seconds of the stages of what the same command made last with the same options, of any subject."""
+
+        def how(one: Entry) -> object:
+            return one.command, {
+                name: value for name, value in one.options.items() if name != SUBJECTS.get(one.command)
+            }
+
+        return next(
+            (one.took for one in self.entries() if one.took and one.state == "done" and how(one) == how(entry)), {}
+        )
+
     def add(self, title: str, command: str, options: dict[str, Any]) -> Entry:
         """Puts something to be made at the end of the line.
 
@@ -219,7 +231,7 @@ class Line:
         folder = self.out / entry.name
         work = Work(entry.command, entry.options, self.out, folder, folder / LOG, os.cpu_count() or 1, None, shown=True)
         process = context.Process(target=run_job, args=(work, theirs))
-        entry.stage, entry.done, entry.total = "starting", 0, None
+        entry.begin()
         try:
             process.start()
             theirs.close()
@@ -233,6 +245,7 @@ class Line:
         with self._changed:
             self._stopping.discard(entry.name)
             if is_finished(folder):
+                entry.enter("")
                 self._settle(entry, "done")
             elif self._ended:
                 self._settle(entry, "waiting")
@@ -265,8 +278,3 @@ class Line:
             elif killed_at is not None and now > killed_at:
                 kill(process)
                 return {"state": "stopped"}
-
-
-def subject_of(entry: Entry) -> str:
-    """The file or phrase that something is made from; "" of what came as a sketch."""
-    return str(entry.options.get(SUBJECTS.get(entry.command, ""), ""))

@@ -22,6 +22,7 @@ from diff3ds.render.backends import torch_on_one_thread
 from diff3ds.sketch import DEFAULT_WIDTH, Sketch
 from diff3ds.tasks.exact_prior.exemplars import FITTING, SIZE, WIDTH, Color, Exemplars, exemplars_like
 from diff3ds.tasks.exact_prior.folder_views import recognise_in
+from diff3ds.tasks.exact_prior.left_out import drawn_strokes
 from diff3ds.tasks.exact_prior.sketch_folder import SketchFolder, read_sketches
 from diff3ds.tasks.progress import Report
 from diff3ds.tasks.results import check_output_folder
@@ -149,17 +150,21 @@ def _recognised(
 
 
 def _bent(exemplars: Exemplars, lines: PlacedLines) -> Exemplars:
-    """What a picture shows, bent towards its lines, the nearest to them first."""
+    """What a picture shows, bent towards its lines, the nearest to them first, without details that it lacks."""
     bends = [bend_to(member, lines, exemplars.mirrored) for member in exemplars.meant]
     members = [bend.sketch(member) for bend, member in zip(bends, exemplars.meant, strict=True)]
     others = [m for m, fits in zip(exemplars.members, exemplars.fitting, strict=True) if not fits]
     order = sorted(range(len(members)), key=lambda i: gap(lines.lines, members[i], lines.camera))
     faces = [partial(_bent_faces, bends[i], exemplars.faces[i]) for i in order] if exemplars.faces else []
+    for i, bent in enumerate(faces):
+        stays = drawn_strokes(members[order[i]], exemplars.details[order[i]], bent(), lines)
+        members[order[i]] = members[order[i]][stays.nonzero()[:, 0]]
     return replace(
         exemplars,
         members=(*(members[i] for i in order), *others),
         fitting=(True,) * len(members) + (False,) * len(others),
         faces=tuple(faces),
+        details=(),
     )
 
 

@@ -13,11 +13,16 @@ function duration(seconds) {
   return seconds < 90 ? `${Math.ceil(seconds)} s` : `${Math.ceil(seconds / 60)} min`;
 }
 
+// Of all stages, where something was made alike before; else since when, and how long this part takes.
+function timeOf({ spent, stage, all }) {
+  if (all !== null) return `about ${duration(all)} left`;
+  return `${duration(spent)} so far${stage === null ? "" : `, this part about ${duration(stage)} more`}`;
+}
+
 function stateOf({ state, stage, done, total, left, message }) {
   if (state === "failed") return `${WORDS.failed}: ${message}`;
   if (state !== "running") return WORDS[state];
-  const steps = total ? ` ${done} of ${total}` : "";
-  return `${STAGES[stage] ?? stage}${steps}${left === null ? "" : `, about ${duration(left)} left`}`;
+  return `${STAGES[stage] ?? stage}${total ? ` ${done} of ${total}` : ""}, ${timeOf(left)}`;
 }
 
 async function act(name, how) {

@@ -76,5 +76,14 @@ async function layOutDesk() {
   if (about.line) desk.append(made("details", {}, made("summary", {}, "In a terminal"), made("code", {}, about.line)));
 }
 
+// Dark where the system is.
+const wish = matchMedia("(prefers-color-scheme: dark)");
+
+function asWished() {
+  if (drawing && wish.matches !== root.classList.contains("dark")) turnGround();
+}
+
+wish.addEventListener("change", asWished);
+asWished();
 document.querySelector("aside").prepend(desk);
 layOutDesk();
