@@ -104,6 +104,28 @@ def test_a_ball_is_as_dark_as_the_light_says(tones):
     assert np.corrcoef(got[inside], want[inside])[0, 1] > 0.98
 
 
+def test_lines_leave_no_gaps_where_they_turn():
+    """On a knobbly ball, where directions of curvature change within a few faces and lines begin and end."""
+    found, view, spacing = trimesh.creation.icosphere(4), camera(), 2.5
+    x, y, z = found.vertices.T
+    found.vertices *= 1 + 0.12 * (np.sin(6 * x) * np.sin(5 * y + 1) * np.cos(6 * z))[:, None]
+    surface, picture = mesh(found), Picture.of(view, 0)
+    corners = surface.vertices[surface.faces]
+    points = corners.mean(1)
+    light = LIGHT @ view.world_to_camera[0, :3, :3].numpy()
+    towards = picture.towards(points)
+    facing = (surface.face_normals * towards).sum(1) / np.linalg.norm(towards, axis=1)
+    # Where there are lines of the first tone, away from outlines.
+    dark = (facing > 0.5) & (surface.face_normals @ light < 0.6)
+    dark[dark] = ~hidden_by_rays(points[dark], view.centers[0].numpy(), surface, 0.01)
+    assert dark.sum() > 400
+    _, drawn, _ = points_on(hatching(surface, view, tones=1, spacing=spacing), view)
+    away = cKDTree(drawn).query(picture.seen(points[dark])[0])[0] / spacing
+    # Between lines it is half a spacing.
+    assert away.max() < 1
+    assert (away < 0.6).mean() > 0.95
+
+
 def test_a_plane_across_the_light_is_dark_and_one_towards_it_is_bare():
     view = camera()
     light = LIGHT @ view.world_to_camera[0, :3, :3].numpy()

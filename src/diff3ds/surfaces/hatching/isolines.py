@@ -28,27 +28,36 @@ class Steps:
 def isolines(found: Stripes, shift: float) -> Steps:
     """Where phases are whole turns plus a shift.
 
+    Lines cross edges where the phase along these says so. Within a face they go around its corners, as many from one
+    edge to the next as both have; what is left of the third is where a line begins or ends.
+
     Args:
         found: the phases.
         shift: turns, 0 or a half: lines between the lines.
     """
-    rows = np.flatnonzero(found.whole)
-    turns = found.phases[rows] / (2 * np.pi) - shift
-    low, high = (np.floor(end).astype(np.int64) for end in (turns.min(1), turns.max(1)))
-    count = high - low
-    row = np.repeat(np.arange(len(rows)), count)
-    level = low[row] + 1 + np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    values, face = turns[row], rows[row]
-    below = values < level[:, None]
-    # Of three edges two go from one side to the other.
-    place = np.argsort(below == np.roll(below, -1, 1), axis=1, kind="stable")[:, :2]
-    one, other = (np.take_along_axis(ends, place, 1) for ends in (values, np.roll(values, -1, 1)))
-    # Both faces at an edge count the lines across it from the same end.
-    faces = found.faces[face]
-    forwards = np.take_along_axis(faces < np.roll(faces, -1, 1), place, 1)
-    first, last = np.where(forwards, one, other), np.where(forwards, other, one)
-    start = np.floor(first).astype(np.int64)
-    number = np.where(first < last, level[:, None] - start - 1, start - level[:, None])
-    most = int(number.max(initial=0)) + 1
-    edge = np.take_along_axis(found.edges[face], place, 1)
-    return Steps(face, place, (level[:, None] - one) / (other - one), edge * most + number)
+    start, change = found.first - shift, found.change
+    at_first, at_second = (np.floor(end).astype(np.int64) for end in (start, start + change))
+    count = np.abs(at_second - at_first)
+    here = np.arange(3)
+    before, across = (here + 2) % 3, (here + 1) % 3
+    number, edges = count[found.edges], found.edges
+    around = (number[:, before] + number - number[:, across]) // 2
+    around = np.clip(around, 0, np.minimum(number[:, before], number))
+    # Of an odd number one is left over: that on the edge along which the phase changes least.
+    spare = number - around - around[:, across]
+    steep = np.abs(change)[edges]
+    one_more = np.where((spare[:, before] > 0) & (spare > 0), steep[:, before] + steep - steep[:, across], -np.inf)
+    best = one_more.argmax(1)
+    row = np.arange(len(edges))
+    around[row, best] += np.isfinite(one_more[row, best])
+    face, corner = (np.repeat(each.ravel(), around.ravel()) for each in np.indices(around.shape))
+    nth = np.arange(len(face)) - np.repeat(np.cumsum(around) - around.ravel(), around.ravel())
+    # The edge that ends at the corner, and the one that begins there.
+    place = np.stack([before[corner], corner], 1)
+    edge, forwards = edges[face[:, None], place], found.forwards[face[:, None], place]
+    from_start = forwards == [False, True]
+    nth = np.where(from_start, nth[:, None], count[edge] - 1 - nth[:, None])
+    level = np.where(change[edge] > 0, at_first[edge] + 1 + nth, at_first[edge] - nth)
+    share = (level - start[edge]) / change[edge]
+    most = int(count.max(initial=0)) + 1
+    return Steps(face, place, np.where(forwards, share, 1 - share), edge * most + nth)

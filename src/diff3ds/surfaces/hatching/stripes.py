@@ -31,17 +31,16 @@ class Stripes:
     """Phases on some faces of a surface.
 
     Attributes:
-        faces: fans at the corners of each.
-        phases: at the corners of each, radians, which grow over the face as they should, but for their sign and whole
-            turns.
-        edges: the edges between corners 0 and 1, 1 and 2, 2 and 0, as numbers that neighbours share.
-        whole: whether no line begins or ends in each face.
+        edges: the edges of each face between corners 0 and 1, 1 and 2, 2 and 0.
+        forwards: whether these go from an edge's first end to its second.
+        first: the phase at the first end of each edge, turns.
+        change: along the edge, turns; what other edges of a face say of it may be whole turns more or less.
     """
 
-    faces: Int[Index, "F 3"]
-    phases: Float[Array, "F 3"]
     edges: Int[Index, "F 3"]
-    whole: Bool[Mask, " F"]
+    forwards: Bool[Mask, "F 3"]
+    first: Float[Array, " E"]
+    change: Float[Array, " E"]
 
 
 def stripes(
@@ -79,7 +78,8 @@ def stripes(
     phase = np.angle(value)
     change = sign * phase[b] - phase[a] - wanted
     change = wanted + (change + np.pi) % (2 * np.pi) - np.pi
-    return _over_faces(small.reshape(-1, 3), of_faces.reshape(-1, 3), ends, phase, change, sign)
+    of_faces = of_faces.reshape(-1, 3)
+    return Stripes(of_faces, ends[of_faces, 0] == small.reshape(-1, 3), phase[a] / (2 * np.pi), change / (2 * np.pi))
 
 
 def _on_page(
@@ -114,24 +114,3 @@ def _begun(places: Float[Array, "N 3"], across: Float[Array, "N 3"], pieces: int
     number = np.bincount(piece, minlength=pieces)[:, None]
     middle = np.stack([np.bincount(piece, places[:, k], pieces) for k in range(3)], 1) / number
     return np.exp(1j * np.einsum("ni,ni->n", across, places - middle[piece]))
-
-
-def _over_faces(
-    faces: Int[Index, "F 3"],
-    edges: Int[Index, "F 3"],
-    ends: Int[Index, "E 2"],
-    phase: Float[Array, " N"],
-    change: Float[Array, " E"],
-    sign: Float[Array, " E"],
-) -> Stripes:
-    """Phases at the corners of faces that grow along their edges as those should."""
-    forwards = ends[edges, 0] == faces
-    flips, steps = sign[edges], change[edges]
-    # From the second end of an edge to its first the change is the other way, and of the sign at that end.
-    steps = np.where(forwards, steps, -flips * steps)
-    own = np.cumprod(np.concatenate([np.ones((len(faces), 1)), flips], 1), axis=1)
-    values = phase[faces[:, 0]][:, None] + np.concatenate(
-        [np.zeros((len(faces), 1)), np.cumsum(own[:, :3] * steps, axis=1)], 1
-    )
-    whole = (own[:, 3] > 0) & (np.abs(values[:, 3] - values[:, 0]) < 1e-6)
-    return Stripes(faces, values[:, :3], edges, whole)
