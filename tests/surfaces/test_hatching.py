@@ -80,10 +80,10 @@ def test_lines_are_as_far_apart_as_asked(surface):
     assert (np.abs(gaps - 1) < 0.15).mean() > 0.8
 
 
-@pytest.mark.parametrize("tones", [1, 3, 4])
-def test_a_ball_is_as_dark_as_the_light_says(tones):
+@pytest.mark.parametrize(("tones", "stipple"), [(1, False), (3, False), (4, False), (1, True), (3, True), (4, True)])
+def test_a_ball_is_as_dark_as_the_light_says(tones, stipple):
     view = camera()
-    strokes = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=tones, spacing=4.0)
+    strokes = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=tones, spacing=4.0, stipple=stipple)
     drawn = 1 - ds.render(strokes, view).color[0, ..., 0].numpy()
     pose = view.world_to_camera[0].numpy()
     x, y = np.meshgrid(np.arange(SIZE) + 0.5, np.arange(SIZE) + 0.5)
@@ -126,6 +126,19 @@ def test_lines_leave_no_gaps_where_they_turn():
     assert (away < 0.6).mean() > 0.95
 
 
+def test_dots_are_evenly_spread_and_half_a_spacing_wide():
+    view, spacing = camera(), 6.0
+    strokes = hatching(plane(), view, spacing=spacing, stipple=True)
+    assert (strokes.width * SIZE - spacing / 2).abs().max() < 1e-9
+    ends = Picture.of(view, 0).seen(strokes.points.numpy())[0]
+    apart = cKDTree(ends.mean(1)).query(ends.mean(1), 2)[0][:, 1]
+    assert len(apart) > 500
+    # Of dots by chance some lie on each other; spread evenly, the nearest is not much nearer than most.
+    assert np.quantile(apart, 0.01) > 0.8 * np.median(apart)
+    # They are a fifth longer than wide, but for the perspective.
+    assert np.linalg.norm(np.diff(ends, axis=1), axis=2).max() < 0.25 * spacing / 2
+
+
 def test_a_plane_across_the_light_is_dark_and_one_towards_it_is_bare():
     view = camera()
     light = LIGHT @ view.world_to_camera[0, :3, :3].numpy()
@@ -164,9 +177,10 @@ def hidden_by_rays(points: np.ndarray, eye: np.ndarray, surface: ds.TriangleMesh
     return found
 
 
-def test_no_line_runs_through_what_hides_it():
+@pytest.mark.parametrize("stipple", [False, True])
+def test_no_line_runs_through_what_hides_it(stipple):
     view, surface = camera(), part()
-    strokes = hatching(surface, view, spacing=5.0)
+    strokes = hatching(surface, view, spacing=5.0, stipple=stipple)
     points, _, _ = points_on(strokes, view)
     points = points[np.random.default_rng(1).choice(len(points), 2000)]
     eye = view.centers[0].numpy()
@@ -177,10 +191,10 @@ def test_no_line_runs_through_what_hides_it():
     assert hidden_by_rays(turned[None], eye, surface, 0.01).all()
 
 
-@pytest.mark.parametrize(("surface", "share"), [(part, 0.99), (ball, 0.9)])
-def test_a_small_turn_leaves_lines_where_they_are(surface, share):
+@pytest.mark.parametrize(("surface", "stipple", "share"), [(part, False, 0.99), (ball, False, 0.9), (ball, True, 0.9)])
+def test_a_small_turn_leaves_lines_where_they_are(surface, stipple, share):
     solid, views = surface(), [camera(30.0), camera(30.1)]
-    drawn = [points_on(hatching(solid, view, tones=1, spacing=5.0), view) for view in views]
+    drawn = [points_on(hatching(solid, view, tones=1, spacing=5.0, stipple=stipple), view) for view in views]
     moved = Picture.of(views[1], 0).seen(drawn[0][0])[0]
     away = cKDTree(drawn[1][1]).query(moved)[0]
     assert (away < 1).mean() > share
@@ -215,22 +229,24 @@ def test_depth_hatches_what_is_near():
 
 def test_solids_are_hatched_as_their_meshes():
     view = camera()
-    exact = hatching(ds.Quadrics.ellipsoids([[0.0, 0, 0]], 1.0), view, tones=1)
-    close = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=1)
-    length = [len(points_on(strokes, view)[1]) for strokes in (exact, close)]
-    assert abs(length[0] / length[1] - 1) < 0.1
+    for how in ({}, {"stipple": True}):
+        exact = hatching(ds.Quadrics.ellipsoids([[0.0, 0, 0]], 1.0), view, tones=1, **how)
+        close = hatching(mesh(trimesh.creation.icosphere(4)), view, tones=1, **how)
+        length = [len(points_on(strokes, view)[1]) for strokes in (exact, close)]
+        assert abs(length[0] / length[1] - 1) < 0.1
 
 
-def test_hidden_parts_of_hatching_are_never_drawn():
-    view, solid = camera(), part()
+@pytest.mark.parametrize("stipple", [False, True])
+def test_hidden_parts_of_hatching_are_never_drawn(stipple):
+    view, solid, how = camera(), part(), ds.Hatch("light", stipple=stipple)
     edges = ds.Sketch(torch.tensor([[[-2.0, 0, 0], [2, 0, 0]]], dtype=torch.float64), width=0.01, width_space="world")
-    (lines,) = ds.visible_lines(edges, view, solid, hatch="light")
+    (lines,) = ds.visible_lines(edges, view, solid, hatch=how)
     shown, kept = lines.drawn("show"), lines.drawn("drop")
     assert len([k for k in lines.layers("show") if k == "hatching"]) == lines.layers("drop").count("hatching") > 20
     assert "hatching, hidden" not in lines.layers("faint")
     assert shown.width_space == kept.width_space == "world"
     # In both spaces lines are as wide on the page.
-    (flat,) = ds.visible_lines(NOTHING, view, solid, hatch="light")
+    (flat,) = ds.visible_lines(NOTHING, view, solid, hatch=how)
     pictures = [ds.render(found.strokes(True, "hatching"), view).color for found in (lines, flat)]
     assert (pictures[0] - pictures[1]).abs().mean() < 2e-3
 

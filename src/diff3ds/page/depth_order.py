@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Float, Int
+from diff3ds.page.near_pairs import near_pairs
 from diff3ds.page.screen_pieces import Pieces
 from diff3ds.project import Strokes2D
 
@@ -172,24 +173,10 @@ def _changes(a: NDArray[np.generic], b: NDArray[np.generic]) -> NDArray[np.bool_
 
 
 def _neighbours(chords: _Chords) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of chords whose ink may meet; chords of like widths are looked for together."""
-    from scipy.spatial import cKDTree
-
+    """Pairs of chords whose ink may meet."""
     middle = chords.ends[:, :, :2].mean(1)
     reach = np.linalg.norm(chords.ends[:, 1, :2] - chords.ends[:, 0, :2], axis=-1) / 2 + chords.radius
-    size = np.ceil(np.log2(np.maximum(reach, 1.0))).astype(np.int64)
-    classes = [np.flatnonzero(size == k) for k in np.unique(size)]
-    trees = [cKDTree(middle[rows]) for rows in classes]
-    largest = [float(reach[rows].max()) for rows in classes]
-    pairs: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
-    for k, rows in enumerate(classes):
-        both = trees[k].query_pairs(2 * largest[k], output_type="ndarray")
-        pairs.append((rows[both[:, 0]], rows[both[:, 1]]))
-        for other, others in enumerate(classes[:k]):
-            found = trees[k].sparse_distance_matrix(trees[other], largest[k] + largest[other], output_type="ndarray")
-            pairs.append((rows[found["i"]], others[found["j"]]))
-    first, second = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    return np.minimum(first, second), np.maximum(first, second)
+    return near_pairs(middle, reach)
 
 
 class _Closest(NamedTuple):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from diff3ds._shapes import Array, Float
+from diff3ds._shapes import Array, Float, Index, Int
 
 _Words = NDArray[np.uint64]
 
@@ -19,6 +19,14 @@ def seed_of(*numbers: int) -> int:
 def uniform(seed: int, count: int) -> Float[Array, " count"]:
     """Random numbers in [0, 1)."""
     return _unit(_mixed(np.uint64(seed) ^ _mixed(np.arange(count, dtype=np.uint64))))
+
+
+def uniform_at(seed: int, *places: Int[Index, " n"]) -> Float[Array, " n"]:
+    """Random numbers in [0, 1), each of whole numbers that say its place."""
+    words = np.full(len(places[0]), seed, np.uint64)
+    for place in places:
+        words = _mixed(words ^ place.astype(np.uint64))
+    return _unit(words)
 
 
 def wander(seed: int, x: Float[Array, " n"], period: float | None = None) -> Float[Array, " n"]:
@@ -46,11 +54,7 @@ def grain(seed: int, points: Float[Array, "n 2"]) -> Float[Array, " n"]:
     u = points - cell
     u = u * u * (3 - 2 * u)
     column, row = cell.astype(np.int64).T
-    corner = [
-        _unit(_mixed(_mixed((column + i).astype(np.uint64) ^ np.uint64(seed)) ^ (row + j).astype(np.uint64)))
-        for j in (0, 1)
-        for i in (0, 1)
-    ]
+    corner = [uniform_at(seed, column + i, row + j) for j in (0, 1) for i in (0, 1)]
     top = corner[0] + (corner[1] - corner[0]) * u[:, 0]
     bottom = corner[2] + (corner[3] - corner[2]) * u[:, 0]
     # Means of four numbers keep to the middle: spread out again.

@@ -22,15 +22,19 @@ class HatchOptions:
         tones: 1 to 4: lines, others across them, then lines between both, each where it is darker.
         spacing: from line to line on the page: 5 or 5px, pixels, or .8mm; by default a hundredth of the picture's
             height.
+        stipple: dots in place of lines, half a spacing wide, and the nearer to each other the darker it is.
     """
 
     hatch: Literal["light", "depth"] | None = None
     tones: int = 3
     spacing: str | None = None
+    stipple: bool = False
 
     def __post_init__(self) -> None:
-        if self.hatch is None and (self.tones, self.spacing) != (3, None):
-            raise ValueError("--tones and --spacing are for hatching: give --hatch light or --hatch depth too")
+        if self.hatch is None and (self.tones, self.spacing, self.stipple) != (3, None, False):
+            raise ValueError(
+                "--tones, --spacing and --stipple are for hatching: give --hatch light or --hatch depth too"
+            )
         if not 1 <= self.tones <= 4:
             raise ValueError(f"tones must be from 1 to 4, got {self.tones}")
         self.pixels(PIXELS)
@@ -59,4 +63,4 @@ class HatchOptions:
         """
         from diff3ds.surfaces.hatching.tones import Hatch
 
-        return None if self.hatch is None else Hatch(self.hatch, self.tones, self.pixels(per_mm))
+        return None if self.hatch is None else Hatch(self.hatch, self.tones, self.pixels(per_mm), self.stipple)

@@ -99,7 +99,7 @@ def hatch_chains(mesh: TriangleMesh, cameras: Cameras, hatch: Hatch) -> HatchCha
     right = cameras.world_to_camera[0, 0, :3].detach().double().cpu().numpy()
     spacing = hatch.spacing or SPACING * cameras.size[0]
     found = []
-    for side, chosen in _seen_sides(known, picture):
+    for side, chosen in seen_sides(known, picture):
         tone = tone_of(fans.points, side * fans.normals, hatch, picture, right)
         phases = [stripes(fans, chosen, way, picture, spacing) for way in known.ways[: min(hatch.tones, 2)]]
         for number, (way, shift) in enumerate(ADDED[: hatch.tones]):
@@ -112,7 +112,7 @@ def hatch_chains(mesh: TriangleMesh, cameras: Cameras, hatch: Hatch) -> HatchCha
     return HatchChains(points, np.append(0, np.cumsum(counts)), known.source[face], width)
 
 
-def _seen_sides(known: Hatched, picture: Picture) -> list[tuple[float, Int[Index, " F"]]]:
+def seen_sides(known: Hatched, picture: Picture) -> list[tuple[float, Int[Index, " F"]]]:
     """Faces that may be seen from outside (1), and those of open pieces from inside (-1)."""
     mesh = known.mesh
     pixels, depths = (values[mesh.faces] for values in picture.seen(mesh.vertices))

@@ -30,6 +30,8 @@ class Hatch:
         tones: 1 to 4: lines, others across them, and lines between both, each for what is darker than the ones before
             can make it.
         spacing: from line to line on the page, pixels; by default a hundredth of the picture's height.
+        stipple: dots in place of lines, half a spacing wide, evenly spread, and the nearer to each other the darker it
+            is; as dark as so many tones of lines are.
 
     Raises:
         ValueError: values out of range.
@@ -38,6 +40,7 @@ class Hatch:
     by: By = "light"
     tones: int = 3
     spacing: float | None = None
+    stipple: bool = False
 
     def __post_init__(self) -> None:
         if self.by not in get_args(By):

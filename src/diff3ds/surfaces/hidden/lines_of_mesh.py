@@ -16,6 +16,7 @@ from diff3ds.page.parts import Parts
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.hatching.dots import dot_strokes
 from diff3ds.surfaces.hatching.hatch_lines import hatch_chains
 from diff3ds.surfaces.hatching.hatch_strokes import hatch_strokes
 from diff3ds.surfaces.hatching.tones import Hatch
@@ -157,7 +158,9 @@ class MeshSeen:
         return Parts.concatenate(contours, self.parts(self._seams), len(self._contours.points))
 
     def hatching(self, hatch: Hatch) -> Sketch:
-        """What is seen of lines that make the mesh as dark as is asked."""
+        """What is seen of lines or dots that make the mesh as dark as is asked."""
+        if hatch.stipple:
+            return dot_strokes(self._mesh, self._cameras, hatch, self._hiding()[0].hides)
         found = hatch_chains(self._mesh, self._cameras, hatch)
         strokes, fitted = hatch_strokes(found, self._picture)
         behind = self._behind(fitted, found.points, self._mesh.faces[found.face], 0)

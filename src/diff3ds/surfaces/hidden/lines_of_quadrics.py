@@ -17,9 +17,11 @@ from diff3ds.page.parts import Parts, cut_sketch
 from diff3ds.page.picture import Picture
 from diff3ds.project import project
 from diff3ds.sketch import Sketch
+from diff3ds.surfaces.hatching.dots import dot_strokes
 from diff3ds.surfaces.hatching.hatch_lines import hatch_chains
 from diff3ds.surfaces.hatching.hatch_strokes import hatch_strokes
 from diff3ds.surfaces.hatching.tones import Hatch
+from diff3ds.surfaces.hidden.mesh_view import MeshView
 from diff3ds.surfaces.hidden.visibility import Ask, parts_of
 from diff3ds.surfaces.lines.fit_picture import fit_chains
 from diff3ds.surfaces.lines.quadric_meets import bounds, meeting_chains, onto_both, triangles_of
@@ -211,7 +213,9 @@ class QuadricsSeen:
         return Parts.concatenate(conics, meets, len(self._conics.points))
 
     def hatching(self, hatch: Hatch) -> Sketch:
-        """What is seen of lines that make the solids as dark as is asked."""
+        """What is seen of lines or dots that make the solids as dark as is asked."""
+        if hatch.stipple:
+            return dot_strokes(self._mesh, self._cameras, hatch, MeshView(self._mesh, self._picture).hides)
         strokes, _ = hatch_strokes(hatch_chains(self._mesh, self._cameras, hatch), self._picture)
         return self.parts(strokes).seen_of(strokes)
 

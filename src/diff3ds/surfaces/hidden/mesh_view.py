@@ -56,6 +56,10 @@ class MeshView:
             hidden[query] = True
         return hidden
 
+    def hides(self, points: Float[Array, "Q 3"], face: Int[Index, " Q"]) -> Bool[Mask, " Q"]:
+        """Whether something of the mesh hides points of its faces from the camera."""
+        return self.in_front(points, self.mesh.faces[face])
+
     def _hidden_by(
         self,
         kernel: Callable[..., Bool[Mask, " Q"]],
