@@ -145,7 +145,7 @@ def test_a_pen_a_layer_and_what_is_told(tmp_path):
     one = save_svg(tmp_path / "b.svg", sketch, camera, centerline=True, layers=["ring"] * 8)
     labels = re.findall('inkscape:label="([^"]*)"', (tmp_path / "b.svg").read_text())
     # Two colours in a layer are a pen each.
-    assert (one.lifts, labels) == (2, ["ring", "#ff0000", "#0000ff"])
+    assert (one.lifts, labels) == (2, ["1 ring", "#ff0000", "#0000ff"])
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import functools
 import importlib
 import importlib.util
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,19 @@ def united(path: Any) -> Any:
         found = _agreed(some.transform, lambda moved: pathops().simplify(moved, keep_starting_points=False))
         if found is not None:
             return found
+    contours = list(path.contours)
+    # Of many, each half by itself, unless some are holes in others.
+    if len(contours) > 1 and len({contour.clockwise for contour in contours}) == 1:
+        halves = (united(_path_of(contours[first::2])) for first in (0, 1))
+        return _combined(*halves, pathops().PathOp.UNION)
     raise ValueError("the outlines of a stroke could not be joined: make it wider, or move the camera a little")
+
+
+def _path_of(contours: Iterable[Any]) -> Any:
+    path = pathops().Path()
+    for contour in contours:
+        path.addPath(contour)
+    return path
 
 
 def _shaken(path: Any) -> Any:
@@ -101,11 +113,7 @@ def _alike(a: Any, b: Any) -> bool:
 
 
 def _without_specks(path: Any) -> Any:
-    kept = pathops().Path()
-    for contour in path.contours:
-        if abs(contour.area) >= SPECK**2:
-            kept.addPath(contour)
-    return kept
+    return _path_of(contour for contour in path.contours if abs(contour.area) >= SPECK**2)
 
 
 def svg_data(path: Any) -> str:

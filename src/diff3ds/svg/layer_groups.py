@@ -44,7 +44,11 @@ def outermost(groups: Mapping[Group, Held]) -> dict[str, dict[Group, Held]]:
 
 
 def layer_elements(
-    groups: Mapping[Group, list[str]], prefix: str, attributes: str = "", outer: str = "layer"
+    groups: Mapping[Group, list[str]],
+    prefix: str,
+    attributes: str = "",
+    outer: str = "layer",
+    numbered: bool = False,
 ) -> Iterator[str]:
     """The elements of layers, and of those within them.
 
@@ -53,14 +57,17 @@ def layer_elements(
         prefix: of the ids and names of layers.
         attributes: of all of them, and of what holds elements of no layer.
         outer: what the id of the layer that holds them all ends with.
+        numbered: whether names of the outermost layers begin with their numbers: programs for plotters (vpype, those
+            of AxiDraw) take the first number in a name, be it that of a colour, for that of a pen.
     """
-    for label, inner in outermost(groups).items():
+    for number, (label, inner) in enumerate(outermost(groups).items(), 1):
         if not label:
             loose = attributes and outer == "layer"
             yield from (f"<g {attributes}>", *inner[()], "</g>") if loose else inner[()]
             continue
         known = f"{outer}-{re.sub(r'[^A-Za-z0-9]+', '-', label).strip('-')}"
-        name = f'id="{prefix}{known}" inkscape:groupmode="layer" inkscape:label="{html.escape(prefix + label)}"'
+        shown = html.escape(f"{number} {prefix}{label}" if numbered else prefix + label)
+        name = f'id="{prefix}{known}" inkscape:groupmode="layer" inkscape:label="{shown}"'
         yield f"<g {name} {attributes}>" if attributes else f"<g {name}>"
         yield from layer_elements(inner, prefix, attributes, known)
         yield "</g>"

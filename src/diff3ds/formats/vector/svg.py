@@ -61,9 +61,9 @@ def save_svg(
             within layers from the outermost on; far ones come first, and strokes of different layers then lie over each
             other as the layers do. Of several sketches a list for each.
         centerline: for plotters: nothing is filled, hidden or translucent, and each layer is what one pen draws, by
-            default one a colour. Strokes that meet within the pen's width are one path, with the id "strokes-3-7" of
-            strokes 3 and 7, what lies on ink that is there already is left out, and paths are in an order of short ways
-            for the pen.
+            default one a colour; names of layers begin with the number of the pen. Strokes that meet within the pen's
+            width are one path, with the id "strokes-3-7" of strokes 3 and 7, what lies on ink that is there already is
+            left out, and paths are in an order of short ways for the pen.
         pen_mm: how wide the lines of pens are, millimetres on paper; by default as those of most paths.
         tolerance: pixels.
         numbers: by which the ids call the strokes, where these are parts of a sketch's: -1 for lines of the view
@@ -90,7 +90,7 @@ def save_svg(
     shown: set[int] = set()
     for view, (groups, each) in enumerate(zip(views, sketches, strict=True)):
         shown |= {rows[view][stroke] for paths in groups.values() for path in paths for stroke in path.strokes}
-        lines += _view(groups, layout, view, each.names, rows[view])
+        lines += _view(groups, layout, view, each.names, rows[view], centerline)
     kept = [field for field in kept if field == "color" or not centerline]
     of_image = all(each.width_space == "image" for each in sketches) and not centerline
     tall = layout.cameras.size[0] * layout.widen if of_image else None
@@ -112,6 +112,7 @@ def _view(
     view: int,
     names: Sequence[str] | None,
     numbers: Sequence[int],
+    pens: bool,
 ) -> Iterator[str]:
     """The elements of a view; of several views, a group each, which keeps the ink of a view off its neighbours."""
     several = len(layout.corners) > 1
@@ -126,7 +127,7 @@ def _view(
         group: [_element(path, ids.of(path.strokes), (x, y), _label(path, names)) for path in paths]
         for group, paths in groups.items()
     }
-    yield from layer_elements(elements, prefix, ROUND)
+    yield from layer_elements(elements, prefix, ROUND, numbered=pens)
     if several:
         yield "</g>"
 
