@@ -23,6 +23,8 @@ from diff3ds.formats.png import as_pillow
 from diff3ds.library import member
 from diff3ds.library.layout import arranged_solids
 from diff3ds.library.scene import parse_scene
+from diff3ds.page.drawn_paths import ink_boxes
+from diff3ds.page.sheet.page_layout import filled
 from diff3ds.page.sheet.page_setup import PageSetup
 from diff3ds.surfaces.draw import visible_lines
 from diff3ds.surfaces.lines.feature_curves import feature_curves
@@ -68,6 +70,8 @@ def row(sketch: ds.Sketch, mesh: ds.TriangleMesh) -> list[Image.Image]:
     sketch = sketch.replace(width=PIXELS_WIDE / SIZE).to(torch.float64)
     corners = ds.Sketch(torch.from_numpy(mesh.vertices[:, None].repeat(2, 1)))
     camera = framed(ds.Sketch.concatenate([sketch, corners]), -50.0, 25.0, size=SIZE)
+    rough = [lines.drawn("drop") for lines in visible_lines(sketch, camera, mesh)]
+    camera, _ = filled(camera, "page", ink_boxes(rough))
     lines, dots = (
         visible_lines(sketch, camera, mesh, hatch=ds.Hatch(spacing=SPACING, stipple=stipple))[0].drawn("drop")
         for stipple in (False, True)

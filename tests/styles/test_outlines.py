@@ -12,7 +12,7 @@ from style_pages import CAMERA, circle, lines, stroke
 
 import diff3ds as ds
 from diff3ds.curves.fit_cubics import fit_outline, is_straight
-from diff3ds.page.ink_outlines import TOLERANCE, add_contour, add_contours
+from diff3ds.page.ink_outlines import TOLERANCE, add_contour, add_contours, disc
 from diff3ds.page.ink_outlines import strip as contours_of_strip
 from diff3ds.page.union import pathops, svg_data, united, within, without
 
@@ -142,3 +142,29 @@ def test_without_the_library_the_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"diff3ds\[styles\]"):
         ds.styles.styled_svg(stroke((0.0, 0.0), (0.5, 0.0)), CAMERA, ds.styles.Ink())
+
+
+def test_outlines_that_the_library_cannot_join_at_once_are_joined_by_halves(monkeypatch):
+    path, library = pathops().Path(), pathops()
+    add_contours(path, [contour for k in range(9) for contour in disc(np.array([10.0 * k, 3.0]), 7.0)])
+    whole, simplify = united(path), library.simplify
+
+    def few(path, **how):
+        if len(list(path.contours)) > 3:
+            raise library.PathOpsError
+        return simplify(path, **how)
+
+    monkeypatch.setattr(library, "simplify", few)
+    assert united(path).area == pytest.approx(whole.area, rel=1e-5)
+    assert united(path).bounds == pytest.approx(whole.bounds)
+    # A hole is none by itself.
+    ring = pathops().Path()
+    add_contours(ring, disc(np.zeros(2), 9.0))
+    hole = pathops().Path()
+    add_contours(hole, disc(np.zeros(2), 5.0))
+    hole.reverse()
+    ring.addPath(hole)
+    rest = path
+    monkeypatch.setattr(library, "simplify", lambda some, **how: few(rest, **how))
+    with pytest.raises(ValueError, match="could not be joined"):
+        united(ring)

@@ -359,6 +359,10 @@ def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path):
     # Twice as many lines, beside the two strokes.
     assert 20 < few < 40
     assert abs((many - 2) / (few - 2) - 2) < 0.1
+    # Dots are many more, and twice as near to each other four times as many.
+    few, many = count("c.svg", "--spacing", 10, "--stipple"), count("d.svg", "--spacing", 5, "--stipple")
+    assert few > 200
+    assert abs((many - 2) / (few - 2) - 4) < 0.4
 
 
 @pytest.mark.parametrize(
@@ -368,6 +372,7 @@ def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path):
         (["--no-contours"], "give a --surface, or --hidden or --hatch for that of a run, with --no-contours"),
         (["--hatch", "light"], "give a --surface with --hidden or --hatch"),
         (["--tones", "2"], "give --hatch light or --hatch depth too"),
+        (["--stipple"], "give --hatch light or --hatch depth too"),
         (["--hatch", "light", "--tones", "5"], "must be from 1 to 4, got 5"),
         (["--hatch", "light", "--spacing", "wide"], "as 5, 5px or .8mm, got 'wide'"),
         (["--hatch", "light", "--spacing", ".1mm"], "got '.1mm', 0.378 pixels here"),
