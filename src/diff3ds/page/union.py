@@ -47,8 +47,8 @@ def united(path: Any) -> Any:
     contours = list(path.contours)
     # Of many, each half by itself, unless some are holes in others.
     if len(contours) > 1 and len({contour.clockwise for contour in contours}) == 1:
-        halves = (united(_path_of(contours[first::2])) for first in (0, 1))
-        return _combined(*halves, pathops().PathOp.UNION)
+        one, other = (united(_path_of(contours[first::2])) for first in (0, 1))
+        return _combined(one, other, pathops().PathOp.UNION)
     raise ValueError("the outlines of a stroke could not be joined: make it wider, or move the camera a little")
 
 
