@@ -35,13 +35,15 @@ SETUPS = [
     PageSetup.of("210x148", margin=7),
 ]
 STYLED = ("--style", "technical")
+# A white ground is a shape too.
+BARE = ("--background", "transparent")
 # Of each format its suffix and options, and how exactly a file of it can say a place, mm: an HPGL file in fortieths, a
 # picture in pixels, of which the file says how many are an inch.
 FORMATS = {
     "svg": (".svg", (), 0.01),
-    "pdf": (".pdf", (), 0.01),
+    "pdf": (".pdf", BARE, 0.01),
     "svg in a style": (".svg", STYLED, 0.01),
-    "pdf in a style": (".pdf", STYLED, 0.01),
+    "pdf in a style": (".pdf", (*STYLED, *BARE), 0.01),
     "svg for pens": (".svg", ("--centerline", "--pen-mm", PEN), 0.01),
     "dxf": (".dxf", (), 0.01),
     "hpgl": (".plt", ("--pen-mm", PEN), 0.025),
