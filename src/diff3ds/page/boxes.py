@@ -1,4 +1,4 @@
-"""An index of boxes in the plane or in space: which of them hold a point, which meet a box, for many at once.
+"""An index of boxes in the plane or in space: which of them hold a point, which meet a box; and pairs of discs.
 
 Boxes of all sizes are kept in grids of which each is twice as coarse as the one before: a box in the finest whose cells
 are as large as it is, where it lies in at most two cells along each axis. A point is looked up in one cell a grid.
@@ -252,3 +252,27 @@ def _halves(corners: Float[Array, "N 3 D"]) -> tuple[Float[Array, "N 3 D"], Floa
     a, b, c = (np.take_along_axis(corners, turn[:, k, None, None], 1)[:, 0] for k in range(3))
     middle = (a + b) / 2
     return np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)
+
+
+def near_pairs(points: Float[Array, "N 2"], reach: Float[Array, " N"]) -> tuple[Int[Index, " P"], Int[Index, " P"]]:
+    """Pairs of points that are not farther apart than the sum of their reaches, and some others; first the lower row.
+
+    Points of like reaches are looked for together.
+    """
+    from scipy.spatial import cKDTree
+
+    if not len(points):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    size = np.ceil(np.log2(np.maximum(reach, 1.0))).astype(np.int64)
+    classes = [np.flatnonzero(size == k) for k in np.unique(size)]
+    trees = [cKDTree(points[rows]) for rows in classes]
+    largest = [float(reach[rows].max()) for rows in classes]
+    pairs: list[tuple[Index, Index]] = []
+    for k, rows in enumerate(classes):
+        both = trees[k].query_pairs(2 * largest[k], output_type="ndarray")
+        pairs.append((rows[both[:, 0]], rows[both[:, 1]]))
+        for other, others in enumerate(classes[:k]):
+            found = trees[k].sparse_distance_matrix(trees[other], largest[k] + largest[other], output_type="ndarray")
+            pairs.append((rows[found["i"]], others[found["j"]]))
+    first, second = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    return np.minimum(first, second), np.maximum(first, second)

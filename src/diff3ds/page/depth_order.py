@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from diff3ds._shapes import Float, Int
-from diff3ds.page.near_pairs import near_pairs
+from diff3ds.page.boxes import near_pairs
 from diff3ds.page.screen_pieces import Pieces
 from diff3ds.project import Strokes2D
 

@@ -8,7 +8,7 @@ import torch
 
 from diff3ds._shapes import Array, Bool, Float, Index, Int, Mask
 from diff3ds.camera import Cameras
-from diff3ds.page.near_pairs import near_pairs
+from diff3ds.page.boxes import near_pairs
 from diff3ds.page.noise import uniform_at
 from diff3ds.page.picture import Picture
 from diff3ds.sketch import Sketch
