@@ -20,6 +20,15 @@ def dot(one: Float[Array, "*a d"], other: Float[Array, "*b d"]) -> Float[Array, 
     return np.asarray(total)
 
 
+def cross(one: Float[Array, "*a 3"], other: Float[Array, "*b 3"]) -> Float[Array, "*c 3"]:
+    """The cross products of `np.cross`, to the last bit, which is slow for few vectors."""
+    a, b, c = one[..., 0], one[..., 1], one[..., 2]
+    x, y, z = other[..., 0], other[..., 1], other[..., 2]
+    out = np.empty(np.broadcast_shapes(one.shape, other.shape))
+    out[..., 0], out[..., 1], out[..., 2] = b * z - c * y, c * x - a * z, a * y - b * x
+    return out
+
+
 def unit(vectors: Float[Array, "*n d"]) -> Float[Array, "*n d"]:
     """The vectors at length 1."""
     return np.asarray(vectors / (np.sqrt(dot(vectors, vectors)) + TINY)[..., None])

@@ -200,9 +200,10 @@ def _covers(
     cover = np.concatenate([cover, cover])
     # The best of each pair, stroke by stroke.
     key = stroke * len(samples.place) + point
-    order = np.lexsort((-cover, key))
-    first = order[np.diff(key[order], prepend=-1) > 0]
-    return point[first], stroke[first], cover[first]
+    order = np.argsort(key)
+    first = np.flatnonzero(np.diff(key[order], prepend=-1) > 0)
+    best = np.maximum.reduceat(cover[order], first) if len(first) else cover
+    return point[order[first]], stroke[order[first]], best
 
 
 class _Joints:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diff3ds.camera import Cameras
 from diff3ds.page.depth_order import Part, painting_order
 from diff3ds.page.screen_pieces import Pieces, on_page, screen_pieces
-from diff3ds.page.sheet.ink_boxes import Box, box_of, union
+from diff3ds.page.sheet.ink_boxes import Box, box_of
 from diff3ds.page.sheet.page_layout import widened
 from diff3ds.page.stroke_outlines import Path, Way, outlines
 from diff3ds.project import Strokes2D, project
@@ -131,7 +131,8 @@ def ink_boxes(sketches: Sequence[Sketch], **how: Unpack[Drawing]) -> Callable[[C
 
 def box_of_paths(paths: Iterable[DrawnPath]) -> Box | None:
     """The box of the ink, pixels; None of nothing."""
-    return union(box_of(path.curves, (path.width or 0.0) / 2) for path in paths)
+    curves = [(curve, (path.width or 0.0) / 2) for path in paths for curve in path.curves if len(curve)]
+    return box_of([curve for curve, _ in curves], [reach for _, reach in curves])
 
 
 class _Page(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 
 from diff3ds._shapes import Array, Float
 from diff3ds.bezier.conics import axes_of_conic
-from diff3ds.curves.shapes.primitives import POINT_SCATTER, Kind, Primitive, arcs_along, fit_circle
+from diff3ds.curves.shapes.primitives import POINT_SCATTER, Circle, Kind, Primitive, arcs_along, fit_circle
 
 # [rounds, steps; numerical] Rounds of the geometric fit; each takes two steps towards the closest points.
 ROUNDS, CLOSER = 12, 2
@@ -40,16 +40,21 @@ class Ellipse(NamedTuple):
 
 
 def fit_elliptic_arcs(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
+    """As `elliptic_arcs` where no circle is known."""
+    return elliptic_arcs(fit_circle(points), points, pixel)
+
+
+def elliptic_arcs(circle: Circle | None, points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
     """The ellipse of least squares, from the first to the last point: one arc, two where it is long, or all of it.
 
     Nothing if a circle fits nearly as well, if the points do not determine an ellipse, or if they do not run around it
     in one direction.
 
     Args:
+        circle: of least squares; None where there is none.
         points: in order, about a pixel apart.
         pixel: world units of a pixel.
     """
-    circle = fit_circle(points)
     if circle is None or np.percentile(circle.distances, MOST) < ROUND * pixel:
         return []
     fitted = fit_ellipse(points, pixel)

@@ -81,10 +81,14 @@ def fit_arcs(points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primi
     Nothing if the points do not run around a circle in one direction, or rise over their chord by less than
     `least_rise`, world units.
     """
-    fitted = fit_circle(points)
-    if fitted is None:
+    return arcs_on(fit_circle(points), points, least_rise)
+
+
+def arcs_on(circle: "Circle | None", points: Float[Array, "M 3"], least_rise: float = 0.0) -> list[Primitive]:
+    """The arcs of `fit_arcs` on the circle that was fitted to the points; nothing of None."""
+    if circle is None:
         return []
-    center, u, v, radius, distances = fitted
+    center, u, v, radius, distances = circle
     flat = points - center
     angle = np.unwrap(np.arctan2(flat @ v, flat @ u))
     sweep = abs(angle[-1] - angle[0])

@@ -3,8 +3,8 @@
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.shapes.ellipses import JOINED, MOST, fit_elliptic_arcs
-from diff3ds.curves.shapes.primitives import Primitive, fit_arcs, fit_cubic, fit_line
+from diff3ds.curves.shapes.ellipses import JOINED, MOST, elliptic_arcs
+from diff3ds.curves.shapes.primitives import Primitive, arcs_on, fit_circle, fit_cubic, fit_line
 
 
 def simplest(points: Float[Array, "M 3"], pixel: float, within: float = JOINED) -> list[Primitive] | None:
@@ -16,9 +16,13 @@ def simplest(points: Float[Array, "M 3"], pixel: float, within: float = JOINED) 
     """
     if len(points) < 3:
         return [fit_line(points)]
-    ways = (lambda p: [fit_line(p)], fit_arcs, lambda p: fit_elliptic_arcs(p, pixel), lambda p: [fit_cubic(p)])
+    line = [fit_line(points)]
+    if near_enough(line, pixel, within):
+        return line
+    circle = fit_circle(points)
+    ways = (lambda: arcs_on(circle, points), lambda: elliptic_arcs(circle, points, pixel), lambda: [fit_cubic(points)])
     for fit in ways:
-        found = fit(points)
+        found = fit()
         if found and near_enough(found, pixel, within):
             return found
     return None

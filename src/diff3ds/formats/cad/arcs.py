@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from diff3ds._shapes import Float
 from diff3ds.bezier.conics import axes_of_conic
+from diff3ds.curves.directions import cross
 
 Vector = Float[NDArray[np.float64], " 3"]
 
@@ -74,7 +75,7 @@ def _checked(
     """The arc from the first point to the last one, if all lie on it in their order, and it is not more than whole."""
     center, major, minor = arc.center, arc.major, arc.minor
     from_center = points - center
-    if np.cross(from_center[:-1], from_center[1:]).sum(0) @ np.cross(major, minor) < 0:
+    if cross(from_center[:-1], from_center[1:]).sum(0) @ cross(major, minor) < 0:
         minor = -minor
     angle = np.arctan2(from_center @ minor / (minor @ minor), from_center @ major / (major @ major))
     angle = np.unwrap(angle)
@@ -97,9 +98,9 @@ def _circle(
     if gap > SHORT_CHORD * float(np.ptp(points, axis=0).max()):
         # It goes through both ends: only how far the centre is from the chord is not known, and found by Kåsa's fit.
         along = (points[-1] - points[0]) / gap
-        across = np.cross(normal, along)
+        across = cross(normal, along)
         across /= np.linalg.norm(across)
-        normal = np.cross(along, across)
+        normal = cross(along, across)
         rise = (points - middle) @ across
         power = ((points - points[0]) * (points - points[-1])).sum(1)
         # Of a straight line there is no circle.
@@ -107,18 +108,18 @@ def _circle(
             return None
         center = middle + (rise @ power) / (2 * rise @ rise) * across
         major = points[0] - center
-        return center, major, np.cross(normal, major)
+        return center, major, cross(normal, major)
     x = (points - middle) @ axes[:2].T
     design = np.column_stack([2 * x, np.ones(len(x))])
     a, b, c = np.linalg.lstsq(design, (x**2).sum(1), rcond=None)[0]
     center = middle + a * axes[0] + b * axes[1]
     # Within the plane, as long as the radius.
-    major = np.cross(np.cross(normal, points[0] - center), normal)
+    major = cross(cross(normal, points[0] - center), normal)
     square, far = c + a * a + b * b, float(np.linalg.norm(major))
     if not (square > 0 and far > 0):
         return None
     major *= math.sqrt(square) / far
-    return center, major, np.cross(normal, major)
+    return center, major, cross(normal, major)
 
 
 def _ellipse(

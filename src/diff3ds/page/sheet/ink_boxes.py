@@ -19,23 +19,35 @@ def union(boxes: Iterable[Box | None]) -> Box | None:
     return x0, y0, x1, y1
 
 
-def box_of(points: Sequence[Float[Array, "_ 2"]], reach: float = 0.0) -> Box | None:
+def box_of(points: Sequence[Float[Array, "_ 2"]], reach: Sequence[float]) -> Box | None:
     """The box of cubics that follow on each other, each given as a start, then three control points a cubic.
 
     Args:
         points: of each path.
-        reach: half of the width that they are stroked with, round.
+        reach: of each half of the width that it is stroked with, round.
     """
-    found = [_cubic_box(curve) for curve in points if len(curve)]
-    whole = union(found)
-    return whole and (whole[0] - reach, whole[1] - reach, whole[2] + reach, whole[3] + reach)
+    if not points:
+        return None
+    # All at once: a drawing has thousands of short ones.
+    count = np.array([len(curve) for curve in points])
+    every = np.concatenate(points)
+    first = np.cumsum(count) - count
+    cubics = (count - 1) // 3
+    path = np.repeat(np.arange(len(count)), cubics)
+    starts = first[path] + 3 * (np.arange(len(path)) - np.repeat(np.cumsum(cubics) - cubics, cubics))
+    # A path without a cubic is a point.
+    ends = np.concatenate([every[first], every[starts + 3]])
+    wide = np.asarray(reach, float)
+    out = np.concatenate([wide, wide[path]])[:, None]
+    slow = _slow_places(every[starts[:, None] + np.arange(4)])
+    out, around = np.concatenate([out, np.tile(wide[path], 2)[:, None]]), np.concatenate([ends, slow])
+    (x0, y0), (x1, y1) = (around - out).min(0).tolist(), (around + out).max(0).tolist()
+    return x0, y0, x1, y1
 
 
-def _cubic_box(curve: Float[Array, "n 2"]) -> Box:
-    """Of the ends, and of the places where a coordinate of a cubic has no slope."""
-    ends = curve[::3]
-    starts = 3 * np.arange(len(ends) - 1)[:, None] + np.arange(4)
-    a, b, c, d = np.moveaxis(curve[starts], 1, 0)
+def _slow_places(control: Float[Array, "N 4 2"]) -> Float[Array, "two_N 2"]:
+    """Where a coordinate of a cubic has no slope, or its start: first one place of each cubic, then the other."""
+    a, b, c, d = np.moveaxis(control, 1, 0)
     # The derivative is p t^2 + q t + r.
     p, q, r = -a + 3 * b - 3 * c + d, 2 * (a - 2 * b + c), b - a
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -45,6 +57,4 @@ def _cubic_box(curve: Float[Array, "n 2"]) -> Box:
         at = np.stack([half / p, r / half])
     at = np.where((at > 0) & (at < 1), at, 0.0)
     value = (1 - at) ** 3 * a + 3 * at * (1 - at) ** 2 * b + 3 * at**2 * (1 - at) * c + at**3 * d
-    every = np.concatenate([ends, value.reshape(-1, 2)])
-    (x0, y0), (x1, y1) = every.min(0).tolist(), every.max(0).tolist()
-    return x0, y0, x1, y1
+    return np.asarray(value.reshape(-1, 2))

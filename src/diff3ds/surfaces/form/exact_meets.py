@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diff3ds._shapes import Array, Float
-from diff3ds.curves.directions import TINY, unit
+from diff3ds.curves.directions import TINY, cross, unit
 from diff3ds.curves.shapes.primitives import Kind
 from diff3ds.surfaces.form.form_kinds import Form, FormKind, frame
 from diff3ds.surfaces.form.free import FreeForm
@@ -15,8 +15,8 @@ Surface = Form | FreeForm
 
 # Newton steps towards two or three forms at once, and where free ones are among them, which are dear.
 STEPS, FREE_STEPS = 12, 4
-# And from a point of a path to the next, and for all of them once they are there.
-MARCHED, AFTERWARDS = 1, 3
+# And for all points of a path once they are there.
+AFTERWARDS = 3
 # The step, relative to the largest coordinate, after which there is only rounding. Numerical.
 SETTLED = 1e-14
 # Axes that are nearer to parallel (sine) and to each other (world units over the size of what they belong to) than
@@ -124,7 +124,7 @@ def exact_paths(a: Surface, b: Surface) -> list[Path]:
 
 
 def _parallel(a: Array, b: Array) -> bool:
-    return bool(np.linalg.norm(np.cross(a, b)) < SAME)
+    return bool(np.linalg.norm(cross(a, b)) < SAME)
 
 
 def _beside(a: Form, b: Form) -> float:
@@ -140,7 +140,7 @@ def _extent(a: Form, b: Form) -> float:
 def _with_plane(plane: Form, b: Form) -> list[Path]:
     n = plane.axis
     if b.kind == FormKind.PLANE:
-        along = np.cross(n, b.axis)
+        along = cross(n, b.axis)
         if np.linalg.norm(along) < 1e-3:
             return []
         start = onto([plane, b], (plane.center + b.center)[None] / 2)[0]
@@ -149,7 +149,7 @@ def _with_plane(plane: Form, b: Form) -> list[Path]:
         height = float(plane.distance(b.center[None])[0])
         square = float(b.radius) ** 2 - height**2
         return [_circle(b.center - height * n, n, np.sqrt(square))] if square > 0 else []
-    sine = float(np.linalg.norm(np.cross(n, b.axis)))
+    sine = float(np.linalg.norm(cross(n, b.axis)))
     if sine < SAME:
         return _coaxial(plane, b)
     if b.kind == FormKind.CYLINDER:
@@ -166,14 +166,14 @@ def _plane_and_cylinder(plane: Form, b: Form, sine: float) -> list[Path]:
         square = float(b.radius) ** 2 - height**2
         if square <= 0:
             return []
-        middle, side = b.center - height * plane.axis, unit(np.cross(plane.axis, b.axis)) * np.sqrt(square)
+        middle, side = b.center - height * plane.axis, unit(cross(plane.axis, b.axis)) * np.sqrt(square)
         return [Path(Kind.LINE, middle + way * side, b.axis, np.zeros(3)) for way in (-1, 1)]
     if abs(cosine) < 0.1:
         # So long an ellipse is nothing but two lines that are not quite parallel.
         return []
     center = b.center - float(plane.distance(b.center[None])[0]) / cosine * b.axis
-    short = unit(np.cross(plane.axis, b.axis))
-    long = np.cross(short, plane.axis)
+    short = unit(cross(plane.axis, b.axis))
+    long = cross(short, plane.axis)
     return [Path(Kind.ELLIPSE, center, long * float(b.radius) / abs(cosine), short * float(b.radius))]
 
 
@@ -184,7 +184,7 @@ def _plane_and_cone(plane: Form, b: Form) -> list[Path]:
     if np.arcsin(min(cosine, 1)) <= abs(float(b.angle)) + 0.05:
         return []
     downhill = unit(b.axis - (b.axis @ plane.axis) * plane.axis)
-    side = np.cross(plane.axis, downhill)
+    side = cross(plane.axis, downhill)
     apex = b.center - float(b.radius) / np.sin(b.angle) * b.axis
     # Two lines of the cone, in the plane of its axis and the plane's normal, end the long axis.
     across = unit(plane.axis - (plane.axis @ b.axis) * b.axis)
@@ -273,7 +273,7 @@ def _parallel_cylinders(a: Form, b: Form) -> list[Path]:
         return []
     x = (gap * gap + r * r - s * s) / (2 * gap)
     y = np.sqrt(max(r * r - x * x, 0))
-    side = np.cross(a.axis, off / gap)
+    side = cross(a.axis, off / gap)
     return [Path(Kind.LINE, a.center + x * off / gap + way * y * side, a.axis, np.zeros(3)) for way in (-1, 1)]
 
 
@@ -282,8 +282,9 @@ def marched(a: Surface, b: Surface, start: Float[Array, " 3"], step: float, stop
     sides = []
     for way in (1.0, -1.0):
         x, points, last = start, [start], None
+        normals = [one.normal(x[None])[0] for one in (a, b)]
         for _ in range(MOST_STEPS):
-            t = np.cross(a.normal(x[None])[0], b.normal(x[None])[0])
+            t = cross(*normals)
             size = float(np.linalg.norm(t))
             if size < 0.02:
                 break
@@ -291,7 +292,11 @@ def marched(a: Surface, b: Surface, start: Float[Array, " 3"], step: float, stop
             if last is not None and t @ last < 0:
                 break
             last = t
-            x = onto([a, b], (x + step * t)[None], MARCHED)[0]
+            x = x + step * t
+            # The normals of beside the path, which all points come onto in the end, say well enough where it goes on.
+            (d, n), (e, m) = (one.placed(x[None]) for one in (a, b))
+            normals = [n[0], m[0]]
+            x = x + _back(float(d[0]), float(e[0]), *normals)
             if len(points) > 3 and np.linalg.norm(x - start) < 0.75 * step:
                 return _marched_path(a, b, np.array([*points, start]), True)
             points.append(x)
@@ -299,6 +304,13 @@ def marched(a: Surface, b: Surface, start: Float[Array, " 3"], step: float, stop
                 break
         sides.append(points)
     return _marched_path(a, b, np.array(sides[1][:0:-1] + sides[0]), False)
+
+
+def _back(d: float, e: float, n: Float[Array, " 3"], m: Float[Array, " 3"]) -> Float[Array, " 3"]:
+    """The shortest step to where two planes of these unit normals meet, at these distances below the point."""
+    cosine = float(n @ m)
+    square = max(1 - cosine * cosine, TINY)
+    return np.asarray(((cosine * e - d) * n + (cosine * d - e) * m) / square)
 
 
 def _marched_path(a: Surface, b: Surface, line: Float[Array, "M 3"], closed: bool) -> Path:

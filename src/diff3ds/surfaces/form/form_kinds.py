@@ -136,18 +136,18 @@ class Form:
         free = [k for k in FREE[form.kind] if k not in held]
         size = float(np.ptp(points, axis=0).max())
         for _ in range(STEPS):
-            distance, jacobian = form._linearised(points)
+            distance, jacobian, basis = form._linearised(points)
             weight = np.maximum(1 - (distance / (OUTLIER * scale)) ** 2, 0)
-            columns = jacobian[:, free] * weight[:, None]
-            matrix = columns.T @ columns
+            rows = jacobian[free] * weight
+            matrix = rows @ rows.T
             diagonal = matrix.ravel()[:: len(matrix) + 1]
             diagonal *= 1 + 1e-9
             diagonal += 1e-12
             step = np.zeros(8)
-            step[free] = -np.linalg.solve(matrix, columns.T @ (weight * distance))
+            step[free] = -np.linalg.solve(matrix, rows @ (weight * distance))
             # No step is longer than what the data can say something about.
             step *= min(1.0, size / max(np.abs(step).max(), TINY))
-            form = form._moved(step)
+            form = form._moved(step, basis)
             if np.abs(step).max() < settled * size:
                 break
         return form.recentred(points)
@@ -163,25 +163,28 @@ class Form:
         center = self.center + along * self.axis
         return replace(self, center=center, radius=self.radius + along * np.sin(self.angle))
 
-    def _linearised(self, points: Float[Array, "S 3"]) -> tuple[Float[Array, " S"], Float[Array, "S 8"]]:
-        """Distances, and how they grow with each of the numbers of `FREE`."""
-        u = points - self.center
-        h = u @ self.axis
-        w = u - h[:, None] * self.axis
-        q = np.maximum(np.linalg.norm(w, axis=1), TINY)
-        e = w / q[:, None]
+    def _linearised(
+        self, points: Float[Array, "S 3"]
+    ) -> tuple[Float[Array, " S"], Float[Array, "8 S"], Float[Array, "3 3"]]:
+        """Distances, how they grow with each of the numbers of `FREE`, and the frame that these are in."""
+        # A row a number: numpy is slow along short axes, and a search makes thousands of fits.
+        basis = np.concatenate([frame(self.axis), self.axis[None]])
+        local = basis @ (points - self.center).T
+        across, h = local[:2], local[2]
+        q = np.maximum(np.sqrt(across[0] ** 2 + across[1] ** 2), TINY)
+        e = across / q
         distance, gq, gh = self._profile(q, h)
-        across = frame(self.axis)
-        gradient = gq[:, None] * e + gh[:, None] * self.axis
-        moved = -gradient @ np.stack([*across, self.axis]).T
-        turned = gh[:, None] * (u @ across.T) - (gq * h)[:, None] * (e @ across.T)
-        opened = -q * np.sin(self.angle) - h * np.cos(self.angle)
-        return distance, np.column_stack([moved, turned, -np.ones_like(h), opened, -gq])
+        rows = np.empty((8, len(h)))
+        rows[:2], rows[2] = -gq * e, -gh
+        rows[3:5] = gh * across - gq * h * e
+        rows[5], rows[7] = -1.0, -gq
+        rows[6] = -q * np.sin(self.angle) - h * np.cos(self.angle) if self.kind == FormKind.CONE else 0.0
+        return distance, rows, basis
 
-    def _moved(self, step: Float[Array, " 8"]) -> "Form":
-        across = frame(self.axis)
-        center = self.center + step[:2] @ across + step[2] * self.axis
-        axis = unit(self.axis + step[3:5] @ across)
+    def _moved(self, step: Float[Array, " 8"], basis: Float[Array, "3 3"]) -> "Form":
+        """The form with its numbers changed, in the frame of `_linearised`."""
+        center = self.center + step[:3] @ basis
+        axis = unit(self.axis + step[3:5] @ basis[:2])
         return Form(
             self.kind, center, axis, self.radius + step[5], self.angle + step[6], np.maximum(self.ring + step[7], 0.0)
         )

@@ -99,8 +99,7 @@ class MeshSeen:
         on_crease = np.zeros(len(self._mesh.vertices), bool)
         on_crease[self._mesh.edges[self._mesh.is_crease | (self._mesh.edge_counts != 2)]] = True
         cuts, convex = [], []
-        for chain, start in zip(chains, first, strict=False):
-            flags = _bends(chain, least_run(self._mesh))
+        for chain, start, flags in zip(chains, first, _bends(chains, least_run(self._mesh)), strict=False):
             cuts += [np.flatnonzero(flags[1:] != flags[:-1]) + 1 + start, _corners(chain, on_crease) + start]
             convex.append(np.append(flags, True))
         turns = np.concatenate([np.zeros(0, np.int64), *cuts])
@@ -315,10 +314,13 @@ def least_run(mesh: TriangleMesh) -> int:
     return LEAST_RUN * (mesh.finer if isinstance(mesh, SmoothMesh) else 1)
 
 
-def _bends(chain: Chain, least: int) -> Bool[Mask, " S"]:
-    """Over which steps of a chain the surface bends away from the line of sight, but for noise."""
-    steps = len(chain.convex)
-    return evened(chain.convex, np.ones(steps), least, np.zeros(steps, np.int64), np.full(steps, chain.closed))
+def _bends(chains: list[Chain], least: int) -> list[Bool[Mask, " S"]]:
+    """Over which steps of each chain the surface bends away from the line of sight, but for noise."""
+    count = [len(chain.convex) for chain in chains]
+    number = np.repeat(np.arange(len(chains)), count)
+    convex = np.concatenate([np.zeros(0, bool), *(chain.convex for chain in chains)])
+    closed = np.array([chain.closed for chain in chains], bool)[number]
+    return np.split(evened(convex, np.ones(len(convex)), least, number, closed), np.cumsum(count)[:-1])
 
 
 def _corners(chain: Chain, on_crease: Bool[Mask, " V"]) -> Int[Index, " U"]:

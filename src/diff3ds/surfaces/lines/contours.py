@@ -158,11 +158,19 @@ def walks(ends: Int[Index, "S 2"], count: int) -> list[tuple[list[int], list[int
     for start in (*starts, *range(count)):
         run: list[int] = [start]
         steps: list[int] = []
-        while (step := next((s for s in steps_at[run[-1]] if not seen[s]), -1)) >= 0:
+        here = start
+        while True:
+            # No generator: of these walks there are thousands of steps a view.
+            for step in steps_at[here]:
+                if not seen[step]:
+                    break
+            else:
+                break
             seen[step] = True
             steps.append(step)
             a, b = pairs[step]
-            run.append(b if run[-1] == a else a)
+            here = b if here == a else a
+            run.append(here)
         if steps:
             closed = run[-1] == start
             found.append((run[:-1] if closed else run, steps, closed))
