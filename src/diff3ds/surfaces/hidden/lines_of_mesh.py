@@ -79,6 +79,8 @@ class MeshSeen:
         self._kept: tuple[MeshView, Outlines] | None = None
         found = [] if tolerance is None else contour_chains(mesh, self._picture, drawn.creases)
         own = [part for c in found for part in _parts_of(c, self._picture.seen(c.points)[1] > self._picture.near)]
+        if mesh.specks > 0:
+            own = [chain for chain in own if chain.length > mesh.specks]
         if mesh.beside > 0:
             along = drawn.run_along(own, mesh.beside)
             own = [part for c, on in zip(own, along, strict=True) for part in _parts_of(c, ~on)]

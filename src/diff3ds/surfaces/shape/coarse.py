@@ -1,5 +1,7 @@
 """Meshes of fewer triangles for small pictures, which do not show the others: vertices of a cell of a grid made one."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 
@@ -10,6 +12,27 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Meshes of fewer triangles are drawn quickly as they are.
 FEW = 200_000
+
+
+# Contours of a coarse mesh of fewer cells are specks, where its vertices were put together: of generated meshes eight of
+# ten are, and few of these longer. Empirical.
+SPECK = 5.0
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class CoarseMesh(TriangleMesh):
+    """A mesh of which vertices were put together.
+
+    Attributes:
+        cell: how far, world units.
+    """
+
+    cell: float
+
+    @property
+    def specks(self) -> float:
+        """How long contours are at most that are no more than how vertices were put together."""
+        return SPECK * self.cell
 
 
 def coarse(mesh: TriangleMesh, cells: int) -> TriangleMesh:
@@ -36,7 +59,8 @@ def coarse(mesh: TriangleMesh, cells: int) -> TriangleMesh:
     if not kept.any():
         return mesh
     crease = mesh.crease if mesh.is_crease.any() else 180.0
-    return TriangleMesh(middle, faces[kept], mesh.part[kept], crease)
+    found = TriangleMesh(middle, faces[kept], mesh.part[kept], crease)
+    return found.changed(CoarseMesh, cell=mesh.size / cells)
 
 
 def without_specks(sketch: Sketch, least: float) -> Sketch:

@@ -192,6 +192,11 @@ class TriangleMesh:
         return 0.0
 
     @property
+    def specks(self) -> float:
+        """Contours that are shorter than this are no more than what the triangles happen to be, world units."""
+        return 0.0
+
+    @property
     def surfaces(self) -> tuple[Int[Index, " F"], Int[Index, " F"]] | None:
         """Of solids the surface that each face is on, and the smooth whole of such that go on in each other."""
         return None
