@@ -31,6 +31,18 @@ def test_a_coarse_ball_is_round_to_less_than_a_cell():
     assert float((points.norm(dim=-1) - 1).abs().max()) < cell
 
 
+def test_contours_of_a_rough_ball_are_no_specks():
+    vertices, faces = icosphere(5)
+    rough = vertices * (1 + 0.01 * np.random.default_rng(0).normal(size=(len(vertices), 1)))
+    found = coarse(ds.TriangleMesh(rough, faces), 48)
+    cameras = ds.orbit(25.0, 35.0, 4.0, height=3.0, size=64).to(torch.float64)
+    (lines,) = ds.visible_lines(ds.Sketch(torch.zeros(0, 4, 3, dtype=torch.float64)), cameras, found)
+    lengths = ds.losses.lengths(lines.sketch)
+    # Chords of a fine mesh are about as long as the strokes that are fitted to them.
+    assert lengths.min() > 0.9 * found.specks > 3 * 2 / 48
+    assert lengths.sum() > np.pi
+
+
 def test_thin_walls_and_creases_stay_and_small_meshes_are_as_they_were():
     vertices, faces = box()
     for _ in range(4):

@@ -41,10 +41,10 @@ def test_normals_are_gradients_of_distances(one):
 @pytest.mark.parametrize("one", EVERY, ids=lambda one: one.kind.name)
 def test_derivatives_of_a_fit_are_those_of_the_distance(one):
     x, step = np.random.default_rng(1).normal(size=(20, 3)), 1e-6
-    columns = one._linearised(x)[1]
+    _, rows, basis = one._linearised(x)
     for k in FREE[one.kind]:
-        there, back = (one._moved(way * step * np.eye(8)[k]).distance(x) for way in (1, -1))
-        assert np.allclose(columns[:, k], (there - back) / (2 * step), atol=1e-6), k
+        there, back = (one._moved(way * step * np.eye(8)[k], basis).distance(x) for way in (1, -1))
+        assert np.allclose(rows[k], (there - back) / (2 * step), atol=1e-6), k
 
 
 @pytest.mark.parametrize("one", EVERY, ids=lambda one: one.kind.name)
@@ -131,6 +131,32 @@ def test_a_rounded_edge_of_a_mesh_is_one_line_where_its_faces_would_meet():
     assert found.curves.kind.tolist() == [Kind.LINE] * 12
     corners = np.abs(sampled(found.curves)[:, [0, -1]].reshape(-1, 3))
     assert np.abs(corners - [0.5, 0.4, 0.3]).max() < 0.005
+
+
+def test_fillets_of_a_plate_have_its_radius_and_begin_where_its_sides_end():
+    radius, noise, rng = 0.12, 0.002, np.random.default_rng(3)
+    # Around a square of side one with rounded corners, and between two of them.
+    x = rng.uniform(-0.5, 0.5, (60_000, 2))
+    over = np.maximum(np.abs(x) - (0.5 - radius), 0)
+    inside = np.linalg.norm(over, axis=1) < radius
+    flat, rim = x[inside][:14_000], x[np.abs(np.linalg.norm(over, axis=1) - radius) < 0.01][:6000]
+    inner = np.clip(rim, radius - 0.5, 0.5 - radius)
+    rim = inner + radius * (rim - inner) / np.linalg.norm(rim - inner, axis=1, keepdims=True)
+    points = np.concatenate(
+        [
+            np.column_stack([flat, rng.choice([-0.15, 0.15], len(flat))]),
+            np.column_stack([rim, rng.uniform(-0.15, 0.15, len(rim))]),
+        ]
+    )
+    curves = form_curves(Samples.of_points(points + noise * rng.normal(size=points.shape))).curves
+    arcs = [c for c, kind in zip(sampled(curves), curves.kind.tolist(), strict=True) if kind == Kind.ARC]
+    assert len(arcs) == 8
+    for arc in arcs:
+        middle = np.sign(arc.mean(0)) * [0.5 - radius, 0.5 - radius, 0.15]
+        assert np.linalg.norm(arc - middle, axis=1) == pytest.approx(radius, abs=0.01 * radius)
+        # It goes over into the sides without a corner.
+        ends = np.abs(np.diff(arc, axis=0)[[0, -1]])
+        assert (ends.max(1) > 30 * np.sort(ends, axis=1)[:, 1]).all()
 
 
 def test_a_ball_has_one_form_and_no_edge():

@@ -14,18 +14,16 @@ def simplest(points: Float[Array, "M 3"], pixel: float, within: float = JOINED) 
         pixel: world units of a pixel.
         within: so near to the curve lie nearly all of the points, pixels.
     """
-    if len(points) < 3:
-        return [fit_line(points)]
     line = [fit_line(points)]
-    if near_enough(line, pixel, within):
+    if len(points) < 3 or near_enough(line, pixel, within):
         return line
     circle = fit_circle(points)
-    ways = (lambda: arcs_on(circle, points), lambda: elliptic_arcs(circle, points, pixel), lambda: [fit_cubic(points)])
-    for fit in ways:
-        found = fit()
-        if found and near_enough(found, pixel, within):
-            return found
-    return None
+    if (found := arcs_on(circle, points)) and near_enough(found, pixel, within):
+        return found
+    if (found := elliptic_arcs(circle, points, pixel)) and near_enough(found, pixel, within):
+        return found
+    cubic = [fit_cubic(points)]
+    return cubic if near_enough(cubic, pixel, within) else None
 
 
 def near_enough(strokes: list[Primitive], pixel: float, within: float = JOINED) -> bool:

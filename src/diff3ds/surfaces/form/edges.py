@@ -29,6 +29,8 @@ SAME_REACHES, SAME_SPACINGS = 1.5, 0.5
 LOOSE = 2.5
 # An edge that ends where no other does is a scrap where it is shorter than this, in spacings. Empirical.
 SCRAP = 6.0
+# Forms touch that come so near to each other, in longest sides: those that are tangent are so but for rounding.
+TOUCHING = 1e-6
 # Points of a path that are looked at for a corner, to each side.
 LOOKED = 24
 
@@ -260,12 +262,25 @@ def _cornered(samples: Samples, edge: Edge, forms: Sequence[Surface], near: _Nea
         for k in near.forms(point, reach):
             if k in edge.forms:
                 continue
-            off = forms[k].distance(along)
-            for row in np.flatnonzero(off[1:] * off[:-1] <= 0):
-                root = grid[row] - off[row] * (grid[row + 1] - grid[row]) / (off[row + 1] - off[row] or 1)
+            for root in _cuts(grid, forms[k].distance(along), TOUCHING * samples.size):
                 if abs(root - t) < best:
                     best, ends[side], corner[side] = abs(root - t), float(root), int(k)
     return replace(edge, start=ends[0], stop=ends[1], corner=(corner[0], corner[1]))
+
+
+def _cuts(grid: Float[Array, " G"], off: Float[Array, " G"], touching: float) -> list[float]:
+    """Where distances along a path are zero, or where they only come to it, as those from what is tangent do."""
+    rows = np.flatnonzero(off[1:] * off[:-1] <= 0)
+    if len(rows):
+        return [float(grid[r] - off[r] * (grid[r + 1] - grid[r]) / (off[r + 1] - off[r] or 1)) for r in rows]
+    row = int(np.abs(off).argmin())
+    if not 0 < row < len(off) - 1:
+        return []
+    before, here, after = off[row - 1 : row + 2]
+    slope, bend = (after - before) / 2, before - 2 * here + after
+    if abs(here - slope * slope / (2 * bend or np.inf)) > touching:
+        return []
+    return [float(grid[row] - slope / (bend or np.inf) * (grid[1] - grid[0]))]
 
 
 def corners(

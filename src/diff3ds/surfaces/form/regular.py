@@ -1,12 +1,13 @@
-"""What forms share where their samples say so: parallel and right-angled axes, axes in one line, equal radii."""
+"""What forms share where their samples say so: directions, axes in one line, fillets beside planes, equal radii."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
-from diff3ds._shapes import Array, Index, Int
+from diff3ds._shapes import Array, Float, Index, Int
 from diff3ds.curves.directions import unit
-from diff3ds.surfaces.form.form_kinds import Form, FormKind
+from diff3ds.surfaces.form.form_kinds import OUTLIER, Form, FormKind, frame
 from diff3ds.surfaces.form.labels import refitted, some_of
 from diff3ds.surfaces.form.samples import Samples
 from diff3ds.surfaces.form.search import within
@@ -20,6 +21,10 @@ NEAR_REACHES = 1.5
 WORSE, CHANCE = 1.01, 12.0
 # And below this, in longest sides, distances are rounding.
 ROUNDING = 2e-5
+# A fillet is a cylinder that goes over into the planes beside it, whose radius a short arc alone hardly says. Its axis
+# is at right angles to a plane's normal to this sine, it touches the plane in so many places at least, and so many
+# steps find it. Numerical, but for the places: empirical.
+ACROSS, TOUCHED, STEPS = 1e-6, 4, 12
 # The numbers of a fit, as of `form_kinds.FREE`.
 CENTER, ALONG, AXIS, RADIUS = (0, 1), (2,), (3, 4), (5,)
 
@@ -35,17 +40,23 @@ class _Regular:
         independent = _independent(samples, label, forms)
         self.worse = WORSE + CHANCE / np.maximum(independent * self.weight, CHANCE)
         self.held: list[set[int]] = [set() for _ in forms]
+        # Of each cylinder the planes that it is tangent to.
+        self.touching: list[tuple[int, ...]] = [() for _ in forms]
         self.before = [self._square(one, points) for one, points in zip(forms, self.points, strict=True)]
 
     def try_(self, row: int, changed: Form, hold: tuple[int, ...]) -> bool:
         """Takes a changed form, refitted but for what is held, if its samples allow it."""
         held = self.held[row] | set(hold)
         new = refitted(self.samples, changed, self.points[row], held)
-        floor = (ROUNDING * self.samples.size) ** 2
-        if self._square(new, self.points[row]) > self.worse[row] * self.before[row] + floor:
+        if not self.takes(row, new):
             return False
         self.forms[row], self.held[row] = new, held
         return True
+
+    def takes(self, row: int, new: Form) -> bool:
+        """Whether the samples of a form allow another one."""
+        floor = (ROUNDING * self.samples.size) ** 2
+        return self._square(new, self.points[row]) <= self.worse[row] * self.before[row] + floor
 
     def _square(self, one: Form, points: Array) -> float:
         off = one.distance(points)
@@ -73,6 +84,7 @@ def regularised(samples: Samples, label: Int[Index, " N"], forms: list[Form]) ->
     state = _Regular(samples, label, forms)
     _axes(state)
     _one_line(state)
+    _fillets(state, label)
     _equal_radii(state)
     return state.forms
 
@@ -167,6 +179,74 @@ def _off(first: Form, point: Array) -> float:
     return float(np.linalg.norm(_foot(first, point) - first.center))
 
 
+def _fillets(state: _Regular, label: Int[Index, " N"]) -> None:
+    """Cylinders that nearly go over into planes beside them do so; their radius is that which planes leave them."""
+    for r, one in enumerate(state.forms):
+        if one.kind != FormKind.CYLINDER or set(CENTER) & state.held[r]:
+            continue
+        planes = _beside_planes(state.samples, label, r, state.forms, NEAR_REACHES * state.reach)
+        for some in _choices(planes):
+            tangent = _tangent_to(one, [state.forms[k] for k in some], state.points[r], state.reach / 2)
+            if state.takes(r, tangent):
+                state.forms[r], state.touching[r] = tangent, some
+                break
+
+
+def _beside_planes(samples: Samples, label: Int[Index, " N"], row: int, forms: list[Form], reach: float) -> list[int]:
+    """The planes that a cylinder touches and is nearly tangent to, those that it touches in more places first."""
+    i, j = samples.pairs.T
+    touched = np.concatenate([label[j[label[i] == row]], label[i[label[j] == row]]])
+    count = np.bincount(touched[touched >= 0], minlength=len(forms))
+    one = forms[row]
+    return [
+        k
+        for k in np.argsort(-count, kind="stable").tolist()
+        if count[k] >= TOUCHED
+        and forms[k].kind == FormKind.PLANE
+        and abs(forms[k].axis @ one.axis) < ACROSS
+        and abs(abs(float(forms[k].distance(one.center[None])[0])) - float(one.radius)) < reach
+    ]
+
+
+def _tangent_to(
+    one: Form, planes: list[Form], points: Float[Array, "S 3"], scale: float, radius: float | None = None
+) -> Form:
+    """The cylinder nearest to points that touches one or two planes along a line each.
+
+    Args:
+        scale: of the points' distances, world units.
+        radius: that it has; by default what planes and points say.
+    """
+    across = frame(one.axis)
+    local = (points - one.center) @ across.T
+    # Of the centre x, y and the radius r: the plane's distance from the centre is r, on the side that it is on.
+    normals = np.array([plane.axis for plane in planes]) @ across.T
+    away = np.array([float(plane.distance(one.center[None])[0]) for plane in planes])
+    rows, wanted = np.column_stack([normals, -np.sign(away)]), -away
+    if radius is not None:
+        rows, wanted = np.vstack([rows, [0.0, 0.0, 1.0]]), np.append(wanted, radius)
+    now = np.array([0.0, 0.0, float(one.radius)])
+    now = now + np.linalg.pinv(rows) @ (wanted - rows @ now)
+    # What is left to choose.
+    _, size, ways = np.linalg.svd(rows)
+    free = ways[int((size > ACROSS).sum()) :]
+    for _ in range(STEPS if len(free) else 0):
+        from_center = local - now[:2]
+        far = np.maximum(np.linalg.norm(from_center, axis=1), 1e-12)
+        off = far - now[2]
+        weight = np.maximum(1 - (off / (OUTLIER * scale)) ** 2, 0)
+        jacobian = np.column_stack([-from_center / far[:, None], -np.ones(len(far))]) @ free.T
+        columns = jacobian * weight[:, None]
+        step = -np.linalg.lstsq(columns, weight * off, rcond=None)[0] @ free
+        now = now + step
+    return replace(one, center=one.center + now[:2] @ across, radius=np.asarray(now[2]))
+
+
+def _choices(planes: list[int]) -> list[tuple[int, ...]]:
+    """Pairs of the planes, then each alone."""
+    return [*combinations(planes, 2), *((k,) for k in planes)]
+
+
 def _equal_radii(state: _Regular) -> None:
     """Cylinders, spheres and tori of nearly one radius get the mean of them."""
     for kind in (FormKind.CYLINDER, FormKind.SPHERE, FormKind.TORUS):
@@ -182,8 +262,19 @@ def _equal_radii(state: _Regular) -> None:
                 weights = [state.weight[k] for k in group]
                 radius = np.average([state.forms[k].radius for k in group], weights=weights)
                 for k in group:
-                    state.try_(k, replace(state.forms[k], radius=radius), RADIUS)
+                    _with_radius(state, k, float(radius))
             group = [] if r is None else [r]
+
+
+def _with_radius(state: _Regular, row: int, radius: float) -> None:
+    """Gives a form a radius, if its samples allow it; a fillet stays one."""
+    if not state.touching[row]:
+        state.try_(row, replace(state.forms[row], radius=radius), RADIUS)
+        return
+    planes = [state.forms[k] for k in state.touching[row]]
+    tangent = _tangent_to(state.forms[row], planes, state.points[row], state.reach / 2, radius)
+    if state.takes(row, tangent):
+        state.forms[row] = tangent
 
 
 def _alike(state: _Regular, group: list[int], row: int) -> bool:

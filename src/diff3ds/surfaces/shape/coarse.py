@@ -14,8 +14,8 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 FEW = 200_000
 
 
-# Contours of a coarse mesh of fewer cells are specks, where its vertices were put together: of generated meshes eight of
-# ten are, and few of these longer. Empirical.
+# Contours of a coarse mesh that are shorter than so many cells are specks, where its vertices were put together: of
+# generated meshes eight of ten are. Empirical.
 SPECK = 5.0
 
 
