@@ -262,23 +262,34 @@ def _cornered(samples: Samples, edge: Edge, forms: Sequence[Surface], near: _Nea
         for k in near.forms(point, reach):
             if k in edge.forms:
                 continue
-            for root in _cuts(grid, forms[k].distance(along), TOUCHING * samples.size):
+            roots = _crossings(grid, forms[k].distance(along)) or _touches(samples, edge.path, forms[k], t, reach)
+            for root in roots:
                 if abs(root - t) < best:
                     best, ends[side], corner[side] = abs(root - t), float(root), int(k)
     return replace(edge, start=ends[0], stop=ends[1], corner=(corner[0], corner[1]))
 
 
-def _cuts(grid: Float[Array, " G"], off: Float[Array, " G"], touching: float) -> list[float]:
-    """Where distances along a path are zero, or where they only come to it, as those from what is tangent do."""
+def _crossings(grid: Float[Array, " G"], off: Float[Array, " G"]) -> list[float]:
+    """Where distances along a path are zero."""
     rows = np.flatnonzero(off[1:] * off[:-1] <= 0)
-    if len(rows):
-        return [float(grid[r] - off[r] * (grid[r + 1] - grid[r]) / (off[r + 1] - off[r] or 1)) for r in rows]
+    return [float(grid[r] - off[r] * (grid[r + 1] - grid[r]) / (off[r + 1] - off[r] or 1)) for r in rows]
+
+
+def _touches(samples: Samples, path: Path, one: Surface, t: float, reach: float) -> list[float]:
+    """Where a path comes near to a form that it does not go through, as fillets do to the planes beside them."""
+    if isinstance(one, FreeForm):
+        return []
+    # Samples on both forms reach so much farther where these are tangent.
+    radius = max(float(one.radius), 0.0 if path.kind == Kind.LINE else path.speed)
+    reach = (reach + np.sqrt(2 * radius * within(samples))) / path.speed
+    grid = t + np.linspace(-reach, reach, 2 * LOOKED)
+    off = one.distance(path.at(grid))
     row = int(np.abs(off).argmin())
     if not 0 < row < len(off) - 1:
         return []
     before, here, after = off[row - 1 : row + 2]
     slope, bend = (after - before) / 2, before - 2 * here + after
-    if abs(here - slope * slope / (2 * bend or np.inf)) > touching:
+    if abs(here - slope * slope / (2 * bend or np.inf)) > TOUCHING * samples.size:
         return []
     return [float(grid[row] - slope / (bend or np.inf) * (grid[1] - grid[0]))]
 

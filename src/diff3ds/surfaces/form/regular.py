@@ -186,7 +186,8 @@ def _fillets(state: _Regular, label: Int[Index, " N"]) -> None:
             continue
         planes = _beside_planes(state.samples, label, r, state.forms, NEAR_REACHES * state.reach)
         for some in _choices(planes):
-            tangent = _tangent_to(one, [state.forms[k] for k in some], state.points[r], state.reach / 2)
+            own = np.concatenate([state.points[k] for k in (r, *some)])
+            tangent = _tangent_to(one, [state.forms[k] for k in some], own, state.reach / 2)
             if state.takes(r, tangent):
                 state.forms[r], state.touching[r] = tangent, some
                 break
@@ -223,6 +224,7 @@ def _tangent_to(
     normals = np.array([plane.axis for plane in planes]) @ across.T
     away = np.array([float(plane.distance(one.center[None])[0]) for plane in planes])
     rows, wanted = np.column_stack([normals, -np.sign(away)]), -away
+    contacts = -np.sign(away)[:, None] * normals
     if radius is not None:
         rows, wanted = np.vstack([rows, [0.0, 0.0, 1.0]]), np.append(wanted, radius)
     now = np.array([0.0, 0.0, float(one.radius)])
@@ -234,7 +236,9 @@ def _tangent_to(
         from_center = local - now[:2]
         far = np.maximum(np.linalg.norm(from_center, axis=1), 1e-12)
         off = far - now[2]
-        weight = np.maximum(1 - (off / (OUTLIER * scale)) ** 2, 0)
+        # Between the lines where it touches: which form a sample there belongs to is chance.
+        between = (from_center @ np.linalg.pinv(contacts.T).T > 0).all(1)
+        weight = np.maximum(1 - (off / (OUTLIER * scale)) ** 2, 0) * between
         jacobian = np.column_stack([-from_center / far[:, None], -np.ones(len(far))]) @ free.T
         columns = jacobian * weight[:, None]
         step = -np.linalg.lstsq(columns, weight * off, rcond=None)[0] @ free
@@ -272,7 +276,8 @@ def _with_radius(state: _Regular, row: int, radius: float) -> None:
         state.try_(row, replace(state.forms[row], radius=radius), RADIUS)
         return
     planes = [state.forms[k] for k in state.touching[row]]
-    tangent = _tangent_to(state.forms[row], planes, state.points[row], state.reach / 2, radius)
+    own = np.concatenate([state.points[k] for k in (row, *state.touching[row])])
+    tangent = _tangent_to(state.forms[row], planes, own, state.reach / 2, radius)
     if state.takes(row, tangent):
         state.forms[row] = tangent
 
