@@ -273,6 +273,10 @@ def test_what_is_made_alike_tells_the_time(tmp_path):
     line = Line(tmp_path, lambda text: None)
     assert line.took_before(line.add("a table", "text", {"phrase": "a table", **SHORT})) == first.took
     assert line.took_before(line.add("a table", "text", {"phrase": "a table", "steps": 99})) == {}
+    drawn = Entry("a", "a", "image", {"picture": "a.png", "shows": "a mug"}, 0.0, "done", took={"distill": 3.0})
+    line._entries["a"] = drawn
+    other = Entry("b", "b", "image", {"picture": "b.png", "shows": "a cat"}, 0.0)
+    assert line.took_before(other) == drawn.took
 
 
 def test_what_cannot_be_made_says_why(tmp_path):

@@ -59,6 +59,9 @@ def test_what_is_said_and_drawn_is_understood_on_the_way(browser, tmp_path):
         assert "'chiars' is taken for 'chairs'" in text_of(browser, "understood")
         say(browser, "a xylophone")
         browser.settle("document.getElementById('understood').classList.contains('refused')")
+        # Few words, and all of them where one asks why.
+        assert text_of(browser, "understood").startswith("I do not know this yet.Why'a xylophone'")
+        assert not browser.value("document.querySelector('#understood details').open")
         say(browser, "a giraffe with a scarf")
         browser.settle("document.querySelector('#understood button') !== null")
         browser.value("document.querySelector('#understood button').click()")

@@ -71,13 +71,11 @@ class Line:
         """The seconds of the stages of what the same command made last with the same options, of any subject."""
 
         def how(one: Entry) -> object:
-            return one.command, {
-                name: value for name, value in one.options.items() if name != SUBJECTS.get(one.command)
-            }
+            left_out = (SUBJECTS.get(one.command), "shows")
+            return one.command, {name: value for name, value in one.options.items() if name not in left_out}
 
-        return next(
-            (one.took for one in self.entries() if one.took and one.state == "done" and how(one) == how(entry)), {}
-        )
+        alike = (one for one in self.entries() if one.took and one.state == "done" and how(one) == how(entry))
+        return next((one.took for one in alike), {})
 
     def add(self, title: str, command: str, options: dict[str, Any]) -> Entry:
         """Puts something to be made at the end of the line.

@@ -20,8 +20,8 @@ async function understand() {
       understand();
     };
     place.append("I do not know all of this. Say instead: ", better);
-    place.append(made("details", {}, made("summary", {}, "Why"), found.refused));
-  } else if (found.refused) place.textContent = found.refused;
+  } else if (found.refused) place.append("I do not know this yet.");
+  if (found.refused) place.append(made("details", {}, made("summary", {}, "Why"), found.refused));
   else if (found.things.length) {
     place.append("That is ", made("strong", {}, found.things.join("; ")), ".");
     for (const note of found.notes) place.append(` ${note}.`);
