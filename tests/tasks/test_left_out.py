@@ -42,12 +42,17 @@ def test_the_windows_that_nobody_drew_are_left_out():
     assert left_out(house, seen(house.sketch[: count - WINDOWS - DOOR], house)) == [*door, *windows]
 
 
-def test_windows_in_other_places_keep_those_of_the_house():
+def test_windows_of_another_form_keep_those_of_the_house():
+    # Each stands on a corner, and is as wide as the house's: none of its lines lies along one of these.
     house = made("house")
     count = len(house.sketch)
-    moved = house.sketch.replace(points=house.sketch.points.clone())
-    moved.points[count - WINDOWS :, :, 2] += 0.1
-    assert left_out(house, seen(moved, house)) == []
+    other = house.sketch.replace(points=house.sketch.points.clone())
+    for first in (count - WINDOWS, count - WINDOWS // 2):
+        window = other.points[first : first + 4, :, 1:]
+        middle = window.mean((0, 1))
+        y, z = (window - middle).unbind(-1)
+        window[:] = middle + torch.stack([y - z, y + z], -1) / 2
+    assert left_out(house, seen(other, house)) == []
 
 
 def test_what_a_drawing_cannot_show_stays():

@@ -202,7 +202,8 @@ def test_a_drawing_is_looked_at_turned_a_little_too(monkeypatch):
 
     monkeypatch.setattr(type(network), "logits", logits)
     found = network.opinion(lines).kinds
-    assert len(asked[0]) == len(TURNS)
+    assert len(asked[0]) == len(TURNS) > 2
+    assert sorted(TURNS) == sorted(-degrees for degrees in TURNS)
     assert torch.equal(asked[0][0, 0], torch.from_numpy(lines.ink(64, 2 / 64, 54 / 64)))
     assert found[3] == pytest.approx(1 / len(TURNS), abs=1e-6)
     assert found[5] == pytest.approx(1 - 1 / len(TURNS), abs=1e-6)
