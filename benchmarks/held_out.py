@@ -27,7 +27,8 @@ from scipy.spatial import cKDTree
 
 import diff3ds as ds
 from diff3ds.edges.evidence.ridges import Ridges
-from diff3ds.photogrammetry.find_project import find_project, present_views
+from diff3ds.photogrammetry.find_project import find_project, present_views, sparse_points
+from diff3ds.photogrammetry.point_files import save_points
 from diff3ds.pictures.dataset import PosedPictures, load_posed
 from diff3ds.surfaces.shape.hull_surface import hull_surface
 from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
@@ -48,11 +49,12 @@ SAMPLES = 48
 
 
 def split(folder: Path, out: Path) -> tuple[Path, Path]:
-    """The projects of three quarters of the views and of the rest."""
+    """The projects of three quarters of the views and of the rest, with the points of the reconstruction."""
     source = find_project(folder)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         views = [replace(view, picture=view.picture.resolve()) for view in present_views(source)]
+        points = sparse_points(source)
     files = []
     for name, chosen in (
         ("fitted", [v for i, v in enumerate(views) if i % QUARTER]),
@@ -60,7 +62,8 @@ def split(folder: Path, out: Path) -> tuple[Path, Path]:
     ):
         (out / name).mkdir(parents=True, exist_ok=True)
         files.append(out / name / "transforms.json")
-        save_views(files[-1], chosen)
+        save_points(out / name / "points.ply", points)
+        save_views(files[-1], chosen, {"ply_file_path": "points.ply"} if len(points) else None)
     return files[0], files[1]
 
 
@@ -198,8 +201,10 @@ def main() -> None:
             warnings.simplefilter("ignore")
             pictures = load_posed(held_out, "color-edges", chosen.size)
             ridges = ridges_of(pictures, torch.arange(len(pictures)))
+            small = load_posed(fitted, "color-edges", min(chosen.size, 256))
             try:
-                surface = hull_surface(load_posed(fitted, "color-edges", min(chosen.size, 256)))
+                # Whole photographs have no silhouettes: what is not known once they are undistorted is none.
+                surface = hull_surface(small) if small.points is None else None
             except ValueError:
                 surface = None
         whole = ds.load(out / "run" / "sketch.json")

@@ -8,6 +8,7 @@ from edge_scenes import arc, around, circular_arc, lines_between, ridges_along, 
 from diff3ds.curves.shapes.curve_set import concatenated, curves_of, sampled
 from diff3ds.curves.shapes.primitives import Kind, fit_circle
 from diff3ds.edges.complete.whole_circles import closed
+from diff3ds.edges.evidence.chance import Chance
 from diff3ds.edges.evidence.edge_views import edge_views
 from diff3ds.edges.evidence.ridges import Ridges
 from diff3ds.edges.reconstruct import confirming
@@ -41,6 +42,20 @@ def test_a_circle_that_every_view_shows_half_of_is_closed():
     circle = fit_circle(sampled(found)[1:].reshape(-1, 3))
     assert abs(circle.radius / RADIUS - 1) < 2e-3
     assert np.linalg.norm(circle.center - CENTER) < 3e-3 * RADIUS
+    # So do photographs, where it is surely no chance.
+    assert closed(curves, views, MIN_VIEWS, 0.0, chance=Chance.of(views)).kind.tolist() == found.kind.tolist()
+
+
+def test_of_photographs_circles_are_tried_where_all_around_is_no_chance(monkeypatch):
+    line = arc(CENTER, RADIUS * U, RADIUS * V, 0, 3.8)
+    views = edge_views(CAMERAS, ridges_along(CAMERAS, [line]))
+    curves = curves_of([circular_arc(CENTER, RADIUS * U, RADIUS * V, 0, 3.2)])
+    tried = []
+    monkeypatch.setattr("diff3ds.edges.complete.whole_circles._whole", lambda *a: tried.append(a))
+    closed(curves, views, MIN_VIEWS, 0.0)
+    assert len(tried) == 1
+    closed(curves, views, MIN_VIEWS, 0.0, chance=Chance.of(views))
+    assert len(tried) == 1
 
 
 def test_an_arc_that_ends_is_not_closed():

@@ -245,7 +245,8 @@ def _refined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
 
 def _joined(scene: _Scene, curves: Curves, carving: bool) -> Curves:
     pixel = scene.views.pixel
-    curves = closed(curves, scene.views, scene.min_views, scene.outward, scene.ticks("circles", len(curves)))
+    tick, chance = scene.ticks("circles", len(curves)), scene.chance if scene.textured else None
+    curves = closed(curves, scene.views, scene.min_views, scene.outward, tick, chance)
     curves = joined(curves, pixel, scene.ticks("join", len(curves)))
     curves = scene.refined("join and weld", welded(curves, pixel), SECOND_RATE)
     return scene.likely(pruned(curves, scene.views, (AGAIN if carving else 1.0) * SHOWN * scene.min_views, SHORTEST))

@@ -67,8 +67,9 @@ def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
     cost = np.full(len(places), np.inf)
     cost[0] = 0.0
     last: list[tuple[int, Primitive] | None] = [None] * len(places)
+    least, open_ = np.zeros(len(places)), np.ones(len(places), bool)
     for stop in range(1, len(places)):
-        for start in range(stop):
+        for start in np.nonzero(open_[:stop])[0].tolist():
             part = points[places[start] : places[stop] + 1]
             left = cost[stop] - cost[start]
             # Many starts cost too much already with the cheapest stroke from there.
@@ -79,6 +80,11 @@ def _cut(points: Float[Array, "M 3"], pixel: float) -> list[Primitive]:
             if cost[start] + price < cost[stop]:
                 cost[stop] = cost[start] + price
                 last[stop] = (start, primitive)
+            if left > PRICE * FREEDOM[Kind.FREE]:
+                least[start] = cost[start] + price - PRICE * FREEDOM[Kind.FREE]
+        # Points only add to costs: a start that costs more here than other ways does so from here on (PELT, Killick et
+        # al. 2012).
+        open_[:stop] &= least[:stop] < cost[stop]
     found: list[Primitive] = []
     at = len(places) - 1
     while at > 0:
