@@ -13,6 +13,8 @@ from diff3ds.cli import main
 from diff3ds.curves.join import join_smooth
 from diff3ds.library import member
 from diff3ds.optimize.strokes import chord_lengths
+from diff3ds.tasks.exact_prior.exemplars import exemplars_of
+from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.redraw import Redrawing, nearest_member, shown_by
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
@@ -99,6 +101,24 @@ def evaluate_middle(sketch: ds.Sketch) -> torch.Tensor:
 )
 def test_widths_that_the_user_chose_and_positions_that_stay_are_left_alone(given, redraws):
     assert with_options(PLAIN, **given).redraws is redraws
+
+
+def test_fewer_steps_do_where_the_end_is_drawn_again():
+    found = []
+    for spec in (PLAIN, with_options(PLAIN, redraw=False), with_options(PLAIN, preset="paper")):
+        prior = ConditionedPrior.of_exemplars(exemplars_of("a house", 0), None, spec)
+        found.append((prior.preset(spec), spec.values(prior.preset(spec)).steps))
+    assert found == [("brief", 150), ("swift", 400), ("brief", 4000)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ball", "bowl", "castle"])
+def test_so_many_steps_find_the_whole_thing(name):
+    """A ball's few strokes are far from where they start, a castle has many."""
+    sketch = ds.text_to_sketch(f"a {name}")
+    members = exemplars_of(f"a {name}", 0).meant
+    alike = members[nearest_member(sketch, members)]
+    assert float(chord_lengths(sketch).sum()) == pytest.approx(float(chord_lengths(join_smooth(alike).sketch).sum()))
 
 
 def test_the_command_draws_again_unless_told_not_to(tmp_path):

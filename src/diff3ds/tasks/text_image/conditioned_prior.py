@@ -75,9 +75,14 @@ class ConditionedPrior:
     reference: Reference | None = None
     built_in: BuiltIn | None = None
 
-    @property
-    def preset(self) -> PresetName:
-        """The preset where the options name none."""
+    def redrawing(self, spec: AnyRun) -> Redrawing | None:
+        """What the result is drawn again with, where the run leaves that to the command."""
+        return self.built_in.redrawing if self.built_in and spec.redraws else None
+
+    def preset(self, spec: AnyRun) -> PresetName:
+        """The preset of a run whose options name none."""
+        if self.redrawing(spec):
+            return "brief"
         return "swift" if self.built_in else "paper"
 
     @property

@@ -82,8 +82,8 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
         sketch = finished(sketch, given, config.rates)
     elif prior.built_in:
         found = painted(sketch, prior.built_in.color)
-        redrawing = prior.built_in.redrawing if spec.redraws and not stopped else None
-        sketch = redrawing(found, spec.values(prior.preset).strokes) if redrawing else found[:0]
+        redrawing = None if stopped else prior.redrawing(spec)
+        sketch = redrawing(found, spec.values(prior.preset(spec)).strokes) if redrawing else found[:0]
         faces = redrawing.faces_of(found) if redrawing and len(sketch) else None
         if not len(sketch):
             sketch = tidied(found, spec.cameras, spec.width_is_free)
@@ -162,7 +162,7 @@ def contact_sheet(step: Step, score: ScoreDistillation) -> Float[Tensor, "H W 3"
 
 def start_of(prior: ConditionedPrior, spec: AnyRun) -> Sketch:
     """The random strokes that the descent starts with."""
-    values, generator = spec.values(prior.preset), torch.Generator().manual_seed(spec.descent.seed)
+    values, generator = spec.values(prior.preset(spec)), torch.Generator().manual_seed(spec.descent.seed)
     sketch = Sketch.random(values.strokes, radius=values.radius, width=spec.width(prior.width), generator=generator)
     return painted(sketch, prior.built_in.start_color if prior.built_in else None)
 
@@ -198,11 +198,11 @@ def _orbits(denoiser: Denoiser, cameras: CameraOptions) -> Orbits:
 
 
 def _recipe(prior: ConditionedPrior, spec: AnyRun) -> Recipe:
-    return spec.recipe(prior.denoiser.group, prior.preset)
+    return spec.recipe(prior.denoiser.group, prior.preset(spec))
 
 
 def _config(prior: ConditionedPrior, spec: AnyRun, out: Path) -> FitConfig:
-    values, descent, strokes = spec.values(prior.preset), spec.descent, spec.strokes
+    values, descent, strokes = spec.values(prior.preset(spec)), spec.descent, spec.strokes
     wanted = {
         "points": ("position", values.rate),
         "color": ("color", descent.color_rate),
@@ -237,7 +237,7 @@ def _given(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
 
 def _filled_in(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
     """The values of the run after presets, defaults and the prior have filled in the options that were left out."""
-    return {**asdict(spec.values(prior.preset)), "width": spec.width(prior.width), **asdict(_recipe(prior, spec))}
+    return {**asdict(spec.values(prior.preset(spec))), "width": spec.width(prior.width), **asdict(_recipe(prior, spec))}
 
 
 def _chosen(prior: ConditionedPrior, spec: AnyRun) -> dict[str, object]:
