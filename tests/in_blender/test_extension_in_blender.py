@@ -27,6 +27,7 @@ def test_files_are_imported_and_meshes_drawn(blender, tmp_path) -> None:
     assert program, "the command diff3ds is installed beside this Python"
     said = blender(INSIDE / "use_extension.py", FOLDER, program, tmp_path / "a.json", tmp_path / "a.step")
     found = json.loads(next(line for line in said.splitlines() if line.startswith("FOUND ")).removeprefix("FOUND "))
+    window = found.pop("window")
     assert all(each["state"] == ["FINISHED"] for each in found.values())
     assert found["a.json CURVES"]["types"] == found["a.step CURVES"]["types"] == ["CURVE"] * 2
     assert found["a.json CURVES"]["inside"] == ["border", "crease"]
@@ -37,6 +38,12 @@ def test_files_are_imported_and_meshes_drawn(blender, tmp_path) -> None:
     assert any(name.startswith("crease, hidden") for name in found["cube"]["inside"])
     assert {"crease", "contour"} <= set(found["cylinder"]["layers"])
     assert any(name.startswith("contour") for name in found["torus"]["inside"])
+    assert any(name.startswith("hatching") for name in found["torus"]["inside"])
+    # Other events go on to Blender; Escape ends the child and leaves nothing behind.
+    assert window["states"] == [["PASS_THROUGH"], ["RUNNING_MODAL"], ["CANCELLED"]]
+    assert window["told"] == [1, "diff3ds: edges: 3 of 7 (Escape stops it)", "timer", "end", None]
+    assert window["ended"]
+    assert not window["left"]
 
 
 IMPORT = """

@@ -3,7 +3,10 @@
 import importlib.util
 import json
 import os
+import subprocess
 import sys
+import tempfile
+from types import SimpleNamespace
 
 import bpy
 
@@ -30,6 +33,30 @@ def came(before: set) -> dict:
     }
 
 
+def in_a_window(*events: str) -> dict:
+    """What a drawing does at events of a window while its child works, and what it tells the window."""
+    drawing, told = module.draw_object.DIFF3DS_OT_draw, []
+    manager = SimpleNamespace(
+        progress_update=told.append, progress_end=lambda: told.append("end"), event_timer_remove=told.append
+    )
+    workspace = SimpleNamespace(status_text_set=told.append)
+    context = SimpleNamespace(window_manager=manager, workspace=workspace)
+    # Operators are made by Blender alone: their methods work on what stands for one.
+    own = {name: value for name, value in vars(drawing).items() if callable(value)}
+    one = type("Drawing", (), own)()
+    one.folder, one.timer, one.steps, one.left = tempfile.TemporaryDirectory(), "timer", 2, ["the view"]
+    one.child, one.report = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]), lambda *_: None
+    with open(f"{one.folder.name}/said.txt", "w") as file:
+        file.write("edges: 3 of 7\r")
+    states = [sorted(one.modal(context, SimpleNamespace(type=event))) for event in events]
+    return {
+        "states": states,
+        "told": told,
+        "ended": one.child.poll() is not None,
+        "left": os.path.exists(one.folder.name),
+    }
+
+
 found = {}
 for file in files:
     for kind in ("CURVES", "PENCIL"):
@@ -41,7 +68,7 @@ meshes = {
     "cylinder": lambda: bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=1, depth=2),
     "torus": lambda: bpy.ops.mesh.primitive_torus_add(major_segments=24, minor_segments=12),
 }
-options = {"cube": {"hidden": "DASHED"}, "cylinder": {"kind": "PENCIL", "hidden": "FAINT"}, "torus": {}}
+options = {"cube": {"hidden": "DASHED"}, "cylinder": {"kind": "PENCIL", "hidden": "FAINT"}, "torus": {"hatch": "LIGHT"}}
 if program:
     for name, make in meshes.items():
         bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
@@ -49,6 +76,7 @@ if program:
         before = {each.name for each in bpy.data.objects}
         state = bpy.ops.diff3ds.draw_object(**options[name])
         found[name] = came(before) | {"state": sorted(state)}
+    found["window"] = in_a_window("MOUSEMOVE", "TIMER", "ESC")
 module.unregister()
 print("FOUND " + json.dumps(found))
 # As a module Blender may wait for ever for its own threads when it ends.
