@@ -227,6 +227,22 @@ def test_depth_hatches_what_is_near():
     assert low > 2 * high
 
 
+@pytest.mark.parametrize("stipple", [False, True])
+def test_a_picture_is_laid_over_what_is_seen(stipple):
+    """A ramp from white at the left to black at the right, and black below the middle, on a wall of two triangles."""
+    ramp = np.broadcast_to(1 - (np.arange(64) + 0.5) / 64, (64, 64)).copy()
+    ramp[32:] = 0
+    wall = ds.TriangleMesh([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], [[0, 1, 2], [0, 2, 3]])
+    view = ds.orbit([0.0], [0.0], 4.0, fov=30.0, size=SIZE).to(torch.float64)
+    strokes = hatching(wall, view, by=ramp, tones=4, spacing=4.0, stipple=stipple)
+    got = gaussian_filter(1 - ds.render(strokes, view).color[0, ..., 0].numpy(), 6)
+    corners = Picture.of(view, 0).seen(wall.vertices)[0]
+    (left, top), (right, low) = corners.min(0), corners.max(0)
+    for across, down in [(0.2, 0.25), (0.5, 0.25), (0.8, 0.25), (0.2, 0.75), (0.8, 0.75)]:
+        place = round(top + down * (low - top)), round(left + across * (right - left))
+        assert got[place] == pytest.approx(darkest(4) * (across if down < 0.5 else 1), abs=0.06)
+
+
 def test_solids_are_hatched_as_their_meshes():
     view = camera()
     for how in ({}, {"stipple": True}):
@@ -252,10 +268,14 @@ def test_hidden_parts_of_hatching_are_never_drawn(stipple):
 
 
 def test_what_is_no_hatching_is_refused(unchecked):
-    with pytest.raises(ValueError, match=r"'light' or 'depth', got 'dark'"):
+    with pytest.raises(ValueError, match=r"'light' or 'depth', or by a picture of shape \(H, W\), got 'dark'"):
         ds.render(NOTHING, camera(), surface=plane(), hatch="dark")
     with pytest.raises(TypeError, match="hatch must be"):
         ds.render(NOTHING, camera(), surface=plane(), hatch=3)
+    with pytest.raises(ValueError, match=r"shape \(H, W\) and values in \[0, 1\], got shape \(2, 2, 3\)"):
+        ds.Hatch(np.zeros((2, 2, 3)))
+    with pytest.raises(ValueError, match=r"values in \[0, 1\], got others"):
+        ds.Hatch(np.full((2, 2), 255.0))
     with pytest.raises(ValueError, match="from 1 to 4, got 5"):
         ds.Hatch("light", 5)
     with pytest.raises(ValueError, match=r"at least 1 pixel, got 0\.5"):

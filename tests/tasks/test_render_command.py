@@ -1,6 +1,7 @@
 """`diff3ds render`: views, sheets and turntables of a sketch, read back by other programs."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from PIL import Image
 
 import diff3ds as ds
 from diff3ds.cli import main
+from diff3ds.formats import save_png
 from diff3ds.formats.framing import ball_of, framed
 from diff3ds.formats.mesh import save_surface
 from diff3ds.tasks.render import blender_engine
@@ -344,7 +346,7 @@ def test_the_surface_of_a_run_hides_lines_when_asked(source, tmp_path, capsys):
     assert behind > 0.8 * whole
 
 
-def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path):
+def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path, capsys):
     """Lines on a wall that is seen from the front: so many millimetres apart as asked, on a page so wide."""
     corners = np.array([[-0.5, -2, -2], [-0.5, 2, -2], [-0.5, 2, 2], [-0.5, -2, 2]])
     save_surface(tmp_path / "surface.glb", corners, np.array([[0, 1, 2], [0, 2, 3]]))
@@ -359,6 +361,19 @@ def test_the_surface_of_a_run_is_hatched_when_asked(source, tmp_path):
     # Twice as many lines, beside the two strokes.
     assert 20 < few < 40
     assert abs((many - 2) / (few - 2) - 2) < 0.1
+    # A picture whose right half is black.
+    half = torch.ones(8, 8, 3)
+    half[:, 4:] = 0
+    save_png(tmp_path / "half.png", half)
+    assert abs(count("e.svg", "--spacing", 10, "--hatch", tmp_path / "half.png") / few - 1) < 0.2
+    for given, message in [
+        ("dark", "or the file of a picture, got 'dark': no such file"),
+        (__file__, Path(__file__).name),
+    ]:
+        with pytest.raises(SystemExit):
+            count("f.svg", "--hatch", given)
+        assert message in capsys.readouterr().err
+        assert not (tmp_path / "f.svg").exists()
     # Dots are many more, and twice as near to each other four times as many.
     few, many = count("c.svg", "--spacing", 10, "--stipple"), count("d.svg", "--spacing", 5, "--stipple")
     assert few > 200

@@ -56,7 +56,7 @@ def dot_strokes(mesh: TriangleMesh, cameras: Cameras, hatch: Hatch, hidden: Hide
         hatch: how.
         hidden: what asks whether points of the mesh are hidden.
     """
-    known, picture = Hatched.of(mesh), Picture.of(cameras, 0)
+    known, picture = Hatched.of(mesh, hatch), Picture.of(cameras, 0)
     wide = WIDE * (hatch.spacing or SPACING * cameras.size[0])
     right = cameras.world_to_camera[0, 0, :3].detach().double().cpu().numpy()
     sides = [(np.zeros(0, np.int64), np.zeros((0, 3)))]

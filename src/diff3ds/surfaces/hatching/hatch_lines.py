@@ -19,6 +19,8 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Edges longer than this share of the mesh's size are halved: directions and phases are linear along them. Empirical.
 LONGEST = 1 / 40
+# The same where a picture is to be seen on it. Empirical.
+LONGEST_OF_PICTURES = 1 / 120
 # By default, of the picture's height.
 SPACING = 0.01
 # Lines shorter than so many spacings are specks.
@@ -61,15 +63,17 @@ class Hatched:
     is_open: Bool[Mask, " F"]
 
     @staticmethod
-    def of(mesh: TriangleMesh) -> "Hatched":
-        """Of a mesh, which keeps it."""
-        kept = mesh.__dict__.get("_hatched")
-        if kept is None:
-            fine, source = finer(mesh, LONGEST * mesh.size)
+    def of(mesh: TriangleMesh, hatch: Hatch) -> "Hatched":
+        """Of a mesh, which keeps the last one."""
+        longest = (LONGEST_OF_PICTURES if isinstance(hatch.by, np.ndarray) else LONGEST) * mesh.size
+        known, kept = mesh.__dict__.get("_hatched", (None, None))
+        if known != longest:
+            fine, source = finer(mesh, longest)
             fans = Fans.of(fine)
             ways = hatch_ways(fine, fans)
             across = np.cross(fans.normals, ways)
-            kept = mesh.__dict__["_hatched"] = Hatched(fine, source, fans, (ways, across), _open_faces(fine))
+            kept = Hatched(fine, source, fans, (ways, across), _open_faces(fine))
+            mesh.__dict__["_hatched"] = longest, kept
         return cast(Hatched, kept)
 
 
@@ -94,7 +98,7 @@ def hatch_chains(mesh: TriangleMesh, cameras: Cameras, hatch: Hatch) -> HatchCha
         cameras: one view.
         hatch: how.
     """
-    known, picture = Hatched.of(mesh), Picture.of(cameras, 0)
+    known, picture = Hatched.of(mesh, hatch), Picture.of(cameras, 0)
     fans = known.fans
     right = cameras.world_to_camera[0, 0, :3].detach().double().cpu().numpy()
     spacing = hatch.spacing or SPACING * cameras.size[0]

@@ -94,6 +94,8 @@ def _drawn_mesh(source: Path, out: Path, options: MeshOptions, report: Report, s
     """Reads, draws and writes."""
     begun = time.perf_counter()
     read = read_source(source, options, report, say)
+    # Else a picture that cannot be read would be told after all is found.
+    options.tone.made()
     check_output_folder(out, out / "run.json", False, options.overwrite)
     cameras = cameras_of(read.mesh, options)
     seconds = {"read": time.perf_counter() - begun}
