@@ -133,7 +133,8 @@ def test_drawings_of_meshes_are_for_pens_and_lead_back_to_the_sketch(tmp_path, c
     main(["mesh", str(tmp_path / "box.obj"), "-o", str(run), *options, "--centerline", "--layers", "kind"])
     assert "drawing-1.svg: the pen is lifted" in capsys.readouterr().err
     found = layers_in(run / "drawing-1.svg")
-    assert {group[0] for group in found.values()} == {"crease"}
+    # A pen for each.
+    assert {group[0] for group in found.values()} == {"1 crease"}
     numbers = {int(number) for ident in found for number in ident.split("-")[1:]}
     sketch = ds.load(run)
     # Those that are not seen end at the corner that is farthest from the camera.

@@ -1,6 +1,9 @@
 """The studio's page in a real browser: what is said, drawn and dropped there becomes sketches that are shown."""
 
+import base64
+import io
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +14,7 @@ from viewer_browser import CHROMIUM, Browser
 from waiting import until
 
 import diff3ds as ds
+from diff3ds.library import member
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)"),
@@ -41,12 +45,13 @@ def say(browser, phrase: str) -> None:
     )
 
 
-def drop(browser, name: str, content: str) -> None:
+def drop(browser, name: str, content: str | bytes) -> None:
     """As the file field gives it."""
+    held = base64.b64encode(content.encode() if isinstance(content, str) else content).decode()
     browser.value(
-        f"(field => {{ const held = new DataTransfer(); held.items.add(new File([{json.dumps(content)}], "
-        f"{json.dumps(name)})); field.files = held.files; field.dispatchEvent(new Event('change')); }})"
-        "(document.getElementById('file'))"
+        f"(field => {{ const held = new DataTransfer(), bytes = Uint8Array.from(atob({json.dumps(held)}), "
+        f"each => each.charCodeAt(0)); held.items.add(new File([bytes], {json.dumps(name)})); "
+        "field.files = held.files; field.dispatchEvent(new Event('change')); })(document.getElementById('file'))"
     )
 
 
@@ -121,6 +126,49 @@ def test_what_is_dropped_is_named_shown_searched_for_and_deleted(browser, tmp_pa
         browser.settle("document.querySelectorAll('#cards li').length === 0")
         assert server.line.entry("mine") is None
         assert not [error for error in browser.errors if "400" not in error]
+
+
+def zipped(names: dict[str, bytes]) -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w") as archive:
+        for name, content in names.items():
+            archive.writestr(name, content)
+    return held.getvalue()
+
+
+@pytest.mark.parametrize("width", [390, 1000])
+def test_seven_kinds_of_file_are_named_and_wait_in_line(browser, tmp_path, width):
+    """A picture, a mesh, a cloud, a solid, photographs, photographs with COLMAP's cameras, and a sketch."""
+    chair = member("chair", torch.Generator().manual_seed(0)).sketch
+    ds.save(tmp_path / "chair.png", chair, ds.orbit(30.0, 20.0, size=64))
+    ds.save(tmp_path / "chair.json", chair)
+    picture = (tmp_path / "chair.png").read_bytes()
+    photographs = {f"trip/{k}.jpg": picture for k in range(3)}
+    poses = "".join(f"{k + 1} 1 0 0 0 0 0 {k + 3} 1 {k}.jpg\n\n" for k in range(3)).encode()
+    cameras = {"cameras.txt": b"1 PINHOLE 64 64 70 70 32 32\n", "images.txt": poses, "points3D.txt": b""}
+    colmap = {f"images/{k}.jpg": picture for k in range(3)} | {f"sparse/0/{n}": text for n, text in cameras.items()}
+    dropped = {
+        "chair.png": (picture, "a picture", "image"),
+        "corner.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n", "a mesh", "mesh"),
+        "scan.xyz": ("0 0 0\n1 0 0\n0 1 0\n", "a cloud of points", "points"),
+        "plate.step": ("ISO-10303-21; ADVANCED_FACE", "solids", "mesh"),
+        "trip.zip": (zipped(photographs), "3 photographs of one thing", "views"),
+        "project.zip": (zipped(colmap), "3 photographs of one thing", "views"),
+        "mine.json": ((tmp_path / "chair.json").read_bytes(), "a sketch", ""),
+    }
+    with served_studio(tmp_path / "out") as server:
+        browser.open(server.address, width, 900)
+        browser.value("document.getElementById('tab-drop').click()")
+        for name, (content, what, command) in dropped.items():
+            drop(browser, name, content)
+            browser.settle(f"document.getElementById('dropped').textContent.includes({json.dumps(what)})")
+            browser.settle("!document.getElementById('make-dropped').hidden")
+            before = {entry.name for entry in server.line.entries()}
+            browser.value("document.getElementById('make-dropped').click()")
+            browser.settle(f"document.querySelectorAll('#cards li').length === {len(before) + 1}")
+            (made,) = (entry for entry in server.line.entries() if entry.name not in before)
+            assert made.command == command, name
+        assert not browser.errors
 
 
 @pytest.mark.parametrize("width", [390, 820, 2560])
@@ -238,6 +286,24 @@ def assert_read_by_others(folder: Path, sketch: ds.Sketch) -> None:
     # Y is up in GLB files; wires are thicker than their lines.
     extents = (places.amax(0) - places.amin(0))[[1, 2, 0]].numpy()
     assert np.allclose(high - low, extents, atol=0.1)
+
+
+@pytest.mark.slow
+def test_what_is_stopped_goes_on_from_where_it_was(browser, tmp_path):
+    with served_studio(tmp_path) as server, server.line:
+        browser.open(server.address, 390, 900)
+        server.line.add("a chair", "text", {"phrase": "a chair", "steps": 3000})
+        checkpoint = tmp_path / "a-chair/checkpoint.safetensors"
+        browser.settle("document.querySelector('[data-state=running]') !== null")
+        number = "+(/([0-9]+) of 3000/.exec(document.querySelector('#cards .state').textContent)?.[1] ?? 0)"
+        browser.settle(f"{number} > 100")
+        press = "[...document.querySelectorAll('#cards button')].find(b => b.textContent === '{}').click()"
+        browser.value(press.format("Stop"))
+        browser.settle("document.querySelector('[data-state=stopped]') !== null")
+        assert checkpoint.exists()
+        browser.value(press.format("Go on"))
+        browser.settle(f"{number} > 0")
+        assert browser.value(number) > 100
 
 
 @pytest.mark.slow
