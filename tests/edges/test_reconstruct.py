@@ -140,6 +140,7 @@ def test_going_on_from_a_stage_gives_the_same_bytes(stages, stage):
     assert same(saved[0], results[stage + 1])
 
 
+@pytest.mark.slow
 def test_two_threads_give_the_bytes_of_one(stages):
     results, _ = stages
     torch_before = torch.get_num_threads()

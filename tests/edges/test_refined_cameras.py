@@ -73,6 +73,7 @@ def refined(scene):
     return wrong, refined_cameras(wrong, scene[1]).cameras(wrong)
 
 
+@pytest.mark.slow
 def test_wrong_cameras_go_back(scene, refined):
     before, after = (disagreement(cameras, scene[0]) for cameras in refined)
     assert before[0] > 2.5
@@ -135,6 +136,7 @@ def test_a_camera_that_disagrees_is_told_without_refining(scene):
             assert np.flatnonzero(are_surely_lost(agrees)).tolist() == expected
 
 
+@pytest.mark.slow
 def test_the_whole_does_not_drift(scene, refined):
     truth, _ = scene
     before, after = (Posed.of(cameras) for cameras in refined)

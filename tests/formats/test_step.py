@@ -252,6 +252,7 @@ def check_random_strokes(path, count, seed):
             assert off(sketch[some], back[some]) < 1e-12
 
 
+@pytest.mark.slow
 @needs_occt
 def test_random_strokes_come_back(tmp_path):
     check_random_strokes(tmp_path / "a.step", 20, 0)

@@ -83,6 +83,7 @@ def check_old(tmp_path):
     assert {p.read_text() for p in tmp_path.iterdir()} == {"old"}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of files are POSIX")
 def test_a_full_disk_leaves_the_old_file(tmp_path):
     said = run(tmp_path, FULL)

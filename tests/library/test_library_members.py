@@ -78,6 +78,7 @@ def test_what_lies_behind_a_thing_is_hidden_and_what_lies_before_is_not(name):
         assert int((whole[[0, -1]] - left[[0, -1]]).abs().max()) <= 2
 
 
+@pytest.mark.slow
 @sweep(("name", "attributes"), ONE_EACH)
 def test_faces_are_no_larger_than_the_thing(name, attributes):
     faces = drawn(name, attributes).faces

@@ -14,9 +14,7 @@ from diff3ds.render.cuda.sources import PARTS, kernels
 need("cuda.bindings.nvrtc", "cuda.core")
 
 
-@pytest.mark.parametrize("arch", ["sm_75", "sm_80", "sm_90", "sm_100"])
-@pytest.mark.parametrize("part", PARTS)
-def test_every_part_compiles(part, arch):
+def check_compiles(part, arch):
     code = compiling.compile_part(part, "float", arch)
     assert code.startswith(b"\x7fELF")
     here = {name for name, kernel in kernels().items() if kernel.part == part}
@@ -25,6 +23,19 @@ def test_every_part_compiles(part, arch):
         assert (b"\0.text." + name.encode() + b"\0" in code) == (name in here), name
 
 
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part_compiles(part):
+    check_compiles(part, "sm_90")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arch", ["sm_75", "sm_80", "sm_100"])
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part_compiles_for_other_architectures(part, arch):
+    check_compiles(part, arch)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_double_precision_compiles(part):
     assert compiling.compile_part(part, "double", "sm_90").startswith(b"\x7fELF")

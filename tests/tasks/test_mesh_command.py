@@ -261,6 +261,7 @@ def labels(file: Path) -> set[str]:
     return set(found)
 
 
+@pytest.mark.slow
 def test_hatching_is_a_layer_of_its_own(tmp_path):
     source = cylinder(tmp_path / "can.obj")
     how = ["--azimuth", "40", "--hatch", "light", "--spacing", "8"]

@@ -117,6 +117,7 @@ def test_round_solids_have_their_own_edges_and_others_where_they_are_asked_for(t
     assert all(name.startswith("a/") for name in ds.load(tmp_path / "out").names)
 
 
+@pytest.mark.slow
 def test_a_ball_without_an_edge_gets_strokes_for_its_outlines(tmp_path):
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeSphere
     from OCP.BRepTools import BRepTools
