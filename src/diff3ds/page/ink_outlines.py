@@ -38,7 +38,7 @@ class Side:
 
 
 # Cubics and sides that follow on each other round what is covered.
-Contour = list[Float[Array, "m 4 2"] | Side]
+Contour = list[Float[Array, "_ 4 2"] | Side]
 
 
 def fit_sides(contours: Iterable[Contour]) -> None:

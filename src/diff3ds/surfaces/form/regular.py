@@ -56,7 +56,7 @@ class _Regular:
     def takes(self, row: int, new: Form) -> bool:
         """Whether the samples of a form allow another one."""
         floor = (ROUNDING * self.samples.size) ** 2
-        return self._square(new, self.points[row]) <= self.worse[row] * self.before[row] + floor
+        return bool(self._square(new, self.points[row]) <= self.worse[row] * self.before[row] + floor)
 
     def _square(self, one: Form, points: Array) -> float:
         off = one.distance(points)
