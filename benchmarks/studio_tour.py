@@ -171,7 +171,7 @@ def tour(browser: Any, address: str, folder: Path, watch: Watch) -> None:
     taken(browser, folder, "say")
     browser.value("document.getElementById('phrase').value = 'a chair'")
     browser.value("document.getElementById('panel-say').requestSubmit()")
-    browser.settle("document.querySelector('[data-state=running] progress')?.value > 200")
+    browser.settle("document.querySelector('[data-state=running] progress')?.value > 50")
     browser.settle("document.querySelector('.face img')?.naturalWidth === 320")
     taken(browser, folder, "made")
     done(browser, 1)
