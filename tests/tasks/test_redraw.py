@@ -18,6 +18,7 @@ from diff3ds.tasks.text_image.conditioned_prior import ConditionedPrior
 from diff3ds.tasks.text_image.redraw import Redrawing, nearest_member, shown_by
 from diff3ds.tasks.text_image.run_spec import RunSpec
 from diff3ds.tasks.text_image.subject import Phrase
+from diff3ds.tasks.text_image.text import run_text
 
 PLAIN = RunSpec(Phrase("a house"))
 
@@ -109,6 +110,28 @@ def test_fewer_steps_do_where_the_end_is_drawn_again():
         prior = ConditionedPrior.of_exemplars(exemplars_of("a house", 0), None, spec)
         found.append((prior.preset(spec), spec.values(prior.preset(spec)).steps))
     assert found == [("brief", 150), ("swift", 400), ("brief", 4000)]
+
+
+def test_all_is_found_where_a_member_is_there_and_little_else():
+    house = drawn("house")
+    scribbles = ds.Sketch.random(60, radius=0.8, width=0.05, generator=torch.Generator().manual_seed(0))
+    redrawing = Redrawing([drawn("chair"), house])
+    assert redrawing.is_found(torn(house, 0.01))
+    assert not redrawing.is_found(torn(house[: len(house) // 2], 0.01))
+    assert not redrawing.is_found(ds.Sketch.concatenate([torn(house, 0.01), scribbles]))
+    assert not redrawing.is_found(scribbles)
+
+
+def test_the_descent_ends_there_unless_its_steps_were_asked_for(tmp_path):
+    done = []
+    for name, steps in (("a", None), ("b", 105)):
+        told = []
+        spec = with_options(RunSpec(Phrase("an apple")), sheet_every=0, steps=steps)
+        run_text(spec, tmp_path / name, lambda progress, told=told: told.append(progress.done))
+        done.append(told[-1])
+    assert done[0] < 105 == done[1]
+    early, late = (ds.load(tmp_path / name / "sketch.json") for name in "ab")
+    assert torch.equal(early.points, late.points)
 
 
 @pytest.mark.slow

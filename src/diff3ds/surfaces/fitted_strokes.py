@@ -27,9 +27,9 @@ from diff3ds.surfaces.shape.triangle_mesh import TriangleMesh
 
 # Drawings, and how many of them a step compares with. Empirical, as all that follows.
 VIEWS, BATCH = 24, 6
-STEPS = 200
+STEPS = 60
 # Adam's rate in the first step, as a share of half the diagonal of the mesh's box, and how it falls to the last one.
-RATE, LAST_RATE = 0.004, 0.1
+RATE, LAST_RATE = 0.008, 0.1
 # So much a stroke's distance from the lines counts against a line's distance from the strokes: strokes that are right
 # from some sides have to be there from all.
 EXTRA = 0.1

@@ -1,7 +1,7 @@
 """Score distillation of a sketch: what `diff3ds text` and `diff3ds image` do once they have a prior."""
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -38,6 +38,8 @@ SMALLEST = 0.05
 CHECKPOINT, SHEETS = "checkpoint.safetensors", "progress"
 # Of what a built-in prior was shown, where nothing else was asked for.
 BLACK = (0.0, 0.0, 0.0)
+# Whether the descent can end is asked every so many steps: an answer takes as long as one or two. Empirical.
+LOOKS = 15
 
 
 def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = lambda progress: None) -> Sketch:
@@ -73,7 +75,7 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
         config = replace(config, refinements=(), constraints=held(start))
     steps = fit(start, objective, cameras, replace(config, stateful=score.particles))
     try:
-        stopped = _stopped(steps, score, spec.output, out, report)
+        stopped = _stopped(steps, score, spec.output, out, report, _found_early(prior, spec))
     except FloatingPointError as error:
         raise FloatingPointError(f"{error}: {_advice(prior.network)}") from error
     state = read_checkpoint(out / CHECKPOINT)
@@ -99,10 +101,23 @@ def distill(prior: ConditionedPrior, spec: AnyRun, out: Path, report: Report = l
     return sketch
 
 
+def _found_early(prior: ConditionedPrior, spec: AnyRun) -> Callable[[Sketch], bool]:
+    """What says that more steps would change nothing: none does where their number or colours were asked for."""
+    redrawing = prior.redrawing(spec)
+    if redrawing is None or spec.strokes.start is not None or spec.descent.steps is not None:
+        return lambda sketch: False
+    return redrawing.is_found if spec.descent.optimize == ("position",) else lambda sketch: False
+
+
 def _stopped(
-    steps: Generator[Step], score: ScoreDistillation, output: OutputOptions, out: Path, report: Report
+    steps: Generator[Step],
+    score: ScoreDistillation,
+    output: OutputOptions,
+    out: Path,
+    report: Report,
+    found: Callable[[Sketch], bool],
 ) -> bool:
-    """Goes through all steps, and says whether Ctrl-C came before the end."""
+    """Goes through all steps, or until all is found, and says whether Ctrl-C came before the end."""
     shown = ShownLoss()
     with closing(steps):
         try:
@@ -113,6 +128,8 @@ def _stopped(
                 report(replace(told, sketch=step.sketch.detach))
                 if output.sheet_every and done % output.sheet_every == 0:
                     save_png(out / SHEETS / f"step_{done:05d}.png", contact_sheet(step, score))
+                if done % LOOKS == 0 and found(step.sketch):
+                    break
         except KeyboardInterrupt:
             return True
     return False

@@ -32,6 +32,9 @@ NEAR, SHOWN = 0.08, 0.5
 WHOLE = 0.75
 # Gaps of this width, as a fraction of the image height, are taken for none, if strokes are as thick. Empirical.
 HIDDEN = 0.02
+# What was found shows a member, and little else, where this fraction of the member's points, and this one of its own,
+# have some of the other `NEAR`. By then the rest of the descent changes nothing of what is drawn again. Empirical.
+ALL, OWN = 0.9, 0.6
 # Points on a stroke, evenly spaced in its parameter.
 SAMPLES = 33
 
@@ -52,6 +55,15 @@ class Redrawing:
         """The faces of the member that a sketch is most like; None if it is not known to have any."""
         found = self.faces[nearest_member(sketch, self.members)]() if self.faces else None
         return found if found is not None and len(found) else None
+
+    def is_found(self, sketch: Sketch) -> bool:
+        """Whether a sketch shows all of the member that it is most like, and little else."""
+        from scipy.spatial import cKDTree
+
+        alike = self.members[nearest_member(sketch, self.members)]
+        wanted, own = (cKDTree(_along(one).reshape(-1, 3)) for one in (alike, sketch))
+        missing, extra = own.query(wanted.data)[0], wanted.query(own.data)[0]
+        return bool((missing < NEAR).mean() >= ALL and (extra < NEAR).mean() >= OWN)
 
     def __call__(self, sketch: Sketch, most: int) -> Sketch:
         """The sketch in the strokes of the member that it is most like, thin ones.
