@@ -171,6 +171,7 @@ def test_a_batch_that_is_ended_goes_on(whom, tmp_path, alone):
     assert states[1].job == other
 
 
+@pytest.mark.slow
 def test_two_batches_share_a_folder(tmp_path):
     path = jobs_in(tmp_path, {**SMALL, "phrase": "a chair", "sweep": {"seed": list(range(6))}})
     out = tmp_path / "out"

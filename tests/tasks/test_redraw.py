@@ -145,7 +145,7 @@ def test_so_many_steps_find_the_whole_thing(name):
 
 
 def test_the_command_draws_again_unless_told_not_to(tmp_path):
-    few = ["--steps", "150", "--strokes", "60", "--sheet-every", "0", "--quiet", "--prior", "exemplar"]
+    few = ["--steps", "40", "--strokes", "60", "--sheet-every", "0", "--quiet", "--prior", "exemplar"]
     main(["text", "a mug", "-o", str(tmp_path / "a"), *few])
     main(["text", "a mug", "-o", str(tmp_path / "b"), *few, "--no-redraw"])
     clean, left = (ds.load(tmp_path / name / "sketch.json") for name in "ab")
