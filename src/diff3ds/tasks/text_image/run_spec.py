@@ -184,8 +184,9 @@ class DescentOptions:
 
     Attributes:
         preset: paper (of the paper), swift (a tenth of the steps, strokes start inside the pictures) or brief (fewer
-            still, for what is drawn again, and no more once all of it is there); by default brief where the end is drawn again, swift for other priors that
-            are built in, else paper. Options that are given come before the preset's.
+            still, for what is drawn again, and no more once all of it is there); by default brief where the end is
+            drawn again, swift for other priors that are built in, else paper. Options that are given come before the
+            preset's.
         steps: gradient steps; the paper: 4000.
         optimize: what is optimised: position, color, alpha, width.
         rate: learning rate of control points, world units a step; the paper: 0.002.
