@@ -85,6 +85,14 @@ def test_of_strokes_that_are_worth_about_the_same_what_hangs_together_comes_firs
         assert found.strokes[-1] == 3
 
 
+@pytest.mark.parametrize(("together", "order"), [(1.0, [0, 1, 3, 2]), (4.0, [0, 2, 1, 3])])
+def test_the_more_hanging_together_counts_the_shorter_a_stroke_that_joins_two(together, order):
+    """One of 3 joins lines of 9 and 8 and closes two gaps with the first, four with both; one of 7 hangs on nothing."""
+    long = [[0.0, 0, 0], [9, 0, 0]], [[0.0, 3, 0], [8, 3, 0]]
+    found = ranked(lines(*long, [[0.0, 0, 0], [0, 3, 0]], [[0.0, 0, 30], [7, 0, 30]]), together=together)
+    assert found.strokes == order
+
+
 def test_strokes_are_taken_by_their_gain():
     """As the definition says, with all points compared with all, where nothing counts but the gain."""
     sketch = random(25, seed=3).to(torch.float64)
@@ -99,9 +107,7 @@ def test_strokes_are_taken_by_their_gain():
         gains = [-1 if i in order else ((1 - drawn) * samples.ink)[samples.stroke == i].sum() for i in range(25)]
         order.append(int(np.argmax(gains)))
         drawn = np.maximum(drawn, of[:, order[-1]])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(importance, "TOGETHER", 0.0)
-        assert ranked(sketch).strokes == order
+    assert ranked(sketch, together=0.0).strokes == order
 
 
 @sweep("seed", range(4))

@@ -26,8 +26,8 @@ PEN, BESIDE = 0.005, 0.06
 STEP = 2.0
 # So many points say enough, but that each segment has one: of more ink the pen is wider. Speed.
 MOST_SAMPLES = 10_000
-# So much more a stroke counts that closes a gap between those already taken: its two ends, and two of theirs.
-# Empirical.
+# So much more a stroke counts that closes a gap between those already taken, where nothing else is said: its two ends,
+# and two of theirs. Empirical.
 TOGETHER = 0.5
 # Gains that differ by less, as a share, are the same: rounding must not say which comes first.
 SAME = 1e-6
@@ -77,7 +77,7 @@ class Ranked(NamedTuple):
     strokes: list[int]
 
 
-def ranked(sketch: Sketch, shown: Shown | None = None, *, sort: bool = True) -> Ranked:
+def ranked(sketch: Sketch, shown: Shown | None = None, *, sort: bool = True, together: float = TOGETHER) -> Ranked:
     """The strokes with their importance, the most important first.
 
     Where the order decides what lies on top, in a flat sketch of several colours, strokes stay in their places.
@@ -86,12 +86,13 @@ def ranked(sketch: Sketch, shown: Shown | None = None, *, sort: bool = True) -> 
         sketch: of any degree and chains.
         shown: how much of it is seen in the drawings that count; by default everything everywhere.
         sort: False leaves all strokes in their places.
+        together: so much more a stroke counts that closes a gap between those already taken.
     """
     if not len(sketch):
         return Ranked(sketch.replace(importance=sketch.opacity.detach()), [])
     samples = samples_of(sketch)
     ink = samples.ink if shown is None else samples.ink * shown(samples)
-    order, share = _ordered(samples, ink, sketch.color.detach().cpu().double().numpy())
+    order, share = _ordered(samples, ink, sketch.color.detach().cpu().double().numpy(), together)
     importance = np.empty(len(sketch))
     importance[order] = share
     found = sketch.replace(importance=torch.from_numpy(importance).to(sketch.opacity))
@@ -152,7 +153,7 @@ def _strength(sketch: Sketch) -> Float[Array, " M"]:
 
 
 def _ordered(
-    samples: Samples, ink: Float[Array, " P"], color: Float[Array, "N 3"]
+    samples: Samples, ink: Float[Array, " P"], color: Float[Array, "N 3"], together: float
 ) -> tuple[Int[Index, " N"], Float[Array, " N"]]:
     """The strokes in the order in which they are taken, and the share of all ink that each adds; it never grows."""
     count = len(color)
@@ -164,7 +165,7 @@ def _ordered(
     gain = np.bincount(samples.stroke, ink, count)
     order, share = np.zeros(count, np.int64), np.zeros(count)
     for place in range(count):
-        wanted = np.where(left, np.maximum(gain, 0) * (1 + TOGETHER / 4 * np.minimum(joints.closed, 4)), -1.0)
+        wanted = np.where(left, np.maximum(gain, 0) * (1 + together / 4 * np.minimum(joints.closed, 4)), -1.0)
         best = int(np.flatnonzero(wanted >= (1 - SAME) * wanted.max())[0])
         order[place], share[place], left[best] = best, max(float(gain[best]), 0.0), False
         joints.take(best)
